@@ -1,0 +1,1 @@
+"""battery-sim-agent: parameterise physics-based battery models by reasoning."""

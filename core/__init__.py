@@ -1,0 +1,1 @@
+"""The ideas: parameters, trajectories, trials, hooks, the loop."""

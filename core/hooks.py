@@ -1,0 +1,223 @@
+"""The hooks: what a plugin may offer, and what takes part in a run.
+
+Two levels. A *catalogue* plugin (found through the entry-point group ``bsa``) yields `Entry` objects:
+what exists. A *run* plugin is what an entry's factory returns: it implements one or more of the run
+hooks and lives as long as the run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pluggy
+from pydantic import BaseModel
+
+from .feedback import Feedback
+from .messages import Backend
+from .parameters import Candidate
+from .proposal import Proposal
+from .simulation import Outcome
+from .task import Task
+from .trial import Trial
+
+if TYPE_CHECKING:
+    from .metrics import Metrics
+
+PROJECT = "bsa"
+API_VERSION = 1
+
+hookspec = pluggy.HookspecMarker(PROJECT)
+hookimpl = pluggy.HookimplMarker(PROJECT)
+
+
+class NoOptions(BaseModel, extra="forbid"):
+    """The configuration of a plugin that has nothing to configure."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One thing that exists: a simulator, a memory, a backend, ...
+
+    Attributes
+    ----------
+    name : str
+        Unique among its kind; lower case, words joined by hyphens.
+    factory : callable
+        Makes the plugin from its configuration (an instance of ``config_type``) and, for run plugins,
+        the `RunContext`. Imports its libraries lazily, so that listing is fast.
+    summary : str
+        One line for ``bsa list``.
+    config_type : type of pydantic.BaseModel
+        What can be configured, with a sentence on every field.
+    api : int
+        Version of this interface that the plugin was written for.
+    """
+
+    name: str
+    factory: Callable[..., Any]
+    summary: str
+    config_type: type[BaseModel] = NoOptions
+    api: int = API_VERSION
+
+
+@dataclass(frozen=True)
+class Recollection:
+    """What one memory contributes to a prompt.
+
+    Attributes
+    ----------
+    title : str
+        Heading of the section, ``"Memory: rounds so far"``.
+    content : mapping
+        JSON-ready, compact and rounded.
+    priority : int
+        When the context is too small, the sections of lowest priority are dropped first.
+    """
+
+    title: str
+    content: Mapping[str, Any]
+    priority: int = 0
+
+
+@dataclass(frozen=True)
+class RunContext:
+    """What a plugin may know when it is made.
+
+    Attributes
+    ----------
+    task : Task
+        What is to be matched.
+    seed : int
+        Seed of the run; derive your own generator from it and from the round.
+    folder : Path
+        The run's folder, for files that belong to the run (overlay images).
+    backend : Backend or None
+        The language model, for plugins that ask one.
+    workers : int
+        How many simulations run side by side when a proposal holds several candidates.
+    """
+
+    task: Task
+    seed: int
+    folder: Path
+    backend: Backend | None = None
+    workers: int = 1
+
+
+@dataclass(frozen=True)
+class ProposeContext:
+    """What a proposer may know when it is asked.
+
+    Attributes
+    ----------
+    task : Task
+        What is to be matched.
+    round : int
+        The round of this phase, from 1.
+    trials : sequence of Trial
+        Every trial so far, oldest first, warm-up included.
+    best : Trial
+        The trial with the lowest objective; the initial one if none succeeded.
+    seed : int
+        Seed for this round.
+    simulations_left : int
+        How many candidates may still be simulated.
+    recall : callable
+        ``recall(budget)`` returns the `Recollection` of every memory in the scaffold, ``budget``
+        characters each at most.
+    """
+
+    task: Task
+    round: int
+    trials: Sequence[Trial]
+    best: Trial
+    seed: int
+    simulations_left: int
+    recall: Callable[[int], list[Recollection]] = field(default=lambda budget: [])
+
+
+class CatalogueHooks:
+    """What exists. Every hook is collected from all plugins."""
+
+    @hookspec
+    def bsa_simulators(self) -> Iterable[Entry]:
+        """Simulators; the factory's product implements `RunHooks.simulate`."""
+
+    @hookspec
+    def bsa_feedback_builders(self) -> Iterable[Entry]:
+        """Feedback builders; the product implements `RunHooks.build_feedback`."""
+
+    @hookspec
+    def bsa_memories(self) -> Iterable[Entry]:
+        """Memories and priors; the product implements `RunHooks.recall`, most also `RunHooks.remember`."""
+
+    @hookspec
+    def bsa_proposers(self) -> Iterable[Entry]:
+        """Proposers; the product implements `RunHooks.propose`."""
+
+    @hookspec
+    def bsa_warm_ups(self) -> Iterable[Entry]:
+        """Warm-up strategies; the product implements `RunHooks.warm_up`."""
+
+    @hookspec
+    def bsa_backends(self) -> Iterable[Entry]:
+        """Language models; the product is a `Backend`."""
+
+    @hookspec
+    def bsa_readers(self) -> Iterable[Entry]:
+        """File readers; the product is a `Reader`."""
+
+    @hookspec
+    def bsa_effects(self) -> Iterable[Entry]:
+        """Physical and measurement effects; the product is an `Effect`."""
+
+
+class RunHooks:
+    """What takes part in a run."""
+
+    @hookspec(firstresult=True)
+    def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Sequence[Outcome] | None:
+        """Simulate candidates of the task, side by side where the simulator can.
+
+        Exactly one plugin of a run implements this.
+
+        Parameters
+        ----------
+        candidates : sequence of Candidate
+            Complete candidates inside the bounds.
+        exact : bool
+            Whether to use the reference discretisation and tolerances (for the final score) rather
+            than the fast ones.
+
+        Returns
+        -------
+        sequence of Outcome
+            One for each candidate, in order. A failed simulation is an outcome, never an exception.
+        """
+
+    @hookspec(firstresult=True)
+    def build_feedback(self, outcome: Outcome, metrics: Metrics | None, index: int) -> Feedback | None:
+        """Turn an outcome into what the proposer is told. Exactly one plugin implements this."""
+
+    @hookspec(firstresult=True)
+    def propose(self, context: ProposeContext) -> Proposal | None:
+        """Say what to try next. Exactly one plugin implements this.
+
+        On resume the proposer is asked the same questions again, and its earlier answers must come
+        out the same: everything random must come from ``context.seed``.
+        """
+
+    @hookspec(firstresult=True)
+    def warm_up(self, context: ProposeContext) -> Proposal | None:
+        """Say which perturbations to try before the search. At most one plugin implements this."""
+
+    @hookspec
+    def recall(self, budget: int) -> Recollection | None:
+        """Contribute a section of at most ``budget`` characters to the prompt."""
+
+    @hookspec
+    def remember(self, trial: Trial, proposal: Proposal | None) -> None:
+        """Take note of a finished trial and of the proposal it came from."""

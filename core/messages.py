@@ -1,0 +1,133 @@
+"""The one method behind which every language model stands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, Protocol, runtime_checkable
+
+Role = Literal["system", "user", "assistant"]
+StructuredBy = Literal["schema", "json", "text"]
+JsonSchema = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Message:
+    """One turn of a conversation.
+
+    Attributes
+    ----------
+    role : {'system', 'user', 'assistant'}
+        Who speaks.
+    text : str
+        What is said.
+    images : tuple of Path
+        PNG files shown with the text; a backend that cannot see leaves them out.
+    """
+
+    role: Role
+    text: str
+    images: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True)
+class Usage:
+    """What a call cost.
+
+    Attributes
+    ----------
+    prompt_tokens, completion_tokens, reasoning_tokens : int
+        Tokens as the provider counts them (reasoning tokens are part of the completion tokens).
+    cost_usd : float
+        Price in US dollars; 0 for local models.
+    seconds : float
+        Wall time of the call, retries included.
+    """
+
+    prompt_tokens: int = 0
+    completion_tokens: int = 0
+    reasoning_tokens: int = 0
+    cost_usd: float = 0.0
+    seconds: float = 0.0
+
+    @property
+    def tokens(self) -> int:
+        """Prompt and completion tokens together."""
+        return self.prompt_tokens + self.completion_tokens
+
+    def __add__(self, other: Usage) -> Usage:
+        return Usage(
+            self.prompt_tokens + other.prompt_tokens,
+            self.completion_tokens + other.completion_tokens,
+            self.reasoning_tokens + other.reasoning_tokens,
+            self.cost_usd + other.cost_usd,
+            self.seconds + other.seconds,
+        )
+
+
+@dataclass(frozen=True)
+class Reply:
+    """What a model answered. The text is untrusted.
+
+    Attributes
+    ----------
+    text : str
+        The answer as it came.
+    usage : Usage
+        What it cost.
+    model : str
+        The model that answered, in the provider's words.
+    structured_by : {'schema', 'json', 'text'}
+        What held the answer to the schema: the server or decoder itself, the server's JSON mode, or
+        nothing but the prompt.
+    notes : tuple of str
+        What the backend did on the way (retries, fallbacks, dropped images), for the journal.
+    """
+
+    text: str
+    usage: Usage = Usage()
+    model: str = ""
+    structured_by: StructuredBy = "text"
+    notes: tuple[str, ...] = ()
+
+
+class BackendFailure(Exception):
+    """A call that gave no reply within its retries: a lost round, never a lost run."""
+
+
+@runtime_checkable
+class Backend(Protocol):
+    """A language model: messages and a JSON schema in, text and usage out."""
+
+    name: str
+    sees_images: bool
+
+    def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
+        """Answer the conversation with one JSON object.
+
+        Parameters
+        ----------
+        messages : sequence of Message
+            The conversation so far, oldest first.
+        schema : mapping
+            JSON Schema of the wanted object.
+        seed : int
+            Seed for sampling, where the model takes one.
+
+        Returns
+        -------
+        Reply
+
+        Raises
+        ------
+        BackendFailure
+            When retries within the stated limit gave no reply.
+        BsaError
+            When the backend cannot work at all (no key, no such model).
+        """
+        ...
+
+    def close(self) -> None:
+        """Release what the backend holds."""
+        ...

@@ -1,0 +1,147 @@
+"""What may be varied: parameters with bounds and scale, and the space they span."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from .errors import BsaError, did_you_mean
+from .trajectory import FloatArray
+
+Scale = Literal["linear", "log"]
+Candidate = Mapping[str, float]
+"""A value for every searched parameter, by its PyBaMM name."""
+
+_UNIT = re.compile(r"\[([^\[\]]*)\]")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A quantity that the search may vary.
+
+    Attributes
+    ----------
+    name : str
+        PyBaMM's own name, unit included; with the suffix `` factor`` for a multiplier on a
+        function-valued parameter (``"Positive particle diffusivity [m2.s-1] factor"``).
+    initial : float
+        Where the search starts.
+    lower, upper : float
+        Physical bounds, ``lower < upper``.
+    scale : {'linear', 'log'}
+        The axis on which steps of equal length mean equally much.
+    """
+
+    name: str
+    initial: float
+    lower: float
+    upper: float
+    scale: Scale = "linear"
+
+    def __post_init__(self) -> None:
+        values = (self.initial, self.lower, self.upper)
+        if not all(math.isfinite(value) for value in values):
+            raise BsaError(f'"{self.name}": bounds and initial value must be finite, got {values}.')
+        if not self.lower < self.upper:
+            raise BsaError(
+                f'"{self.name}": lower < upper must hold, but got (lower={self.lower:g}, upper={self.upper:g}).'
+            )
+        if not self.lower <= self.initial <= self.upper:
+            raise BsaError(
+                f'"{self.name}": the initial value {self.initial:g} lies outside [{self.lower:g}, {self.upper:g}].',
+                "widen the bounds or move the initial value.",
+            )
+        if self.scale == "log" and self.lower <= 0:
+            raise BsaError(
+                f'"{self.name}": a log scale needs lower > 0, but got {self.lower:g}.', 'use scale "linear".'
+            )
+
+    @property
+    def unit(self) -> str:
+        """The unit in PyBaMM's notation; empty for a pure number."""
+        if self.name.endswith(" factor"):
+            return ""
+        found = _UNIT.search(self.name)
+        return found.group(1) if found else ""
+
+    def project(self, value: float) -> float:
+        """The nearest value inside the bounds."""
+        return min(max(value, self.lower), self.upper)
+
+    def to_unit(self, value: float) -> float:
+        """Where ``value`` lies between the bounds, 0 to 1, on this parameter's own scale."""
+        if self.scale == "log":
+            return math.log(value / self.lower) / math.log(self.upper / self.lower)
+        return (value - self.lower) / (self.upper - self.lower)
+
+    def from_unit(self, position: float) -> float:
+        """The inverse of `to_unit`, kept inside the bounds against rounding."""
+        if self.scale == "log":
+            value = self.lower * math.exp(position * math.log(self.upper / self.lower))
+        else:
+            value = self.lower + position * (self.upper - self.lower)
+        return self.project(value)
+
+
+@dataclass(frozen=True)
+class ParameterSpace:
+    """The searched parameters, in a fixed order."""
+
+    parameters: tuple[Parameter, ...]
+
+    def __post_init__(self) -> None:
+        seen: set[str] = set()
+        for parameter in self.parameters:
+            if parameter.name in seen:
+                raise BsaError(f'"{parameter.name}" stands twice in the search space.', "name each parameter once.")
+            seen.add(parameter.name)
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+    def __iter__(self) -> Iterator[Parameter]:
+        return iter(self.parameters)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.names
+
+    def __getitem__(self, name: str) -> Parameter:
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        raise BsaError(
+            f'"{name}" is not in the search space.', did_you_mean(name, self.names) or f"it holds {list(self.names)}."
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parameters' names, in order."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    @property
+    def initial(self) -> dict[str, float]:
+        """The candidate at which a search starts."""
+        return {parameter.name: parameter.initial for parameter in self}
+
+    def project(self, candidate: Candidate) -> dict[str, float]:
+        """The projection Π of the paper (Eq. 4): each value to its nearest bound."""
+        return {parameter.name: parameter.project(candidate[parameter.name]) for parameter in self}
+
+    def to_unit(self, candidate: Candidate) -> FloatArray:
+        """The candidate in the unit box, shape (p,), each axis on its parameter's own scale."""
+        return np.array([parameter.to_unit(candidate[parameter.name]) for parameter in self])
+
+    def from_unit(self, position: FloatArray) -> dict[str, float]:
+        """The candidate at a point of the unit box, shape (p,); points outside are projected."""
+        return {
+            parameter.name: parameter.from_unit(float(value)) for parameter, value in zip(self, position, strict=True)
+        }
+
+    def sample(self, rng: np.random.Generator) -> dict[str, float]:
+        """A candidate drawn evenly from the unit box."""
+        return self.from_unit(rng.random(len(self)))

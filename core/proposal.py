@@ -1,0 +1,82 @@
+"""What a proposer wants tried next, and the grammar of a single change."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from .errors import BsaError
+from .parameters import Candidate
+
+_NUMBER = r"[0-9]+(\.[0-9]*)?([eE][+-]?[0-9]{1,3})?"
+CHANGE_PATTERN = rf"^[*+-]?{_NUMBER}$"
+"""JSON Schema pattern of a change (anchored: JSON Schema patterns search otherwise)."""
+
+
+def apply_change(value: float, change: str | float) -> float:
+    """Apply one change in the paper's notation to a value.
+
+    ``"*1.2"`` multiplies, ``"+0.02"`` and ``"-0.02"`` add, and a bare number replaces. The result is
+    not yet projected onto the bounds.
+
+    Raises
+    ------
+    BsaError
+        If the change is not a finite number in one of these forms.
+    """
+    if isinstance(change, bool) or not isinstance(change, (str, int, float)):
+        raise BsaError(f"the change {change!r} is not a number.", 'write "*1.2", "+0.02" or an absolute value.')
+    text = change.strip() if isinstance(change, str) else ""
+    try:
+        if text.startswith("*"):
+            result = value * float(text[1:])
+        elif text.startswith(("+", "-")):
+            result = value + float(text)
+        else:
+            result = float(change)
+    except (ValueError, OverflowError):
+        shown = repr(change if len(str(change)) <= 40 else str(change)[:40] + "...")
+        raise BsaError(f"the change {shown} is not a number.", 'write "*1.2", "+0.02" or an absolute value.') from None
+    if not math.isfinite(result):
+        raise BsaError(f"the change {change!r} gives {result}.", "every value must be finite.")
+    return result
+
+
+def is_change(text: str) -> bool:
+    """Whether the text is a change in the notation of `apply_change`."""
+    return re.fullmatch(CHANGE_PATTERN, text) is not None
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """One or more candidates, with the reasons for them.
+
+    Attributes
+    ----------
+    candidates : tuple of Candidate
+        Complete candidates inside the bounds; each costs one simulation. Empty for a lost round.
+    hypothesis, rationale : str
+        Why: the physical cause supposed, and what the change should do.
+    action : str
+        What kind of move this is (``"set"``, ``"refine"``, ``"jacobian"``, ...), for the report.
+    updates : mapping of str to str
+        The changes as the model wrote them.
+    details : mapping
+        Anything else worth keeping in the journal (step size, rank, the model's analysis).
+    lost : str
+        Why the round was lost, if it was.
+    finished : bool
+        The proposer has nothing better to offer: the run may stop after these candidates.
+    """
+
+    candidates: tuple[Candidate, ...]
+    hypothesis: str = ""
+    rationale: str = ""
+    action: str = "set"
+    updates: Mapping[str, str] = field(default_factory=dict)
+    details: Mapping[str, Any] = field(default_factory=dict)
+    lost: str = ""
+    finished: bool = False

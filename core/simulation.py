@@ -1,0 +1,71 @@
+"""What comes back when a candidate is simulated, whole or in part."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class SimulationFailure:
+    """Why a simulation stopped early.
+
+    Attributes
+    ----------
+    cause : str
+        The reason in one line: the solver's words, the event, or the time limit.
+    step : str
+        The protocol step it died in, for example ``"Charge at 2C until 4.2 V"``; empty if it never started.
+    cycle : int
+        The cycle of that step, counted from 1; 0 if it never started.
+    reached_s : float
+        Seconds of simulated time before the end.
+    """
+
+    cause: str
+    step: str = ""
+    cycle: int = 0
+    reached_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class ExperimentRun:
+    """The simulation of one experiment of a task.
+
+    Attributes
+    ----------
+    trajectory : Trajectory or None
+        What was reached; None if nothing was.
+    failure : SimulationFailure or None
+        Set when the trajectory is partial or missing.
+    """
+
+    trajectory: Trajectory | None
+    failure: SimulationFailure | None = None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The simulation of a candidate: one run for each experiment of the task, in the task's order.
+
+    Attributes
+    ----------
+    runs : tuple of ExperimentRun
+        One for each experiment.
+    seconds : float
+        Wall time spent in the simulator.
+    """
+
+    runs: tuple[ExperimentRun, ...]
+    seconds: float = 0.0
+
+    @property
+    def failure(self) -> SimulationFailure | None:
+        """The first failure, or None if every experiment ran to its end."""
+        return next((run.failure for run in self.runs if run.failure), None)
+
+    @property
+    def ok(self) -> bool:
+        """Whether every experiment ran to its end."""
+        return self.failure is None

@@ -1,0 +1,35 @@
+"""Turns pydantic's account of a bad file into one line with a hint."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ValidationError
+
+from .errors import BsaError, did_you_mean
+
+
+def explain(error: ValidationError, where: str, model: type[BaseModel]) -> BsaError:
+    """The first thing that is wrong, as a `BsaError`.
+
+    Parameters
+    ----------
+    error : pydantic.ValidationError
+        What pydantic found.
+    where : str
+        The file or plugin at fault.
+    model : type of pydantic.BaseModel
+        What it was checked against, for the nearest valid key.
+    """
+    first = error.errors(include_url=False)[0]
+    path = [str(part) for part in first["loc"]]
+    key = ".".join(path) or "the whole"
+    more = f" ({error.error_count() - 1} more)" if error.error_count() > 1 else ""
+    if first["type"] == "extra_forbidden":
+        valid = list(model.model_fields) if len(path) == 1 else []
+        hint = did_you_mean(path[-1], valid) or (f"valid keys: {', '.join(valid)}." if valid else "remove it.")
+        return BsaError(f'{where}: "{key}" is not a known key{more}.', hint)
+    if first["type"] == "missing":
+        return BsaError(f'{where}: "{key}" is missing{more}.', "add it.")
+    shown = repr(first.get("input"))
+    shown = shown if len(shown) <= 60 else shown[:57] + "..."
+    reason = first["msg"].removeprefix("Value error, ")
+    return BsaError(f'{where}: "{key}" is {shown}: {reason}{more}.', "")

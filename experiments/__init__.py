@@ -1,0 +1,1 @@
+"""Wires everything: the command line, runs, suites, grids, studies, reports."""

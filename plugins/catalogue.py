@@ -1,0 +1,3 @@
+"""The built-in plugins. Factories import their libraries when called, so that listing stays fast."""
+
+from __future__ import annotations

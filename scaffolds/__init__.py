@@ -1,0 +1,1 @@
+"""Named compositions of plugins, one YAML file each."""
