@@ -129,7 +129,8 @@ class Registry:
             )
         if entry.api != API_VERSION:
             raise BsaError(
-                f'{kind} "{entry.name}" of {origin} was written for plugin interface {entry.api}, this is {API_VERSION}.',
+                f'{kind} "{entry.name}" of {origin} was written for plugin interface {entry.api}, '
+                f"but this is interface {API_VERSION}.",
                 f"install a version of {origin.split()[0]} made for interface {API_VERSION}.",
             )
         other = self._listings.get((kind, entry.name))

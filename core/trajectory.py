@@ -123,9 +123,7 @@ class Trajectory:
             if step.start >= start and step.stop <= stop
         )
         temperature = None if self.temperature is None else self.temperature[start:stop]
-        return Trajectory(
-            self.time[start:stop], self.current[start:stop], self.voltage[start:stop], temperature, steps
-        )
+        return Trajectory(self.time[start:stop], self.current[start:stop], self.voltage[start:stop], temperature, steps)
 
     def cycle(self, number: int) -> Trajectory:
         """The samples of one cycle.
