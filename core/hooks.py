@@ -221,3 +221,11 @@ class RunHooks:
     @hookspec
     def remember(self, trial: Trial, proposal: Proposal | None) -> None:
         """Take note of a finished trial and of the proposal it came from."""
+
+    @hookspec(firstresult=True)
+    def export(self, candidate: Candidate) -> Mapping[str, str] | None:
+        """Write the calibrated cell as files that stand alone: contents by file name. Optional."""
+
+    @hookspec
+    def close(self) -> None:
+        """Release processes and files; called once, when the run ends."""

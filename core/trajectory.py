@@ -41,6 +41,8 @@ class Step:
         Cycle the step belongs to, counted from 1.
     label : str
         The step in the words of the protocol, if there is one.
+    position : int
+        Place of the step in its cycle, from 0. Gaps mean that the protocol's step was skipped.
     """
 
     kind: StepKind
@@ -48,6 +50,7 @@ class Step:
     stop: int
     cycle: int = 1
     label: str = ""
+    position: int = 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,207 @@
+"""One experiment on one cell model, compiled once and solved for any candidate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...core.errors import BsaError, did_you_mean
+from ...core.parameters import Candidate
+from ...core.simulation import ExperimentRun, SimulationFailure
+from ...core.task import CellModel, Experiment
+from ...core.trajectory import StepKind
+from . import drive
+from .mesh import search_submeshes
+from .parameter_sets import INITIAL_SOC, bake, load, open_to_search, pybamm
+from .step_solutions import step_kind, to_trajectory
+
+MODELS = {"SPM": "SPM", "SPMe": "SPMe", "DFN": "DFN"}
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Discretisation and tolerances of a solve.
+
+    Attributes
+    ----------
+    rtol, atol : float
+        Tolerances of the integrator.
+    points : int or None
+        Mesh points in every domain; None keeps PyBaMM's own.
+    standard_mesh : bool
+        Whether to use PyBaMM's own mesh, whose lengths are numbers, instead of one whose lengths are inputs.
+    """
+
+    rtol: float = 1e-5
+    atol: float = 1e-6
+    points: int | None = None
+    standard_mesh: bool = False
+
+
+SEARCH = Accuracy()
+REFERENCE = Accuracy(rtol=1e-6, atol=1e-8, standard_mesh=True)
+
+
+def make_model(cell: CellModel) -> Any:
+    """The PyBaMM model of a cell.
+
+    Raises
+    ------
+    BsaError
+        If the model or one of its options does not exist.
+    """
+    if cell.model not in MODELS:
+        raise BsaError(
+            f'there is no model "{cell.model}".',
+            did_you_mean(cell.model, MODELS) or f"choose one of {', '.join(MODELS)}.",
+        )
+    options = {key: tuple(value) if isinstance(value, list) else value for key, value in cell.options.items()}
+    try:
+        return getattr(pybamm.lithium_ion, MODELS[cell.model])(options)
+    except pybamm.OptionError as error:
+        raise BsaError(
+            f"PyBaMM refuses the model options {options}: {error}.", "see pybamm's BatteryModelOptions."
+        ) from None
+
+
+class CompiledExperiment:
+    """An experiment, ready to be solved for many candidates without a rebuild.
+
+    Parameters
+    ----------
+    cell : CellModel
+        Equations and base parameters.
+    experiment : Experiment
+        What to simulate.
+    searched : tuple of str
+        Names of the searched parameters; all become inputs.
+    accuracy : Accuracy
+        Mesh and tolerances.
+    baked : mapping of str to float, optional
+        Values built into the model; needed for geometry on the standard mesh.
+    """
+
+    def __init__(
+        self,
+        cell: CellModel,
+        experiment: Experiment,
+        searched: tuple[str, ...],
+        accuracy: Accuracy = SEARCH,
+        baked: Candidate | None = None,
+    ) -> None:
+        model = make_model(cell)
+        values = load(cell.parameter_set, cell.overrides)
+        if experiment.temperature_k is not None:
+            values.update(
+                {
+                    "Ambient temperature [K]": experiment.temperature_k,
+                    "Initial temperature [K]": experiment.temperature_k,
+                }
+            )
+        self._soc_names = (f"{INITIAL_SOC}: {experiment.name}", INITIAL_SOC)
+        self._initial_soc = _first_of(self._soc_names, baked or {}, experiment.initial_soc)
+        bake(values, baked or {})
+        open_to_search(values, searched)
+        self._inputs = tuple(name for name in searched if not name.startswith(INITIAL_SOC))
+        self._steps = drive.steps_of(experiment)
+        by_current = experiment.protocol is None
+        if by_current:
+            drive.widen_cut_offs(values)
+        points = dict.fromkeys(("x_n", "x_s", "x_p", "r_n", "r_p"), accuracy.points)
+        self._simulation = pybamm.Simulation(
+            model,
+            experiment=pybamm.Experiment([tuple(cycle) for cycle in self._steps], period="30 seconds"),
+            parameter_values=values,
+            submesh_types=model.default_submesh_types if accuracy.standard_mesh else search_submeshes(model),
+            var_pts={**model.default_var_pts, **points} if accuracy.points else None,
+            solver=pybamm.IDAKLUSolver(rtol=accuracy.rtol, atol=accuracy.atol, options=self._solver_options()),
+            # Steps of a measured current differ in value alone: one shared model serves them all.
+            experiment_model_mode="unified" if by_current else "legacy",
+        )
+
+    def _solver_options(self) -> dict[str, float]:
+        drives = [
+            step.input_value[:, 0] for cycle in self._steps for step in cycle if step_kind(step) is StepKind.DRIVE
+        ]
+        # A near-singular candidate can spin for minutes; a sound step needs a few hundred.
+        options: dict[str, float] = {"max_num_steps": 20_000}
+        if drives:
+            # The integrator must not step over what the record resolves.
+            options["dt_max"] = max(60.0, 20.0 * max(float(np.median(np.diff(time))) for time in drives))
+        return options
+
+    def solve(self, candidate: Candidate, on_step: Callable[[str, int], None] | None = None) -> ExperimentRun:
+        """Simulate one candidate.
+
+        Parameters
+        ----------
+        candidate : Candidate
+            A value for every searched parameter.
+        on_step : callable, optional
+            Called with the step's words and its cycle before each step, so that a watcher knows where a
+            hang began.
+
+        Returns
+        -------
+        ExperimentRun
+            With the partial trajectory and the failed step if it did not finish.
+        """
+        watcher = _Watcher(on_step)
+        inputs = {name: float(candidate[name]) for name in self._inputs}
+        soc = _first_of(self._soc_names, candidate, self._initial_soc)
+        cause = ""
+        self._simulation._solution = None  # a failed solve must not show its predecessor's result
+        try:
+            self._simulation.solve(
+                inputs=inputs, initial_soc=soc, calc_esoh=False, callbacks=[watcher], showprogress=False
+            )
+        except (pybamm.SolverError, ValueError, ArithmeticError, RuntimeError) as error:
+            cause = _first_line(error)
+        trajectory = to_trajectory(self._simulation._solution, self._steps)
+        cause = cause or watcher.cause
+        if not cause:
+            return ExperimentRun(trajectory)
+        reached = trajectory.duration if trajectory is not None else 0.0
+        return ExperimentRun(trajectory, SimulationFailure(cause, watcher.step, watcher.cycle, reached))
+
+
+def solve_reference(cell: CellModel, experiment: Experiment, candidate: Candidate) -> ExperimentRun:
+    """Simulate one candidate on PyBaMM's standard mesh at tight tolerance, built for it alone."""
+    return CompiledExperiment(cell, experiment, (), REFERENCE, baked=candidate).solve({})
+
+
+def _first_of(names: tuple[str, ...], values: Candidate, otherwise: float | None) -> float | None:
+    return next((float(values[name]) for name in names if name in values), otherwise)
+
+
+def _first_line(error: Exception) -> str:
+    lines = str(error).strip().splitlines()
+    return lines[0][:200] if lines else type(error).__name__
+
+
+class _Watcher(pybamm.callbacks.Callback):  # type: ignore[misc]
+    """Notes where an experiment stands, and why it stopped."""
+
+    def __init__(self, on_step: Callable[[str, int], None] | None) -> None:
+        self.step = ""
+        self.cycle = 0
+        self.cause = ""
+        self._on_step = on_step
+
+    def on_step_start(self, logs: dict[str, Any]) -> None:
+        self.step = str(logs["step operating conditions"])
+        self.cycle = int(logs["cycle number"][0])
+        if self._on_step:
+            self._on_step(self.step, self.cycle)
+
+    def on_experiment_error(self, logs: dict[str, Any]) -> None:
+        self.cause = _first_line(logs["error"])
+
+    def on_experiment_infeasible_time(self, logs: dict[str, Any]) -> None:
+        self.cause = "the step did not reach its end condition within its longest duration"
+
+    def on_experiment_infeasible_event(self, logs: dict[str, Any]) -> None:
+        self.cause = str(logs.get("termination", "an event outside the protocol"))
