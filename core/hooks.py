@@ -179,7 +179,9 @@ class RunHooks:
     """What takes part in a run."""
 
     @hookspec(firstresult=True)
-    def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Sequence[Outcome] | None:
+    def simulate(
+        self, candidates: Sequence[Candidate], exact: bool, report: Callable[[int, Outcome], None]
+    ) -> Sequence[Outcome] | None:
         """Simulate candidates of the task, side by side where the simulator can.
 
         Exactly one plugin of a run implements this.

@@ -96,6 +96,10 @@ class BackendFailure(Exception):
     """A call that gave no reply within its retries: a lost round, never a lost run."""
 
 
+class BudgetSpent(Exception):
+    """The run's allowance of tokens or money is used up; raised before a call, so that the run can stop cleanly."""
+
+
 @runtime_checkable
 class Backend(Protocol):
     """A language model: messages and a JSON schema in, text and usage out."""

@@ -4,6 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from .alignment import pair_steps
+from .simulation import Outcome
+from .task import Experiment, Task
+from .trajectory import FloatArray, StepKind, Trajectory
+
+_ZERO = 1e-9
+"""Reference samples smaller than this count as zero: a relative error would mean nothing."""
+
+_DURATION_FLOOR_S = 1.0
+
 
 @dataclass(frozen=True)
 class Metrics:
@@ -37,3 +50,121 @@ class Metrics:
     v_rmse_mv: float
     step_duration_error: float
     capacity_error: float
+
+
+def evaluate(task: Task, outcome: Outcome) -> Metrics | None:
+    """Compare an outcome with the task's targets.
+
+    Returns
+    -------
+    Metrics or None
+        None if an experiment failed before the part that is scored.
+    """
+    rows: list[Metrics] = []
+    for experiment, run in zip(task.experiments, outcome.runs, strict=True):
+        simulated = scored_part(run.trajectory, experiment)
+        if simulated is None:
+            return None
+        rows.append(_compare(simulated, run.trajectory, experiment))
+    names = Metrics.__dataclass_fields__
+    means = {name: float(np.mean([getattr(row, name) for row in rows])) for name in names}
+    # A root mean square over several records is the root of the mean square.
+    means["v_rmse_mv"] = float(np.sqrt(np.mean([row.v_rmse_mv**2 for row in rows])))
+    if all(experiment.protocol is None for experiment in task.experiments):
+        means["objective"] = means["v_rmse_mv"]
+    return Metrics(**means)
+
+
+def scored_part(simulated: Trajectory | None, experiment: Experiment) -> Trajectory | None:
+    """The part of a simulation that is compared; None if it was not reached."""
+    if simulated is None or experiment.scored_cycle is None:
+        return simulated
+    return simulated.cycle(experiment.scored_cycle) if experiment.scored_cycle in simulated.cycles else None
+
+
+def _compare(simulated: Trajectory, whole: Trajectory | None, experiment: Experiment) -> Metrics:
+    target = experiment.scored_target
+    signals = [
+        (simulated.discharge_capacity, target.discharge_capacity),
+        (simulated.current, target.current),
+        (simulated.voltage, target.voltage),
+    ]
+    mapes: list[float] = []
+    rmse = 0.0
+    for ours, theirs in signals:
+        a, b = _resampled(simulated, ours), _resampled(target, theirs)
+        a, b = _padded(a, b)
+        mapes.append(_mape(a, b))
+        rmse += float(np.sqrt(np.mean((a - b) ** 2)))
+    v_rmse_mv = _overlap_rmse_mv(simulated, target)
+    q_mape, i_mape, v_mape = mapes
+    return Metrics(
+        objective=sum(mapes) if experiment.protocol is not None else v_rmse_mv,
+        mape=sum(mapes),
+        q_mape=q_mape,
+        i_mape=i_mape,
+        v_mape=v_mape,
+        rmse=rmse,
+        v_rmse_mv=v_rmse_mv,
+        step_duration_error=_step_duration_error(whole, experiment),
+        capacity_error=_capacity_error(simulated, target),
+    )
+
+
+def _resampled(record: Trajectory, signal: FloatArray) -> FloatArray:
+    """A signal on a grid of 1 s from its own start, by PCHIP (paper, Sec. 4.1)."""
+    keep = np.concatenate([np.diff(record.time) > 0, [True]])
+    time = record.time[keep] - record.time[0]
+    if len(time) < 2:
+        return signal[-1:].copy()
+    grid = np.arange(0.0, time[-1] + 1e-9, 1.0)
+    return np.asarray(PchipInterpolator(time, signal[keep])(grid), dtype=np.float64)
+
+
+def _padded(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Both with the length of the longer, zeros at the end of the shorter."""
+    length = max(len(a), len(b))
+    return np.pad(a, (0, length - len(a))), np.pad(b, (0, length - len(b)))
+
+
+def _mape(simulated: FloatArray, reference: FloatArray) -> float:
+    counted = np.abs(reference) > _ZERO
+    if not np.any(counted):
+        return 0.0
+    return float(100.0 * np.mean(np.abs((simulated[counted] - reference[counted]) / reference[counted])))
+
+
+def _overlap_rmse_mv(simulated: Trajectory, target: Trajectory) -> float:
+    start = target.time[0]
+    inside = target.time - start <= simulated.duration + 1e-9
+    voltage = np.interp(target.time[inside] - start, simulated.time - simulated.time[0], simulated.voltage)
+    return 1e3 * _time_weighted_rms(target.time[inside], voltage - target.voltage[inside])
+
+
+def _time_weighted_rms(time: FloatArray, values: FloatArray) -> float:
+    """Root mean square over time, so that denser sampling does not count more."""
+    if len(time) < 2 or time[-1] <= time[0]:
+        return float(np.sqrt(np.mean(values**2)))
+    return float(np.sqrt(np.trapezoid(values**2, time) / (time[-1] - time[0])))
+
+
+def _step_duration_error(simulated: Trajectory | None, experiment: Experiment) -> float:
+    errors = [
+        abs(np.log((pair.duration_s[1] + _DURATION_FLOOR_S) / (pair.duration_s[0] + _DURATION_FLOOR_S)))
+        for pair in pair_steps(simulated, experiment)
+    ]
+    return float(np.mean(errors)) if errors else 0.0
+
+
+def _capacity_error(simulated: Trajectory, target: Trajectory) -> float:
+    ours, theirs = discharged_ah(simulated), discharged_ah(target)
+    return abs(ours - theirs) / theirs if theirs > 0 else 0.0
+
+
+def discharged_ah(record: Trajectory) -> float:
+    """Charge drawn during the discharge steps of a record, A.h; pulses and rests left out."""
+    return sum(
+        max(float(piece.discharge_capacity[-1]), 0.0)
+        for step, piece in record.pieces()
+        if step.kind in (StepKind.CC_DISCHARGE, StepKind.DRIVE)
+    )

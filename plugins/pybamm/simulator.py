@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from pydantic import BaseModel, Field
 
@@ -37,9 +37,11 @@ class PyBaMMSimulator:
         )
 
     @hookimpl
-    def simulate(self, candidates: Sequence[Candidate], exact: bool) -> list[Outcome]:
+    def simulate(
+        self, candidates: Sequence[Candidate], exact: bool, report: Callable[[int, Outcome], None]
+    ) -> list[Outcome]:
         """Simulate side by side; ``exact`` uses PyBaMM's standard mesh and tight tolerances."""
-        return self._pool.simulate(candidates, exact)
+        return self._pool.simulate(candidates, exact, report)
 
     @hookimpl
     def export(self, candidate: Candidate) -> Mapping[str, str]:

@@ -7,7 +7,7 @@ import os
 import signal
 import time
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
@@ -200,8 +200,10 @@ class WorkerPool:
     def __init__(self, assignment: Assignment, size: int, time_limit_s: float) -> None:
         self._workers = [Worker(assignment, time_limit_s) for _ in range(max(size, 1))]
 
-    def simulate(self, candidates: Sequence[Candidate], exact: bool) -> list[Outcome]:
-        """Simulate all candidates and return their outcomes in order."""
+    def simulate(
+        self, candidates: Sequence[Candidate], exact: bool, report: Callable[[int, Outcome], None]
+    ) -> list[Outcome]:
+        """Simulate all candidates and return their outcomes in order; report each as it finishes."""
         outcomes: dict[int, Outcome] = {}
         waiting = list(enumerate(candidates))[::-1]
         busy: dict[Worker, int] = {}
@@ -213,7 +215,9 @@ class WorkerPool:
                 worker.submit(candidate, exact)
                 busy[worker] = number
             for worker, outcome in self._finished(list(busy)):
-                outcomes[busy.pop(worker)] = outcome
+                number = busy.pop(worker)
+                outcomes[number] = outcome
+                report(number, outcome)
                 idle.append(worker)
         return [outcomes[number] for number in range(len(candidates))]
 

@@ -1,0 +1,105 @@
+"""Lays a simulation over a target step by step, each step on its own clock.
+
+Absolute time misleads: a charge that ends a minute early shifts everything after it. Compared at equal
+fractions of its own duration, a step's curve and its duration are smooth functions of the parameters.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from .task import Experiment
+from .trajectory import FloatArray, Step, StepKind, Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class StepPair:
+    """One step of the target beside its counterpart.
+
+    Attributes
+    ----------
+    step : Step
+        The target's step.
+    measured : Trajectory
+        The target's samples of the step.
+    simulated : Trajectory or None
+        The simulation's samples; None if the step vanished or was never reached.
+    name : str
+        ``"CC charge"``, with a number where the kind occurs more than once (``"rest 2"``).
+    fallback_v : float
+        The simulated voltage where the step should have been, for a vanished step; NaN if never reached.
+    """
+
+    step: Step
+    measured: Trajectory
+    simulated: Trajectory | None
+    name: str
+    fallback_v: float
+
+    @property
+    def duration_s(self) -> tuple[float, float]:
+        """Measured and simulated duration in seconds; 0 for a vanished step."""
+        return self.measured.duration, self.simulated.duration if self.simulated is not None else 0.0
+
+    def voltage(self, fractions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Measured and simulated voltage at fractions (0 to 1) of each step's own duration, V."""
+        measured = at_fractions(self.measured, self.measured.voltage, fractions)
+        if self.simulated is None:
+            return measured, np.full_like(fractions, self.fallback_v)
+        return measured, at_fractions(self.simulated, self.simulated.voltage, fractions)
+
+    def current(self, fractions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Measured and simulated current at fractions (0 to 1) of each step's own duration, A."""
+        measured = at_fractions(self.measured, self.measured.current, fractions)
+        if self.simulated is None:
+            return measured, np.zeros_like(fractions)
+        return measured, at_fractions(self.simulated, self.simulated.current, fractions)
+
+
+def at_fractions(piece: Trajectory, signal: FloatArray, fractions: FloatArray) -> FloatArray:
+    """A signal of one step at fractions of the step's duration, shape of ``fractions``."""
+    if len(piece) == 1 or piece.duration <= 0:
+        return np.full_like(fractions, signal[-1])
+    return np.interp(piece.time[0] + fractions * piece.duration, piece.time, signal)
+
+
+def pair_steps(simulated: Trajectory | None, experiment: Experiment) -> list[StepPair]:
+    """Match the scored steps of the target with those of the simulation.
+
+    Steps are matched by cycle, kind and occurrence (the second rest with the second rest), so that a
+    step which a candidate makes vanish does not shift the ones behind it.
+    """
+    wanted = [step for step in experiment.target.steps if experiment.scored_cycle in (None, step.cycle)]
+    found: dict[tuple[int, StepKind, int], Step] = {}
+    reached_cycle = 0
+    if simulated is not None and simulated.steps:
+        found = dict(zip(_keys(simulated.steps), simulated.steps, strict=True))
+        reached_cycle = simulated.steps[-1].cycle
+    totals = Counter((step.cycle, step.kind) for step in wanted)
+    pairs: list[StepPair] = []
+    fallback = float("nan")
+    for step, key in zip(wanted, _keys(wanted), strict=True):
+        cycle, kind, occurrence = key
+        name = str(kind) if totals[cycle, kind] == 1 else f"{kind} {occurrence}"
+        if experiment.scored_cycle is None and len(experiment.target.cycles) > 1:
+            name = f"cycle {cycle} {name}"
+        counterpart = found.get(key)
+        piece = None
+        if counterpart is not None and simulated is not None:
+            piece = simulated.slice(counterpart.start, counterpart.stop)
+            fallback = float(piece.voltage[-1])
+        measured = experiment.target.slice(step.start, step.stop)
+        pairs.append(StepPair(step, measured, piece, name, fallback if cycle <= reached_cycle else float("nan")))
+    return pairs
+
+
+def _keys(steps: tuple[Step, ...] | list[Step]) -> list[tuple[int, StepKind, int]]:
+    counts: Counter[tuple[int, StepKind]] = Counter()
+    keys: list[tuple[int, StepKind, int]] = []
+    for step in steps:
+        counts[step.cycle, step.kind] += 1
+        keys.append((step.cycle, step.kind, counts[step.cycle, step.kind]))
+    return keys

@@ -1,0 +1,136 @@
+"""Tasks, trials and proposals as JSON, and back, without loss."""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .feedback import Feedback
+from .metrics import Metrics
+from .parameters import Parameter, ParameterSpace
+from .proposal import Proposal
+from .simulation import SimulationFailure
+from .task import CellModel, Experiment, Task
+from .trajectory import FloatArray, Step, StepKind, Trajectory
+from .trial import Trial
+
+Json = dict[str, Any]
+
+
+def encode_array(values: FloatArray) -> str:
+    """An array of shape (n,) as text that keeps every bit (zlib-packed little-endian float64, base64)."""
+    return base64.b64encode(zlib.compress(np.asarray(values, dtype="<f8").tobytes())).decode("ascii")
+
+
+def decode_array(text: str) -> FloatArray:
+    """The inverse of `encode_array`."""
+    return np.frombuffer(zlib.decompress(base64.b64decode(text)), dtype="<f8").astype(np.float64)
+
+
+def encode_trajectory(trajectory: Trajectory) -> Json:
+    """A trajectory with its steps."""
+    signals = {
+        name: encode_array(getattr(trajectory, name))
+        for name in ("time", "current", "voltage", "temperature")
+        if getattr(trajectory, name) is not None
+    }
+    return {**signals, "steps": [asdict(step) for step in trajectory.steps]}
+
+
+def decode_trajectory(record: Mapping[str, Any]) -> Trajectory:
+    """The inverse of `encode_trajectory`."""
+    return Trajectory(
+        decode_array(record["time"]),
+        decode_array(record["current"]),
+        decode_array(record["voltage"]),
+        decode_array(record["temperature"]) if "temperature" in record else None,
+        tuple(Step(**{**step, "kind": StepKind(step["kind"])}) for step in record["steps"]),
+    )
+
+
+def encode_task(task: Task) -> Json:
+    """A task with its records."""
+    return {
+        "name": task.name,
+        "cell": {**asdict(task.cell), "options": dict(task.cell.options), "overrides": dict(task.cell.overrides)},
+        "space": [asdict(parameter) for parameter in task.space],
+        "experiments": [
+            {
+                "name": experiment.name,
+                "target": encode_trajectory(experiment.target),
+                "protocol": experiment.protocol,
+                "scored_cycle": experiment.scored_cycle,
+                "temperature_k": experiment.temperature_k,
+                "initial_soc": experiment.initial_soc,
+            }
+            for experiment in task.experiments
+        ],
+        "notes": list(task.notes),
+    }
+
+
+def decode_task(record: Mapping[str, Any]) -> Task:
+    """The inverse of `encode_task`."""
+    return Task(
+        record["name"],
+        CellModel(**record["cell"]),
+        ParameterSpace(tuple(Parameter(**parameter) for parameter in record["space"])),
+        tuple(
+            Experiment(
+                experiment["name"],
+                decode_trajectory(experiment["target"]),
+                None if experiment["protocol"] is None else tuple(tuple(cycle) for cycle in experiment["protocol"]),
+                experiment["scored_cycle"],
+                experiment["temperature_k"],
+                experiment["initial_soc"],
+            )
+            for experiment in record["experiments"]
+        ),
+        tuple(record["notes"]),
+    )
+
+
+def encode_trial(trial: Trial, folder: Path) -> Json:
+    """A trial; image paths are stored relative to the run's folder."""
+    return {
+        "index": trial.index,
+        "phase": trial.phase,
+        "round": trial.round,
+        "candidate": dict(trial.candidate),
+        "metrics": None if trial.metrics is None else asdict(trial.metrics),
+        "failure": None if trial.failure is None else asdict(trial.failure),
+        "residuals": None if trial.residuals is None else encode_array(trial.residuals),
+        "feedback": dict(trial.feedback.content),
+        "images": [str(image.relative_to(folder)) for image in trial.feedback.images],
+        "curves": [None if curve is None else encode_trajectory(curve) for curve in trial.curves],
+        "seconds": trial.seconds,
+    }
+
+
+def decode_trial(record: Mapping[str, Any], folder: Path) -> Trial:
+    """The inverse of `encode_trial`."""
+    return Trial(
+        index=record["index"],
+        phase=record["phase"],
+        round=record["round"],
+        candidate=record["candidate"],
+        metrics=None if record["metrics"] is None else Metrics(**record["metrics"]),
+        failure=None if record["failure"] is None else SimulationFailure(**record["failure"]),
+        residuals=None if record["residuals"] is None else decode_array(record["residuals"]),
+        feedback=Feedback(record["feedback"], tuple(folder / image for image in record["images"])),
+        curves=tuple(None if curve is None else decode_trajectory(curve) for curve in record["curves"]),
+        seconds=record["seconds"],
+    )
+
+
+def encode_proposal(proposal: Proposal) -> Json:
+    """A proposal; its candidates are in its trials, only their number is kept."""
+    record = asdict(proposal)
+    record["candidates"] = len(proposal.candidates)
+    return record

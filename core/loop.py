@@ -1,0 +1,306 @@
+"""The run loop: the paper's Algorithm 1, made resumable.
+
+A run resumes by doing everything again, except that finished simulations and replies come out of the
+journal. Proposers and memories so rebuild their state by being asked the same questions.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+import numpy as np
+
+from .encoding import decode_trial, encode_proposal, encode_trial
+from .errors import BsaError
+from .hooks import ProposeContext
+from .journal import Journal
+from .messages import BudgetSpent, Usage
+from .metrics import Metrics, evaluate
+from .parameters import Candidate
+from .proposal import Proposal
+from .recording import RecordingBackend
+from .residuals import residuals
+from .run_config import RunConfig
+from .run_plugins import RunPlugins
+from .simulation import Outcome
+from .task import Task
+from .trial import Phase, Trial
+
+Status = Literal["converged", "finished", "rounds-spent", "simulations-spent", "budget-spent", "interrupted"]
+
+_IMPROVEMENT = 1e-3
+_CURVE_SAMPLES_PER_STEP = 60
+_PHASE_CODE: dict[Phase, int] = {"initial": 0, "warm-up": 1, "search": 2}
+
+
+class Listener(Protocol):
+    """Watches a run, for progress on a screen."""
+
+    def proposed(self, proposal: Proposal, phase: Phase, number: int) -> None:
+        """A proposal was made."""
+
+    def tried(self, trial: Trial, best: Trial, usage: Usage) -> None:
+        """A simulation finished."""
+
+    def noted(self, text: str) -> None:
+        """Something worth saying happened."""
+
+
+@dataclass(frozen=True, eq=False)
+class RunResult:
+    """How a run ended.
+
+    Attributes
+    ----------
+    status : str
+        Why it ended.
+    best : Trial
+        The trial with the lowest objective.
+    initial_metrics, best_metrics : Metrics or None
+        Scored with the simulator's reference accuracy (PyBaMM's standard mesh).
+    trials : tuple of Trial
+        Everything that was tried.
+    usage : Usage
+        Tokens and cost.
+    llm_calls : int
+        Calls of the backend, lost ones included.
+    wall_s, simulator_s : float
+        Time of this process from start to end, and of all simulations, in seconds.
+    """
+
+    status: Status
+    best: Trial
+    initial_metrics: Metrics | None
+    best_metrics: Metrics | None
+    trials: tuple[Trial, ...]
+    usage: Usage
+    llm_calls: int
+    wall_s: float
+    simulator_s: float
+
+
+class Run:
+    """One run of one task.
+
+    Parameters
+    ----------
+    task : Task
+        What is to be matched.
+    config : RunConfig
+        Scaffold, budgets, seed.
+    plugins : RunPlugins
+        What takes part.
+    backend : RecordingBackend
+        The language model behind its recorder.
+    journal : Journal
+        Open for writing.
+    folder : Path
+        The run's folder.
+    earlier : iterable of mapping
+        Events of the interrupted run, if any.
+    listener : Listener, optional
+        Watches.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        config: RunConfig,
+        plugins: RunPlugins,
+        backend: RecordingBackend,
+        journal: Journal,
+        folder: Path,
+        earlier: Iterable[Mapping[str, Any]] = (),
+        listener: Listener | None = None,
+    ) -> None:
+        self._task = task
+        self._config = config
+        self._plugins = plugins
+        self._backend = backend
+        self._journal = journal
+        self._folder = folder
+        self._listener = listener
+        earlier = list(earlier)
+        self._earlier_trials = {event["index"]: event for event in earlier if event["event"] == "trial"}
+        self._earlier_proposals = sum(event["event"] == "proposal" for event in earlier)
+        self._earlier_scores = {event["which"]: event for event in earlier if event["event"] == "score"}
+        self._trials: list[Trial] = []
+
+    @property
+    def best(self) -> Trial:
+        """The trial with the lowest objective; the initial one if none succeeded."""
+        return min(self._trials, key=lambda trial: trial.objective)
+
+    @property
+    def _simulations_left(self) -> int:
+        return self._config.simulations - len(self._trials)
+
+    def execute(self) -> RunResult:
+        """Run to the end, or until interrupted; the journal is complete either way."""
+        started = time.perf_counter()
+        status: Status
+        try:
+            self._simulate([self._task.space.initial], "initial", 0, None)
+            self._warm_up()
+            status = self._search()
+        except KeyboardInterrupt:
+            status = "interrupted"
+        except BudgetSpent as spent:
+            self._note(f"Stopped: {spent}. Resume with a larger allowance.")
+            status = "budget-spent"
+        if not self._trials:
+            raise KeyboardInterrupt
+        return self._finish(status, started)
+
+    def _warm_up(self) -> None:
+        limit = min(self._config.warm_up, self._simulations_left)
+        if limit <= 0:
+            return
+        proposal = self._plugins.warm_up(self._context("warm-up", 1, limit))
+        if proposal is not None:
+            self._take(proposal, "warm-up", 1, limit)
+
+    def _search(self) -> Status:
+        last_progress, reference = 0, self.best.objective
+        for number in range(1, self._config.rounds + 1):
+            if self._simulations_left <= 0:
+                return "simulations-spent"
+            if self.best.objective <= self._config.stop_below:
+                return "converged"
+            proposal = self._plugins.propose(self._context("search", number, self._simulations_left))
+            self._take(proposal, "search", number, self._simulations_left)
+            if proposal.finished:
+                return "finished"
+            if self.best.objective < reference * (1.0 - _IMPROVEMENT):
+                last_progress, reference = number, self.best.objective
+            elif number - last_progress >= self._config.patience:
+                return "converged"
+        return "rounds-spent"
+
+    def _context(self, phase: Phase, number: int, simulations_left: int) -> ProposeContext:
+        seed = np.random.SeedSequence([self._config.seed, _PHASE_CODE[phase], number]).generate_state(1)[0]
+        return ProposeContext(
+            task=self._task,
+            round=number,
+            trials=tuple(self._trials),
+            best=self.best,
+            seed=int(seed),
+            simulations_left=simulations_left,
+            recall=self._plugins.recall,
+        )
+
+    def _take(self, proposal: Proposal, phase: Phase, number: int, limit: int) -> None:
+        if self._earlier_proposals > 0:
+            self._earlier_proposals -= 1
+        else:
+            self._journal.append("proposal", phase=phase, round=number, **encode_proposal(proposal))
+        if self._listener:
+            self._listener.proposed(proposal, phase, number)
+        candidates = [self._task.space.project(candidate) for candidate in proposal.candidates[:limit]]
+        self._simulate(candidates, phase, number, proposal)
+
+    def _simulate(self, candidates: Sequence[Candidate], phase: Phase, number: int, proposal: Proposal | None) -> None:
+        first = len(self._trials)
+        done: dict[int, Trial] = {}
+        todo: list[int] = []
+        for place, candidate in enumerate(candidates):
+            earlier = self._earlier_trials.pop(first + place, None)
+            if earlier is None:
+                todo.append(place)
+                continue
+            if dict(earlier["candidate"]) != dict(candidate):
+                raise BsaError(
+                    f"the journal does not fit: simulation {first + place} of {self._journal.path} "
+                    "was made with other parameters than this version proposes.",
+                    "resume with the version and the settings that began the run, or start a new one.",
+                )
+            done[place] = decode_trial(earlier, self._folder)
+
+        def report(position: int, outcome: Outcome) -> None:
+            place = todo[position]
+            trial = self._trial(first + place, phase, number, candidates[place], outcome)
+            self._journal.append("trial", **encode_trial(trial, self._folder))
+            done[place] = trial
+
+        if todo:
+            self._plugins.simulate([candidates[place] for place in todo], False, report)
+        for place in range(len(candidates)):
+            self._trials.append(done[place])
+            self._plugins.remember(done[place], proposal)
+            if self._listener:
+                self._listener.tried(done[place], self.best, self._backend.usage)
+
+    def _trial(self, index: int, phase: Phase, number: int, candidate: Candidate, outcome: Outcome) -> Trial:
+        metrics = evaluate(self._task, outcome)
+        curves = tuple(
+            None if run.trajectory is None else run.trajectory.thinned(_CURVE_SAMPLES_PER_STEP) for run in outcome.runs
+        )
+        return Trial(
+            index=index,
+            phase=phase,
+            round=number,
+            candidate=candidate,
+            metrics=metrics,
+            failure=outcome.failure,
+            residuals=residuals(self._task, outcome),
+            feedback=self._plugins.build_feedback(outcome, metrics, index),
+            curves=curves,
+            seconds=outcome.seconds,
+        )
+
+    def _finish(self, status: Status, started: float) -> RunResult:
+        best = self.best
+        scores: dict[str, Metrics | None] = {"initial": self._trials[0].metrics, "best": best.metrics}
+        if status != "interrupted":
+            scores = self._score(best)
+        result = RunResult(
+            status=status,
+            best=best,
+            initial_metrics=scores["initial"],
+            best_metrics=scores["best"],
+            trials=tuple(self._trials),
+            usage=self._backend.usage,
+            llm_calls=self._backend.calls,
+            wall_s=time.perf_counter() - started,
+            simulator_s=sum(trial.seconds for trial in self._trials),
+        )
+        self._journal.append("end", status=status, best=best.index)
+        return result
+
+    def _score(self, best: Trial) -> dict[str, Metrics | None]:
+        """Score the first and the best candidate with the simulator's reference accuracy."""
+        scores: dict[str, Metrics | None] = {}
+        for which, trial in (("initial", self._trials[0]), ("best", best)):
+            known = self._earlier_scores.get(which)
+            if known is not None and known["index"] == trial.index:
+                scores[which] = None if known["metrics"] is None else Metrics(**known["metrics"])
+        missing = [which for which in ("initial", "best") if which not in scores]
+        chosen = {"initial": self._trials[0], "best": best}
+        if missing:
+            outcomes = self._plugins.simulate(
+                [chosen[which].candidate for which in missing], True, lambda position, outcome: None
+            )
+            for which, outcome in zip(missing, outcomes, strict=True):
+                scores[which] = self._exact(which, chosen[which], outcome)
+        return scores
+
+    def _exact(self, which: str, trial: Trial, outcome: Outcome) -> Metrics | None:
+        metrics = evaluate(self._task, outcome) if outcome.ok else None
+        if metrics is None and trial.ok:
+            self._note(
+                f"The {which} candidate ran on the search mesh but not with reference accuracy "
+                f"({outcome.failure.cause if outcome.failure else 'nothing to compare'}); its search score stands."
+            )
+            metrics = trial.metrics
+        record = None if metrics is None else asdict(metrics)
+        self._journal.append("score", which=which, index=trial.index, metrics=record)
+        return metrics
+
+    def _note(self, text: str) -> None:
+        self._journal.append("note", text=text)
+        if self._listener:
+            self._listener.noted(text)

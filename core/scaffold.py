@@ -1,0 +1,68 @@
+"""A scaffold: a named composition of plugins, written as a short YAML file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, Field, ValidationError, model_validator
+
+from .errors import BsaError, did_you_mean
+from .validation import explain, read_yaml
+
+BUILT_IN = Path(__file__).parent.parent / "scaffolds"
+
+
+class PluginChoice(BaseModel, extra="forbid"):
+    """A plugin and its options; in a file either its name alone or ``{use: name, options: {...}}``."""
+
+    use: str = Field(description="Name of the plugin, as bsa list shows it.")
+    options: dict[str, Any] = Field(default_factory=dict, description="The plugin's own options.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_name(cls, value: Any) -> Any:
+        return {"use": value} if isinstance(value, str) else value
+
+
+class Scaffold(BaseModel, extra="forbid"):
+    """Which plugins take part in a run."""
+
+    name: str = Field(description="Name of the scaffold.")
+    summary: str = Field("", description="One line for bsa list.")
+    simulator: PluginChoice = Field(PluginChoice(use="pybamm"), description="What simulates candidates.")
+    feedback: PluginChoice = Field(PluginChoice(use="structured"), description="What turns outcomes into feedback.")
+    memories: list[PluginChoice] = Field(
+        default_factory=list, description="What is remembered and recalled, priors included; none means no memory."
+    )
+    warm_up: PluginChoice | None = Field(None, description="What is tried before the search; none means nothing.")
+    proposer: PluginChoice = Field(description="What says which candidate to try next.")
+
+
+def load_scaffold(name_or_path: str) -> Scaffold:
+    """A built-in scaffold by name, or one from a YAML file.
+
+    Raises
+    ------
+    BsaError
+        If there is no such scaffold, or the file is not a valid one.
+    """
+    path = Path(name_or_path)
+    if path.suffix not in (".yaml", ".yml"):
+        path = BUILT_IN / f"{name_or_path}.yaml"
+        names = built_in_names()
+        if name_or_path not in names:
+            raise BsaError(
+                f'there is no scaffold "{name_or_path}".',
+                did_you_mean(name_or_path, names)
+                or f"built in: {', '.join(names)}; or give the path of a .yaml file of your own.",
+            )
+    try:
+        return Scaffold.model_validate(read_yaml(path))
+    except ValidationError as error:
+        raise explain(error, str(path), Scaffold) from None
+
+
+def built_in_names() -> list[str]:
+    """The scaffolds that come with the package."""
+    return sorted(path.stem for path in BUILT_IN.glob("*.yaml"))
