@@ -14,7 +14,7 @@ from ...core.simulation import ExperimentRun, SimulationFailure
 from ...core.task import CellModel, Experiment
 from ...core.trajectory import StepKind
 from . import drive
-from .mesh import search_submeshes
+from .mesh import search_spatial_methods, search_submeshes
 from .parameter_sets import INITIAL_SOC, bake, load, open_to_search, pybamm
 from .step_solutions import step_kind, to_trajectory
 
@@ -115,7 +115,8 @@ class CompiledExperiment:
             model,
             experiment=pybamm.Experiment([tuple(cycle) for cycle in self._steps], period="30 seconds"),
             parameter_values=values,
-            submesh_types=model.default_submesh_types if accuracy.standard_mesh else search_submeshes(model),
+            submesh_types=None if accuracy.standard_mesh else search_submeshes(model),
+            spatial_methods=None if accuracy.standard_mesh else search_spatial_methods(model),
             var_pts={**model.default_var_pts, **points} if accuracy.points else None,
             solver=pybamm.IDAKLUSolver(rtol=accuracy.rtol, atol=accuracy.atol, options=self._solver_options()),
             # Steps of a measured current differ in value alone: one shared model serves them all.

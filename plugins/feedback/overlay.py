@@ -1,0 +1,57 @@
+"""Structured feedback with a picture: simulated over measured, for models that see."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ...core.feedback import Feedback
+from ...core.hooks import NoOptions, RunContext, hookimpl
+from ...core.metrics import Metrics
+from ...core.simulation import Outcome
+from ...core.task import Task
+from .structured import StructuredFeedback
+
+FOLDER = "overlays"
+
+
+class OverlayFeedback:
+    """The structured package and one PNG a trial, written into the run's folder."""
+
+    def __init__(self, options: NoOptions, context: RunContext) -> None:
+        self._structured = StructuredFeedback(options, context)
+        self._task = context.task
+        self._folder = context.folder / FOLDER
+
+    @hookimpl
+    def build_feedback(self, outcome: Outcome, metrics: Metrics | None, index: int) -> Feedback:
+        """See `RunHooks.build_feedback`."""
+        content = self._structured.build_feedback(outcome, metrics, index).content
+        path = self._folder / f"trial-{index:03d}.png"
+        draw_overlay(self._task, outcome, path)
+        return Feedback(content, (path,))
+
+
+def draw_overlay(task: Task, outcome: Outcome, path: Path) -> None:
+    """Draw current above voltage over time, one column a record, as the paper's prompt shows them."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    count = len(task.experiments)
+    figure = Figure(figsize=(5.2 * min(count, 3), 4.6), dpi=80, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(2, min(count, 3), sharex="col", squeeze=False)
+    for column, (experiment, run) in enumerate(zip(task.experiments[:3], outcome.runs, strict=False)):
+        records = [(experiment.target, "tab:orange", "measured")]
+        if run.trajectory is not None:
+            records.append((run.trajectory, "tab:blue", "simulated"))
+        for record, colour, label in records:
+            hours = (record.time - record.time[0]) / 3600.0
+            axes[0, column].plot(hours, record.current, color=colour, label=label, linewidth=1.2)
+            axes[1, column].plot(hours, record.voltage, color=colour, linewidth=1.2)
+        axes[0, column].set_title(experiment.name, fontsize=9)
+        axes[1, column].set_xlabel("time [h]")
+    axes[0, 0].set_ylabel("current [A]")
+    axes[1, 0].set_ylabel("voltage [V]")
+    axes[0, 0].legend(fontsize=8)
+    figure.savefig(path)
