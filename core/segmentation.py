@@ -17,8 +17,11 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .trajectory import SECONDS_PER_HOUR, FloatArray, Step, StepKind, Trajectory
+
+Signs = NDArray[np.int8]
 
 REST_SHARE = 0.005
 """A current below this share of the largest one is a rest, unless noise asks for more."""
@@ -34,6 +37,9 @@ NOISE_SHARE = 0.008
 
 HOLD_BAND_V = 0.012
 """How far the voltage may wander during a constant-voltage hold, in V (NASA's cycler drifts by 8 mV)."""
+
+VOLTAGE_NOISE_V = 0.003
+"""Scatter of the voltage above this is taken for signal, not noise, in V."""
 
 HOLD_RISE = 0.04
 """A noisy cycler may raise the current of a hold by this share for a while."""
@@ -161,8 +167,8 @@ def _scales(trajectory: Trajectory) -> _Record:
     if len(current) >= 1000:
         scale = min(scale, 3.0 * float(np.quantile(np.abs(current), 0.999)) or scale)
     everywhere = _scatter(current)
-    if scale < 6.0 * everywhere and not _moves_voltage(current, voltage):
-        # Noise around zero with nothing else: one long rest.
+    if scale == 0.0 or (scale < 6.0 * everywhere and not _moves_voltage(current, voltage)):
+        # Nothing, or noise around zero: one long rest.
         return _Record(trajectory.time, current, voltage, np.inf, 0.0, _scatter(voltage))
     flowing = current[np.abs(current) > max(REST_SHARE * scale, 4.0 * min(everywhere, NOISE_SHARE * scale))]
     noise = min(max(everywhere, _scatter(flowing)), NOISE_SHARE * scale)
@@ -180,9 +186,9 @@ def _moves_voltage(current: FloatArray, voltage: FloatArray) -> bool:
     return steady or (size > 0.0 and float(-np.sum(steps * answers)) / size > 0.3)
 
 
-def _signs(record: _Record) -> np.ndarray[tuple[int], np.dtype[np.int8]]:
+def _signs(record: _Record) -> Signs:
     """-1 (charge), 0 (rest) or 1 (discharge) for each sample."""
-    share = np.clip(4.0 * record.noise / record.scale, REST_SHARE, REST_SHARE_NOISY)
+    share = np.clip(5.0 * record.noise / record.scale, REST_SHARE, REST_SHARE_NOISY)
     high = share * record.scale if np.isfinite(record.scale) else np.inf
     low = 0.5 * high
     size = np.abs(record.current)
@@ -194,10 +200,21 @@ def _signs(record: _Record) -> np.ndarray[tuple[int], np.dtype[np.int8]]:
     known = np.where(unsure, 0, np.arange(len(size)))
     last_known = np.maximum.accumulate(known)
     kept = signs[last_known]
-    return np.where(unsure & (kept == flowing), kept, signs)
+    return _without_specks(np.where(unsure & (kept == flowing), kept, signs), size, 2.5 * high)
 
 
-def _levels(record: _Record, signs: np.ndarray[tuple[int], np.dtype[np.int8]]) -> list[_Level]:
+def _without_specks(signs: Signs, size: FloatArray, enough: float) -> Signs:
+    """Turn one or two small samples in the midst of a rest into rest: noise has its rare large moments."""
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(signs)) + 1, [len(signs)]])
+    for k in np.flatnonzero((np.diff(edges) <= 2) & (signs[edges[:-1]] != 0)):
+        start, stop = edges[k], edges[k + 1]
+        alone = (start == 0 or signs[start - 1] == 0) and (stop == len(signs) or signs[stop] == 0)
+        if alone and size[start:stop].max() < enough:
+            signs[start:stop] = 0
+    return signs
+
+
+def _levels(record: _Record, signs: Signs) -> list[_Level]:
     """Stretches of one sign, cut wherever the current leaves its running mean."""
     edges = [0, *(np.flatnonzero(np.diff(signs)) + 1).tolist(), len(signs)]
     currents = record.current.tolist()
@@ -222,7 +239,7 @@ def _levels(record: _Record, signs: np.ndarray[tuple[int], np.dtype[np.int8]]) -
 
 def _holds(record: _Record, levels: list[_Level]) -> list[_Level]:
     """Join levels that fall while the voltage stands still, from the end of each stretch of one sign backwards."""
-    band = HOLD_BAND_V + 4.0 * record.voltage_noise
+    band = HOLD_BAND_V + 4.0 * min(record.voltage_noise, VOLTAGE_NOISE_V)
     extremes = [
         (float(piece.min()), float(piece.max()))
         for piece in (record.voltage[level.start : level.stop] for level in levels)
@@ -251,7 +268,10 @@ def _hold(record: _Record, levels: list[_Level], begin: int, end: int) -> list[_
     """The levels as one hold if they are one, else as they are."""
     start, stop = levels[begin].start, levels[end].stop
     first, last = abs(record.current[start]), abs(record.current[stop - 1])
-    enough = stop - start >= LONG_SAMPLES and record.seconds(start, stop) >= PULSE_S
+    # A few falling samples at one voltage happen by chance in a drive; after constant current they are a hold.
+    follows = begin > 0 and levels[begin - 1].sign == levels[begin].sign and levels[begin - 1].long
+    samples = LONG_SAMPLES if follows else 2 * LONG_SAMPLES
+    enough = stop - start >= samples and record.seconds(start, stop) >= PULSE_S
     if begin == end or not enough or last > HOLD_DECAY * first or first - last < 6.0 * record.noise:
         return levels[begin : end + 1]
     return [replace(record.level(start, stop, levels[begin].sign), kind=StepKind.CV_HOLD)]
@@ -277,8 +297,9 @@ def _begin_holds(record: _Record, levels: list[_Level]) -> list[_Level]:
             continue
         size = np.abs(record.current[before.start : before.stop])
         plateau = float(np.median(size))
+        scatter = 1.4826 * float(np.median(np.abs(size - plateau)))
         # The decay begins after the last sample that still reaches the plateau.
-        cut = before.start + int(np.flatnonzero(size >= plateau)[-1]) + 1
+        cut = before.start + int(np.flatnonzero(size >= plateau - 2.0 * scatter)[-1]) + 1
         if cut < before.stop and before.kind is None:
             before.stop, hold.start = cut, cut
             before.seconds = record.seconds(before.start, cut)
@@ -293,7 +314,7 @@ def _smooth(record: _Record, levels: list[_Level]) -> list[_Level]:
         joined.append(level)
         while len(joined) >= 2 and _continues(record, joined[-2], joined[-1]):
             last = joined.pop()
-            joined[-1] = record.level(joined[-1].start, last.stop, last.sign)
+            joined[-1] = _span(record, joined[-1], last)
         if len(joined) >= 3 and _bridges(record, *joined[-3:]):
             last = joined.pop()
             joined.pop()
@@ -311,19 +332,22 @@ def _span(record: _Record, first: _Level, last: _Level) -> _Level:
 def _continues(record: _Record, before: _Level, after: _Level) -> bool:
     if before.sign != after.sign or before.sign == 0 or before.kind or after.kind:
         return False
-    # Two neighbouring samples of a drive may agree by chance: only levels of some length can drift into each other.
-    if min(before.samples, after.samples) < LONG_SAMPLES or not (before.long or after.long):
+    # Neighbouring samples of a drive may agree by chance: only a long level takes others in.
+    if not (before.long or after.long):
         return False
+    if abs(before.mean - after.mean) <= 0.5 * record.tolerance(before.mean):
+        return True
     jump = abs(record.current[after.start] - record.current[after.start - 1])
-    return bool(jump <= max(0.5 * LEVEL_SHARE * abs(before.mean), 5.0 * record.noise))
+    drifting = min(before.samples, after.samples) >= LONG_SAMPLES
+    return drifting and bool(jump <= max(0.5 * LEVEL_SHARE * abs(before.mean), 5.0 * record.noise))
 
 
 def _bridges(record: _Record, before: _Level, glitch: _Level, after: _Level) -> bool:
     if before.sign != after.sign or before.sign == 0 or glitch.samples > 2 or before.kind or after.kind:
         return False
-    if min(before.samples, after.samples) < LONG_SAMPLES or not before.long:
+    if not (before.long or after.long):
         return False
-    spacing = before.seconds / before.samples
+    spacing = (before.seconds + after.seconds) / (before.samples + after.samples)
     brief = glitch.seconds <= 2.5 * max(spacing, 1.0)
     return brief and abs(before.mean - after.mean) <= record.tolerance(before.mean)
 
@@ -331,26 +355,27 @@ def _bridges(record: _Record, before: _Level, glitch: _Level, after: _Level) -> 
 def _edges(record: _Record, levels: list[_Level]) -> list[_Level]:
     """Give the one or two samples caught in the middle of a switch to the long step they belong to."""
     joined: list[_Level] = []
-    index = 0
-    while index < len(levels):
-        level = levels[index]
+    pending: int | None = None
+    for index, level in enumerate(levels):
+        if pending is not None:
+            level = replace(level, start=pending, seconds=record.seconds(pending, level.stop))
+            pending = None
+        before = levels[index - 1] if index > 0 else None
         after = levels[index + 1] if index + 1 < len(levels) else None
-        if level.sign != 0 and level.samples <= 2 and level.kind is None and not level.long:
-            if after is not None and after.sign != 0 and after.long:
-                levels[index + 1] = _Level(
-                    level.start, after.stop, after.sign, after.mean, record.seconds(level.start, after.stop), after.kind
-                )
-                index += 1
-                continue
-            if joined and joined[-1].sign != 0 and joined[-1].long:
-                before = joined[-1]
-                before.stop = level.stop
-                before.seconds = record.seconds(before.start, before.stop)
-                index += 1
-                continue
-        joined.append(level)
-        index += 1
+        if level.sign == 0 or level.samples > 2 or level.kind or level.long or not (_calm(before) and _calm(after)):
+            joined.append(level)
+        elif after is not None and after.sign != 0:
+            pending = level.start
+        elif before is not None and before.sign != 0:
+            joined[-1] = replace(joined[-1], stop=level.stop, seconds=record.seconds(joined[-1].start, level.stop))
+        else:
+            joined.append(level)
     return joined
+
+
+def _calm(level: _Level | None) -> bool:
+    """Whether a level is none, a rest, or long: beside anything else a short level may be part of a drive."""
+    return level is None or level.sign == 0 or level.long
 
 
 def _drives(record: _Record, levels: list[_Level]) -> list[_Level]:
@@ -452,11 +477,12 @@ def _numbered(trajectory: Trajectory, levels: list[_Level]) -> tuple[Step, ...]:
 
 
 def _merged(steps: list[Step]) -> tuple[Step, ...]:
-    """Neighbouring rests are one rest."""
+    """Neighbouring rests are one rest; then each step gets its place in its cycle."""
     merged: list[Step] = []
     for step in steps:
         if merged and step.kind is StepKind.REST and merged[-1].kind is StepKind.REST:
             merged[-1] = replace(merged[-1], stop=step.stop)
-        else:
-            merged.append(step)
+            continue
+        follows = bool(merged) and merged[-1].cycle == step.cycle
+        merged.append(replace(step, position=merged[-1].position + 1 if follows else 0))
     return tuple(merged)
