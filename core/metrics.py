@@ -123,8 +123,9 @@ def _curve_errors(simulated: Trajectory, target: Trajectory, signal: str) -> tup
 
 def _resampled(record: Trajectory, signal: str) -> FloatArray:
     """A signal on a grid of 1 s from its own start, by PCHIP (paper, Sec. 4.1)."""
-    keep = np.concatenate([np.diff(record.time) > 0, [True]])
-    time, values = record.time[keep] - record.time[0], getattr(record, signal)[keep]
+    # Subtract before comparing: stamps a rounding apart late in the record coincide afterwards.
+    time, first = np.unique(record.time - record.time[0], return_index=True)
+    values = getattr(record, signal)[first]
     if len(time) < 2:
         return np.asarray(values[-1:])
     return np.asarray(PchipInterpolator(time, values)(np.arange(0.0, time[-1], 1.0)), dtype=np.float64)

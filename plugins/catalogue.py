@@ -1,3 +1,56 @@
-"""The built-in plugins. Factories import their libraries when called, so that listing stays fast."""
+"""The built-in plugins. Imports stand inside the hooks and factories, so that listing stays fast."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
+
+from ..core.hooks import Entry, hookimpl
+
+
+@hookimpl
+def bsa_simulators() -> Iterable[Entry]:
+    """PyBaMM."""
+    from .pybamm.simulator import PyBaMMOptions, PyBaMMSimulator
+
+    yield Entry("pybamm", PyBaMMSimulator, "PyBaMM's SPM, SPMe and DFN, compiled once a run.", PyBaMMOptions)
+
+
+@hookimpl
+def bsa_feedback_builders() -> Iterable[Entry]:
+    """A number, structured features, or a picture as well."""
+    from .feedback.overlay import OverlayFeedback
+    from .feedback.structured import ScalarFeedback, StructuredFeedback
+
+    yield Entry("scalar", ScalarFeedback, "The total error and nothing else.")
+    yield Entry("structured", StructuredFeedback, "Residuals by signal, features by step, events.")
+    yield Entry("overlay", OverlayFeedback, "Structured feedback with a PNG of simulated over measured.")
+
+
+@hookimpl
+def bsa_memories() -> Iterable[Entry]:
+    """What was tried, what was learnt, what was known."""
+    from .memory.history import HistoryMemory, HistoryOptions
+    from .memory.priors import Priors
+    from .memory.sensitivities import SensitivityMemory
+
+    yield Entry("history", HistoryMemory, "The best and the latest trials, as a table.", HistoryOptions)
+    yield Entry("sensitivities", SensitivityMemory, "What the warm-up showed each parameter to do.")
+    yield Entry("priors", Priors, "Bounds and domain rules, given before the first simulation.")
+
+
+@hookimpl
+def bsa_warm_ups() -> Iterable[Entry]:
+    """Random perturbations, or ones that the model proposes."""
+    from .warm_up.proposed import ProposedWarmUp
+    from .warm_up.random import RandomWarmUp, RandomWarmUpOptions
+
+    yield Entry("random", RandomWarmUp, "Random perturbations of all parameters.", RandomWarmUpOptions)
+    yield Entry("proposed", ProposedWarmUp, "Perturbations that the model proposes.")
+
+
+@hookimpl
+def bsa_proposers() -> Iterable[Entry]:
+    """Who says what to try next."""
+    from .agent.proposer import AgentOptions, AgentProposer
+
+    yield Entry("agent", AgentProposer, "Asks the backend for a hypothesis and a change.", AgentOptions)

@@ -1,0 +1,53 @@
+"""Shortens a prompt that does not fit into a model's context: memories go first, from the top."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from ..core.messages import Message
+
+_SECTION = re.compile(r"(?m)^(?=## )")
+_DISPENSABLE = "## Memory"
+
+
+class ContextTooSmallError(Exception):
+    """The prompt does not fit into the model's context."""
+
+
+def drop_memory(messages: Sequence[Message]) -> tuple[list[Message], str] | None:
+    """Drop the first section headed ``## Memory...``, which is the oldest or least important.
+
+    Returns
+    -------
+    tuple of list of Message and str, or None
+        The shorter conversation and the heading dropped; None if nothing may be dropped.
+    """
+    messages = list(messages)
+    for place, message in enumerate(messages):
+        sections = _SECTION.split(message.text)
+        for index, section in enumerate(sections):
+            if section.startswith(_DISPENSABLE):
+                heading = section.partition("\n")[0].removeprefix("## ")
+                shorter = "".join(sections[:index] + sections[index + 1 :])
+                return [*messages[:place], replace(message, text=shorter), *messages[place + 1 :]], heading
+    return None
+
+
+def fit(messages: Sequence[Message], fits: Callable[[Sequence[Message]], bool], notes: list[str]) -> list[Message]:
+    """Drop memories until the conversation fits.
+
+    Raises
+    ------
+    ContextTooSmallError
+        If it does not fit without any memory.
+    """
+    messages = list(messages)
+    while not fits(messages):
+        shorter = drop_memory(messages)
+        if shorter is None:
+            raise ContextTooSmallError
+        messages, heading = shorter
+        notes.append(f'the section "{heading}" was left out: the context is too small')
+    return messages

@@ -1,0 +1,42 @@
+"""The backend that needs nothing: a fresh machine uses it, and says so."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from ...core.hooks import NoOptions
+from ...core.messages import JsonSchema, Message, Reply, Usage
+from .reading import read_prompt
+from .reasoner import perturbations, propose
+
+
+class RulesBackend:
+    """Answers from the prompt alone, by linear reasoning over what it says.
+
+    It sees what a language model would see. Without memory it has only the domain rules to go by; with
+    scalar feedback only one number; so ablations of either mean something.
+    """
+
+    name = "rules"
+    sees_images = False
+
+    def __init__(self, options: NoOptions | None = None) -> None:
+        pass
+
+    def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
+        """See `Backend.complete`."""
+        started = time.perf_counter()
+        prompt = read_prompt(messages)
+        properties: dict[str, Any] = dict(schema.get("properties", {}))
+        if "perturbations" in properties:
+            answer = perturbations(prompt, int(properties["perturbations"].get("maxItems", 1)))
+        else:
+            answer = propose(prompt)
+        usage = Usage(seconds=time.perf_counter() - started)
+        return Reply(json.dumps(answer), usage, model="rules", structured_by="schema")
+
+    def close(self) -> None:
+        """Nothing to release."""

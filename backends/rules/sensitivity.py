@@ -1,0 +1,147 @@
+"""What the prompt lets one infer about how each parameter moves each feature."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .reading import Prompt
+
+Matrix = NDArray[np.float64]
+
+_PER_TEN_PERCENT = float(np.log(1.1))
+_NEAR = 0.25
+"""Trials farther than this (relative change of the parameters) say little about the slope here."""
+_NOISE = 0.01
+"""Relative change below which a difference between trials is not trusted over what was known before."""
+
+_TYPICAL_TIME_S, _TYPICAL_SHIFT_MV, _TYPICAL_PERCENT = 600.0, 30.0, 20.0
+"""Guessed effect of a parameter that a rule names, per unit of logarithmic change."""
+
+TOLERANCES = {"_s": 5.0, "_mv": 2.0, "_pct": 1.0}
+"""Mismatch that is as good as none, by the unit at the end of a feature's name."""
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """A linear model of the features around the current values.
+
+    Attributes
+    ----------
+    parameters, features : tuple of str
+        Names of the columns and rows.
+    slopes : ndarray of shape (f, p)
+        Change of each feature per unit of logarithmic change of each parameter.
+    mismatch : ndarray of shape (f,)
+        The features now.
+    tolerance : ndarray of shape (f,)
+        What is as good as zero.
+    source : str
+        Where the slopes come from, in words.
+    """
+
+    parameters: tuple[str, ...]
+    features: tuple[str, ...]
+    slopes: Matrix
+    mismatch: Matrix
+    tolerance: Matrix
+    source: str
+
+
+def infer(prompt: Prompt) -> Sensitivity:
+    """Combine learnt sensitivities, or else domain rules, with the trials in memory."""
+    parameters = tuple(prompt.parameters)
+    features = tuple(prompt.features)
+    mismatch = np.array([prompt.features[name] for name in features])
+    tolerance = np.array([_tolerance(name) for name in features])
+    if prompt.effects:
+        slopes = np.array(
+            [[float(prompt.effects.get(p, {}).get(f, 0.0)) / _PER_TEN_PERCENT for p in parameters] for f in features]
+        ).reshape(len(features), len(parameters))
+        source = "learnt sensitivities"
+    else:
+        slopes = _from_rules(prompt.rules, parameters, features)
+        source = "domain rules" if np.any(slopes) else "nothing yet"
+    changes, responses = _differences(prompt, parameters, features)
+    if len(changes):
+        slopes = _updated(slopes, changes, responses)
+        source += f" and {len(changes)} earlier trials" if np.any(slopes) else ""
+    return Sensitivity(parameters, features, slopes, mismatch, tolerance, source)
+
+
+def _tolerance(feature: str) -> float:
+    return next((value for suffix, value in TOLERANCES.items() if feature.endswith(suffix)), 1.0)
+
+
+def _differences(prompt: Prompt, parameters: tuple[str, ...], features: tuple[str, ...]) -> tuple[Matrix, Matrix]:
+    """Changes of parameters and features between the earlier trials and now, shapes (k, p) and (k, f)."""
+    now = np.array([prompt.parameters[name] for name in parameters])
+    mismatch = np.array([prompt.features[name] for name in features])
+    changes: list[Matrix] = []
+    responses: list[Matrix] = []
+    for trial in prompt.trials:
+        values = np.array([float(value) for value in trial.get("values", ())])
+        numbers = _numbers(trial, prompt.trial_features)
+        if values.shape != now.shape or not all(name in numbers for name in features):
+            continue
+        if np.any(values <= 0) or np.any(now <= 0):
+            continue
+        change = np.log(values / now)
+        if np.max(np.abs(change)) > 1e-6:
+            changes.append(change)
+            responses.append(np.array([numbers[name] for name in features]) - mismatch)
+    return np.array(changes), np.array(responses)
+
+
+def _numbers(trial: dict[str, Any], names: list[str]) -> dict[str, float]:
+    values = trial.get("features")
+    if isinstance(values, list) and len(values) == len(names):
+        return {name: float(value) for name, value in zip(names, values, strict=True) if value is not None}
+    return {name: float(value) for name, value in trial.items() if isinstance(value, (int, float))}
+
+
+def _updated(slopes: Matrix, changes: Matrix, responses: Matrix) -> Matrix:
+    """The slopes nearest to the given ones that explain the differences, near trials counting most."""
+    size = np.linalg.norm(changes, axis=1)
+    weight = 1.0 / (1.0 + (size / _NEAR) ** 4)
+    weighted = changes * weight[:, None]
+    normal = weighted.T @ changes + _NOISE**2 * np.eye(changes.shape[1])
+    unexplained = responses - changes @ slopes.T
+    return slopes + np.linalg.solve(normal, weighted.T @ unexplained).T
+
+
+def _from_rules(rules: list[dict[str, Any]], parameters: tuple[str, ...], features: tuple[str, ...]) -> Matrix:
+    slopes = np.zeros((len(features), len(parameters)))
+    for rule in rules:
+        for column, parameter in enumerate(parameters):
+            if not parameter.startswith(str(rule.get("parameter"))):
+                continue
+            for row, feature in enumerate(features):
+                quantity, sign, size = _quantity(feature)
+                if quantity in rule.get("raises", ()):
+                    slopes[row, column] = sign * size
+                elif quantity in rule.get("lowers", ()):
+                    slopes[row, column] = -sign * size
+    return slopes
+
+
+def _quantity(feature: str) -> tuple[str, float, float]:
+    """Which quantity of the rules a feature shows, with its sign and the size of a typical effect."""
+    if "discharge_time" in feature:
+        return "discharge_time", 1.0, _TYPICAL_TIME_S
+    if "charge_time" in feature:
+        return "charge_time", 1.0, _TYPICAL_TIME_S
+    if "hold_time" in feature:
+        return "hold_time", 1.0, _TYPICAL_TIME_S
+    if "current_shift" in feature:
+        return "hold_time", 1.0, _TYPICAL_PERCENT
+    if "rest" in feature:
+        return "rest_voltage", 1.0, _TYPICAL_SHIFT_MV
+    if "discharge" in feature:
+        return "polarisation", -1.0, _TYPICAL_SHIFT_MV
+    if "shift_mv" in feature:
+        return "polarisation", 1.0, _TYPICAL_SHIFT_MV
+    return "", 1.0, 0.0

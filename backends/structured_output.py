@@ -1,0 +1,91 @@
+"""Gets one JSON object out of any server: by schema, else by JSON mode, else by asking nicely."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+from ..core.messages import JsonSchema, Message, StructuredBy
+
+T = TypeVar("T")
+
+LADDER: tuple[StructuredBy, ...] = ("schema", "json", "text")
+_accepted: dict[str, StructuredBy] = {}
+"""What each server took last, for the life of the process: a refusal costs a round trip only once."""
+
+
+class FormRefusedError(Exception):
+    """The server does not take this form of request."""
+
+
+def descend(
+    server: str, ask: Callable[[StructuredBy], T], notes: list[str], first: StructuredBy = "schema"
+) -> tuple[T, StructuredBy]:
+    """Ask in the strictest form that the server takes.
+
+    Parameters
+    ----------
+    server : str
+        What the memory of refusals goes by: route, address and model.
+    ask : callable
+        Asks in the given form; raises `FormRefusedError`.
+    notes : list of str
+        Is told of refusals.
+    first : {'schema', 'json', 'text'}
+        The strictest form worth trying.
+
+    Raises
+    ------
+    FormRefusedError
+        If even plain text is refused: then the form was not the reason, and nothing is remembered.
+    """
+    start = max(LADDER.index(first), LADDER.index(_accepted.get(server, first)))
+    refusals: list[str] = []
+    for form in LADDER[start:]:
+        try:
+            result = ask(form)
+        except FormRefusedError as refusal:
+            if form == "text":
+                raise
+            refusals.append(f"the server refused {_NAMES[form]} ({refusal})")
+            continue
+        _accepted[server] = form
+        notes.extend(refusals)
+        return result, form
+    raise AssertionError("the last form returns or raises")
+
+
+_NAMES: dict[StructuredBy, str] = {"schema": "a JSON schema", "json": "JSON mode", "text": "plain text"}
+
+
+def forget_refusals() -> None:
+    """Start anew, for tests."""
+    _accepted.clear()
+
+
+def with_schema_in_prompt(messages: Sequence[Message], schema: JsonSchema, form: StructuredBy) -> list[Message]:
+    """The conversation, which says itself what is wanted where the server does not enforce it."""
+    messages = list(messages)
+    if form == "schema" or not messages:
+        return messages
+    wanted = json.dumps(schema, ensure_ascii=False, separators=(",", ":"))
+    text = (
+        f"{messages[-1].text}\n\nAnswer with one JSON object and nothing else, without code fences or comments. "
+        f"It must satisfy this JSON Schema:\n{wanted}"
+    )
+    return [*messages[:-1], replace(messages[-1], text=text)]
+
+
+def held_by(form: StructuredBy, text: str, schema: JsonSchema) -> StructuredBy:
+    """The form that truly held the reply: some servers accept a schema and ignore it."""
+    if form == "text":
+        return "text"
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError):
+        return "text"
+    if not isinstance(content, dict):
+        return "text"
+    return form if form == "json" or set(schema.get("required", ())) <= content.keys() else "json"

@@ -1,0 +1,91 @@
+"""What a reader takes and gives: a file of a cycler in, a record of one cell out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, Protocol, runtime_checkable
+
+from pydantic import BaseModel, Field, field_validator
+
+from .trajectory import Trajectory
+
+Signal = Literal["time", "voltage", "current", "temperature"]
+CurrentSign = Literal["charge-positive", "discharge-positive", "auto"]
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """What was measured on one cell.
+
+    Attributes
+    ----------
+    name : str
+        Name of the file, printable.
+    trajectory : Trajectory
+        The samples in SI units, current positive on discharge, cut into steps.
+    notes : tuple of str
+        Everything that was assumed or repaired, with row numbers; shown to the user.
+    ambient_k : float or None
+        Ambient temperature in kelvin, where known.
+    """
+
+    name: str
+    trajectory: Trajectory
+    notes: tuple[str, ...] = ()
+    ambient_k: float | None = None
+
+
+class ReadOptions(BaseModel, extra="forbid", frozen=True):
+    """What the user knows about a file and its header does not say."""
+
+    columns: dict[Signal, str] = Field(
+        default={}, description="Column of each signal, by its name in the file (or its number, where it has none)."
+    )
+    units: dict[Signal, str] = Field(default={}, description='Unit of each signal, in place of the header\'s: "mV".')
+    current_sign: CurrentSign = Field(
+        default="charge-positive",
+        description="Whether the file's current is positive on charge (cyclers) or on discharge, or to be found out.",
+    )
+    constant_current_a: float | None = Field(
+        default=None,
+        allow_inf_nan=False,
+        description="Current in A for a file without a current column, in the sign convention of `current_sign`.",
+    )
+    where: dict[str, str] = Field(
+        default={}, description='Keep only the rows in which a column has this value: {"test_id": "1"}.'
+    )
+    cycles: tuple[int, int] | None = Field(default=None, description="First and last cycle to keep, counted from 1.")
+    sheet: str | None = Field(default=None, description="Sheet of a workbook, or test inside a file of several.")
+    ambient_c: float | None = Field(
+        default=None, gt=-100.0, lt=200.0, description="Ambient temperature in degC, where the file has none."
+    )
+
+    @field_validator("cycles")
+    @classmethod
+    def _ordered(cls, cycles: tuple[int, int] | None) -> tuple[int, int] | None:
+        if cycles is not None and not 1 <= cycles[0] <= cycles[1]:
+            raise ValueError("1 <= first <= last must hold")
+        return cycles
+
+
+@runtime_checkable
+class Reader(Protocol):
+    """Reads one kind of file."""
+
+    def matches(self, path: Path) -> bool:
+        """Whether the file looks like this reader's kind, from its name and its first bytes.
+
+        Cheap, and false rather than an error for anything strange.
+        """
+        ...
+
+    def read(self, path: Path, options: ReadOptions) -> Record:
+        """Read the file.
+
+        Raises
+        ------
+        BsaError
+            Naming the file, the row or column at fault and its value.
+        """
+        ...

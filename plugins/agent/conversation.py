@@ -1,0 +1,65 @@
+"""Asking a model for an object until it passes a check, a few times at most."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from ...core.errors import BsaError
+from ...core.messages import Backend, BackendFailure, JsonSchema, Message, Reply
+from ...core.reply_parsing import parse_object
+
+T = TypeVar("T")
+
+ATTEMPTS = 3
+
+
+@dataclass(frozen=True)
+class Answer(Generic[T]):
+    """What came of asking.
+
+    Attributes
+    ----------
+    value : T or None
+        What the check made of the reply; None if no reply passed.
+    problems : tuple of str
+        What was wrong with the replies that did not pass, in order.
+    reply : Reply or None
+        The last reply, if there was one.
+    """
+
+    value: T | None
+    problems: tuple[str, ...]
+    reply: Reply | None
+
+
+def ask(
+    backend: Backend,
+    messages: Sequence[Message],
+    schema: JsonSchema,
+    check: Callable[[Mapping[str, Any]], T],
+    seed: int,
+) -> Answer[T]:
+    """Ask, check, and ask again with the error, at most `ATTEMPTS` times.
+
+    A call that the backend gives up on ends the asking: it has retried already.
+    """
+    conversation = list(messages)
+    problems: list[str] = []
+    reply: Reply | None = None
+    for attempt in range(ATTEMPTS):
+        try:
+            reply = backend.complete(conversation, schema, seed=seed + attempt)
+        except BackendFailure as failure:
+            problems.append(f"no reply: {failure}")
+            break
+        try:
+            return Answer(check(parse_object(reply.text, schema.get("properties", ()))), tuple(problems), reply)
+        except BsaError as error:
+            problems.append(str(error))
+            conversation += [
+                Message("assistant", reply.text[:4000]),
+                Message("user", f"That reply cannot be used: {error} Answer again with one valid JSON object."),
+            ]
+    return Answer(None, tuple(problems), reply)

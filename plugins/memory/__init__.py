@@ -1,0 +1,1 @@
+"""What a proposer remembers and what it knew beforehand."""

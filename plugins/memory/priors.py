@@ -1,0 +1,34 @@
+"""Expert knowledge given before the first simulation: bounds and rules of thumb."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ...core.hooks import NoOptions, Recollection, RunContext, hookimpl
+from ..feedback.rounding import rounded
+
+RULES_FILE = Path(__file__).with_name("domain_rules.yaml")
+
+
+class Priors:
+    """Tells the bounds of the searched parameters and the domain rules that mention them."""
+
+    def __init__(self, options: NoOptions, context: RunContext) -> None:
+        self._space = context.task.space
+        rules = yaml.safe_load(RULES_FILE.read_text(encoding="utf-8"))
+        self._rules: list[dict[str, Any]] = [rule for rule in rules if self._applies(rule["parameter"])]
+
+    def _applies(self, parameter: str) -> bool:
+        return any(name.startswith(parameter) for name in self._space.names)
+
+    @hookimpl
+    def recall(self, budget: int) -> Recollection | None:
+        """See `RunHooks.recall`."""
+        bounds = {parameter.name: [parameter.lower, parameter.upper] for parameter in self._space}
+        content = {"bounds": rounded(bounds), "rules": list(self._rules)}
+        while len(str(content)) > budget and content["rules"]:
+            content["rules"] = list(content["rules"])[:-1]
+        return Recollection("Priors", content, priority=1)

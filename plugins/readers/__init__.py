@@ -1,0 +1,1 @@
+"""Readers: files of cyclers in, records of one cell out."""

@@ -1,0 +1,206 @@
+"""Which column is which signal, and in which unit."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import get_args
+
+import numpy as np
+
+from ...core.errors import BsaError, did_you_mean
+from ...core.record import ReadOptions, Signal
+from ...core.trajectory import FloatArray
+from .source import listed, shown
+
+SIGNALS: tuple[Signal, ...] = get_args(Signal)
+
+_ZERO_C_IN_K = 273.15
+
+_FACTORS: Mapping[Signal, Mapping[str, float]] = {
+    "time": {
+        **dict.fromkeys(["s", "sec", "secs", "second", "seconds", "ss.xxx"], 1.0),
+        **dict.fromkeys(["ms", "millisecond", "milliseconds"], 1e-3),
+        **dict.fromkeys(["min", "mins", "minute", "minutes"], 60.0),
+        **dict.fromkeys(["h", "hr", "hrs", "hour", "hours"], 3600.0),
+        **dict.fromkeys(["d", "day", "days"], 86400.0),
+    },
+    "voltage": {**dict.fromkeys(["v", "volt", "volts"], 1.0), **dict.fromkeys(["mv", "millivolt", "millivolts"], 1e-3)},
+    "current": {
+        **dict.fromkeys(["a", "amp", "amps", "ampere", "amperes"], 1.0),
+        **dict.fromkeys(["ma", "milliamp", "milliamps", "milliampere"], 1e-3),
+    },
+    "temperature": {
+        **dict.fromkeys(["degc", "°c", "c", "celsius", "deg c", "degreecelsius", "degree_celsius", "t1"], 1.0),
+        **dict.fromkeys(["k", "kelvin"], 1.0),
+    },
+}
+_KELVIN = ("k", "kelvin")
+_OFFERED: Mapping[Signal, str] = {
+    "time": "s, ms, min, h or d",
+    "voltage": "V or mV",
+    "current": "A or mA",
+    "temperature": "degC or K",
+}
+
+# Names in order of preference, folded to lower-case letters and digits.
+_NAMES: Mapping[Signal, tuple[str, ...]] = {
+    "time": ("testtime", "progtime", "totaltime", "elapsedtime", "time", "timevec", "t"),
+    "voltage": ("voltage", "cellvoltage", "voltagemeasured", "terminalvoltage", "ecell", "ewe", "volvec", "u", "v"),
+    "current": ("current", "currentmeasured", "cellcurrent", "currvec", "i"),
+    "temperature": (
+        *("celltemperature", "surfacetemperature", "temperaturet1", "surfacetemperaturet1", "temperature"),
+        *("temperaturemeasured", "auxtemperature1", "temperature1", "temp", "celltempmid", "celltemppos"),
+        *("logtempmid", "logtemppositive", "logtemp001"),
+    ),
+}
+
+_BRACKETS = re.compile(r"^(?P<base>.*?)\s*[\[(]\s*(?P<unit>[^\[\]()]*?)\s*[\])]\s*(?P<tail>_?\d*)$")
+_SLASH = re.compile(r"^(?P<base>.*?)\s*/\s*(?P<unit>[^/]*)$")
+_SUFFIX = re.compile(r"^(?P<base>.+)[_ ](?P<unit>[A-Za-z]+)$")
+
+
+@dataclass(frozen=True)
+class Column:
+    """One signal's column.
+
+    Attributes
+    ----------
+    signal : {'time', 'voltage', 'current', 'temperature'}
+        What it holds.
+    index : int
+        Place in the table, from 0.
+    name : str
+        Name in the file.
+    unit : str or None
+        Unit as written, folded to lower case; None where the file has none.
+    """
+
+    signal: Signal
+    index: int
+    name: str
+    unit: str | None
+
+    def in_si(self, values: FloatArray) -> FloatArray:
+        """Values in s, V, A or K; without a unit they are taken to be in s, V, A or degC."""
+        factor = _FACTORS[self.signal][self.unit] if self.unit else 1.0
+        # Dividing by a round number keeps 3700 mV exactly 3.7 V.
+        scaled = values / round(1.0 / factor) if factor < 1.0 else values * factor
+        if self.signal == "temperature" and self.unit not in _KELVIN:
+            return np.asarray(scaled + _ZERO_C_IN_K)
+        return scaled
+
+
+def split_name(name: str) -> tuple[str, str | None]:
+    """A column's name without its unit, folded to letters and digits, and the unit as written.
+
+    Understands ``Voltage / V``, ``U[V]``, ``Current(A)``, ``voltage_V`` and ``test_time_second``.
+    """
+    bracketed = _BRACKETS.match(name)
+    if bracketed and bracketed["base"]:
+        return _folded(bracketed["base"] + bracketed["tail"]), bracketed["unit"] or None
+    slashed = _SLASH.match(name)
+    if slashed and slashed["base"]:
+        return _folded(slashed["base"]), slashed["unit"].strip() or None
+    suffixed = _SUFFIX.match(name)
+    if suffixed and any(suffixed["unit"].casefold() in units for units in _FACTORS.values()):
+        return _folded(suffixed["base"]), suffixed["unit"]
+    return _folded(name), None
+
+
+def _folded(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", name.casefold())
+
+
+def signal_of(name: str) -> Signal | None:
+    """The signal that a column's name suggests."""
+    base = split_name(name)[0]
+    return next((signal for signal in SIGNALS if base in _NAMES[signal]), None)
+
+
+def resolve(
+    header: Sequence[str], units: Sequence[str] | None, options: ReadOptions, source: str
+) -> dict[Signal, Column]:
+    """Find the column of each signal.
+
+    Parameters
+    ----------
+    header : sequence of str
+        Names of all columns.
+    units : sequence of str or None
+        A row of units beneath the header.
+    options : ReadOptions
+        What the user said; it goes before what the names suggest.
+    source : str
+        Printable name of the file.
+
+    Raises
+    ------
+    BsaError
+        If a signal has no column, two columns, or a unit that is not known.
+    """
+    found: dict[Signal, Column] = {}
+    for signal in SIGNALS:
+        index = _index(header, signal, options, source)
+        if index is not None:
+            found[signal] = Column(signal, index, header[index], _unit(header, units, index, signal, options, source))
+    required: list[Signal] = ["time", "voltage"]
+    if options.constant_current_a is None:
+        required.append("current")
+    for signal in required:
+        if signal not in found:
+            raise BsaError(f"{source} has no column for {signal}.", _which(header, signal))
+    taken: dict[int, Signal] = {}
+    for signal, column in found.items():
+        other = taken.setdefault(column.index, signal)
+        if other != signal:
+            raise BsaError(
+                f'{source}: column "{shown(column.name)}" is named for both {other} and {signal}.',
+                f"give one of them another column: --column {signal}=NAME.",
+            )
+    return found
+
+
+def _which(header: Sequence[str], signal: str) -> str:
+    also = " (or the current of the whole file with --constant-current)" if signal == "current" else ""
+    return f"its columns are {listed(header)}; say which with --column {signal}=NAME{also}."
+
+
+def _index(header: Sequence[str], signal: Signal, options: ReadOptions, source: str) -> int | None:
+    wanted = options.columns.get(signal)
+    if wanted is not None:
+        places = [k for k, name in enumerate(header) if name == wanted]
+        if not places:
+            nearest = did_you_mean(wanted, header)
+            raise BsaError(
+                f'"{shown(wanted)}" is not a column of {source}.',
+                shown(f"{nearest} ", 100) * bool(nearest) + f"Columns: {listed(header)}.",
+            )
+    else:
+        bases = [split_name(name)[0] for name in header]
+        preferred = next((base for base in _NAMES[signal] if base in bases), None)
+        places = [k for k, base in enumerate(bases) if base == preferred]
+    if len(places) > 1:
+        raise BsaError(
+            f"{source} has {len(places)} columns for {signal}: {listed(header[k] for k in places)}.",
+            f"rename them in the file, or say which with --column {signal}=NAME.",
+        )
+    return places[0] if places else None
+
+
+def _unit(
+    header: Sequence[str], units: Sequence[str] | None, index: int, signal: Signal, options: ReadOptions, source: str
+) -> str | None:
+    told = options.units.get(signal)
+    beneath = units[index].strip(" []()") if units is not None and index < len(units) else ""
+    unit = told or split_name(header[index])[1] or beneath or None
+    if unit is None:
+        return None
+    folded = unit.strip().casefold()
+    if folded not in _FACTORS[signal]:
+        raise BsaError(
+            f'{source}: column "{shown(header[index])}" has the unit "{shown(unit)}", which is no unit of {signal}.',
+            f"say --unit {signal}=UNIT with {_OFFERED[signal]}.",
+        )
+    return folded

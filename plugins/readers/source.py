@@ -1,0 +1,95 @@
+"""The names and bytes of a file that nobody vouches for."""
+
+from __future__ import annotations
+
+import gzip
+import zlib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import IO, cast
+
+from ...core.errors import BsaError
+
+MAX_BYTES = 512 * 2**20
+"""Largest file that is read, decompressed."""
+
+MAX_SAMPLES = 5_000_000
+"""Largest number of rows that is read."""
+
+_HEAD_BYTES = 65536
+
+
+def shown(text: object, limit: int = 60) -> str:
+    """The text on one line, control characters escaped and long texts cut, fit for a message."""
+    printable = "".join(
+        character if character.isprintable() else character.encode("unicode_escape").decode()
+        for character in str(text)[: 4 * limit]
+    )
+    return printable if len(printable) <= limit else printable[: limit - 3] + "..."
+
+
+def listed(names: Iterable[object], limit: int = 20) -> str:
+    """Names in quotes, the first ``limit`` of them."""
+    everything = [f'"{shown(name, 40)}"' for name in names]
+    more = f" and {len(everything) - limit} more" if len(everything) > limit else ""
+    return ", ".join(everything[:limit]) + more
+
+
+def head(path: Path) -> bytes:
+    """The first bytes, decompressed; nothing if the file cannot be read."""
+    try:
+        with _opened(path) as file:
+            return file.read(_HEAD_BYTES)
+    except (OSError, EOFError, zlib.error):
+        return b""
+
+
+def load_text(path: Path) -> tuple[str, list[str]]:
+    """The whole file as text, with notes on how it was decoded.
+
+    Raises
+    ------
+    BsaError
+        If the file cannot be read, is empty, is larger than `MAX_BYTES` or is not text.
+    """
+    name = shown(path.name)
+    try:
+        with _opened(path) as file:
+            data = file.read(MAX_BYTES + 1)
+    except FileNotFoundError:
+        raise BsaError(f"there is no file {shown(path)}.", "check the path.") from None
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise BsaError(f"{name} is a damaged gzip file ({shown(error)}).", "download or compress it again.") from None
+    except OSError as error:
+        raise BsaError(f"{name} cannot be read: {shown(error.strerror)}.", "check the path and its rights.") from None
+    if len(data) > MAX_BYTES:
+        raise BsaError(
+            f"{name} holds more than {MAX_BYTES // 2**20} MiB.", "cut it into smaller files, or thin it out first."
+        )
+    if not data.strip():
+        raise BsaError(f"{name} is empty.", "export the record again.")
+    return _decoded(data, name)
+
+
+def _decoded(data: bytes, name: str) -> tuple[str, list[str]]:
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        try:
+            return data.decode("utf-16"), [f"{name} was read as UTF-16."]
+        except UnicodeDecodeError:
+            raise BsaError(f"{name} is damaged UTF-16 text.", "save it as UTF-8.") from None
+    if b"\0" in data:
+        where = data.index(b"\0")
+        raise BsaError(
+            f"{name} is not text (a zero byte at offset {where}).",
+            "export the record as CSV from the cycler's software.",
+        )
+    try:
+        return data.decode("utf-8-sig"), []
+    except UnicodeDecodeError:
+        return data.decode("cp1252", errors="replace"), [f"{name} is not UTF-8; it was read as Windows-1252."]
+
+
+def _opened(path: Path) -> IO[bytes]:
+    if path.suffix.lower() == ".gz":
+        return cast(IO[bytes], gzip.open(path, "rb"))
+    return open(path, "rb")

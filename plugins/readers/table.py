@@ -1,0 +1,293 @@
+"""A table of numbers somewhere in a text file: its header, its separator and its rows."""
+
+from __future__ import annotations
+
+import csv
+from array import array
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.errors import BsaError, did_you_mean
+from ...core.trajectory import FloatArray
+from .source import MAX_SAMPLES, listed, shown
+
+_PREAMBLE_LINES = 200
+_SEPARATORS: tuple[str | None, ...] = (";", "\t", ",", None)
+_MISSING = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"})
+
+
+@dataclass(frozen=True)
+class Table:
+    """Where the numbers of a text file are.
+
+    Attributes
+    ----------
+    source : str
+        Printable name of the file.
+    header : tuple of str
+        Names of the columns; ``"1"``, ``"2"``, ... where the file names none.
+    units : tuple of str or None
+        Row of units beneath the header.
+    lines : list of str
+        All lines of the file.
+    first : int
+        Index of the first line of numbers.
+    separator : str or None
+        What parts the cells; None for white space.
+    decimal_comma : bool
+        Whether the numbers are written like ``3,7``.
+    """
+
+    source: str
+    header: tuple[str, ...]
+    units: tuple[str, ...] | None
+    lines: list[str]
+    first: int
+    separator: str | None
+    decimal_comma: bool = False
+
+    def cells(self) -> Iterator[tuple[int, list[str]]]:
+        """The line number, from 1, and the cells of each row that is not blank."""
+        yield from _rows(self.lines, self.first, self.separator, self.source)
+
+
+@dataclass
+class Numbers:
+    """The wanted columns.
+
+    Attributes
+    ----------
+    rows : ndarray of shape (n,)
+        Line numbers in the file.
+    values : dict of int to ndarray of shape (n,)
+        Numbers by the place of their column; NaN where a cell is empty.
+    notes : list of str
+        What was left out.
+    """
+
+    rows: NDArray[np.int64]
+    values: dict[int, FloatArray]
+    notes: list[str] = field(default_factory=list)
+
+
+def find_table(text: str, source: str) -> Table:
+    """Find the header and the first row of numbers.
+
+    Raises
+    ------
+    BsaError
+        If there is no table, or a header without rows.
+    """
+    lines = text.splitlines()
+    start = min(len(lines), _PREAMBLE_LINES)
+    for separator in _SEPARATORS:
+        top = [_split(line, separator) for line in lines[:start]]
+        first = next((k for k in range(len(top)) if _numeric(top, k, separator)), None)
+        if first is None:
+            continue
+        header, units = _header(top, first)
+        comma = separator != "," and any("," in cell and "." not in cell for cell in top[first])
+        return Table(source, header, units, lines, first, separator, comma)
+    heading = next((line for line in lines[:start] if len(_split(line, ",")) > 1 or len(_split(line, ";")) > 1), None)
+    if heading is not None:
+        raise BsaError(
+            f'{source} has a heading ("{shown(heading)}") but no rows of numbers.',
+            "export the record again, with data.",
+        )
+    raise BsaError(
+        f"{source} holds no table of numbers in its first {start} lines.",
+        "give a file with one row a sample: time, voltage, current.",
+    )
+
+
+def _split(line: str, separator: str | None) -> list[str]:
+    if separator is None:
+        return line.split()
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+    except csv.Error:
+        return []
+
+
+def _is_number(cell: str, comma: bool) -> bool:
+    try:
+        float(cell.replace(",", ".") if comma else cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _numeric(top: Sequence[Sequence[str]], index: int, separator: str | None) -> bool:
+    """Whether the line begins the numbers: two numbers in it, and no fewer cells in the next line."""
+    comma = separator != ","
+
+    def looks(cells: Sequence[str]) -> bool:
+        return len(cells) >= 2 and sum(_is_number(cell, comma) for cell in cells) >= 2
+
+    if not looks(top[index]):
+        return False
+    later = [cells for cells in top[index + 1 :] if any(cells)]
+    return not later or len(later[0]) == len(top[index]) or looks(later[0])
+
+
+def _header(top: Sequence[Sequence[str]], first: int) -> tuple[tuple[str, ...], tuple[str, ...] | None]:
+    above = [cells for cells in top[:first] if len([cell for cell in cells if cell]) >= 2]
+    if above and len(above) >= 2 and _are_units(above[-1]) and len(above[-1]) == len(above[-2]):
+        return _named(above[-2]), tuple(above[-1])
+    fits = above and abs(len(above[-1]) - len(top[first])) <= 1
+    if fits and not all(_is_number(cell, False) for cell in above[-1] if cell):
+        return _named(above[-1]), None
+    return tuple(str(k + 1) for k in range(len(top[first]))), None
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    filled = [cell for cell in cells if cell]
+    return bool(filled) and all(cell[0] in "[(" and cell[-1] in "])" for cell in filled)
+
+
+def _named(cells: Sequence[str]) -> tuple[str, ...]:
+    # A separator at the end of each line makes a last column without a name.
+    kept = list(cells)
+    while kept and not kept[-1]:
+        kept.pop()
+    return tuple(kept)
+
+
+def _rows(lines: list[str], first: int, separator: str | None, source: str) -> Iterator[tuple[int, list[str]]]:
+    if separator is None:
+        for number, line in enumerate(lines[first:], first + 1):
+            if line.strip():
+                yield number, line.split()
+        return
+    reader = csv.reader(lines[first:], delimiter=separator)
+    before = 0
+    while True:
+        try:
+            cells = next(reader)
+        except StopIteration:
+            return
+        except csv.Error as error:
+            raise BsaError(
+                f"{source}: row {first + reader.line_num} cannot be read ({shown(error)}).", "repair or remove the row."
+            ) from None
+        if reader.line_num - before > 1:
+            raise BsaError(
+                f"{source}: a quotation mark opened in row {first + before + 1} is not closed.", "repair the row."
+            )
+        before = reader.line_num
+        if any(cell.strip() for cell in cells):
+            yield first + reader.line_num, cells
+
+
+def numbers(table: Table, wanted: Mapping[int, str], where: Mapping[str, str]) -> Numbers:
+    """Read columns.
+
+    Parameters
+    ----------
+    table : Table
+        Where they are.
+    wanted : mapping of int to str
+        Places and names of the columns.
+    where : mapping of str to str
+        Columns and the values that a row must have to be kept.
+
+    Raises
+    ------
+    BsaError
+        Naming the row, the column and the value of a cell that is no number.
+    """
+    conditions = _conditions(table, where)
+    width = len(table.header)
+    needed = max([*wanted, *(place for place, _ in conditions)]) + 1
+    rows, columns = array("q"), {place: array("d") for place in wanted}
+    short: int | None = None
+    for number, cells in table.cells():
+        if short is not None:
+            _refuse_width(table, short, "fewer")
+        if len(cells) < needed:
+            # Only the last row may be torn: the cycler or the copy was stopped while it was written.
+            short = number
+            continue
+        if len(cells) > width and any(cell.strip() for cell in cells[width:]):
+            _refuse_width(table, number, "more")
+        if any(not _same(cells[place], value) for place, value in conditions):
+            continue
+        rows.append(number)
+        for place, column in columns.items():
+            column.append(_number(cells[place], table, number, wanted[place]))
+        if len(rows) > MAX_SAMPLES:
+            raise BsaError(f"{table.source} has more than {MAX_SAMPLES} rows.", "cut it, or thin it out first.")
+    if conditions and not rows:
+        raise BsaError(
+            f"{table.source} has no row where {' and '.join(f'{shown(k)} is {shown(v)}' for k, v in where.items())}.",
+            f"values there: {_values(table, conditions[0][0])}.",
+        )
+    notes = [] if short is None else [f"row {short}, the last one, is incomplete and was left out."]
+    if table.decimal_comma:
+        notes.append("decimal commas were read as decimal points.")
+    values = {place: np.frombuffer(column, dtype=np.float64).copy() for place, column in columns.items()}
+    return Numbers(np.frombuffer(rows, dtype=np.int64).copy(), values, notes)
+
+
+def _conditions(table: Table, where: Mapping[str, str]) -> list[tuple[int, str]]:
+    found = []
+    for name, value in where.items():
+        if name not in table.header:
+            nearest = did_you_mean(name, table.header)
+            raise BsaError(
+                f'"{shown(name)}" is not a column of {table.source}.',
+                shown(f"{nearest} ", 100) * bool(nearest) + f"Columns: {listed(table.header)}.",
+            )
+        found.append((table.header.index(name), value))
+    return found
+
+
+def _same(cell: str, value: str) -> bool:
+    cell = cell.strip()
+    if cell == value:
+        return True
+    try:
+        return float(cell) == float(value)
+    except ValueError:
+        return False
+
+
+def _values(table: Table, place: int) -> str:
+    seen: dict[str, None] = {}
+    for _, cells in table.cells():
+        if place < len(cells):
+            seen.setdefault(cells[place].strip())
+        if len(seen) > 20:
+            break
+    return listed(seen, 8)
+
+
+def _refuse_width(table: Table, row: int, word: str) -> None:
+    hint = (
+        "numbers with decimal commas? Export with points, or with semicolons between the cells."
+        if word == "more" and table.separator == ","
+        else "repair or remove the row."
+    )
+    raise BsaError(f"{table.source}: row {row} has {word} cells than the {len(table.header)} columns.", hint)
+
+
+def _number(cell: str, table: Table, row: int, column: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        pass
+    cell = cell.strip()
+    if cell.casefold() in _MISSING:
+        return float("nan")
+    if table.decimal_comma:
+        try:
+            return float(cell.replace(",", "."))
+        except ValueError:
+            pass
+    hint = "repair or remove the row."
+    if ":" in cell:
+        hint = "give times in seconds (or minutes or hours, with the unit in the header)."
+    raise BsaError(f'{table.source}: row {row}, column "{shown(column)}": "{shown(cell)}" is not a number.', hint)

@@ -1,0 +1,89 @@
+"""Perturbations that the model proposes (paper, Appendix: warm-up strategies)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ...core.errors import BsaError
+from ...core.hooks import NoOptions, ProposeContext, RunContext, hookimpl
+from ...core.messages import JsonSchema, Message
+from ...core.parameters import Candidate, ParameterSpace
+from ...core.proposal import Proposal
+from ..agent.conversation import ask
+from ..agent.prompt import SYSTEM, feedback_section, recollection_sections, task_section
+from ..agent.proposer import require_backend
+from ..agent.reply_schema import apply_updates, updates_schema
+from .random import RandomWarmUp, RandomWarmUpOptions
+
+_MEMORY_BUDGET = 9000
+
+
+class ProposedWarmUp:
+    """Asks the model once for a list of perturbations; random ones fill in where it gives too few."""
+
+    def __init__(self, options: NoOptions, context: RunContext) -> None:
+        self._backend = require_backend(context)
+        self._random = RandomWarmUp(RandomWarmUpOptions(), context)
+
+    @hookimpl
+    def warm_up(self, context: ProposeContext) -> Proposal:
+        """See `RunHooks.warm_up`."""
+        space, base, wanted = context.task.space, context.best, context.simulations_left
+        messages = [
+            Message("system", SYSTEM),
+            Message(
+                "user",
+                "\n\n".join(
+                    [
+                        task_section(context.task, base),
+                        *recollection_sections(context.recall(_MEMORY_BUDGET)),
+                        feedback_section("Feedback", base),
+                        f"## What to do\nBefore the search, we learn what each parameter does. Propose {wanted} "
+                        "perturbations of the current values; each will be simulated. Choose them so that every "
+                        'parameter\'s effect can be told from the others. Write changes as "*1.1" or "+0.02".',
+                    ]
+                ),
+                base.feedback.images,
+            ),
+        ]
+        answer = ask(
+            self._backend,
+            messages,
+            _schema(space, wanted),
+            lambda reply: _candidates(reply, space, base.candidate),
+            context.seed,
+        )
+        candidates = (answer.value or ())[:wanted]
+        missing = wanted - len(candidates)
+        rationale = f"{len(candidates)} perturbations proposed by the model"
+        if missing:
+            fill = self._random.warm_up(context).candidates[:missing]
+            candidates = (*candidates, *fill)
+            rationale += f", {missing} drawn at random because it gave too few"
+        return Proposal(
+            candidates, rationale=rationale + ".", action="warm-up", details={"problems": list(answer.problems)}
+        )
+
+
+def _schema(space: ParameterSpace, wanted: int) -> JsonSchema:
+    return {
+        "type": "object",
+        "properties": {
+            "perturbations": {"type": "array", "items": updates_schema(space), "minItems": 1, "maxItems": wanted}
+        },
+        "required": ["perturbations"],
+        "additionalProperties": False,
+    }
+
+
+def _candidates(reply: Mapping[str, Any], space: ParameterSpace, base: Candidate) -> tuple[Candidate, ...]:
+    rows = reply.get("perturbations")
+    if not isinstance(rows, list) or not rows:
+        raise BsaError('the reply has no list "perturbations".', 'write {"perturbations": [{"<name>": "*1.1"}, ...]}.')
+    candidates: list[Candidate] = []
+    for row in rows:
+        if not isinstance(row, Mapping):
+            raise BsaError(f"a perturbation is {str(row)[:60]!r}, not an object.", "write {'<name>': '*1.1'}.")
+        candidates.append(apply_updates(row, space, base)[0])
+    return tuple(candidates)
