@@ -157,7 +157,7 @@ def _scatter(values: FloatArray) -> float:
     if len(values) < 3:
         return 0.0
     # The lower quartile of |difference| of Gaussian noise is 0.3186 sqrt(2) of its standard deviation.
-    return float(np.quantile(np.abs(np.diff(values)), 0.25)) / (0.3186 * np.sqrt(2.0))
+    return float(np.quantile(np.abs(np.diff(values)), 0.25) / (0.3186 * np.sqrt(2.0)))
 
 
 def _scales(trajectory: Trajectory) -> _Record:

@@ -54,3 +54,17 @@ def bsa_proposers() -> Iterable[Entry]:
     from .agent.proposer import AgentOptions, AgentProposer
 
     yield Entry("agent", AgentProposer, "Asks the backend for a hypothesis and a change.", AgentOptions)
+
+
+@hookimpl
+def bsa_readers() -> Iterable[Entry]:
+    """Files of cyclers."""
+    from .readers.arbin_xlsx import ArbinXlsx
+    from .readers.bdf_csv import BdfCsv
+    from .readers.digatron_csv import DigatronCsv
+    from .readers.generic_csv import GenericCsv
+
+    yield Entry("bdf-csv", lambda options: BdfCsv(), "Battery Data Format: Test Time / s, Voltage / V, Current / A.")
+    yield Entry("arbin-xlsx", lambda options: ArbinXlsx(), "Arbin workbooks, or a folder of them.")
+    yield Entry("digatron-csv", lambda options: DigatronCsv(), "Digatron exports: Prog Time, Voltage, Current.")
+    yield Entry("generic-csv", lambda options: GenericCsv(), "Any text table (.csv, .txt, .gz), with column mapping.")

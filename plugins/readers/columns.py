@@ -97,6 +97,8 @@ def split_name(name: str) -> tuple[str, str | None]:
 
     Understands ``Voltage / V``, ``U[V]``, ``Current(A)``, ``voltage_V`` and ``test_time_second``.
     """
+    # The patterns take quadratic time, which a name of a megabyte could abuse.
+    name = name[:200]
     bracketed = _BRACKETS.match(name)
     if bracketed and bracketed["base"]:
         return _folded(bracketed["base"] + bracketed["tail"]), bracketed["unit"] or None
@@ -140,26 +142,29 @@ def resolve(
     BsaError
         If a signal has no column, two columns, or a unit that is not known.
     """
-    found: dict[Signal, Column] = {}
+    places: dict[Signal, int] = {}
     for signal in SIGNALS:
         index = _index(header, signal, options, source)
         if index is not None:
-            found[signal] = Column(signal, index, header[index], _unit(header, units, index, signal, options, source))
+            places[signal] = index
     required: list[Signal] = ["time", "voltage"]
     if options.constant_current_a is None:
         required.append("current")
     for signal in required:
-        if signal not in found:
+        if signal not in places:
             raise BsaError(f"{source} has no column for {signal}.", _which(header, signal))
     taken: dict[int, Signal] = {}
-    for signal, column in found.items():
-        other = taken.setdefault(column.index, signal)
+    for signal, index in places.items():
+        other = taken.setdefault(index, signal)
         if other != signal:
             raise BsaError(
-                f'{source}: column "{shown(column.name)}" is named for both {other} and {signal}.',
+                f'{source}: column "{shown(header[index])}" is named for both {other} and {signal}.',
                 f"give one of them another column: --column {signal}=NAME.",
             )
-    return found
+    return {
+        signal: Column(signal, index, header[index], _unit(header, units, index, signal, options, source))
+        for signal, index in places.items()
+    }
 
 
 def _which(header: Sequence[str], signal: str) -> str:

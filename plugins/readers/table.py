@@ -81,7 +81,8 @@ def find_table(text: str, source: str) -> Table:
     BsaError
         If there is no table, or a header without rows.
     """
-    lines = text.splitlines()
+    # `splitlines` would also cut at form feeds and the like, and row numbers would not be those of an editor.
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     start = min(len(lines), _PREAMBLE_LINES)
     for separator in _SEPARATORS:
         top = [_split(line, separator) for line in lines[:start]]

@@ -1,0 +1,28 @@
+"""Digatron (BM4) csv exports: a preamble, a line of names, a line of units."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ...core.record import ReadOptions, Record
+from .generic_csv import first_lines, is_text_table, read_table
+from .source import load_text, shown
+from .table import find_table
+
+
+class DigatronCsv:
+    """Reads ``Prog Time``, ``Voltage``, ``Current`` and the first logged temperature; ``[ss.xxx]`` are seconds."""
+
+    def matches(self, path: Path) -> bool:
+        """Whether a line near the top names the columns of the format."""
+        if not is_text_table(path):
+            return False
+        return any(
+            {"Step", "Status", "Prog Time", "Voltage", "Current"} <= {name.strip() for name in line.split(",")}
+            for line in first_lines(path, 60)
+        )
+
+    def read(self, path: Path, options: ReadOptions) -> Record:
+        """Read the file; see `Reader.read`."""
+        text, notes = load_text(path)
+        return read_table(find_table(text, shown(path.name)), options, notes)

@@ -1,0 +1,286 @@
+"""Well-formed files of every kind give the record that was put into them."""
+
+from __future__ import annotations
+
+import datetime
+import gzip
+
+import numpy as np
+import openpyxl
+import pytest
+from bsa.core.errors import BsaError
+from bsa.core.record import Reader, ReadOptions
+from bsa.core.registry import installed
+from bsa.core.segmentation import segment
+from bsa.core.trajectory import StepKind, Trajectory
+from bsa.plugins.readers.bdf_csv import write
+from bsa.plugins.readers.reading import read_record
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+
+def discharge(n: int = 200) -> Trajectory:
+    """Rest, 1C discharge, rest of a 5 Ah cell, in the package's convention."""
+    time = np.arange(n) * 10.0
+    current = np.where((time >= 200) & (time < 10 * n - 400), 5.0, 0.0)
+    drawn = np.cumsum(current) * 10 / 3600
+    return Trajectory(time, current, 4.1 - 0.3 * drawn - 0.03 * current, np.full(n, 298.15) + drawn)
+
+
+def table(trajectory: Trajectory, header: str, scale=(1.0, 1.0, 1.0), separator: str = ",") -> str:
+    lines = [header]
+    for t, v, i in zip(trajectory.time, trajectory.voltage, -trajectory.current, strict=True):
+        cells = (t * scale[0], v * scale[1], i * scale[2])
+        lines.append(separator.join(repr(float(cell)) for cell in cells))
+    return "\n".join(lines) + "\n"
+
+
+def assert_same(found: Trajectory, made: Trajectory) -> None:
+    np.testing.assert_allclose(found.time, made.time, atol=1e-4)
+    np.testing.assert_allclose(found.voltage, made.voltage, atol=2e-6)
+    np.testing.assert_allclose(found.current, made.current, atol=2e-6)
+    assert [step.kind for step in found.steps] == [StepKind.REST, StepKind.CC_DISCHARGE, StepKind.REST]
+
+
+@pytest.mark.parametrize(
+    ("name", "header", "scale", "separator"),
+    [
+        ("a.csv", "Test Time / s,Voltage / V,Current / A", (1, 1, 1), ","),
+        ("a.csv", "Test Time / h,Voltage / mV,Current / mA", (1 / 3600, 1000, 1000), ","),
+        ("a.csv", "test_time_second,voltage_volt,current_ampere", (1, 1, 1), ","),
+        ("a.csv", "Time [s],U[V],I[A]", (1, 1, 1), ","),
+        ("a.csv", "time_s;voltage_V;current_A", (1, 1, 1), ";"),
+        ("a.tsv", "Time (min)\tVoltage (V)\tCurrent (mA)", (1 / 60, 1, 1000), "\t"),
+        ("a.txt", "t/s U/V I/A", (1, 1, 1), " "),
+        ("a.csv", "Some cycler\nSerial number,17\n\nTime [s],U[V],I[A]", (1, 1, 1), ","),
+        ("a.csv", "Time,Voltage,Current\n[s],[V],[A]", (1, 1, 1), ","),
+    ],
+)
+def test_headers_and_units_are_understood(tmp_path, name, header, scale, separator):
+    made = discharge()
+    path = tmp_path / name
+    path.write_text(table(made, header, scale, separator))
+    record = read_record(path)
+    assert_same(record.trajectory, made)
+    assert record.notes == ()
+    assert record.name == name
+
+
+def test_decimal_commas_are_read_and_noted(tmp_path):
+    made = discharge()
+    path = tmp_path / "a.csv"
+    path.write_text(table(made, "Time [s];U[V];I[A]", separator=";").replace(".", ","))
+    record = read_record(path)
+    assert_same(record.trajectory, made)
+    assert any("decimal commas" in note for note in record.notes)
+
+
+def test_gzip_mapping_and_rows_of_one_test(tmp_path):
+    made = discharge()
+    rows = table(made, "x").splitlines()[1:]
+    text = "test,a,b,c\n" + "".join(f"{k},{row}\n" for k in (1, 2) for row in rows)
+    path = tmp_path / "many.csv.gz"
+    path.write_bytes(gzip.compress(text.encode()))
+    columns = {"time": "a", "voltage": "b", "current": "c"}
+    with pytest.raises(BsaError, match=r"the clock restarts in row 202 \(1990 s, then 0 s"):
+        read_record(path, ReadOptions(columns=columns))
+    record = read_record(path, ReadOptions(columns=columns, where={"test": "2"}))
+    assert_same(record.trajectory, made)
+    assert [note for note in record.notes if '"b" has no unit; it was taken to be in V' in note]
+
+
+def test_units_can_be_said(tmp_path):
+    made = discharge()
+    path = tmp_path / "a.csv"
+    path.write_text(table(made, "time,voltage,current", (1 / 60, 1000, 1000)))
+    record = read_record(path, ReadOptions(units={"time": "min", "voltage": "mV", "current": "mA"}))
+    assert_same(record.trajectory, made)
+
+
+def test_a_constant_current_can_be_said(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text("".join(f"{10 * k}\t{4.1 - 0.01 * k}\r\n" for k in range(100)))
+    options = ReadOptions(columns={"time": "1", "voltage": "2"}, constant_current_a=-2.28)
+    record = read_record(path, options)
+    assert np.all(record.trajectory.current == 2.28)
+
+
+@pytest.mark.parametrize("sign", ["discharge-positive", "auto"])
+def test_the_sign_can_be_said_or_found(tmp_path, sign):
+    made = discharge()
+    path = tmp_path / "a.csv"
+    path.write_text(table(made, "Time [s],U[V],I[A]", (1, 1, -1)))
+    record = read_record(path, ReadOptions(current_sign=sign))
+    assert_same(record.trajectory, made)
+
+
+def test_repairs_are_noted_with_their_rows(tmp_path):
+    made = discharge()
+    lines = table(made, "Time [s],U[V],I[A]").splitlines()
+    lines[50] = lines[50].replace(lines[50].split(",")[1], "8.39")
+    lines[60] = lines[60].replace(lines[60].split(",")[1], "")
+    lines.insert(71, lines[70])
+    lines.insert(101, lines[90])
+    lines.append("1999.0,3.")
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(lines))
+    record = read_record(path)
+    assert len(record.trajectory) == 198
+    notes = " | ".join(record.notes)
+    assert "1 voltage glitches were left out (8.39 V in row 51)" in notes
+    assert "1 samples without a value were left out (row 61)" in notes
+    assert "row 72" in notes
+    assert "out of time order were left out (row 102)" in notes
+    assert "row 204, the last one, is incomplete" in notes
+
+
+def test_the_two_samples_of_a_switch_may_share_a_stamp(tmp_path):
+    made = discharge()
+    lines = table(made, "Time [s],U[V],I[A]").splitlines()
+    lines.insert(21, lines[21].rsplit(",", 1)[0] + ",0.0")
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(lines))
+    record = read_record(path)
+    assert len(record.trajectory) == 201
+    assert record.notes == ()
+
+
+def test_gaps_are_noted(tmp_path):
+    made = discharge()
+    lines = table(made, "Time [s],U[V],I[A]").splitlines()
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(lines[:30] + lines[150:]))
+    note = read_record(path).notes[0]
+    assert "the longest of 1210 s after row 30; current flowed across 1" in note
+
+
+def test_temperatures(tmp_path):
+    made = discharge()
+    path = tmp_path / "a.csv"
+    rows = table(made, "Time [s],U[V],I[A]").splitlines()
+    celsius = made.temperature - 273.15
+    path.write_text("\n".join([rows[0] + ",T [degC]"] + [f"{r},{c}" for r, c in zip(rows[1:], celsius, strict=True)]))
+    assert read_record(path).trajectory.temperature is None
+    record = read_record(path, ReadOptions(columns={"temperature": "T [degC]"}))
+    np.testing.assert_allclose(record.trajectory.temperature, made.temperature)
+    assert record.ambient_k == pytest.approx(298.15)
+    assert read_record(path, ReadOptions(ambient_c=10.0)).ambient_k == pytest.approx(283.15)
+
+
+def cycling(count: int) -> Trajectory:
+    current = np.tile(np.concatenate([np.full(100, -2.0), np.zeros(30), np.full(100, 2.0), np.zeros(30)]), count)
+    charge = 1.0 - np.cumsum(current) * 30 / 3600
+    return Trajectory(np.arange(len(current)) * 30.0, current, 3.0 + 0.3 * charge - 0.03 * current)
+
+
+def test_cycles_can_be_chosen(tmp_path):
+    path = tmp_path / "a.csv"
+    write(cycling(4), path)
+    chosen = read_record(path, ReadOptions(cycles=(2, 3))).trajectory
+    assert chosen.cycles == (2, 3)
+    assert len(chosen) == 520
+    with pytest.raises(BsaError, match="has cycles 1 to 4, not 2 to 9"):
+        read_record(path, ReadOptions(cycles=(2, 9)))
+
+
+finite = st.floats(-20, 20, allow_subnormal=False)
+
+
+@settings(max_examples=50, deadline=None)
+@given(data=st.data(), n=st.integers(10, 60))
+def test_battery_data_format_makes_the_round_trip(tmp_path_factory, data, n):
+    path = tmp_path_factory.mktemp("bdf") / "a.csv"
+    time = np.cumsum(data.draw(arrays(float, n, elements=st.floats(0.5, 100))))
+    current = data.draw(arrays(float, n, elements=finite))
+    # A resistor's voltage, so that the sign check has nothing to object to.
+    voltage = 3.7 - 0.03 * current
+    made = segment(Trajectory(time, current, voltage, np.full(n, 298.15)))
+    write(made, path)
+    found = read_record(path).trajectory
+    assert np.array_equal(found.time, made.time)
+    assert np.array_equal(found.voltage, made.voltage)
+    assert np.array_equal(found.current, made.current)
+    np.testing.assert_allclose(found.temperature, made.temperature, atol=1e-9)
+    assert found.steps == made.steps
+
+
+ARBIN = ["Data_Point", "Test_Time(s)", "Date_Time", "Cycle_Index", "Current(A)", "Voltage(V)"]
+
+
+def workbook(path, sheets, start=datetime.datetime(2010, 8, 17)):
+    book = openpyxl.Workbook()
+    book.active.title = "Info"
+    book.active["D1"] = "TEST REPORT"
+    for title, (offset_s, made) in sheets.items():
+        sheet = book.create_sheet(title)
+        sheet.append(ARBIN)
+        for k in range(len(made)):
+            date = start + datetime.timedelta(seconds=offset_s + float(made.time[k]))
+            sheet.append([k + 1, float(made.time[k]), date, 1, -float(made.current[k]), float(made.voltage[k])])
+    book.save(path)
+
+
+def test_arbin_sheets_whose_clock_restarts_are_joined(tmp_path):
+    one = cycling(1)
+    path = tmp_path / "cell.xlsx"
+    workbook(path, {"Channel_1-008_2": (10_000, one), "Channel_1-008_1": (0, one)})
+    record = read_record(path)
+    assert len(record.trajectory) == 2 * len(one)
+    assert record.trajectory.cycles == (1, 2)
+    assert record.trajectory.time[len(one)] == pytest.approx(10_000, abs=1)
+    notes = " | ".join(record.notes)
+    assert "2 sheets of 1 workbooks were joined" in notes
+    assert "the clock restarts in row 2 of sheet Channel_1-008_2; it was carried on" in notes
+    alone = read_record(path, ReadOptions(sheet="Channel_1-008_1"))
+    assert len(alone.trajectory) == len(one)
+    with pytest.raises(BsaError, match="has no sheet") as raised:
+        read_record(path, ReadOptions(sheet="Chanel_1-008_1"))
+    assert 'did you mean "Channel_1-008' in raised.value.hint
+
+
+def test_a_folder_of_workbooks_is_joined_in_the_order_of_its_dates(tmp_path):
+    folder = tmp_path / "CS2"
+    folder.mkdir()
+    one = cycling(1)
+    workbook(folder / "CS2_9_1_10.xlsx", {"Channel_1-008": (0, one)}, datetime.datetime(2010, 9, 1))
+    workbook(folder / "CS2_10_1_09.xlsx", {"Channel_1-008": (0, one)}, datetime.datetime(2009, 10, 1))
+    record = read_record(folder)
+    assert record.trajectory.cycles == (1, 2)
+    assert record.trajectory.duration > 300 * 86400
+    assert "CS2_10_1_09.xlsx: Channel_1-008" in record.notes[0].split(",")[0]
+
+
+def test_digatron(tmp_path):
+    made = discharge()
+    lines = [
+        "",
+        "Battery Name,LG M50",
+        "",
+        "Step,Status,Prog Time,Voltage,Current,LogTemp001,",
+        "[],[],[ss.xxx],[V],[A],[T1],",
+    ]
+    for t, v, i in zip(made.time, made.voltage, -made.current, strict=True):
+        lines.append(f"5,PAU,{t},{v:.6f},{i},24.5,")
+    path = tmp_path / "cell.csv"
+    path.write_text("\r\n".join(lines))
+    record = read_record(path)
+    assert_same(record.trajectory, made)
+    assert record.trajectory.temperature[0] == pytest.approx(297.65)
+
+
+def test_control_characters_in_names_are_escaped(tmp_path):
+    path = tmp_path / "a\x1b[31m\n.csv"
+    path.write_text(table(discharge(), "Time [s],U[V],\x07I\x1b[2J[B]"))
+    with pytest.raises(BsaError) as raised:
+        read_record(path)
+    assert str(raised.value).isprintable()
+    assert "\\x1b" in str(raised.value)
+
+
+def test_every_reader_is_listed_and_fits_the_protocol():
+    names = installed().names("reader")
+    assert {"bdf-csv", "generic-csv", "arbin-xlsx", "digatron-csv"} <= set(names)
+    for name in names:
+        entry = installed().get("reader", name)
+        assert isinstance(entry.factory(entry.config_type()), Reader)
