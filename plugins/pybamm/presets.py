@@ -1,0 +1,222 @@
+"""Search spaces: by the name of a preset, or parameter by parameter as a person writes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, Field, ValidationError, model_validator
+
+from ...core.errors import BsaError, did_you_mean
+from ...core.parameters import Parameter, ParameterSpace, Scale
+from ...core.validation import explain, read_yaml
+from .parameter_sets import FACTOR, INITIAL_SOC, initial_value, is_function, load
+
+PRESETS_FILE = Path(__file__).with_name("search_presets.yaml")
+
+_WIDTH = "Electrode width [m]"
+
+
+class Range(BaseModel, extra="forbid"):
+    """How one parameter is searched; exactly one of the three kinds of bounds."""
+
+    factors: tuple[float, float] | None = Field(None, description="Bounds as multiples of the set's own value.")
+    bounds: tuple[float, float] | None = Field(None, description="Bounds, widened to hold the set's own value.")
+    volts_at_1c: tuple[float, float] | None = Field(None, description="A resistance's bounds, as volts lost at 1C.")
+    scale: Scale = Field("linear", description="linear or log.")
+    at_most: float | None = Field(None, description="No bound above this.")
+    start: float | None = Field(None, description="Initial value, in the units of the bounds, where the set has 0.")
+    needs: dict[str, list[str]] = Field(default_factory=dict, description="Model options it takes part with.")
+
+    @model_validator(mode="after")
+    def _one_kind_of_bounds(self) -> Range:
+        if sum(kind is not None for kind in (self.factors, self.bounds, self.volts_at_1c)) != 1:
+            raise ValueError("give one of factors, bounds and volts_at_1c")
+        return self
+
+    def takes_part(self, options: Mapping[str, Any]) -> bool:
+        """Whether a model with these options has the parameter in its equations."""
+        return all(_meets(options.get(option), values) for option, values in self.needs.items())
+
+
+class Preset(BaseModel, extra="forbid"):
+    """A named search space."""
+
+    summary: str = Field(description="One line.")
+    parameters: dict[str, Range] = Field(description="How each parameter is searched.")
+
+
+class OwnRange(BaseModel, extra="forbid"):
+    """How a user searches one parameter."""
+
+    initial: float | None = Field(None, description="Where the search starts; the set's own value if left out.")
+    lower: float | None = Field(None, description="Lower bound.")
+    upper: float | None = Field(None, description="Upper bound.")
+    factors: tuple[float, float] | None = Field(None, description="Bounds as multiples of the initial value.")
+    scale: Scale | None = Field(None, description="linear or log; log if left out and factors are given.")
+
+    @model_validator(mode="after")
+    def _whole_bounds(self) -> OwnRange:
+        if self.factors is not None and (self.lower is not None or self.upper is not None):
+            raise ValueError("give either factors, or lower and upper")
+        if (self.lower is None) != (self.upper is None):
+            raise ValueError("lower and upper go together")
+        return self
+
+
+@cache
+def presets() -> Mapping[str, Preset]:
+    """The presets by name."""
+    return {name: Preset.model_validate(content) for name, content in read_yaml(PRESETS_FILE).items()}
+
+
+def preset_space(
+    parameter_set: str,
+    preset_name: str,
+    overrides: Mapping[str, float] | None = None,
+    options: Mapping[str, Any] | None = None,
+) -> ParameterSpace:
+    """The search space of a preset around a parameter set.
+
+    Parameters
+    ----------
+    parameter_set : str
+        Name of a PyBaMM parameter set.
+    preset_name : str
+        ``"geometry"``, ``"cell"`` or ``"sei"``.
+    overrides : mapping of str to float, optional
+        Values that replace those of the set; the search starts from them.
+    options : mapping, optional
+        PyBaMM model options: parameters that take no part with them are left out.
+
+    Raises
+    ------
+    BsaError
+        If there is no such preset or parameter set, or none of the preset's parameters takes part.
+    """
+    known = presets()
+    if preset_name not in known:
+        raise BsaError(
+            f'there is no search preset "{preset_name}".',
+            did_you_mean(preset_name, known)
+            or f"presets: {', '.join(known)}; or write the parameters in a .yaml file.",
+        )
+    chosen = {name: entry for name, entry in known[preset_name].parameters.items() if entry.takes_part(options or {})}
+    if not chosen:
+        raise BsaError(
+            f'no parameter of "{preset_name}" takes part with the model options {dict(options or {})}.',
+            "switch the effect on with a model option (for example SEI), or choose another preset.",
+        )
+    return ParameterSpace(
+        tuple(_from_preset(parameter_set, name, entry, overrides or {}) for name, entry in chosen.items())
+    )
+
+
+def resolve_space(
+    parameter_set: str,
+    search: str | Mapping[str, Any],
+    overrides: Mapping[str, float] | None = None,
+    options: Mapping[str, Any] | None = None,
+) -> ParameterSpace:
+    """The search space that a person asked for.
+
+    Parameters
+    ----------
+    parameter_set : str
+        Name of a PyBaMM parameter set.
+    search : str or mapping
+        The name of a preset, the path of a YAML file, or what such a file holds: for each parameter
+        ``{initial, lower, upper, scale}``, ``{factors: [0.5, 2]}``, ``[lower, upper]``, or nothing where a
+        preset knows its range.
+    overrides, options : mapping, optional
+        As in `preset_space`.
+
+    Raises
+    ------
+    BsaError
+        Naming the parameter or key at fault and the nearest valid one.
+    """
+    if not isinstance(search, str):
+        return _own_space(parameter_set, search, "search", overrides or {})
+    path = Path(search)
+    if path.suffix not in (".yaml", ".yml"):
+        return preset_space(parameter_set, search, overrides, options)
+    content = read_yaml(path)
+    if not isinstance(content, Mapping):
+        raise BsaError(f"{path} holds no search space.", 'write one "parameter: {lower: ..., upper: ...}" a line.')
+    return _own_space(parameter_set, content, str(path), overrides or {})
+
+
+def _own_space(
+    parameter_set: str, content: Mapping[str, Any], where: str, overrides: Mapping[str, float]
+) -> ParameterSpace:
+    found: list[Parameter] = []
+    for name, value in content.items():
+        if isinstance(value, (list, tuple)) and len(value) == 2:
+            value = {"lower": value[0], "upper": value[1]}
+        try:
+            entry = OwnRange.model_validate({} if value is None else value)
+        except ValidationError as error:
+            raise explain(error, f'{where}: "{name}"', OwnRange) from None
+        found.append(_from_person(parameter_set, str(name), entry, overrides))
+    return ParameterSpace(tuple(found))
+
+
+def _from_person(parameter_set: str, name: str, entry: OwnRange, overrides: Mapping[str, float]) -> Parameter:
+    if entry.factors is None and entry.lower is None:
+        known = _known_range(name)
+        if known is None:
+            # An unknown name is the likelier mistake: say that first.
+            initial_value(parameter_set, name, overrides)
+            raise BsaError(f'"{name}" has no bounds.', "give lower and upper, or factors: [0.5, 2].")
+        parameter = _from_preset(parameter_set, name.removesuffix(FACTOR), known, overrides)
+        if entry.initial is None:
+            return parameter
+        return Parameter(parameter.name, entry.initial, parameter.lower, parameter.upper, parameter.scale)
+    initial = initial_value(parameter_set, name, overrides)
+    if entry.factors is not None:
+        initial = initial if entry.initial is None else entry.initial
+        lower, upper = sorted(initial * factor for factor in entry.factors)
+        return Parameter(name, initial, lower, upper, entry.scale or ("log" if lower > 0 else "linear"))
+    assert entry.lower is not None
+    assert entry.upper is not None
+    initial = min(max(initial, entry.lower), entry.upper) if entry.initial is None else entry.initial
+    return Parameter(name, initial, entry.lower, entry.upper, entry.scale or "linear")
+
+
+def _from_preset(parameter_set: str, name: str, entry: Range, overrides: Mapping[str, float]) -> Parameter:
+    if not name.startswith(INITIAL_SOC) and name not in overrides and is_function(parameter_set, name):
+        name += FACTOR
+    initial = initial_value(parameter_set, name, overrides)
+    if entry.factors is not None:
+        lower, upper = (initial * factor for factor in entry.factors)
+    else:
+        unit = 1.0 if entry.volts_at_1c is None else 1.0 / _one_c_current(parameter_set, overrides)
+        lower, upper = (unit * bound for bound in (entry.bounds or entry.volts_at_1c or ()))
+        if initial == 0.0 and entry.start is not None:
+            initial = unit * entry.start
+    if entry.at_most is not None:
+        upper = min(upper, entry.at_most)
+    return Parameter(name, initial, min(lower, initial), max(upper, initial), entry.scale)
+
+
+def _known_range(name: str) -> Range | None:
+    base = name.removesuffix(FACTOR)
+    return next((preset.parameters[base] for preset in presets().values() if base in preset.parameters), None)
+
+
+def _one_c_current(parameter_set: str, overrides: Mapping[str, float]) -> float:
+    """The current that empties the cell in an hour, A; a cell made wider by an override carries more."""
+    own = load(parameter_set)
+    width = float(own[_WIDTH])
+    return float(own["Nominal cell capacity [A.h]"]) * overrides.get(_WIDTH, width) / width
+
+
+def _meets(value: Any, wanted: list[str]) -> bool:
+    # Options given for each electrode apart are a pair; one that fits is enough.
+    given = [str(item).casefold() for item in (value if isinstance(value, (list, tuple)) else [value or "none"])]
+    if "!none" in wanted:
+        return any(item != "none" for item in given)
+    return any(item in wanted for item in given)
