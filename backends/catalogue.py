@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
 
+from ..core.errors import BsaError
 from ..core.hooks import Entry, hookimpl
+from ..core.messages import Backend
+from .opening import open_preset, open_route
+from .options import BackendOptions
+from .presets import load_presets
 
 
 @hookimpl
@@ -13,3 +19,55 @@ def bsa_backends() -> Iterable[Entry]:
     from .rules.backend import RulesBackend
 
     yield Entry("rules", RulesBackend, "A deterministic reasoner that reads the prompt; needs no model.")
+    for name, preset in load_presets().items():
+        yield Entry(name, partial(open_preset, preset), preset.summary, BackendOptions)
+    yield Entry("litellm", _litellm, "litellm:PROVIDER/MODEL, any hosted model that litellm knows.", BackendOptions)
+    yield Entry(
+        "openai",
+        _openai,
+        "openai:MODEL of an OpenAI-compatible server at --base-url (vLLM, llama.cpp).",
+        BackendOptions,
+    )
+    yield Entry("ollama", _ollama, "ollama:MODEL of an Ollama server.", BackendOptions)
+    yield Entry(
+        "transformers",
+        _transformers,
+        "transformers:FOLDER_OR_NAME, a Hugging Face model in this process.",
+        BackendOptions,
+    )
+    yield Entry("replay", _replay, "replay:RUN, the replies of an earlier run, without a model.", BackendOptions)
+    yield Entry(
+        "manual", _manual, "A person or another program, at the terminal or by files (--exchange).", BackendOptions
+    )
+
+
+def _litellm(options: BackendOptions) -> Backend:
+    return open_route("litellm", options.model, options)
+
+
+def _openai(options: BackendOptions) -> Backend:
+    return open_route("openai", options.model, options)
+
+
+def _ollama(options: BackendOptions) -> Backend:
+    return open_route("ollama", options.model, options)
+
+
+def _transformers(options: BackendOptions) -> Backend:
+    return open_route("transformers", options.model, options)
+
+
+def _replay(options: BackendOptions) -> Backend:
+    from .replay import replay
+
+    if not options.model:
+        raise BsaError('the backend "replay" needs a run.', "write replay:RUN, the folder of an earlier run.")
+    return replay(options.model)
+
+
+def _manual(options: BackendOptions) -> Backend:
+    from .manual import ExchangeBackend, TerminalBackend
+
+    if options.exchange is not None:
+        return ExchangeBackend(options.exchange, options.timeout_s)
+    return TerminalBackend()

@@ -15,9 +15,7 @@ def showable(messages: Sequence[Message], sees_images: bool, notes: list[str]) -
     if count and not sees_images:
         notes.append(f"{count} image{'s' * (count > 1)} left out: the model cannot see")
         return [replace(message, images=()) for message in messages]
-    shown = [
-        replace(message, images=tuple(path for path in message.images if path.is_file())) for message in messages
-    ]
+    shown = [replace(message, images=tuple(path for path in message.images if path.is_file())) for message in messages]
     missing = count - sum(len(message.images) for message in shown)
     if missing:
         notes.append(f"{missing} image{'s' * (missing > 1)} left out: no such file")

@@ -20,7 +20,9 @@ class BackendOptions(BaseModel, extra="forbid", frozen=True):
     base_url: str | None = Field(
         None, description="Address of an OpenAI-compatible or Ollama server, as http://127.0.0.1:8000/v1."
     )
-    temperature: float | None = Field(None, ge=0.0, le=2.0, description="Sampling temperature; the model's own if unset.")
+    temperature: float | None = Field(
+        None, ge=0.0, le=2.0, description="Sampling temperature; the model's own if unset."
+    )
     max_reply_tokens: int | None = Field(
         None, ge=16, description="Longest reply in tokens; 4096 if unset, 32768 for hosted models that reason."
     )
@@ -54,7 +56,9 @@ class BackendOptions(BaseModel, extra="forbid", frozen=True):
         if parts.scheme not in ("http", "https") or not parts.hostname:
             raise ValueError("an address starts with http:// or https://")
         if parts.username or parts.password or parts.query or parts.fragment:
-            raise ValueError("an address holds no user name, key or query; put a key into the environment (BSA_API_KEY)")
+            raise ValueError(
+                "an address holds no user name, key or query; a key belongs into the environment (BSA_API_KEY)"
+            )
         return address.rstrip("/")
 
     @property

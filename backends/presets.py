@@ -62,7 +62,9 @@ def _parse(text: str, where: str) -> dict[str, Preset]:
     try:
         content = yaml.safe_load(text) or {}
     except yaml.YAMLError as error:
-        raise BsaError(f"{where} is not YAML: {' '.join(str(error).split())}.", "mend the line that it names.") from None
+        raise BsaError(
+            f"{where} is not YAML: {' '.join(str(error).split())}.", "mend the line that it names."
+        ) from None
     if not isinstance(content, dict):
         raise BsaError(f"{where} holds no presets.", "write `my-model:` and below it `  ollama: my-model:8b`.")
     return {str(name): Preset(str(name), _models(str(name), routes, where)) for name, routes in content.items()}

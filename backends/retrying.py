@@ -45,7 +45,7 @@ class Patience:
     timeout_s : float
         Longest wait for one attempt.
     limit_s : float
-        Longest wait for all attempts but the first; no attempt begins or ends later.
+        No further attempt begins, or lasts, later than this after the first began.
     """
 
     timeout_s: float
@@ -83,8 +83,9 @@ def persist(attempt: Callable[[float], T], patience: Patience, notes: list[str],
                 wait = min(_FIRST_WAIT_S * 2 ** (number - 1), _LONGEST_WAIT_S) * jitter.uniform(0.5, 1.0)
             left = patience.limit_s - (time.monotonic() - started)
             if number == _MAX_ATTEMPTS or wait >= left:
+                tries = f"{number} attempt{'s' * (number > 1)}"
                 raise BackendFailure(
-                    f"no reply after {number} attempt{'s' * (number > 1)} within {patience.limit_s:g} s: {failure.reason}"
+                    f"no reply after {tries}, {patience.limit_s:g} s allowed: {failure.reason}"
                 ) from None
             notes.append(f"attempt {number}: {failure.reason}; tried again after {wait:.1f} s")
             time.sleep(wait)

@@ -1,0 +1,155 @@
+"""A person, a chat window or another program as the model: at the terminal, or by files in a folder."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, TextIO
+
+from ..core.errors import BsaError
+from ..core.messages import BackendFailure, BudgetSpent, JsonSchema, Message, Reply, Usage
+from ..core.reply_parsing import MAX_REPLY_CHARS, strip_control
+
+_POLL_S = 0.2
+_END_MARK = "."
+
+
+class TerminalBackend:
+    """Shows each prompt and reads the reply, up to the end of a JSON object or a line with a single dot.
+
+    Parameters
+    ----------
+    source, target : text stream, optional
+        Where to read and write; standard input and standard error.
+    """
+
+    name = "manual"
+    sees_images = False
+
+    def __init__(self, source: TextIO | None = None, target: TextIO | None = None) -> None:
+        self._source = source
+        self._target = target
+
+    def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
+        """See `bsa.core.messages.Backend.complete`.
+
+        Raises
+        ------
+        BudgetSpent
+            At the end of the input: there is nobody left to answer, and the run stops cleanly.
+        """
+        started = time.monotonic()
+        target = self._target or sys.stderr
+        for message in messages:
+            # Memories hold what models said before, so even prompts are not trusted with the terminal.
+            print(f"--- {message.role} ---\n{strip_control(message.text)}", file=target)
+        print(f"--- wanted: one JSON object ---\n{json.dumps(schema, indent=1)}", file=target)
+        print(f'--- your reply, ended by "{_END_MARK}" on a line of its own ---', file=target, flush=True)
+        return Reply(self._read(), Usage(seconds=time.monotonic() - started), model="manual")
+
+    def _read(self) -> str:
+        lines: list[str] = []
+        for line in self._source or sys.stdin:
+            if line.strip() == _END_MARK:
+                return "".join(lines)
+            lines.append(line)
+            if _is_whole("".join(lines)):
+                return "".join(lines)
+        if "".join(lines).strip():
+            return "".join(lines)
+        raise BudgetSpent("the input ended: nobody answers any more")
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+
+def _is_whole(text: str) -> bool:
+    try:
+        return isinstance(json.loads(text), dict)
+    except (ValueError, RecursionError):
+        return False
+
+
+class ExchangeBackend:
+    """Leaves each prompt as ``prompt-NNN.json`` in a folder and waits for ``reply-NNN.txt``.
+
+    A prompt appears whole or not at all. A reply counts once it holds a JSON object, or has not grown
+    for two looks; whoever writes it elsewhere and renames it is on the safe side.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder; made if missing.
+    timeout_s : float, optional
+        Longest wait for a reply in seconds; none if unset.
+    """
+
+    name = "manual"
+    sees_images = True
+
+    def __init__(self, folder: Path, timeout_s: float | None = None) -> None:
+        self._folder = folder
+        self._timeout_s = timeout_s
+        self._mine: set[int] = set()
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise BsaError(
+                f"the exchange folder {folder} cannot be made: {error.strerror}.", "choose another."
+            ) from None
+
+    def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
+        """See `bsa.core.messages.Backend.complete`."""
+        started = time.monotonic()
+        turns = [
+            {"role": message.role, "text": message.text, "images": [str(path.absolute()) for path in message.images]}
+            for message in messages
+        ]
+        prompt: dict[str, Any] = {"messages": turns, "schema": dict(schema), "seed": seed}
+        number = self._place(prompt)
+        text = self._wait(self._folder / f"reply-{number:03d}.txt", started)
+        return Reply(text, Usage(seconds=time.monotonic() - started), model="manual")
+
+    def _place(self, prompt: dict[str, Any]) -> int:
+        """Write the prompt, unless a run before this one left the very same unanswered or unread."""
+        numbers = sorted(int(path.stem[7:]) for path in self._folder.glob("prompt-*.json") if path.stem[7:].isdigit())
+        taken = [int(path.stem[6:]) for path in self._folder.glob("reply-*.txt") if path.stem[6:].isdigit()]
+        if numbers and numbers[-1] not in self._mine and self._holds(numbers[-1], prompt):
+            number = numbers[-1]
+        else:
+            # A reply without a prompt answers something else; its number is passed over.
+            number = max([*numbers, *taken], default=0) + 1
+            name = f"prompt-{number:03d}.json"
+            content = {"number": number, "reply": f"reply-{number:03d}.txt", **prompt}
+            draft = self._folder / f".{name}.{os.getpid()}"
+            draft.write_text(json.dumps(content, ensure_ascii=False, indent=1), encoding="utf-8", errors="replace")
+            draft.replace(self._folder / name)
+        self._mine.add(number)
+        return number
+
+    def _holds(self, number: int, prompt: dict[str, Any]) -> bool:
+        try:
+            found = json.loads((self._folder / f"prompt-{number:03d}.json").read_text(encoding="utf-8"))
+            return all(found.get(key) == value for key, value in json.loads(json.dumps(prompt)).items())
+        except (OSError, ValueError, AttributeError):
+            return False
+
+    def _wait(self, path: Path, started: float) -> str:
+        size = -1
+        while True:
+            if path.is_file():
+                content = path.read_bytes()[: 4 * MAX_REPLY_CHARS]
+                text = content.decode("utf-8", errors="replace")
+                if text.strip() and (_is_whole(text) or len(content) == size):
+                    return text
+                size = len(content)
+            if self._timeout_s is not None and time.monotonic() - started > self._timeout_s:
+                raise BackendFailure(f"nobody wrote {path.name} within {self._timeout_s:g} s")
+            time.sleep(_POLL_S)
+
+    def close(self) -> None:
+        """Nothing to release."""

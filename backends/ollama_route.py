@@ -1,0 +1,142 @@
+"""Models of an Ollama server, through its official client."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from ..core.errors import BsaError
+from ..core.messages import Message, Usage
+from .options import BackendOptions
+from .prompt_fitting import ContextTooSmallError
+from .redaction import redact
+from .retrying import TransientError
+from .served import Answer, Request, ServedBackend
+from .structured_output import FormRefusedError
+
+_REPLY_TOKENS = 4096
+_CONTEXT_STEP = 4096
+# English and JSON take about four characters a token; numbers take fewer.
+_CHARS_PER_TOKEN = 2.5
+_TOKENS_PER_IMAGE = 1500
+_LOOK_UP_TIMEOUT_S = 10.0
+_REASON_CHARS = 300
+
+
+class OllamaBackend(ServedBackend):
+    """A model that an Ollama server holds.
+
+    Parameters
+    ----------
+    model : str
+        Ollama's name, ``qwen2.5:14b``.
+    options : BackendOptions
+        ``base_url`` is the server's address; without it ``OLLAMA_HOST`` or this machine.
+    name : str
+        The backend's name.
+
+    Raises
+    ------
+    BsaError
+        If no server listens, or it does not hold the model.
+    """
+
+    def __init__(self, model: str, options: BackendOptions, name: str) -> None:
+        super().__init__(name, f"ollama {options.base_url} {model}", options)
+        import ollama
+
+        self._ollama = ollama
+        self._model = model
+        self._client = ollama.Client(host=options.base_url, timeout=options.server_timeout_s)
+        capabilities, self._context_tokens = self._look_up()
+        self.sees_images = "vision" in capabilities if options.sees_images is None else options.sees_images
+        self._thinks = "thinking" in capabilities
+
+    def _look_up(self) -> tuple[list[str], int | None]:
+        """Capabilities and longest context of the model."""
+        client = self._ollama.Client(host=self.options.base_url, timeout=_LOOK_UP_TIMEOUT_S)
+        try:
+            shown = client.show(self._model)
+        except Exception as error:
+            raise self._unusable(error) from None
+        information = shown.modelinfo or {}
+        lengths = [value for key, value in information.items() if key.endswith(".context_length")]
+        context = lengths[0] if lengths and isinstance(lengths[0], int) and lengths[0] > 0 else None
+        return list(shown.capabilities or ()), context
+
+    def _unusable(self, error: Exception) -> BsaError:
+        reason = redact(" ".join(str(error).split()))[:_REASON_CHARS]
+        if isinstance(error, self._ollama.ResponseError) and error.status_code == 404:
+            return BsaError(f'Ollama does not hold the model "{self._model}".', f"ollama pull {self._model}")
+        return BsaError(f"Ollama does not answer ({reason}).", "ollama serve")
+
+    def ask(self, request: Request, notes: list[str]) -> Answer:
+        """See `ServedBackend.ask`."""
+        reply_tokens = self.options.max_reply_tokens or _REPLY_TOKENS
+        options: dict[str, Any] = {
+            "seed": request.seed,
+            "num_predict": reply_tokens,
+            "num_ctx": self._context(request.messages, reply_tokens),
+        }
+        if self.options.temperature is not None:
+            options["temperature"] = self.options.temperature
+        form: Any = {"schema": dict(request.schema), "json": "json", "text": None}[request.form]
+        think = self.options.reasoning_effort if self._thinks else None
+        try:
+            response = self._client.chat(
+                model=self._model,
+                messages=[_as_ollama(message) for message in request.messages],
+                format=form,
+                options=options,
+                think=think,
+                stream=False,
+            )
+        except Exception as error:
+            raise self._translated(error) from None
+        return Answer(
+            text=response.message.content or "",
+            model=response.model or self._model,
+            usage=Usage(
+                prompt_tokens=max(0, response.prompt_eval_count or 0),
+                completion_tokens=max(0, response.eval_count or 0),
+            ),
+            cut=response.done_reason == "length",
+        )
+
+    def _context(self, messages: Sequence[Message], reply_tokens: int) -> int:
+        """A context that holds prompt and reply: Ollama cuts what does not fit, and says nothing.
+
+        Rounded up, since the server loads the model anew for each new length.
+        """
+        characters = sum(len(message.text) for message in messages)
+        pictures = sum(len(message.images) for message in messages)
+        needed = characters / _CHARS_PER_TOKEN + pictures * _TOKENS_PER_IMAGE + reply_tokens
+        context = math.ceil(needed / _CONTEXT_STEP) * _CONTEXT_STEP
+        if self._context_tokens is None or context <= self._context_tokens:
+            return context
+        if needed > self._context_tokens:
+            raise ContextTooSmallError
+        return self._context_tokens
+
+    def _translated(self, error: Exception) -> Exception:
+        reason = redact(f"{type(error).__name__}: {' '.join(str(error).split())}")[:_REASON_CHARS]
+        status = getattr(error, "status_code", None)
+        if status == 404:
+            return self._unusable(error)
+        if status in (401, 403):
+            return BsaError(f"the Ollama server did not accept the key ({reason}).", "export OLLAMA_API_KEY=...")
+        if status in (400, 422, 501):
+            return FormRefusedError(reason)
+        return TransientError(reason)
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._client.close()
+
+
+def _as_ollama(message: Message) -> dict[str, Any]:
+    content: dict[str, Any] = {"role": message.role, "content": message.text}
+    if message.images:
+        content["images"] = [path.read_bytes() for path in message.images]
+    return content

@@ -1,0 +1,155 @@
+"""Which models can be asked on this machine, and the one command that would make each of the others ready."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib.util import find_spec
+from typing import Any
+
+from .api_keys import OWN_SERVER_KEY, has_key, key_variables, provider_of
+from .deadline import within
+from .loaded_model import INSTALL_HINT
+from .model_files import model_folder
+from .options import BackendOptions, Route
+from .presets import Preset, load_presets
+
+_LOOK_TIMEOUT_S = 0.8
+_OLLAMA_PORT = 11434
+
+
+@dataclass(frozen=True)
+class Readiness:
+    """Whether a model can be asked by one route.
+
+    Attributes
+    ----------
+    backend : str
+        What to write behind ``--backend``.
+    route : str
+        The route.
+    model : str
+        The model's name under that route.
+    ready : bool
+        Whether it can be asked now.
+    detail : str
+        Why, or why not.
+    remedy : str
+        The command that would make it ready; empty if it is.
+    """
+
+    backend: str
+    route: Route
+    model: str
+    ready: bool
+    detail: str
+    remedy: str = ""
+
+
+def survey(options: BackendOptions | None = None) -> list[Readiness]:
+    """Every preset by every route, for ``bsa doctor``. Costs a second at most where no server listens."""
+    options = options or BackendOptions()
+    return [found for preset in load_presets().values() for found in check_preset(preset, options)]
+
+
+def check_preset(preset: Preset, options: BackendOptions) -> list[Readiness]:
+    """A preset by each of its routes, in its order; of several names under a route the first ready one."""
+    found: list[Readiness] = []
+    for route, models in preset.models.items():
+        checks = [check(preset.name, route, model, options) for model in models]
+        found.append(next((item for item in checks if item.ready), checks[0]))
+    return found
+
+
+def check(backend: str, route: Route, model: str, options: BackendOptions) -> Readiness:
+    """One model by one route. Looks, but never loads or asks a model."""
+    checks = {"openai": _openai, "ollama": _ollama, "transformers": _transformers, "litellm": _litellm}
+    problem, remedy = checks[route](model, options)
+    return Readiness(backend, route, model, not problem, problem or "ready", remedy)
+
+
+def _openai(model: str, options: BackendOptions) -> tuple[str, str]:
+    address = options.base_url if options.via in (None, "openai") else None
+    address = (address or os.environ.get("OPENAI_BASE_URL") or "").rstrip("/")
+    if not address:
+        return "no server named", f"vllm serve {model}  # then --base-url http://127.0.0.1:8000/v1"
+    key = os.environ.get(OWN_SERVER_KEY)
+    content, problem = _look(f"{address}/models", key)
+    if problem:
+        return f"{address}: {problem}", f"vllm serve {model}"
+    listed = content.get("data") if isinstance(content, Mapping) else None
+    served = [str(item.get("id")) for item in listed or [] if isinstance(item, Mapping)]
+    if served and model not in served:
+        return f"{address} serves {', '.join(served[:3])}", f"vllm serve {model}"
+    return "", ""
+
+
+def _ollama(model: str, options: BackendOptions) -> tuple[str, str]:
+    content, problem = _look(f"{ollama_address(options)}/api/tags", None)
+    if problem:
+        return f"Ollama {problem}", "ollama serve"
+    listed = content.get("models") if isinstance(content, Mapping) else None
+    held = {str(item.get("model") or item.get("name")) for item in listed or [] if isinstance(item, Mapping)}
+    if not {model, f"{model}:latest"} & held:
+        return "Ollama does not hold it", f"ollama pull {model}"
+    return "", ""
+
+
+def ollama_address(options: BackendOptions) -> str:
+    """Where Ollama's own client would look for the server."""
+    named = options.base_url if options.via == "ollama" else None
+    named = named or os.environ.get("OLLAMA_HOST") or f"127.0.0.1:{_OLLAMA_PORT}"
+    address = named if "://" in named else f"http://{named}"
+    scheme, _, rest = address.rstrip("/").partition("://")
+    host = rest.replace("0.0.0.0", "127.0.0.1")
+    return f"{scheme}://{host}" if ":" in host or scheme == "https" else f"{scheme}://{host}:{_OLLAMA_PORT}"
+
+
+def _transformers(model: str, options: BackendOptions) -> tuple[str, str]:
+    missing = [package for package in ("torch", "transformers", "llguidance") if find_spec(package) is None]
+    if missing:
+        return f"{' and '.join(missing)} not installed", INSTALL_HINT
+    if model_folder(model) is None:
+        return "not downloaded", f"hf download {model}"
+    return "", ""
+
+
+def _litellm(model: str, options: BackendOptions) -> tuple[str, str]:
+    provider = provider_of(model)
+    if not has_key(provider):
+        variable = key_variables(provider)[0]
+        return f"no key for {provider}", f"export {variable}=..."
+    return "", ""
+
+
+def _look(address: str, key: str | None) -> tuple[Any, str]:
+    """The JSON at an address and an empty string, or None and what is wrong."""
+    return _look_once(address, key, os.getpid())
+
+
+@cache
+def _look_once(address: str, key: str | None, _process: int) -> tuple[Any, str]:
+    import httpx
+
+    headers = {"authorization": f"Bearer {key}"} if key else {}
+    try:
+        response = within(
+            _LOOK_TIMEOUT_S,
+            lambda: httpx.get(address, headers=headers, timeout=_LOOK_TIMEOUT_S, follow_redirects=False),
+        )
+        if response.status_code != 200:
+            return None, f"answers with HTTP status {response.status_code}"
+        return response.json(), ""
+    except (httpx.TimeoutException, TimeoutError):
+        return None, f"does not answer within {_LOOK_TIMEOUT_S} s"
+    except httpx.HTTPError:
+        return None, "does not answer"
+    except ValueError:
+        return None, "answers with something else than JSON"
+
+
+def forget_looks() -> None:
+    """Look again next time: servers come and go."""
+    _look_once.cache_clear()

@@ -1,0 +1,164 @@
+"""What all models behind a server share: the order in which a call is tried, shortened, repeated and given up."""
+
+from __future__ import annotations
+
+import random
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from ..core.messages import BackendFailure, JsonSchema, Message, Reply, StructuredBy, Usage
+from ..core.reply_parsing import MAX_REPLY_CHARS
+from .deadline import within
+from .images import showable
+from .options import BackendOptions
+from .prompt_fitting import ContextTooSmallError, drop_memory
+from .redaction import redact
+from .retrying import Patience, TransientError, persist
+from .structured_output import FormRefusedError, descend, held_by, with_schema_in_prompt
+
+# Client libraries end a call on their own a little later; the deadline is for those that do not.
+_GRACE_S = 2.0
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a server said.
+
+    Attributes
+    ----------
+    text : str
+        The model's words.
+    model : str
+        The model, in the server's words.
+    usage : Usage
+        Tokens and cost; the time is measured by the caller.
+    cut : bool
+        Whether the reply was ended by its length.
+    """
+
+    text: str
+    model: str
+    usage: Usage
+    cut: bool = False
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a server is asked once.
+
+    Attributes
+    ----------
+    messages : sequence of Message
+        The conversation.
+    schema : mapping
+        JSON Schema of the wanted object.
+    form : {'schema', 'json', 'text'}
+        How the server shall hold the model to it.
+    seed : int
+        Seed for sampling, below 2**31: some servers keep it in 32 bits with a sign.
+    timeout_s : float
+        Longest wait.
+    """
+
+    messages: Sequence[Message]
+    schema: JsonSchema
+    form: StructuredBy
+    seed: int
+    timeout_s: float
+
+
+class ServedBackend(ABC):
+    """A model behind a server.
+
+    Parameters
+    ----------
+    name : str
+        The backend's name.
+    server : str
+        What refusals are remembered by: route, address and model.
+    options : BackendOptions
+        Limits.
+    """
+
+    sees_images: bool
+    strictest: StructuredBy = "schema"
+
+    def __init__(self, name: str, server: str, options: BackendOptions) -> None:
+        self.name = name
+        self.options = options
+        self._server = server
+
+    @abstractmethod
+    def ask(self, request: Request, notes: list[str]) -> Answer:
+        """Ask once.
+
+        Raises
+        ------
+        TransientError
+            If another attempt may work.
+        FormRefusedError
+            If the server does not take this form of request.
+        ContextTooSmallError
+            If the prompt is too long.
+        BsaError
+            If no attempt can work.
+        """
+
+    def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
+        """See `bsa.core.messages.Backend.complete`."""
+        notes: list[str] = []
+        started = time.monotonic()
+        shown = showable(messages, self.sees_images, notes)
+        patience = Patience(self.options.server_timeout_s, self.options.retry_limit_s)
+        jitter = random.Random(seed)
+
+        def in_form(form: StructuredBy) -> Answer:
+            prompt = with_schema_in_prompt(shown, schema, form)
+
+            def attempt(allowed_s: float) -> Answer:
+                request = Request(prompt, schema, form, seed % 2**31, allowed_s)
+                try:
+                    return within(allowed_s + _GRACE_S, lambda: self.ask(request, notes))
+                except TimeoutError:
+                    raise TransientError(f"no answer within {allowed_s:.3g} s") from None
+
+            return persist(attempt, patience, notes, jitter)
+
+        while True:
+            try:
+                answer, form = descend(self._server, in_form, notes, self.strictest)
+                break
+            except ContextTooSmallError:
+                shorter = drop_memory(shown)
+                if shorter is None:
+                    raise BackendFailure(f"{self.name}: the prompt is longer than the model's context") from None
+                shown, heading = shorter
+                notes.append(f'the section "{heading}" was left out: the context is too small')
+            except FormRefusedError as refusal:
+                raise BackendFailure(redact(f"{self.name} refuses the request: {refusal}")) from None
+            except BackendFailure as failure:
+                raise BackendFailure(redact(f"{self.name}: {failure}")) from None
+        return self._reply(answer, form, schema, notes, time.monotonic() - started)
+
+    def _reply(self, answer: Answer, form: StructuredBy, schema: JsonSchema, notes: list[str], seconds: float) -> Reply:
+        text = answer.text
+        if answer.cut:
+            notes.append("the reply was cut at its longest length (--max-reply-tokens)")
+        if len(text) > MAX_REPLY_CHARS:
+            notes.append(f"the reply has {len(text)} characters; only the first {MAX_REPLY_CHARS} are kept")
+            text = text[:MAX_REPLY_CHARS]
+        held = held_by(form, text, schema)
+        if held != form:
+            notes.append(f"the server took the request for {form} but did not keep to it")
+        return Reply(
+            text=redact(text),
+            usage=replace(answer.usage, seconds=seconds),
+            model=redact(answer.model)[:200],
+            structured_by=held,
+            notes=tuple(redact(note) for note in notes),
+        )
+
+    def close(self) -> None:  # noqa: B027  (nothing to release unless a route holds a connection)
+        """Release the connection."""

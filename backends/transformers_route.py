@@ -1,0 +1,146 @@
+"""Models in this process, through transformers."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from ..core.messages import BackendFailure, JsonSchema, Message, Reply, StructuredBy, Usage
+from .constrained_decoding import SchemaProcessor
+from .images import showable
+from .loaded_model import LoadedModel, load
+from .options import BackendOptions
+from .prompt_fitting import ContextTooSmallError, fit
+from .structured_output import held_by, with_schema_in_prompt
+
+_REPLY_TOKENS = 4096
+# A short context is shared: the reply gets at least this part of it.
+_LEAST_REPLY_SHARE = 0.25
+# GPT-OSS speaks on several channels; a reply that is an object from its first token belongs on this one.
+_HARMONY_CHANNEL, _HARMONY_FINAL = "<|channel|>", "<|channel|>final<|message|>"
+
+
+class TransformersBackend:
+    """A model in this process.
+
+    Parameters
+    ----------
+    model : str
+        A folder in Hugging Face format, or a name on the hub.
+    options : BackendOptions
+        Sampling and limits.
+    name : str
+        The backend's name.
+    """
+
+    sees_images = False
+
+    def __init__(self, model: str, options: BackendOptions, name: str) -> None:
+        self.name = name
+        self._model = model
+        self._options = options
+        self._loaded: LoadedModel = load(model, options.quantisation)
+        self._first = True
+
+    def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
+        """See `bsa.core.messages.Backend.complete`."""
+        notes: list[str] = []
+        if self._first:
+            notes.append(f"{self._model} runs in this process ({self._loaded.description})")
+            self._first = False
+        messages = showable(messages, False, notes)
+        form: StructuredBy = "text" if self._loaded.grammar_tokenizer is None else "schema"
+        with self._loaded.lock:
+            started = time.monotonic()
+            prompt, reply_tokens = self._prompt(with_schema_in_prompt(messages, schema, form), notes)
+            processor = None
+            if form == "schema":
+                try:
+                    processor = SchemaProcessor(self._loaded, schema, prompt.shape[1], reply_tokens)
+                except ValueError as error:
+                    notes.append(f"the schema cannot be enforced ({str(error)[:200]})")
+                    form = "text"
+                    prompt, reply_tokens = self._prompt(with_schema_in_prompt(messages, schema, form), notes)
+            tokens = self._generate(prompt, reply_tokens, processor, seed)
+            seconds = time.monotonic() - started
+        if len(tokens) >= reply_tokens:
+            notes.append("the reply was cut at its longest length (--max-reply-tokens)")
+        text = self._loaded.tokenizer.decode(tokens, skip_special_tokens=True)
+        return Reply(
+            text=text,
+            usage=Usage(prompt_tokens=prompt.shape[1], completion_tokens=len(tokens), seconds=seconds),
+            model=self._model,
+            structured_by=held_by(form, text, schema),
+            notes=tuple(notes),
+        )
+
+    def _prompt(self, messages: Sequence[Message], notes: list[str]) -> tuple[Any, int]:
+        """The prompt's tokens, shape (1, n), and how many the reply may have."""
+        context = self._loaded.context_tokens
+        wanted = self._options.max_reply_tokens or _REPLY_TOKENS
+        least = min(wanted, int(context * _LEAST_REPLY_SHARE))
+        try:
+            fitting = fit(messages, lambda tried: self._encode(tried).shape[1] + least <= context, notes)
+        except ContextTooSmallError:
+            length = self._encode(messages).shape[1]
+            raise BackendFailure(
+                f"the prompt has {length} tokens, but {self._model} has a context of {context}"
+            ) from None
+        prompt = self._encode(fitting)
+        return prompt, min(wanted, context - prompt.shape[1])
+
+    def _encode(self, messages: Sequence[Message]) -> Any:
+        tokenizer = self._loaded.tokenizer
+        if tokenizer.chat_template:
+            turns = [{"role": message.role, "content": message.text} for message in messages]
+            extra = (
+                {} if self._options.reasoning_effort is None else {"reasoning_effort": self._options.reasoning_effort}
+            )
+            text = tokenizer.apply_chat_template(turns, tokenize=False, add_generation_prompt=True, **extra)
+            if tokenizer.convert_tokens_to_ids(_HARMONY_CHANNEL) not in (None, tokenizer.unk_token_id):
+                text += _HARMONY_FINAL
+            return tokenizer(text, return_tensors="pt", add_special_tokens=False)["input_ids"]
+        # A base model without a template completes a plain transcript.
+        text = "\n\n".join(f"{message.role.capitalize()}: {message.text}" for message in messages)
+        return tokenizer(f"{text}\n\nAssistant:", return_tensors="pt")["input_ids"]
+
+    def _generate(self, prompt: Any, reply_tokens: int, processor: SchemaProcessor | None, seed: int) -> list[int]:
+        import torch
+        import transformers
+
+        model = self._loaded.model
+        sampling: dict[str, Any] = {}
+        if self._options.temperature is not None:
+            sampling["do_sample"] = self._options.temperature > 0
+            if sampling["do_sample"]:
+                sampling["temperature"] = self._options.temperature
+        if self._options.timeout_s is not None:
+            sampling["max_time"] = self._options.timeout_s
+        processors = transformers.LogitsProcessorList([processor] if processor else [])
+        prompt = prompt.to(model.device)
+        with torch.inference_mode(), _seeded(seed):
+            output = model.generate(
+                prompt,
+                attention_mask=torch.ones_like(prompt),
+                max_new_tokens=reply_tokens,
+                logits_processor=processors,
+                eos_token_id=self._loaded.end_tokens or None,
+                pad_token_id=self._loaded.end_tokens[0] if self._loaded.end_tokens else None,
+                **sampling,
+            )
+        return [int(token) for token in output[0, prompt.shape[1] :]]
+
+    def close(self) -> None:
+        """Leave the weights in memory, for the next run."""
+
+
+@contextmanager
+def _seeded(seed: int) -> Any:
+    """Random state of its own, so that neither earlier replies nor other code change this one."""
+    import torch
+
+    with torch.random.fork_rng():
+        torch.manual_seed(seed)
+        yield

@@ -1,0 +1,164 @@
+"""Merges several independent replies into one (``--votes N``)."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from statistics import median
+from typing import Any, Literal
+
+from ..core.errors import BsaError
+from ..core.messages import Backend, BackendFailure, JsonSchema, Message, Reply, StructuredBy, Usage
+from ..core.proposal import is_change
+from ..core.reply_parsing import parse_object
+from .structured_output import LADDER
+
+UPDATES = "updated_params"
+RULE = (
+    "parameters named by more than half of the replies (else the most named ones) are kept, each with the median of "
+    "its changes of the commonest kind, factors on a log scale; all other words are those of the reply closest to that"
+)
+_SEED_STRIDE = 100_003
+
+Kind = Literal["factor", "difference", "value"]
+
+
+@dataclass(frozen=True)
+class Change:
+    """One change, on the scale on which it is averaged.
+
+    Attributes
+    ----------
+    kind : {'factor', 'difference', 'value'}
+        ``"*1.2"``, ``"+0.02"`` or an absolute value.
+    amount : float
+        Logarithm of a factor; the number itself otherwise.
+    """
+
+    kind: Kind
+    amount: float
+
+    @classmethod
+    def read(cls, written: Any) -> Change | None:
+        """The change, or None if it is not one."""
+        text = str(written).strip()
+        if isinstance(written, bool) or not (is_change(text) or isinstance(written, (int, float))):
+            return None
+        if text.startswith("*"):
+            factor = float(text[1:])
+            return cls("factor", math.log(factor)) if 0 < factor < math.inf else None
+        amount = float(text)
+        if not math.isfinite(amount):
+            return None
+        return cls("difference" if isinstance(written, str) and text[0] in "+-" else "value", amount)
+
+    def __str__(self) -> str:
+        if self.kind == "factor":
+            return f"*{math.exp(self.amount):.6g}"
+        return f"{self.amount:+.6g}" if self.kind == "difference" else f"{self.amount:.6g}"
+
+    def distance(self, other: Change | None) -> float:
+        """How far apart two changes are: logarithms or relative differences; 1 for different kinds."""
+        if other is None or other.kind != self.kind:
+            return 1.0
+        gap = abs(self.amount - other.amount)
+        return gap if self.kind == "factor" else gap / max(abs(self.amount), abs(other.amount), 1e-300)
+
+
+class VotingBackend:
+    """Asks another backend several times and merges the replies.
+
+    Parameters
+    ----------
+    inner : Backend
+        Is asked with a different seed for each vote.
+    votes : int
+        How many replies.
+    """
+
+    def __init__(self, inner: Backend, votes: int) -> None:
+        self._inner = inner
+        self._votes = votes
+        self.name = f"{inner.name}, {votes} votes"
+        self.sees_images = inner.sees_images
+
+    def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
+        """See `bsa.core.messages.Backend.complete`."""
+        if UPDATES not in schema.get("properties", {}):
+            # A set of perturbations to try is no opinion: there is nothing to average.
+            return self._inner.complete(messages, schema, seed=seed)
+        replies: list[Reply] = []
+        notes: list[str] = []
+        for vote in range(self._votes):
+            try:
+                replies.append(self._inner.complete(messages, schema, seed=seed + vote * _SEED_STRIDE))
+            except BackendFailure as failure:
+                notes.append(f"vote {vote + 1} was lost: {failure}")
+        if not replies:
+            raise BackendFailure("; ".join(notes))
+        merged = merge([reply.text for reply in replies], schema, notes)
+        weakest: StructuredBy = max((reply.structured_by for reply in replies), key=LADDER.index)
+        said = [f"vote {number}: {note}" for number, reply in enumerate(replies, 1) for note in reply.notes]
+        return replace(
+            replies[0],
+            text=replies[0].text if merged is None else json.dumps(merged, ensure_ascii=False),
+            usage=sum((reply.usage for reply in replies), Usage()),
+            structured_by=weakest,
+            notes=(*notes, *said),
+        )
+
+    def close(self) -> None:
+        """Release the model."""
+        self._inner.close()
+
+
+def merge(texts: Sequence[str], schema: JsonSchema, notes: list[str]) -> dict[str, Any] | None:
+    """One reply out of many; None if none of them can be read."""
+    ballots: list[tuple[dict[str, Any], dict[str, Change]]] = []
+    for number, text in enumerate(texts, 1):
+        try:
+            content = parse_object(text, schema.get("properties", ()))
+        except BsaError as error:
+            notes.append(f"reply {number} does not count: {error.message}")
+            continue
+        changes = _changes(content)
+        if changes:
+            ballots.append((content, changes))
+        else:
+            notes.append(f"reply {number} does not count: it changes nothing")
+    if not ballots:
+        return None
+    actions = Counter(str(content.get("action", "")) for content, _ in ballots)
+    action = actions.most_common(1)[0][0]
+    ballots = [ballot for ballot in ballots if str(ballot[0].get("action", "")) == action]
+    winner = _winner([changes for _, changes in ballots])
+    closest = min(ballots, key=lambda ballot: _distance(winner, ballot[1]))[0]
+    notes.append(f"{len(ballots)} of {len(texts)} replies merged: {RULE}")
+    return {**closest, UPDATES: {name: str(change) for name, change in winner.items()}}
+
+
+def _changes(content: Mapping[str, Any]) -> dict[str, Change]:
+    updates = content.get(UPDATES)
+    if not isinstance(updates, Mapping):
+        return {}
+    read = {str(name): Change.read(written) for name, written in updates.items()}
+    return {name: change for name, change in read.items() if change is not None}
+
+
+def _winner(ballots: Sequence[Mapping[str, Change]]) -> dict[str, Change]:
+    named = Counter(name for changes in ballots for name in changes)
+    threshold = min(len(ballots) // 2 + 1, max(named.values()))
+    winner: dict[str, Change] = {}
+    for name in [name for name, count in named.items() if count >= threshold]:
+        found = [changes[name] for changes in ballots if name in changes]
+        kind = Counter(change.kind for change in found).most_common(1)[0][0]
+        winner[name] = Change(kind, median(change.amount for change in found if change.kind == kind))
+    return winner
+
+
+def _distance(winner: Mapping[str, Change], changes: Mapping[str, Change]) -> float:
+    missing = sum(name not in winner for name in changes)
+    return missing + sum(change.distance(changes.get(name)) for name, change in winner.items())

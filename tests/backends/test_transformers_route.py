@@ -1,0 +1,97 @@
+import json
+import re
+import time
+
+import pytest
+from bsa.backends.loaded_model import load
+from bsa.backends.opening import open_backend
+from bsa.backends.options import BackendOptions
+from bsa.core.messages import BackendFailure, Message
+from bsa.core.proposal import CHANGE_PATTERN
+
+pytestmark = pytest.mark.filterwarnings("ignore")
+
+
+def _valid(text, schema):
+    content = json.loads(text)
+    assert list(content) == list(schema["properties"])
+    for name, rule in schema["properties"].items():
+        if name != "updated_params":
+            assert len(content[name]) <= rule["maxLength"]
+    assert content["updated_params"].keys() <= schema["properties"]["updated_params"]["properties"].keys()
+    assert content["updated_params"]
+    assert all(re.fullmatch(CHANGE_PATTERN, change) for change in content["updated_params"].values())
+    return True
+
+
+def _open(folder, **options):
+    return open_backend(f"transformers:{folder}", BackendOptions(**options))
+
+
+@pytest.mark.slow
+def test_one_hundred_of_one_hundred_replies_are_valid(tiny_model, messages, schema):
+    replies = []
+    for temperature in (0.0, 0.3, 0.7, 1.0, 1.8):
+        backend = _open(tiny_model, temperature=temperature, max_reply_tokens=600)
+        for seed in range(20):
+            replies.append(backend.complete(messages, schema, seed=seed))
+    assert sum(_valid(reply.text, schema) for reply in replies) == 100
+    assert {reply.structured_by for reply in replies} == {"schema"}
+    seconds = sum(reply.usage.seconds for reply in replies)
+    tokens = sum(reply.usage.completion_tokens for reply in replies)
+    print(f"{seconds / 100:.2f} s a reply, {tokens / seconds:.0f} tokens a second")
+
+
+def test_a_reply_is_finished_even_where_tokens_are_few(tiny_model, messages, schema):
+    long = json.loads(json.dumps(schema))
+    for name in ("analysis", "hypothesis", "rationale"):
+        long["properties"][name]["maxLength"] = 5000
+    backend = _open(tiny_model, temperature=1.5, max_reply_tokens=400)
+    for seed in range(5):
+        reply = backend.complete(messages, long, seed=seed)
+        assert reply.usage.completion_tokens <= 400
+        assert _valid(reply.text, long)
+
+
+def test_the_same_seed_gives_the_same_reply(tiny_model, messages, schema):
+    backend = _open(tiny_model, temperature=1.0, max_reply_tokens=400)
+    first, again, other = (backend.complete(messages, schema, seed=seed).text for seed in (1, 1, 2))
+    assert first == again != other
+
+
+def test_the_model_is_loaded_once_and_named(tiny_model, messages, schema):
+    first, second = _open(tiny_model), _open(tiny_model, temperature=0.5)
+    assert first._loaded is second._loaded is load(str(tiny_model), "auto")
+    reply = first.complete(messages, schema, seed=0)
+    assert "cpu" in reply.notes[0] or "cuda" in reply.notes[0]
+    assert reply.usage.prompt_tokens > 10
+    assert not first.sees_images
+
+
+def test_memories_make_room_from_the_top(tiny_model, schema):
+    memories = "".join(f"## Memory: part {number}\n{'x,' * 500}\n\n" for number in range(3))
+    prompt = [Message("user", f"## Task\nmatch\n\n{memories}## What to do\nPropose.")]
+    reply = _open(tiny_model, max_reply_tokens=400).complete(prompt, schema, seed=0)
+    dropped = [note for note in reply.notes if "left out" in note]
+    assert dropped
+    assert "part 0" in dropped[0]
+    assert not any("part 2" in note for note in dropped)
+    assert _valid(reply.text, schema)
+
+
+def test_a_prompt_without_memories_that_does_not_fit_is_a_lost_round(tiny_model, schema):
+    with pytest.raises(BackendFailure, match="context of 2048"):
+        _open(tiny_model).complete([Message("user", "x," * 5000)], schema, seed=0)
+
+
+def test_a_model_without_chat_template_completes_a_transcript(tiny_model, messages, schema, monkeypatch):
+    backend = _open(tiny_model, max_reply_tokens=400)
+    monkeypatch.setattr(backend._loaded.tokenizer, "chat_template", None)
+    assert _valid(backend.complete(messages, schema, seed=0).text, schema)
+
+
+def test_a_time_limit_ends_a_reply(tiny_model, messages, schema):
+    began = time.monotonic()
+    schema["properties"]["analysis"]["maxLength"] = 10_000
+    _open(tiny_model, timeout_s=0.2, max_reply_tokens=1500).complete(messages, schema, seed=0)
+    assert time.monotonic() - began < 5
