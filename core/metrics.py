@@ -17,6 +17,9 @@ _ZERO = 1e-8
 
 _DURATION_FLOOR_S = 1.0
 
+_JUMP_S = 1e-6
+"""Samples closer than this stand on the two sides of a jump of the current."""
+
 
 @dataclass(frozen=True)
 class Metrics:
@@ -139,10 +142,16 @@ def _mape(simulated: FloatArray, reference: FloatArray) -> float:
 
 
 def _overlap_rmse_mv(simulated: Trajectory, target: Trajectory) -> float:
-    start = target.time[0]
-    inside = target.time - start <= simulated.duration + 1e-9
-    voltage = np.interp(target.time[inside] - start, simulated.time - simulated.time[0], simulated.voltage)
-    return 1e3 * _time_weighted_rms(target.time[inside], voltage - target.voltage[inside])
+    time = target.time - target.time[0]
+    inside = time <= simulated.duration + _JUMP_S
+    time, measured = time[inside], target.voltage[inside]
+    # Where two samples share a stamp the current jumps: one belongs before the jump, the other after it.
+    pause = np.diff(time) > _JUMP_S
+    place = time.copy()
+    place[:-1][~pause] -= _JUMP_S
+    place[1:][~pause] += _JUMP_S
+    voltage = np.interp(place, simulated.time - simulated.time[0], simulated.voltage)
+    return 1e3 * _time_weighted_rms(time, voltage - measured)
 
 
 def _time_weighted_rms(time: FloatArray, values: FloatArray) -> float:

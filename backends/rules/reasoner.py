@@ -13,7 +13,8 @@ from .sensitivity import Matrix, Sensitivity, infer
 
 _LONGEST_STEP = 0.5
 """Largest logarithmic change of one parameter in one round."""
-_DAMPING, _DAMPING_AFTER_OVERSHOT = 3e-3, 3e-2
+_DAMPING, _DAMPING_AFTER_OVERSHOT = 0.03, 0.3
+"""Damping of each parameter, relative to its own strength (Marquardt's scaling)."""
 _PROBE = 1.1
 
 
@@ -32,7 +33,9 @@ def _step(prompt: Prompt, sensitivity: Sensitivity) -> Matrix:
     """Damped, bounded least squares in logarithmic changes, shape (p,)."""
     slopes = sensitivity.slopes / sensitivity.tolerance[:, None]
     mismatch = sensitivity.mismatch / sensitivity.tolerance
-    damping = (_DAMPING_AFTER_OVERSHOT if prompt.overshot else _DAMPING) * np.linalg.norm(slopes, 2)
+    strength = np.linalg.norm(slopes, axis=0)
+    # A parameter that seems to do nothing must not be moved far on the strength of noise.
+    damping = (_DAMPING_AFTER_OVERSHOT if prompt.overshot else _DAMPING) * np.maximum(strength, 1.0)
     lower = np.full(len(sensitivity.parameters), -_LONGEST_STEP)
     upper = np.full(len(sensitivity.parameters), _LONGEST_STEP)
     for place, name in enumerate(sensitivity.parameters):
@@ -43,7 +46,7 @@ def _step(prompt: Prompt, sensitivity: Sensitivity) -> Matrix:
             lower[place] = max(lower[place], np.log(low / value)) if low > 0 else lower[place]
     # A value that lies on its bound leaves no room on one side; lsq_linear wants some.
     upper, lower = np.maximum(upper, 1e-9), np.minimum(lower, -1e-9)
-    stacked = np.vstack([slopes, damping * np.eye(len(lower))])
+    stacked = np.vstack([slopes, np.diag(damping)])
     target = np.concatenate([-mismatch, np.zeros(len(lower))])
     return np.asarray(lsq_linear(stacked, target, bounds=(lower, upper)).x)
 

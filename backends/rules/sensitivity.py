@@ -13,10 +13,12 @@ from .reading import Prompt
 Matrix = NDArray[np.float64]
 
 _PER_TEN_PERCENT = float(np.log(1.1))
-_NEAR = 0.25
+_NEAR = 0.15
 """Trials farther than this (relative change of the parameters) say little about the slope here."""
-_NOISE = 0.01
-"""Relative change below which a difference between trials is not trusted over what was known before."""
+_ROUNDING = 0.01
+"""Relative change below which a difference between trials is lost in the rounding of the prompt."""
+_TRUST_IN_WHAT_WAS_KNOWN = 0.05
+"""Weight of the slopes known before, against one of a trial at a middling distance."""
 
 _TYPICAL_TIME_S, _TYPICAL_SHIFT_MV, _TYPICAL_PERCENT = 600.0, 30.0, 20.0
 """Guessed effect of a parameter that a rule names, per unit of logarithmic change."""
@@ -106,9 +108,11 @@ def _numbers(trial: dict[str, Any], names: list[str]) -> dict[str, float]:
 def _updated(slopes: Matrix, changes: Matrix, responses: Matrix) -> Matrix:
     """The slopes nearest to the given ones that explain the differences, near trials counting most."""
     size = np.linalg.norm(changes, axis=1)
-    weight = 1.0 / (1.0 + (size / _NEAR) ** 4)
+    # Each trial tells a slope along its own direction, equally well however long the step was; a far
+    # trial tells it of another place, and a very near one is drowned by rounding.
+    weight = 1.0 / (size**2 + _ROUNDING**2) / (1.0 + (size / _NEAR) ** 4)
     weighted = changes * weight[:, None]
-    normal = weighted.T @ changes + _NOISE**2 * np.eye(changes.shape[1])
+    normal = weighted.T @ changes + _TRUST_IN_WHAT_WAS_KNOWN * np.eye(changes.shape[1])
     unexplained = responses - changes @ slopes.T
     return slopes + np.linalg.solve(normal, weighted.T @ unexplained).T
 

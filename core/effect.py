@@ -1,0 +1,157 @@
+"""What a model may lack: a named effect with its equation, its parameters and the mark it leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from .errors import BsaError
+from .parameters import Parameter, Scale
+from .trajectory import FloatArray
+
+Values = Mapping[str, float]
+"""The parameters of one effect by their short names."""
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """A parameter that exists only when its effect does.
+
+    Attributes
+    ----------
+    name : str
+        Short name, unique within the effect: ``"resistance"``.
+    unit : str
+        Unit in PyBaMM's notation, empty for a pure number.
+    null : float
+        The value at which the effect is absent (for a parameter other than the strength: its default).
+    lower, upper : float
+        Physical bounds. A strength whose null is also a bound has a sign that nature allows.
+    probe : float
+        A small but visible strength: where the score test switches the effect on, and where a refit starts.
+    scale : {'linear', 'log'}
+        The axis of the fit.
+    """
+
+    name: str
+    unit: str
+    null: float
+    lower: float
+    upper: float
+    probe: float
+    scale: Scale = "linear"
+
+    def __post_init__(self) -> None:
+        if not self.lower <= self.null <= self.upper or not self.lower <= self.probe <= self.upper:
+            raise BsaError(
+                f'"{self.name}": null {self.null:g} and probe {self.probe:g} must lie in '
+                f"[{self.lower:g}, {self.upper:g}].",
+                "widen the bounds.",
+            )
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """An effect of the instrument rather than of the cell, applied to what the model predicts.
+
+    Attributes
+    ----------
+    clock : callable or None
+        ``clock(time, values)``: the times (s) at which the cell really was when the record says ``time``.
+    voltage : callable or None
+        ``voltage(voltage, current, values)``: what the instrument writes down, V.
+    """
+
+    clock: Callable[[FloatArray, Values], FloatArray] | None = None
+    voltage: Callable[[FloatArray, FloatArray, Values], FloatArray] | None = None
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the records of a discovery can show at all.
+
+    Attributes
+    ----------
+    model : str
+        The base model, ``"SPM"``, ``"SPMe"`` or ``"DFN"``.
+    options : mapping
+        Its options; an effect that they already contain is not missing.
+    cycles : int
+        The largest number of cycles in one record.
+    temperature_span_k : float
+        Difference between the warmest and the coldest the cell is known to have been, K.
+    sampling_s : float
+        Shortest interval between samples next to a current step, s.
+    """
+
+    model: str
+    options: Mapping[str, Any]
+    cycles: int
+    temperature_span_k: float
+    sampling_s: float
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A physical or measurement effect that can be added to a model.
+
+    Attributes
+    ----------
+    name : str
+        Public name, lower case and hyphens: ``"contact-resistance"``.
+    title : str
+        The same in plain words.
+    equation : str
+        What is added, as a formula.
+    parameters : tuple of EffectParameter
+        The first is the strength: at its null value the effect is absent, whatever the others are.
+    signature : str
+        The mark the effect should leave in voltage, in words.
+    citation : str
+        Where the equation comes from, with a DOI.
+    variant : str
+        Tells apart kinds of one effect (``"reaction-limited"``); empty for most.
+    physics : object
+        How a simulator adds it; opaque to the core.
+    measurement : Measurement or None
+        For effects of the instrument.
+    lacks : callable or None
+        ``lacks(evidence)`` returns why these records cannot show the effect (or why the model already
+        has it), or an empty string.
+    """
+
+    name: str
+    title: str
+    equation: str
+    parameters: tuple[EffectParameter, ...]
+    signature: str
+    citation: str
+    variant: str = ""
+    physics: Any = None
+    measurement: Measurement | None = None
+    lacks: Callable[[Evidence], str] | None = field(default=None, compare=False)
+
+    @property
+    def key(self) -> str:
+        """Name and variant: unique in a catalogue."""
+        return f"{self.name} ({self.variant})" if self.variant else self.name
+
+    @property
+    def strength(self) -> EffectParameter:
+        """The parameter whose null value switches the effect off."""
+        return self.parameters[0]
+
+    def full_name(self, parameter: EffectParameter) -> str:
+        """The parameter's name in a candidate: ``"contact-resistance: resistance [Ohm]"``."""
+        unit = f" [{parameter.unit}]" if parameter.unit else ""
+        return f"{self.name}: {parameter.name}{unit}"
+
+    def values(self, candidate: Values) -> dict[str, float]:
+        """This effect's parameters in a candidate, by short name; null values where the candidate is silent."""
+        return {p.name: float(candidate.get(self.full_name(p), p.null)) for p in self.parameters}
+
+    @property
+    def searched(self) -> tuple[Parameter, ...]:
+        """The parameters as a search space sees them, starting at the probe."""
+        return tuple(Parameter(self.full_name(p), p.probe, p.lower, p.upper, p.scale) for p in self.parameters)

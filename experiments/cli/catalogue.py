@@ -1,0 +1,102 @@
+"""``bsa list`` and ``bsa doctor``: what is here, where it comes from, and what would make more of it ready."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Annotated
+
+import typer
+
+from .progress import printable
+
+list_app = typer.Typer(help="Show plugins, scaffolds, backends, tasks and parameters.", invoke_without_command=True)
+
+
+@list_app.callback()
+def everything(context: typer.Context) -> None:
+    """Show plugins, scaffolds, backends, tasks and parameters."""
+    if context.invoked_subcommand is None:
+        plugins()
+        scaffolds()
+        tasks()
+        print("\nbsa list parameters --set NAME shows the parameters of a set; bsa doctor, which backends are ready.")
+
+
+@list_app.command()
+def plugins() -> None:
+    """Everything that plugins offer, backends included, with its origin."""
+    from ...core.registry import KINDS, installed
+
+    registry = installed()
+    for kind in KINDS:
+        rows = [
+            (listing.entry.name, listing.entry.summary, listing.origin)
+            for listing in sorted(registry.listings(kind), key=lambda listing: listing.entry.name)
+        ]
+        _table(f"{kind}s" if kind != "memory" else "memories", rows)
+
+
+@list_app.command()
+def backends() -> None:
+    """The language models that can be named with --backend."""
+    from ...core.registry import installed
+
+    _table("backends", [(item.entry.name, item.entry.summary, item.origin) for item in installed().listings("backend")])
+
+
+@list_app.command()
+def scaffolds() -> None:
+    """The compositions of plugins that can be named with --scaffold."""
+    from ...core.scaffold import built_in_names, load_scaffold
+
+    _table("scaffolds", [(name, load_scaffold(name).summary, "") for name in built_in_names()])
+
+
+@list_app.command()
+def tasks() -> None:
+    """The tasks that can be named without a file."""
+    from ..tasks.find import packaged_tasks
+
+    _table("tasks", [(name, summary, "") for name, summary in packaged_tasks()])
+
+
+@list_app.command()
+def parameters(
+    set_name: Annotated[str | None, typer.Option("--set", help="Parameter set; left out, the sets are listed.")] = None,
+    contains: Annotated[str, typer.Option(help="Show only names that contain this text.")] = "",
+) -> None:
+    """The parameter sets, or the parameters of one."""
+    from ...plugins.pybamm import parameter_sets
+
+    if set_name is None:
+        for name in parameter_sets.set_names():
+            print(name)
+        return
+    for name, value in parameter_sets.parameters(set_name).items():
+        if contains.casefold() in name.casefold():
+            print(f"{name}: {value if isinstance(value, str) else f'{value:.6g}'}")
+
+
+def doctor() -> None:
+    """Show which language models are ready here, and the command that would make each other one so."""
+    from ...backends.readiness import survey
+
+    rows: list[tuple[str, str, str]] = []
+    for item in survey():
+        state = "ready" if item.ready else "not ready"
+        rows.append((item.name, state, item.detail if item.ready else item.remedy))
+    _table("backends", rows)
+
+
+def _table(title: str, rows: Sequence[tuple[str, str, str]] | Iterable[tuple[str, str, str]]) -> None:
+    rows = list(rows)
+    if not rows:
+        return
+    print(f"\n{title}")
+    name_width = max(len(name) for name, _, _ in rows)
+    middle_width = max(len(middle) for _, middle, _ in rows)
+    for name, middle, last in rows:
+        line = (
+            f"  {name:{name_width}s}  {middle:{middle_width}s}  {last}" if last else f"  {name:{name_width}s}  {middle}"
+        )
+        print(printable(line, 400) if not line.startswith("  ") else line.rstrip())

@@ -1,0 +1,71 @@
+"""The commands put together, and errors turned into one line with a hint."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from types import FrameType
+from typing import NoReturn
+
+import typer
+
+from ...core.errors import BsaError
+
+USER_ERROR, INTERRUPTED = 2, 130
+
+_CONTEXT = {"help_option_names": ["-h", "--help"]}
+
+
+def app() -> typer.Typer:
+    """The ``bsa`` command with all its subcommands."""
+    from .catalogue import doctor, list_app
+    from .run import run
+
+    result = typer.Typer(
+        name="bsa",
+        help="Parameterise physics-based battery models against cycler data, by reasoning and by numerics.",
+        no_args_is_help=True,
+        add_completion=False,
+        context_settings=_CONTEXT,
+        pretty_exceptions_enable=False,
+    )
+    result.command("run")(run)
+    result.add_typer(list_app, name="list")
+    result.command("doctor")(doctor)
+    return result
+
+
+def main() -> NoReturn:
+    """``bsa``."""
+    _carry_out(app())
+
+
+def run_main() -> NoReturn:
+    """``bsa-run``: the same as ``bsa run``."""
+    from .run import run
+
+    single = typer.Typer(add_completion=False, context_settings=_CONTEXT, pretty_exceptions_enable=False)
+    single.command()(run)
+    _carry_out(single)
+
+
+def _carry_out(commands: typer.Typer) -> NoReturn:
+    os.environ.setdefault("PYBAMM_DISABLE_TELEMETRY", "true")
+    signal.signal(signal.SIGTERM, _as_interrupt)
+    try:
+        commands()
+    except BsaError as error:
+        print(f"BsaError: {error}", file=sys.stderr)
+        sys.exit(USER_ERROR)
+    except KeyboardInterrupt:
+        print("Interrupted.", file=sys.stderr)
+        sys.exit(INTERRUPTED)
+    except BrokenPipeError:
+        # The reader of our output has gone (`bsa list | head`); nothing is wrong.
+        sys.stdout = None  # type: ignore[assignment]
+    sys.exit(0)
+
+
+def _as_interrupt(number: int, frame: FrameType | None) -> NoReturn:
+    raise KeyboardInterrupt

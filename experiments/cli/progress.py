@@ -1,0 +1,135 @@
+"""What a person sees while a run goes on: a live panel in a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import Any, TextIO
+
+from ...core.messages import Usage
+from ...core.proposal import Proposal
+from ...core.reply_parsing import strip_control
+from ...core.trial import Phase, Trial
+
+
+def printable(text: str, limit: int = 200) -> str:
+    """A model's words on one line, without control codes."""
+    line = " ".join(strip_control(text).split())
+    return line if len(line) <= limit else line[: limit - 1] + "…"
+
+
+class PlainProgress:
+    """One line for each round and each better trial.
+
+    Parameters
+    ----------
+    unit : str
+        Unit of the objective, for the reader.
+    stream : TextIO
+        Where to write; progress goes to standard error, results to standard output.
+    """
+
+    def __init__(self, unit: str, stream: TextIO | None = None) -> None:
+        self._unit = unit
+        self._stream = stream or sys.stderr
+        self._best = float("inf")
+
+    def proposed(self, proposal: Proposal, phase: Phase, number: int) -> None:
+        """See `Listener.proposed`."""
+        words = (
+            f"lost: {proposal.lost}" if proposal.lost else proposal.hypothesis or proposal.rationale or proposal.action
+        )
+        self._say(f"{phase} {number}: {printable(words)}")
+
+    def tried(self, trial: Trial, best: Trial, usage: Usage) -> None:
+        """See `Listener.tried`."""
+        if not trial.ok:
+            cause = trial.failure.cause if trial.failure else "nothing to compare"
+            self._say(f"  simulation {trial.index}: failed ({printable(cause, 120)})")
+        elif trial.objective < self._best:
+            self._best = trial.objective
+            cost = f", {usage.tokens} tokens, ${usage.cost_usd:.4f}" if usage.tokens else ""
+            self._say(f"  simulation {trial.index}: {trial.objective:.4g} {self._unit}{cost}")
+
+    def noted(self, text: str) -> None:
+        """See `Listener.noted`."""
+        self._say(f"note: {printable(text, 400)}")
+
+    def _say(self, line: str) -> None:
+        print(line, file=self._stream, flush=True)
+
+    def __enter__(self) -> PlainProgress:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        """Nothing to put back."""
+
+
+class LiveProgress:
+    """A panel that is redrawn in place."""
+
+    def __init__(self, title: str, unit: str, simulations: int) -> None:
+        from rich.console import Console
+        from rich.live import Live
+
+        self._title, self._unit, self._simulations = title, unit, simulations
+        self._console = Console(stderr=True)
+        self._live = Live(console=self._console, refresh_per_second=4)
+        self._started = time.monotonic()
+        self._state: dict[str, Any] = {"phase": "starting the simulator", "hypothesis": "", "count": 0, "failed": 0}
+        self._first: float | None = None
+        self._best: float | None = None
+        self._usage = Usage()
+
+    def __enter__(self) -> LiveProgress:
+        self._live.start()
+        self._draw()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._live.stop()
+
+    def proposed(self, proposal: Proposal, phase: Phase, number: int) -> None:
+        """See `Listener.proposed`."""
+        self._state["phase"] = f"{phase}, round {number}"
+        self._state["hypothesis"] = proposal.lost or proposal.hypothesis or proposal.rationale
+        self._draw()
+
+    def tried(self, trial: Trial, best: Trial, usage: Usage) -> None:
+        """See `Listener.tried`."""
+        self._state["count"] = trial.index + 1
+        self._state["failed"] += not trial.ok
+        if self._first is None and trial.ok:
+            self._first = trial.objective
+        self._best = best.objective if best.ok else None
+        self._usage = usage
+        self._draw()
+
+    def noted(self, text: str) -> None:
+        """See `Listener.noted`."""
+        from rich.text import Text
+
+        self._live.console.print(Text(f"note: {printable(text, 400)}", style="yellow"))
+
+    def _draw(self) -> None:
+        from rich.panel import Panel
+        from rich.table import Table
+        from rich.text import Text
+
+        grid = Table.grid(padding=(0, 2))
+        rows = {
+            "now": self._state["phase"],
+            "hypothesis": printable(self._state["hypothesis"], 160) or "–",
+            "error": f"{_number(self._first)} → {_number(self._best)} {self._unit}",
+            "simulations": f"{self._state['count']} of {self._simulations}"
+            + f" ({self._state['failed']} failed)" * bool(self._state["failed"]),
+            "model": f"{self._usage.tokens} tokens, ${self._usage.cost_usd:.4f}",
+            "time": f"{time.monotonic() - self._started:.0f} s",
+        }
+        for name, value in rows.items():
+            grid.add_row(Text(name, style="bold"), Text(str(value)))
+        self._live.update(Panel(grid, title=Text(self._title), border_style="cyan"))
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.4g}"

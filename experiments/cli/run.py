@@ -1,0 +1,173 @@
+"""``bsa run``, also ``bsa-run``: calibrate a task or a record."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+
+import typer
+
+from ...core.errors import BsaError
+
+if TYPE_CHECKING:
+    from ...core.loop import RunResult
+    from ...core.run_config import RunConfig
+    from ..request import RunRequest
+
+DEMO = "demo"
+
+
+def run(
+    task: Annotated[
+        str | None, typer.Argument(help="Packaged task, published case (regular-134) or task file; default: demo.")
+    ] = None,
+    data: Annotated[list[Path] | None, typer.Option("--data", help="A cycler record; repeat for several.")] = None,
+    parameters: Annotated[str | None, typer.Option(help="PyBaMM parameter set to start from, for --data.")] = None,
+    model: Annotated[str, typer.Option(help="SPM, SPMe or DFN, for --data.")] = "DFN",
+    options: Annotated[
+        list[str] | None, typer.Option(help="PyBaMM model option key=value; repeat for several.")
+    ] = None,
+    search: Annotated[str, typer.Option(help="Search-space preset or YAML file, for --data.")] = "cell",
+    column: Annotated[
+        list[str] | None, typer.Option(help="Column of a signal, voltage='Ecell/V'; repeat for several.")
+    ] = None,
+    unit: Annotated[list[str] | None, typer.Option(help="Unit of a signal, current=mA; repeat for several.")] = None,
+    current_sign: Annotated[
+        str, typer.Option(help="charge-positive (as cyclers write), discharge-positive or auto.")
+    ] = "charge-positive",
+    constant_current: Annotated[
+        float | None, typer.Option(help="Current in A of a file without a current column, signed as --current-sign.")
+    ] = None,
+    where: Annotated[
+        list[str] | None, typer.Option(help="Keep only rows with this value, test_id=1; repeat for several.")
+    ] = None,
+    cycles: Annotated[str | None, typer.Option(help='Cycles of the record to use, "1" or "2-4".')] = None,
+    sheet: Annotated[str | None, typer.Option(help="Sheet of a workbook, or test inside a file of several.")] = None,
+    reader: Annotated[str | None, typer.Option(help="Reader to use; left out, the one that fits.")] = None,
+    temperature: Annotated[float | None, typer.Option(help="Ambient temperature in degC.")] = None,
+    scale: Annotated[bool, typer.Option(help="Scale the electrode area to the record's capacity.")] = True,
+    backend: Annotated[str, typer.Option(help="Language model: a preset, litellm:PROVIDER/MODEL, ...")] = "rules",
+    via: Annotated[str | None, typer.Option(help="Route to the model: litellm, openai, ollama, transformers.")] = None,
+    backend_option: Annotated[
+        list[str] | None, typer.Option("--backend-option", help="Option of the backend, key=value; repeat.")
+    ] = None,
+    scaffold: Annotated[str, typer.Option(help="Scaffold by name, or the path of a YAML file.")] = "full",
+    rounds: Annotated[int, typer.Option(min=0, help="Search rounds at most.")] = 80,
+    warmup: Annotated[int, typer.Option(min=0, help="Warm-up simulations at most.")] = 20,
+    simulations: Annotated[int, typer.Option(min=1, help="Simulations at most, in all.")] = 100,
+    seed: Annotated[int, typer.Option(min=0, help="Seed for everything random.")] = 1234,
+    workers: Annotated[int, typer.Option(min=0, help="Simulations side by side; 0: as many as cores, 4 at most.")] = 0,
+    max_tokens: Annotated[int | None, typer.Option(min=0, help="Stop, resumably, after this many tokens.")] = None,
+    max_cost: Annotated[float | None, typer.Option(min=0, help="Stop, resumably, after this many US dollars.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the run; default: runs/<task>-<scaffold>-<n>.")] = None,
+    resume: Annotated[Path | None, typer.Option(help="Go on with an interrupted run, by its folder.")] = None,
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", help="Any setting, key=value: patience=5, feedback.use=overlay.")
+    ] = None,
+    votes: Annotated[int, typer.Option(min=1, help="Merge this many independent replies a round.")] = 1,
+    review: Annotated[bool, typer.Option(help="Let a person accept, edit or refuse each proposal.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print result.json to standard output.")] = False,
+) -> None:
+    """Calibrate a model against a target: the packaged demo, a task file, or cycler records."""
+    from ..request import Overrides, RunRequest, backend_options, key_values, numbered_folder, read_options
+    from ..run import Resources, read_request
+    from ..tasks.records import RecordRequest, build_task
+
+    resources = Resources(workers or min(os.cpu_count() or 1, 4), max_tokens, max_cost)
+    if resume is not None:
+        earlier_task, config = read_request(resume)
+        _execute(RunRequest(earlier_task, config, resume), resources, as_json)
+        return
+    overrides = Overrides(
+        rounds=rounds, warm_up=warmup, simulations=simulations, seed=seed, settings=key_values(settings, "--set")
+    )
+    config = overrides.config(
+        scaffold, backend, backend_options(via, votes, review, key_values(backend_option, "--backend-option"))
+    )
+    if data:
+        if task is not None:
+            raise BsaError(f'both a task ("{task}") and --data were given.', "give one of them.")
+        read = read_options(
+            columns=key_values(column, "--column"),
+            units=key_values(unit, "--unit"),
+            where=key_values(where, "--where"),
+            cycles=cycles,
+            current_sign=current_sign,
+            constant_current_a=constant_current,
+            sheet=sheet,
+            ambient_c=temperature,
+        )
+        chosen = build_task(
+            name=data[0].stem[:60],
+            parameter_set=parameters or _no_parameter_set(),
+            records=[RecordRequest(path, read, reader) for path in data],
+            model=model,
+            options=key_values(options, "--options"),
+            search=search,
+            scale_to_capacity=scale,
+        )
+    else:
+        from ..tasks.find import find_task
+
+        chosen = find_task(task or DEMO)
+    folder = out or numbered_folder(Path("runs"), f"{chosen.name}-{config.scaffold.name}")
+    _execute(RunRequest(chosen, config, folder), resources, as_json)
+
+
+def _no_parameter_set() -> NoReturn:
+    raise BsaError(
+        "--data needs a parameter set to start from.",
+        "add --parameters Chen2020 (NMC811), Marquis2019 or Ai2020 (LCO), Prada2013 (LFP), Ecker2015 (NMC); "
+        "bsa list parameters shows all sets.",
+    )
+
+
+def _execute(request: RunRequest, resources: Any, as_json: bool) -> None:
+    from ...backends.opening import open_backend
+    from ..request import parse_backend_options
+    from ..run import execute_run, summary
+    from .progress import LiveProgress, PlainProgress
+
+    task, config, folder = request.task, request.config, request.folder
+    unit = "% total MAPE" if any(experiment.protocol for experiment in task.experiments) else "mV voltage RMSE"
+    backend = open_backend(config.backend, parse_backend_options(config.backend_options))
+    listener: LiveProgress | PlainProgress
+    title = f"{task.name} · {config.scaffold.name} · {backend.name}"
+    live = sys.stderr.isatty() and not as_json
+    listener = LiveProgress(title, unit, config.simulations) if live else PlainProgress(unit)
+    print(f"{title} → {folder}", file=sys.stderr)
+    if config.backend == "rules":
+        print(
+            "No language model: the rules backend reasons from the prompt alone. "
+            "Choose a model with --backend NAME; bsa doctor shows which are ready here.",
+            file=sys.stderr,
+        )
+    with listener:
+        result = execute_run(task, config, folder, backend, resources, listener)
+    if as_json:
+        print(json.dumps(summary(task, config, backend.name, result), indent=2))
+    else:
+        _print_summary(result, config, folder)
+    if result.status in ("interrupted", "budget-spent"):
+        print(f"Stopped ({result.status}). Go on with: bsa-run --resume {shlex.quote(str(folder))}", file=sys.stderr)
+        if result.status == "interrupted":
+            raise typer.Exit(130)
+
+
+def _print_summary(result: RunResult, config: RunConfig, folder: Path) -> None:
+    initial, best = result.initial_metrics, result.best_metrics
+    failed = sum(not trial.ok for trial in result.trials)
+    print(f"{result.status} after {len(result.trials)} simulations ({failed} failed), {result.wall_s:.0f} s")
+    for label, attribute, unit in (
+        ("total MAPE", "mape", "%"),
+        ("voltage RMSE", "v_rmse_mv", "mV"),
+        ("capacity error", "capacity_error", "×"),
+    ):
+        before = "–" if initial is None else f"{getattr(initial, attribute):.4g}"
+        after = "–" if best is None else f"{getattr(best, attribute):.4g}"
+        print(f"  {label:15s} {before:>10s} → {after} {unit}")
+    print(f"  report: {folder / 'report.html'}")

@@ -1,0 +1,184 @@
+"""From what a person typed to what a run needs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import yaml
+from pydantic import ValidationError
+
+from ..core.errors import BsaError
+from ..core.record import ReadOptions
+from ..core.run_config import RunConfig
+from ..core.scaffold import load_scaffold
+from ..core.task import Task
+from ..core.validation import explain
+
+if TYPE_CHECKING:
+    from ..backends.options import BackendOptions
+
+
+@dataclass(frozen=True)
+class RunRequest:
+    """A run that is about to start.
+
+    Attributes
+    ----------
+    task : Task
+        What is to be matched.
+    config : RunConfig
+        Scaffold, budgets, seed.
+    folder : Path
+        Where it goes.
+    """
+
+    task: Task
+    config: RunConfig
+    folder: Path
+
+
+@dataclass(frozen=True)
+class Overrides:
+    """What replaces the defaults of a run's configuration.
+
+    Attributes
+    ----------
+    rounds, warm_up, simulations, seed : int
+        As in `RunConfig`.
+    settings : dict
+        Any other key: a field of `RunConfig`, or a dotted path into the scaffold (``feedback.use``).
+    """
+
+    rounds: int
+    warm_up: int
+    simulations: int
+    seed: int
+    settings: dict[str, Any] = field(default_factory=dict)
+
+    def config(self, scaffold: str, backend: str, options: dict[str, Any]) -> RunConfig:
+        """The checked configuration.
+
+        Raises
+        ------
+        BsaError
+            Naming the key at fault and the nearest valid one.
+        """
+        content: dict[str, Any] = {
+            "scaffold": load_scaffold(scaffold).model_dump(),
+            "backend": backend,
+            "backend_options": options,
+            "rounds": self.rounds,
+            "warm_up": self.warm_up,
+            "simulations": self.simulations,
+            "seed": self.seed,
+        }
+        for key, value in self.settings.items():
+            path = key.split(".")
+            if path[0] not in RunConfig.model_fields:
+                path = ["scaffold", *path]
+            _put(content, path, value, key)
+        try:
+            return RunConfig.model_validate(content)
+        except ValidationError as error:
+            raise explain(error, "run configuration", RunConfig) from None
+
+
+def _put(content: dict[str, Any], path: Sequence[str], value: Any, key: str) -> None:
+    *parents, last = path
+    place: Any = content
+    for part in parents:
+        place = place.get(part) if isinstance(place, dict) else None
+        if not isinstance(place, dict):
+            raise BsaError(
+                f'--set {key}: there is no setting "{key}".',
+                f"settings of a run: {', '.join(RunConfig.model_fields)}; of its scaffold: simulator, feedback, "
+                "memories, warm_up and proposer, each with .use and .options.",
+            )
+    place[last] = value
+
+
+def key_values(pairs: Sequence[str] | None, option: str) -> dict[str, Any]:
+    """``["a=1", "b=x"]`` as a mapping; values are read as YAML scalars.
+
+    Raises
+    ------
+    BsaError
+        If a pair has no ``=``.
+    """
+    result: dict[str, Any] = {}
+    for pair in pairs or ():
+        key, sign, value = pair.partition("=")
+        if not sign or not key:
+            raise BsaError(f'{option} "{pair}" is not key=value.', f'write {option} "key=value".')
+        try:
+            result[key.strip()] = yaml.safe_load(value)
+        except yaml.YAMLError:
+            result[key.strip()] = value
+    return result
+
+
+def read_options(
+    columns: dict[str, Any], units: dict[str, Any], where: dict[str, Any], cycles: str | None, **others: Any
+) -> ReadOptions:
+    """What the command line says about a file.
+
+    Raises
+    ------
+    BsaError
+        If an option is not valid.
+    """
+    from .tasks.records import parse_cycles
+
+    content: dict[str, Any] = {
+        "columns": _texts(columns),
+        "units": _texts(units),
+        "where": _texts(where),
+        "cycles": None if cycles is None else parse_cycles(cycles),
+        **others,
+    }
+    try:
+        return ReadOptions.model_validate(content)
+    except ValidationError as error:
+        raise explain(error, "the options of the record", ReadOptions) from None
+
+
+def _texts(values: dict[str, Any]) -> dict[str, str]:
+    return {key: str(value) for key, value in values.items()}
+
+
+def backend_options(via: str | None, votes: int, review: bool, settings: dict[str, Any]) -> dict[str, Any]:
+    """The backend's options as they go into the configuration: only what differs from the defaults."""
+    return {
+        **settings,
+        **({"via": via} if via is not None else {}),
+        **({"votes": votes} if votes > 1 else {}),
+        **({"review": True} if review else {}),
+    }
+
+
+def parse_backend_options(content: dict[str, Any]) -> BackendOptions:
+    """The checked options of a backend.
+
+    Raises
+    ------
+    BsaError
+        Naming the key at fault and the nearest valid one.
+    """
+    from ..backends.options import BackendOptions
+
+    try:
+        return BackendOptions.model_validate(content)
+    except ValidationError as error:
+        raise explain(error, "backend options", BackendOptions) from None
+
+
+def numbered_folder(parent: Path, name: str) -> Path:
+    """A folder that does not exist yet: ``name-1``, ``name-2``, ..."""
+    safe = "".join(character if character.isalnum() or character in "-_." else "-" for character in name)
+    number = 1
+    while (parent / f"{safe}-{number}").exists():
+        number += 1
+    return parent / f"{safe}-{number}"

@@ -1,0 +1,196 @@
+"""One run from its task and configuration to its folder: journal, results, report."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from ..core.encoding import decode_task, encode_task
+from ..core.errors import BsaError
+from ..core.hooks import RunContext
+from ..core.journal import FILE_NAME, FORMAT, Journal, read_events
+from ..core.loop import Listener, Run, RunResult
+from ..core.messages import Backend
+from ..core.metrics import Metrics
+from ..core.recording import LOST_CALL, REPLY, RecordingBackend
+from ..core.registry import installed
+from ..core.run_config import RunConfig
+from ..core.run_plugins import RunPlugins
+from ..core.task import Task
+
+_VERSIONED = ("battery-sim-agent", "pybamm", "numpy", "scipy")
+
+
+@dataclass(frozen=True)
+class Resources:
+    """What a run may use; none of it changes what the run finds.
+
+    Attributes
+    ----------
+    workers : int
+        Simulations side by side.
+    max_tokens, max_cost_usd : optional
+        Allowance for the language model; once spent, the run stops and can be resumed.
+    """
+
+    workers: int = 1
+    max_tokens: int | None = None
+    max_cost_usd: float | None = None
+
+
+def versions() -> dict[str, str]:
+    """What is installed, by distribution, and the Python version."""
+    found = {"python": platform.python_version()}
+    for name in _VERSIONED:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def execute_run(
+    task: Task,
+    config: RunConfig,
+    folder: Path,
+    backend: Backend,
+    resources: Resources | None = None,
+    listener: Listener | None = None,
+) -> RunResult:
+    """Run a task in a folder, or go on where an interrupted run of the same task and configuration stopped.
+
+    Parameters
+    ----------
+    task : Task
+        What is to be matched.
+    config : RunConfig
+        Scaffold, budgets, seed.
+    folder : Path
+        Where the journal, the results and the report go.
+    backend : Backend
+        The language model; closed at the end.
+    resources : Resources, optional
+        Workers and allowances.
+    listener : Listener, optional
+        Watches.
+
+    Returns
+    -------
+    RunResult
+
+    Raises
+    ------
+    BsaError
+        If the folder holds a run of another task or configuration, or a plugin cannot be used.
+    """
+    resources = resources or Resources()
+    journal = Journal(folder)
+    try:
+        earlier = list(read_events(folder))
+        _open_chapter(journal, earlier, task, config)
+        exchanges = [event for event in earlier if event["event"] in (REPLY, LOST_CALL)]
+        recorder = RecordingBackend(backend, journal, exchanges, resources.max_tokens, resources.max_cost_usd)
+        context = RunContext(task, config.seed, folder, recorder, resources.workers)
+        plugins = RunPlugins(config.scaffold, context, installed())
+        try:
+            if listener:
+                for text in (*task.notes, *journal.warnings):
+                    listener.noted(text)
+            result = Run(task, config, plugins, recorder, journal, folder, earlier, listener).execute()
+            write_results(folder, task, config, backend.name, result)
+            for name, content in plugins.export(result.best.candidate).items():
+                (folder / name).write_text(content, encoding="utf-8")
+        finally:
+            plugins.close()
+    finally:
+        journal.close()
+        backend.close()
+    return result
+
+
+def _open_chapter(journal: Journal, earlier: list[dict[str, Any]], task: Task, config: RunConfig) -> None:
+    """Write the first line of a fresh journal, or check that the old one belongs to this task and configuration."""
+    encoded, dumped = encode_task(task), config.model_dump(mode="json")
+    now = versions()
+    if not earlier:
+        identity = config.identity(encoded, now)
+        journal.append("run", format=FORMAT, identity=identity, config=dumped, versions=now, task=encoded)
+        return
+    first = earlier[0]
+    if first["event"] != "run" or first["config"] != dumped or first["task"] != json.loads(json.dumps(encoded)):
+        raise BsaError(
+            f"{journal.path} belongs to another task or configuration.",
+            "choose another --out folder, or resume with --resume alone.",
+        )
+    changed = [
+        f"{name} {first['versions'].get(name)} -> {now[name]}"
+        for name in now
+        if first["versions"].get(name) != now[name]
+    ]
+    if changed:
+        journal.warnings.append(f"Resumed with other versions than the run began with: {', '.join(changed)}.")
+    journal.append("resumed", versions=now)
+
+
+def read_request(folder: Path) -> tuple[Task, RunConfig]:
+    """The task and configuration of an earlier run, from its journal.
+
+    Raises
+    ------
+    BsaError
+        If the folder holds no run.
+    """
+    for event in read_events(folder):
+        if event["event"] == "run":
+            return decode_task(event["task"]), RunConfig.model_validate(event["config"])
+        break
+    raise BsaError(f"{folder / FILE_NAME} does not begin with a run.", "give the folder of an earlier run.")
+
+
+def summary(task: Task, config: RunConfig, backend_name: str, result: RunResult) -> dict[str, Any]:
+    """What ``result.json`` holds."""
+    return {
+        "task": task.name,
+        "scaffold": config.scaffold.name,
+        "backend": backend_name,
+        "seed": config.seed,
+        "status": result.status,
+        "simulations": len(result.trials),
+        "failed_simulations": sum(not trial.ok for trial in result.trials),
+        "llm_calls": result.llm_calls,
+        "tokens": result.usage.tokens,
+        "cost_usd": result.usage.cost_usd,
+        "wall_s": result.wall_s,
+        "simulator_s": result.simulator_s,
+        "backend_s": result.usage.seconds,
+        "initial": _numbers(result.initial_metrics),
+        "best": {
+            **_numbers(result.best_metrics),
+            "trial": result.best.index,
+            "phase": result.best.phase,
+            "round": result.best.round,
+            "parameters": dict(result.best.candidate),
+        },
+        "versions": versions(),
+    }
+
+
+def _numbers(metrics: Metrics | None) -> dict[str, float | None]:
+    return dict.fromkeys(Metrics.__dataclass_fields__) if metrics is None else asdict(metrics)
+
+
+def write_results(folder: Path, task: Task, config: RunConfig, backend_name: str, result: RunResult) -> None:
+    """Write ``result.json`` and ``best_parameters.json``, each whole or not at all."""
+    _write_json(folder / "result.json", summary(task, config, backend_name, result))
+    _write_json(folder / "best_parameters.json", dict(result.best.candidate))
+
+
+def _write_json(path: Path, content: Mapping[str, Any]) -> None:
+    draft = path.with_suffix(".part")
+    draft.write_text(json.dumps(content, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    draft.replace(path)

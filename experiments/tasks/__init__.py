@@ -1,0 +1,1 @@
+"""Where tasks come from: task files, measured records, and the packaged demonstration."""

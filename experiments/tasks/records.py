@@ -1,0 +1,179 @@
+"""From measured records to a task: what to search, at which size, from which state of charge."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.errors import BsaError
+from ...core.parameters import Parameter, ParameterSpace
+from ...core.record import ReadOptions, Record
+from ...core.registry import installed
+from ...core.task import CellModel, Experiment, Protocol, Task
+from ...core.trajectory import StepKind, Trajectory
+
+WIDTH = "Electrode width [m]"
+
+_SAME_SIZE = (0.8, 1.25)
+"""Ratios of measured to nominal capacity that the search bridges by itself."""
+
+
+@dataclass(frozen=True)
+class RecordRequest:
+    """A record to be matched, before it is read.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    read : ReadOptions
+        What its header does not say.
+    reader : str or None
+        The reader to use; None finds the one that fits.
+    protocol, scored_cycle, temperature_k, initial_soc
+        As in `Experiment`.
+    """
+
+    path: Path
+    read: ReadOptions = field(default_factory=ReadOptions)
+    reader: str | None = None
+    protocol: Protocol | None = None
+    scored_cycle: int | None = None
+    temperature_k: float | None = None
+    initial_soc: float | None = None
+
+
+def build_task(
+    name: str,
+    parameter_set: str,
+    records: Sequence[RecordRequest],
+    model: str = "DFN",
+    options: Mapping[str, Any] | None = None,
+    overrides: Mapping[str, float] | None = None,
+    search: str | Mapping[str, Any] = "cell",
+    scale_to_capacity: bool = True,
+) -> Task:
+    """Read the records and put a task together.
+
+    Parameters
+    ----------
+    name : str
+        The task's name.
+    parameter_set, model, options, overrides
+        As in `CellModel`.
+    records : sequence of RecordRequest
+        What is to be matched.
+    search : str or mapping
+        Name of a preset, or parameters with bounds.
+    scale_to_capacity : bool
+        Whether the electrode area is scaled when the cell is of another size than the parameter set's.
+
+    Raises
+    ------
+    BsaError
+        If a file, a parameter set or a parameter does not exist or makes no sense.
+    """
+    from ...plugins.pybamm.initial_state import soc_at_voltage
+    from ...plugins.pybamm.parameter_sets import INITIAL_SOC, load
+    from ...plugins.pybamm.presets import resolve_space
+    from ...plugins.readers.reading import read_record
+
+    loaded = [read_record(request.path, request.read, installed(), request.reader) for request in records]
+    notes = [f"{record.name}: {note}" for record in loaded for note in record.notes]
+    fixed = dict(overrides or {})
+    values = load(parameter_set, fixed)
+    if scale_to_capacity and WIDTH not in fixed and all(request.protocol is None for request in records):
+        factor, note = _size_factor(loaded, values)
+        if note:
+            fixed[WIDTH] = float(values[WIDTH]) * factor
+            notes.append(note)
+    cell = CellModel(parameter_set, model, dict(options or {}), fixed)
+    space = resolve_space(parameter_set, search, fixed, cell.options)
+    experiments: list[Experiment] = []
+    socs: list[float] = []
+    for request, record in zip(records, loaded, strict=True):
+        soc = request.initial_soc
+        if soc is None and request.protocol is None:
+            voltage = _resting_voltage(record.trajectory)
+            soc = soc_at_voltage(cell, voltage)
+            notes.append(f"{record.name}: starts at {voltage:.3f} V, taken as a state of charge of {soc:.3f}.")
+        if soc is not None:
+            socs.append(soc)
+        experiments.append(
+            Experiment(
+                name=record.name,
+                target=record.trajectory,
+                protocol=request.protocol,
+                scored_cycle=request.scored_cycle,
+                temperature_k=request.temperature_k if request.temperature_k is not None else record.ambient_k,
+                initial_soc=soc,
+            )
+        )
+    return Task(name, cell, _with_initial_soc(space, INITIAL_SOC, experiments, socs), tuple(experiments), tuple(notes))
+
+
+def _size_factor(records: Sequence[Record], values: Any) -> tuple[float, str]:
+    """How much larger the measured cell is than the parameter set's, and a sentence if that matters."""
+    nominal = float(values["Nominal cell capacity [A.h]"])
+    window = float(values["Upper voltage cut-off [V]"]) - float(values["Lower voltage cut-off [V]"])
+    spans = [
+        float(np.ptp(record.trajectory.discharge_capacity))
+        for record in records
+        # A record that stays in part of the voltage window says little about the capacity.
+        if np.ptp(record.trajectory.voltage) > 0.6 * window
+    ]
+    if not spans:
+        return 1.0, ""
+    ratio = max(spans) / nominal
+    if _SAME_SIZE[0] <= ratio <= _SAME_SIZE[1]:
+        return 1.0, ""
+    return ratio, (
+        f"The records hold {max(spans):.3g} A.h, the parameter set's cell {nominal:.3g} A.h: "
+        f'"{WIDTH}" starts from {ratio:.3g} times its value (--no-scale keeps it).'
+    )
+
+
+def _resting_voltage(record: Trajectory) -> float:
+    """The open-circuit voltage that the record starts from, as near as it shows, V."""
+    first = record.steps[0]
+    return float(record.voltage[first.stop - 1 if first.kind is StepKind.REST else 0])
+
+
+def _with_initial_soc(
+    space: ParameterSpace, name: str, experiments: Sequence[Experiment], socs: Sequence[float]
+) -> ParameterSpace:
+    """The space with every searched state of charge started where its record starts.
+
+    One searched ``Initial state of charge`` becomes one for each record when there are several.
+    """
+    if name not in space or not socs:
+        return space
+    template = space[name]
+    if len(experiments) == 1:
+        own = [(name, socs[0])]
+    else:
+        own = [(f"{name}: {e.name}", e.initial_soc) for e in experiments if e.initial_soc is not None]
+    started = tuple(
+        Parameter(key, min(max(soc, template.lower), template.upper), template.lower, template.upper, template.scale)
+        for key, soc in own
+    )
+    return ParameterSpace((*(parameter for parameter in space if parameter.name != name), *started))
+
+
+def parse_cycles(text: str) -> tuple[int, int]:
+    """``"3"`` or ``"2-5"`` as a first and a last cycle.
+
+    Raises
+    ------
+    BsaError
+        If the text is neither.
+    """
+    first, _, last = text.partition("-")
+    try:
+        return int(first), int(last or first)
+    except ValueError:
+        raise BsaError(f'"{text}" is not a range of cycles.', 'write "3" or "2-5".') from None

@@ -1,0 +1,81 @@
+"""A calibration task as a person writes it: a short YAML file beside its records."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, Field, ValidationError
+
+from ...core.errors import BsaError
+from ...core.record import ReadOptions
+from ...core.task import Task
+from ...core.validation import explain, read_yaml
+from .records import RecordRequest, build_task
+
+ZERO_CELSIUS_K = 273.15
+
+
+class ExperimentEntry(BaseModel, extra="forbid"):
+    """One record and how it was made."""
+
+    data: str = Field(description="The record, relative to the task file.")
+    protocol: list[list[str]] | None = Field(
+        None, description="Cycles of PyBaMM step strings; left out, the measured current drives the model."
+    )
+    scored_cycle: int | None = Field(None, ge=1, description="The cycle to be matched; left out, the whole record.")
+    temperature_degc: float | None = Field(None, gt=-100, lt=200, description="Ambient temperature in degC.")
+    initial_soc: float | None = Field(None, ge=0, le=1, description="Initial state of charge.")
+    read: ReadOptions = Field(default_factory=ReadOptions, description="What the file's header does not say.")
+
+
+class TaskFile(BaseModel, extra="forbid"):
+    """A task file."""
+
+    name: str = Field(min_length=1, max_length=80, description="Short name, used for the run's folder.")
+    summary: str = Field("", description="One line for bsa list.")
+    parameter_set: str = Field(description="PyBaMM parameter set to start from.")
+    model: str = Field("DFN", description="SPM, SPMe or DFN.")
+    options: dict[str, Any] = Field(default_factory=dict, description="PyBaMM model options.")
+    overrides: dict[str, float] = Field(
+        default_factory=dict, description="Values that replace those of the set and are not searched."
+    )
+    search: str | dict[str, Any] = Field(description="A preset's name, or parameters with bounds.")
+    experiments: list[ExperimentEntry] = Field(min_length=1, description="The records to match.")
+
+
+def load_task_file(path: Path) -> Task:
+    """Read a task file and its records.
+
+    Raises
+    ------
+    BsaError
+        Naming the file, the key and the nearest valid key.
+    """
+    try:
+        content = TaskFile.model_validate(read_yaml(path))
+    except ValidationError as error:
+        raise explain(error, str(path), TaskFile) from None
+    records = [
+        RecordRequest(
+            path=path.parent / entry.data,
+            read=entry.read,
+            protocol=None if entry.protocol is None else tuple(tuple(cycle) for cycle in entry.protocol),
+            scored_cycle=entry.scored_cycle,
+            temperature_k=None if entry.temperature_degc is None else entry.temperature_degc + ZERO_CELSIUS_K,
+            initial_soc=entry.initial_soc,
+        )
+        for entry in content.experiments
+    ]
+    try:
+        return build_task(
+            name=content.name,
+            parameter_set=content.parameter_set,
+            model=content.model,
+            options=content.options,
+            overrides=content.overrides,
+            search=content.search,
+            records=records,
+        )
+    except BsaError as error:
+        raise BsaError(f"{path}: {error.message}", error.hint) from None

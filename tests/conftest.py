@@ -1,0 +1,41 @@
+"""Fixtures that several folders share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from bsa.backends.rules.backend import RulesBackend
+from bsa.core.loop import RunResult
+from bsa.core.messages import Backend
+from bsa.core.run_config import RunConfig
+from bsa.core.scaffold import Scaffold
+from bsa.core.task import Task
+from bsa_toy_cell import toy_scaffold, toy_task
+
+RunToy = Callable[..., RunResult]
+
+
+@pytest.fixture
+def run_toy(tmp_path: Path) -> RunToy:
+    """Runs the toy task in a folder and gives the result."""
+    from bsa.experiments.run import execute_run
+
+    def run(
+        folder: Path | None = None,
+        scaffold: Scaffold | None = None,
+        backend: Backend | None = None,
+        task: Task | None = None,
+        **config: Any,
+    ) -> RunResult:
+        settings = {"rounds": 12, "warm_up": 8, "simulations": 30, **config}
+        return execute_run(
+            task or toy_task(),
+            RunConfig(scaffold=scaffold or toy_scaffold(), **settings),
+            folder or tmp_path / "run",
+            backend or RulesBackend(),
+        )
+
+    return run

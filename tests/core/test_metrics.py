@@ -1,0 +1,80 @@
+import numpy as np
+import pytest
+from bsa.core.metrics import evaluate
+from bsa.core.simulation import ExperimentRun, Outcome
+from bsa.core.task import CellModel, Experiment, Task
+from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa_toy_cell import CAPACITY, HIDDEN, record, space, toy_task
+
+
+def outcome_of(trajectory: Trajectory) -> Outcome:
+    return Outcome((ExperimentRun(trajectory),))
+
+
+def constant(current: float, voltage: float, seconds: int) -> Trajectory:
+    n = seconds + 1
+    steps = (Step(StepKind.CC_DISCHARGE, 0, n),)
+    return Trajectory(np.arange(float(n)), np.full(n, current), np.full(n, voltage), None, steps)
+
+
+def test_a_perfect_simulation_has_no_error() -> None:
+    metrics = evaluate(toy_task(), outcome_of(record(HIDDEN)))
+    assert metrics is not None
+    assert metrics.mape == metrics.rmse == metrics.capacity_error == 0.0
+    assert metrics.v_rmse_mv < 1e-6
+
+
+def test_the_papers_numbers_by_hand() -> None:
+    # 100 s against 80 s at 2 % more current and 1 % less voltage: the last 20 of 100 samples are padded with zeros.
+    target, simulated = constant(1.0, 4.0, 100), constant(1.02, 3.96, 80)
+    task = Task("t", CellModel("x"), space(), (Experiment("r", target, (("Discharge at 1 A for 100 s",),)),))
+    metrics = evaluate(task, outcome_of(simulated))
+    assert metrics is not None
+    assert metrics.i_mape == pytest.approx(0.8 * 2.0 + 0.2 * 100.0)
+    assert metrics.v_mape == pytest.approx(0.8 * 1.0 + 0.2 * 100.0)
+    assert metrics.q_mape == pytest.approx(100.0 * (1 - 0.8 * 1.02))
+    assert metrics.mape == pytest.approx(metrics.q_mape + metrics.i_mape + metrics.v_mape)
+    q, i = 100 / 3600 * (1 - 0.816), np.sqrt(0.8 * 0.02**2 + 0.2 * 1.0)
+    assert metrics.rmse == pytest.approx(q + i + np.sqrt(0.8 * 0.04**2 + 0.2 * 16.0))
+    assert metrics.v_rmse_mv == pytest.approx(40.0)
+    assert metrics.objective == metrics.mape
+
+
+def test_samples_where_the_reference_is_zero_do_not_count() -> None:
+    target = record(HIDDEN)
+    other = record({**HIDDEN, CAPACITY: HIDDEN[CAPACITY] * 1.1})
+    metrics = evaluate(toy_task(), outcome_of(other))
+    assert metrics is not None
+    assert 0 < metrics.i_mape < 100
+    assert metrics.capacity_error == pytest.approx(other.discharge_capacity[-1] / target.discharge_capacity[-1] - 1)
+
+
+def test_a_measured_current_is_judged_by_voltage_alone() -> None:
+    target = record(HIDDEN)
+    shifted = Trajectory(target.time, target.current, target.voltage + 0.01, None, target.steps)
+    task = Task("t", CellModel("x"), space(), (Experiment("r", target),))
+    metrics = evaluate(task, outcome_of(shifted))
+    assert metrics is not None
+    assert metrics.objective == pytest.approx(10.0)
+
+
+def test_a_run_that_never_reached_the_scored_cycle_has_no_metrics() -> None:
+    target = record(HIDDEN)
+    task = Task("t", CellModel("x"), space(), (Experiment("r", target, (("x",),), scored_cycle=1),))
+    assert evaluate(task, outcome_of(target)) is not None
+    assert evaluate(task, Outcome((ExperimentRun(None),))) is None
+
+
+def test_denser_sampling_does_not_count_more() -> None:
+    target = constant(1.0, 4.0, 1000)
+    dense = Trajectory(
+        np.concatenate([np.linspace(0, 100, 1000), np.linspace(101, 1000, 10)]),
+        np.ones(1010),
+        np.concatenate([np.full(1000, 4.0), np.full(10, 4.01)]),
+        None,
+        (Step(StepKind.CC_DISCHARGE, 0, 1010),),
+    )
+    task = Task("t", CellModel("x"), space(), (Experiment("r", dense),))
+    metrics = evaluate(task, outcome_of(target))
+    assert metrics is not None
+    assert metrics.v_rmse_mv == pytest.approx(10.0 * np.sqrt(0.9), rel=0.01)
