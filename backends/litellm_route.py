@@ -190,12 +190,12 @@ class LiteLLMBackend(ServedBackend):
         where = self._base_url or self._provider
         if isinstance(error, litellm.ContextWindowExceededError):
             return ContextTooSmallError()
-        if isinstance(error, (litellm.AuthenticationError, litellm.PermissionDeniedError)):
+        if status in (401, 403):
             variable = self._key_variable if self._base_url else key_variables(self._provider)[0]
             return BsaError(f"{where} did not accept the key ({reason}).", f"export {variable}=...")
         if "insufficient_quota" in str(error) or status == 402:
             return BsaError(f"{where} says that the account has no credit left.", "top it up, or choose another --via.")
-        if isinstance(error, litellm.NotFoundError):
+        if status == 404:
             hint = "does the address end in /v1?" if self._base_url else "check the model's name and your access to it."
             return BsaError(f'{where} does not know "{self._model.removeprefix("openai/")}" ({reason}).', hint)
         if isinstance(error, litellm.RateLimitError):

@@ -1,0 +1,215 @@
+"""Replay, manual, review and votes: backends without a model, or around one."""
+
+import io
+import json
+import threading
+import time
+from collections import deque
+
+import pytest
+from bsa.backends.manual import ExchangeBackend, TerminalBackend
+from bsa.backends.opening import open_backend
+from bsa.backends.options import BackendOptions
+from bsa.backends.replay import replay
+from bsa.backends.reviewing import ReviewingBackend, TerminalReviewer, Verdict
+from bsa.backends.voting import VotingBackend
+from bsa.core.errors import BsaError
+from bsa.core.journal import Journal
+from bsa.core.messages import Backend, BackendFailure, BudgetSpent, Message, Reply, Usage
+
+
+class Canned:
+    """Gives prepared replies in turn; an exception is raised."""
+
+    name = "canned"
+    sees_images = False
+
+    def __init__(self, *replies):
+        self.replies = deque(replies)
+        self.seeds = []
+
+    def complete(self, messages, schema, *, seed):
+        self.seeds.append(seed)
+        reply = self.replies.popleft()
+        if isinstance(reply, Exception):
+            raise reply
+        return Reply(
+            reply if isinstance(reply, str) else json.dumps(reply), Usage(10, 5, seconds=1), "canned", "schema"
+        )
+
+    def close(self):
+        pass
+
+
+def _says(updates, **more):
+    return {"analysis": "a", "hypothesis": "h", "updated_params": updates, "rationale": "r", **more}
+
+
+def _vote(schema, *replies):
+    return VotingBackend(Canned(*replies), len(replies)).complete([], schema, seed=5)
+
+
+def test_all_are_backends():
+    assert isinstance(VotingBackend(Canned(), 2), Backend)
+    assert isinstance(ReviewingBackend(Canned()), Backend)
+    assert isinstance(TerminalBackend(), Backend)
+
+
+def test_votes_take_medians_of_what_a_majority_names(schema):
+    reply = _vote(
+        schema,
+        _says({"A": "*1.1", "B": "+0.02", "C": "5"}, hypothesis="first"),
+        _says({"A": "*1.2", "B": "+0.04"}, hypothesis="second"),
+        _says({"A": "*4", "B": "+0.03", "D": "*2"}, hypothesis="third"),
+    )
+    content = json.loads(reply.text)
+    assert content["updated_params"] == {"A": "*1.2", "B": "+0.03"}
+    assert content["hypothesis"] == "second"
+    assert reply.usage == Usage(30, 15, seconds=3)
+    assert any("3 of 3 replies merged" in note and "median" in note for note in reply.notes)
+
+
+def test_votes_without_majority_keep_what_is_named_most(schema):
+    reply = _vote(schema, _says({"A": "*2"}), _says({"B": "*3"}), _says({"C": "*4"}))
+    assert json.loads(reply.text)["updated_params"].keys() == {"A", "B", "C"}
+
+
+def test_factors_are_averaged_as_logarithms_and_kinds_not_mixed(schema):
+    reply = _vote(schema, _says({"A": "*4"}), _says({"A": "*1"}), _says({"A": "5.0"}))
+    assert json.loads(reply.text)["updated_params"] == {"A": "*2"}
+
+
+def test_bad_and_lost_votes_do_not_count(schema):
+    replies = (_says({"A": "*2"}), "nonsense", BackendFailure("gone"), _says({"A": "fast"}), _says({"A": "*0"}))
+    reply = _vote(schema, *replies)
+    assert json.loads(reply.text)["updated_params"] == {"A": "*2"}
+    assert sum("does not count" in note or "lost" in note for note in reply.notes) == 4
+    with pytest.raises(BackendFailure, match="vote 2 was lost"):
+        _vote(schema, BackendFailure("gone"), BackendFailure("gone"))
+    assert _vote(schema, "nonsense", "nonsense").text == "nonsense"
+
+
+def test_the_commonest_action_wins(schema):
+    reply = _vote(
+        schema,
+        _says({"A": "*2"}, action="set"),
+        _says({"A": "*3"}, action="refine"),
+        _says({"A": "*3"}, action="refine"),
+    )
+    content = json.loads(reply.text)
+    assert (content["action"], content["updated_params"]) == ("refine", {"A": "*3"})
+
+
+def test_votes_have_seeds_of_their_own_and_leave_other_questions_alone(schema):
+    canned = Canned(_says({"A": "*2"}), _says({"A": "*2"}), {"perturbations": []})
+    voting = VotingBackend(canned, 2)
+    voting.complete([], schema, seed=5)
+    assert len(set(canned.seeds)) == 2
+    voting.complete([], {"properties": {"perturbations": {}}}, seed=6)
+    assert canned.seeds[-1] == 6
+
+
+def test_a_reviewer_accepts_edits_or_refuses(schema):
+    edited = json.dumps(_says({"A": "*1.01"}))
+    verdicts = deque([Verdict("accept"), Verdict("edit", edited), Verdict("refuse", "unsafe voltage")])
+    shown = []
+
+    def reviewer(text):
+        shown.append(text)
+        return verdicts.popleft()
+
+    wild = "\x1b[2J" + json.dumps(_says({"A": "*9"}))
+    backend = ReviewingBackend(Canned(wild, wild, wild), reviewer)
+    accepted, changed, refused = (backend.complete([], schema, seed=0) for _ in range(3))
+    assert accepted.text == wild
+    assert changed.text == edited
+    assert "*9" in changed.notes[-1]
+    content = json.loads(refused.text)
+    assert (content["refused"], content["updated_params"]) == ("unsafe voltage", {})
+    assert "*9" in refused.notes[-1]
+    assert refused.usage.tokens == 15
+    assert all("\x1b" not in text for text in shown)
+
+
+def test_a_review_at_the_terminal(schema):
+    source = io.StringIO('what\ne\nnot json\n.\ne\n{"updated_params": {"A": "*2"}}\n.\nr\ntoo bold\n')
+    reviewer = TerminalReviewer(source, io.StringIO())
+    assert json.loads(reviewer("...").text) == {"updated_params": {"A": "*2"}}
+    assert reviewer("...") == Verdict("refuse", "too bold")
+    with pytest.raises(BudgetSpent):
+        reviewer("...")
+
+
+def test_a_review_in_an_editor(monkeypatch, tmp_path):
+    script = tmp_path / "editor.sh"
+    script.write_text("#!/bin/sh\nsed -i 's/9/2/' \"$1\"\n")
+    script.chmod(0o755)
+    monkeypatch.setenv("VISUAL", str(script))
+    monkeypatch.setattr("sys.stdin", io.StringIO("e\n"))
+    assert TerminalReviewer(target=io.StringIO())('{"a": "*9"}') == Verdict("edit", '{"a": "*2"}')
+
+
+def test_replay_gives_the_journal_again(tmp_path, monkeypatch, messages, schema):
+    journal = Journal(tmp_path / "runs" / "first")
+    usage = {"prompt_tokens": 3, "completion_tokens": 2, "reasoning_tokens": 0, "cost_usd": 0.1, "seconds": 4.0}
+    journal.append("start", format=1)
+    journal.append("reply", text="{}", usage=usage, model="m", structured_by="json", notes=["n"], prompt=[])
+    journal.append("lost-call", reason="gone", prompt=[])
+    journal.close()
+    monkeypatch.chdir(tmp_path)
+    for run in ("first", "runs/first", str(tmp_path / "runs" / "first" / "journal.jsonl")):
+        backend = open_backend(f"replay:{run}")
+        assert backend.complete(messages, schema, seed=0) == Reply("{}", Usage(3, 2, 0, 0.1, 4.0), "m", "json", ("n",))
+        with pytest.raises(BackendFailure, match="gone"):
+            backend.complete(messages, schema, seed=0)
+        with pytest.raises(BudgetSpent, match="2 replies"):
+            backend.complete(messages, schema, seed=0)
+    with pytest.raises(BsaError, match="holds no run"):
+        replay("second")
+
+
+def test_a_person_at_the_terminal(messages, schema):
+    target = io.StringIO()
+    source = io.StringIO('{"a":\n 1}\nI think\n{"b": 2}\n.\n')
+    backend = TerminalBackend(source, target)
+    first = backend.complete([*messages, Message("user", "\x1b[2Jwild")], schema, seed=0)
+    assert json.loads(first.text) == {"a": 1}
+    assert backend.complete(messages, schema, seed=0).text == 'I think\n{"b": 2}\n'
+    with pytest.raises(BudgetSpent):
+        backend.complete(messages, schema, seed=0)
+    assert "## What to do" in target.getvalue()
+    assert "\x1b" not in target.getvalue()
+
+
+def test_an_exchange_of_files(tmp_path, messages, schema):
+    folder = tmp_path / "exchange"
+    backend = open_backend("manual", BackendOptions(exchange=folder, timeout_s=20))
+
+    def other_program():
+        for number in (1, 2):
+            path = folder / f"prompt-{number:03d}.json"
+            while not path.is_file():
+                time.sleep(0.02)
+            prompt = json.loads(path.read_text())
+            assert prompt["messages"][1]["text"] == messages[1].text
+            with open(folder / prompt["reply"], "w") as file:
+                file.write('{"numb')
+                file.flush()
+                file.write(f'er": {number}}}')
+
+    thread = threading.Thread(target=other_program)
+    thread.start()
+    replies = [json.loads(backend.complete(messages, schema, seed=seed).text) for seed in (1, 2)]
+    thread.join()
+    assert replies == [{"number": 1}, {"number": 2}]
+    assert not list(folder.glob(".*"))
+
+
+def test_an_interrupted_exchange_waits_for_the_same_reply(tmp_path, messages, schema):
+    with pytest.raises(BackendFailure, match=r"reply-001\.txt within"):
+        ExchangeBackend(tmp_path, timeout_s=0.1).complete(messages, schema, seed=1)
+    (tmp_path / "reply-001.txt").write_text('{"a": 1}')
+    assert ExchangeBackend(tmp_path, timeout_s=5).complete(messages, schema, seed=1).text == '{"a": 1}'
+    (tmp_path / "reply-002.txt").write_text('{"stale": 1}')
+    with pytest.raises(BackendFailure, match=r"reply-003\.txt within"):
+        ExchangeBackend(tmp_path, timeout_s=0.1).complete(messages, schema, seed=9)

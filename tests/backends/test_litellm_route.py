@@ -1,0 +1,187 @@
+import json
+import time
+
+import pytest
+from bsa.backends.opening import open_backend
+from bsa.backends.options import BackendOptions
+from bsa.core.errors import BsaError
+from bsa.core.messages import BackendFailure, Message
+
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+def _open(server, **options):
+    return open_backend("openai:served-model", BackendOptions(base_url=f"{server.url}/v1", **options))
+
+
+def _ok(chat_completion, proposal):
+    return 200, {}, chat_completion(json.dumps(proposal))
+
+
+def test_a_reply_with_its_accounts(serve, chat_completion, proposal, messages, schema):
+    server = serve(lambda seen, handler: _ok(chat_completion, proposal))
+    backend = _open(server, temperature=0.4)
+    reply = backend.complete(messages, schema, seed=2**32 - 1)
+    assert json.loads(reply.text) == proposal
+    assert (reply.structured_by, reply.model) == ("schema", "served-model")
+    assert (reply.usage.prompt_tokens, reply.usage.completion_tokens, reply.usage.cost_usd) == (11, 7, 0.0)
+    assert reply.usage.seconds > 0
+    assert any("price" in note for note in reply.notes)
+    body = server.seen[-1].body
+    assert body["response_format"]["json_schema"]["schema"] == schema
+    assert (body["temperature"], body["model"]) == (0.4, "served-model")
+    assert 0 <= body["seed"] < 2**31
+
+
+@pytest.mark.parametrize(
+    ("refused", "expected"), [({"json_schema"}, "json"), ({"json_schema", "json_object"}, "text"), (set(), "schema")]
+)
+def test_a_refused_form_is_stepped_down_from_once(
+    serve, chat_completion, proposal, messages, schema, refused, expected
+):
+    def answer(seen, handler):
+        form = (seen.body.get("response_format") or {}).get("type")
+        if form in refused:
+            return 400, {}, json.dumps({"error": {"message": f"{form} is not supported"}}).encode()
+        return _ok(chat_completion, proposal)
+
+    server = serve(answer)
+    backend = _open(server)
+    first = backend.complete(messages, schema, seed=0)
+    assert first.structured_by == expected
+    assert sum("refused" in note for note in first.notes) == len(refused)
+    calls = len(server.seen)
+    second = _open(server).complete(messages, schema, seed=1)
+    assert second.structured_by == expected
+    assert len(server.seen) == calls + 1
+    if refused:
+        assert "JSON Schema" in server.seen[-1].body["messages"][-1]["content"]
+
+
+def test_a_server_that_ignores_the_schema_is_not_believed(serve, chat_completion, messages, schema):
+    server = serve(lambda seen, handler: (200, {}, chat_completion("Sure! ```json\n{}\n```")))
+    reply = _open(server).complete(messages, schema, seed=0)
+    assert reply.structured_by == "text"
+    assert any("did not keep to it" in note for note in reply.notes)
+
+
+def test_rate_limits_are_waited_for_as_asked(serve, chat_completion, proposal, messages, schema):
+    def answer(seen, handler):
+        if len(server.seen) == 1:
+            return 429, {"retry-after": "0.3"}, b'{"error": {"message": "slow down"}}'
+        return _ok(chat_completion, proposal)
+
+    server = serve(answer)
+    began = time.monotonic()
+    reply = _open(server).complete(messages, schema, seed=0)
+    assert time.monotonic() - began >= 0.3
+    assert any("tried again after 0.3 s" in note for note in reply.notes)
+
+
+def test_a_wait_beyond_the_limit_is_a_lost_round(serve, messages, schema):
+    server = serve(lambda seen, handler: (429, {"retry-after": "3600"}, b"{}"))
+    began = time.monotonic()
+    with pytest.raises(BackendFailure, match="RateLimitError"):
+        _open(server, retry_limit_s=5).complete(messages, schema, seed=0)
+    assert time.monotonic() - began < 3
+    assert len(server.seen) == 1
+
+
+def test_a_stalling_server_is_left(serve, messages, schema):
+    server = serve(lambda seen, handler: time.sleep(20))
+    began = time.monotonic()
+    with pytest.raises(BackendFailure, match="no reply"):
+        _open(server, timeout_s=0.5, retry_limit_s=0.1).complete(messages, schema, seed=0)
+    assert time.monotonic() - began < 5
+
+
+def test_a_dripping_server_is_left(serve, messages, schema):
+    def drip(seen, handler):
+        handler.wfile.write(b"HTTP/1.1 200 OK\r\ncontent-type: application/json\r\ncontent-length: 1000\r\n\r\n")
+        for _ in range(100):
+            handler.wfile.write(b" ")
+            handler.wfile.flush()
+            time.sleep(0.2)
+
+    began = time.monotonic()
+    with pytest.raises(BackendFailure, match="no answer within"):
+        _open(serve(drip), timeout_s=0.5, retry_limit_s=0.1).complete(messages, schema, seed=0)
+    assert time.monotonic() - began < 5
+
+
+@pytest.mark.parametrize(("status", "words"), [(401, "key"), (403, "key"), (404, "know")])
+def test_what_no_retry_mends_is_said(serve, messages, schema, status, words, monkeypatch):
+    monkeypatch.setenv("BSA_API_KEY", "very-secret-value-123")
+    server = serve(lambda seen, handler: (status, {}, json.dumps({"error": dict(seen.headers)}).encode()))
+    with pytest.raises(BsaError, match=words) as caught:
+        _open(server).complete(messages, schema, seed=0)
+    assert len(server.seen) == 1
+    assert "very-secret-value-123" not in str(caught.value)
+
+
+def test_a_prompt_too_long_sheds_memories(serve, chat_completion, proposal, messages, schema):
+    def answer(seen, handler):
+        if "priors" in seen.body["messages"][-1]["content"]:
+            message = "This model's maximum context length is 10 tokens."
+            return 400, {}, json.dumps({"error": {"message": message, "code": "context_length_exceeded"}}).encode()
+        return _ok(chat_completion, proposal)
+
+    reply = _open(serve(answer)).complete(messages, schema, seed=0)
+    assert [note.split('"')[1] for note in reply.notes if "left out" in note] == [
+        "Memory: rounds so far",
+        "Memory: priors",
+    ]
+    assert reply.structured_by == "schema"
+
+
+def test_images_go_to_models_that_see(serve, chat_completion, proposal, schema, tmp_path):
+    (tmp_path / "a.png").write_bytes(PNG)
+    shown = [Message("user", "look", (tmp_path / "a.png", tmp_path / "missing.png"))]
+    server = serve(lambda seen, handler: _ok(chat_completion, proposal))
+    blind = _open(server).complete(shown, schema, seed=0)
+    assert isinstance(server.seen[-1].body["messages"][0]["content"], str)
+    assert any("2 images left out" in note for note in blind.notes)
+    seeing = _open(server, sees_images=True)
+    assert seeing.sees_images
+    reply = seeing.complete(shown, schema, seed=0)
+    assert server.seen[-1].body["messages"][0]["content"][1]["image_url"]["url"].startswith("data:image/png;base64,")
+    assert any("1 image left out: no such file" in note for note in reply.notes)
+
+
+def test_no_provider_key_goes_to_an_address_of_ones_own(
+    serve, chat_completion, proposal, messages, schema, monkeypatch
+):
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-openai-secret-000000")
+    server = serve(lambda seen, handler: _ok(chat_completion, proposal))
+    _open(server).complete(messages, schema, seed=0)
+    assert "secret" not in json.dumps(server.seen[-1].headers)
+    monkeypatch.setenv("BSA_API_KEY", "own-secret-000000")
+    _open(server).complete(messages, schema, seed=0)
+    assert server.seen[-1].headers["authorization"] == "Bearer own-secret-000000"
+
+
+def test_a_key_that_comes_back_in_a_reply_is_taken_out(serve, chat_completion, messages, schema, monkeypatch):
+    monkeypatch.setenv("BSA_API_KEY", "own-secret-000000")
+    server = serve(
+        lambda seen, handler: (200, {}, chat_completion(json.dumps(seen.headers), model="own-secret-000000"))
+    )
+    assert "own-secret" not in repr(_open(server).complete(messages, schema, seed=0))
+
+
+def test_hosted_models_need_their_key():
+    with pytest.raises(BsaError, match="export OPENAI_API_KEY"):
+        open_backend("litellm:openai/o3")
+    with pytest.raises(BsaError, match="PROVIDER/MODEL"):
+        open_backend("litellm:nobody/nothing")
+
+
+def test_litellm_knows_what_a_hosted_model_can(monkeypatch):
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-openai-secret-000000")
+    monkeypatch.setenv("GROQ_API_KEY", "gsk-secret-000000")
+    assert open_backend("litellm:openai/o3").sees_images
+    assert not open_backend("litellm:groq/openai/gpt-oss-120b").sees_images
+
+
+def test_an_address_holds_no_key():
+    with pytest.raises(ValueError, match="no user name, key"):
+        BackendOptions(base_url="http://user:pass@127.0.0.1/v1")
