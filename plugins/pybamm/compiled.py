@@ -16,7 +16,7 @@ from ...core.trajectory import StepKind
 from . import drive
 from .mesh import search_spatial_methods, search_submeshes
 from .parameter_sets import INITIAL_SOC, bake, load, open_to_search, pybamm
-from .step_solutions import step_kind, to_trajectory
+from .step_solutions import keep_solver_steps_of_holds, step_kind, to_trajectory
 
 MODELS = {"SPM": "SPM", "SPMe": "SPMe", "DFN": "DFN"}
 
@@ -42,7 +42,8 @@ class Accuracy:
 
 
 SEARCH = Accuracy()
-REFERENCE = Accuracy(rtol=1e-6, atol=1e-8, standard_mesh=True)
+REFERENCE = Accuracy(rtol=1e-6, atol=1e-7, standard_mesh=True)
+"""For final scores. At atol 1e-8 every experiment on Ecker2015 fails in its first rest."""
 
 
 def make_model(cell: CellModel) -> Any:
@@ -122,6 +123,7 @@ class CompiledExperiment:
             # Steps of a measured current differ in value alone: one shared model serves them all.
             experiment_model_mode="unified" if by_current else "legacy",
         )
+        keep_solver_steps_of_holds(self._simulation.experiment)
 
     def _solver_options(self) -> dict[str, float]:
         drives = [
