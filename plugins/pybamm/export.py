@@ -1,0 +1,127 @@
+"""The calibrated cell as a Python script that needs pybamm alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.parameters import Candidate
+from ...core.task import Experiment, Task
+from ...core.trajectory import StepKind
+from . import drive
+from .compiled import MODELS, REFERENCE
+from .parameter_sets import FACTOR, FILL_FROM, INITIAL_SOC, load, pybamm
+from .step_solutions import step_kind
+
+_TEMPLATE = "best_parameters.py.j2"
+
+_MAX_SOLVER_STEPS = 20_000
+
+_BRACKETS = {dict: "{}", list: "[]", tuple: "()"}
+_LINE = 80
+
+
+def script(task: Task, candidate: Candidate) -> str:
+    """Python source that simulates a candidate as the final score does, without this package.
+
+    Names and protocol strings come from files and models: they enter as literals only, never as code or comments.
+
+    Parameters
+    ----------
+    task : Task
+        The cell model and the records.
+    candidate : Candidate
+        A value for every searched parameter.
+
+    Returns
+    -------
+    str
+        A script that runs by itself, and a module that offers ``parameter_values()`` and ``simulate()``.
+    """
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,  # the product is Python: every value goes through `literal` instead
+    )
+    environment.filters["literal"] = literal
+    known = load(task.cell.parameter_set, task.cell.overrides)
+    searched = {name: float(value) for name, value in candidate.items() if not name.startswith(INITIAL_SOC)}
+    tables: dict[str, str] = {}
+    cut_offs: dict[str, float] = {}
+    drive.widen_cut_offs(cut_offs)
+    return environment.get_template(_TEMPLATE).render(
+        pybamm_version=pybamm.__version__,
+        fill_from=FILL_FROM,
+        parameter_set=task.cell.parameter_set,
+        model=MODELS.get(task.cell.model, task.cell.model),
+        options={key: tuple(value) if isinstance(value, list) else value for key, value in task.cell.options.items()},
+        overrides={name: float(value) for name, value in task.cell.overrides.items()},
+        calibrated={name: value for name, value in searched.items() if name in known},
+        factors={name.removesuffix(FACTOR): value for name, value in searched.items() if name not in known},
+        records=[_record(experiment, candidate, tables) for experiment in task.experiments],
+        tables=tables,
+        rtol=REFERENCE.rtol,
+        atol=REFERENCE.atol,
+        max_solver_steps=_MAX_SOLVER_STEPS,
+        cut_offs=cut_offs,
+    )
+
+
+def literal(value: Any, indent: int = 0) -> str:
+    """A value as a Python literal in ASCII, one entry a line where it does not fit on one.
+
+    Non-printable and non-ASCII characters come out as escapes: a name must not disguise what the script does.
+    """
+    if isinstance(value, str):
+        text = ascii(value)
+        return f'"{value}"' if text == f"'{value}'" and '"' not in value else text
+    if not isinstance(value, (dict, list, tuple)):
+        return ascii(value)
+    opening, closing = _BRACKETS[type(value)]
+    deeper = indent + 4
+    if isinstance(value, dict):
+        entries = [f"{literal(key)}: {literal(entry, deeper)}" for key, entry in value.items()]
+    else:
+        entries = [literal(entry, deeper) for entry in value]
+    line = ", ".join(entries) + "," * (isinstance(value, tuple) and len(value) == 1)
+    if len(line) + indent <= _LINE and "\n" not in line:
+        return f"{opening}{line}{closing}"
+    return opening + "".join(f"\n{' ' * deeper}{entry}," for entry in entries) + f"\n{' ' * indent}{closing}"
+
+
+def _record(experiment: Experiment, candidate: Candidate, tables: dict[str, str]) -> dict[str, Any]:
+    """How one experiment is simulated; current profiles go into ``tables``."""
+    names = (f"{INITIAL_SOC}: {experiment.name}", INITIAL_SOC)
+    soc = next((candidate[name] for name in names if name in candidate), experiment.initial_soc)
+    content: dict[str, Any] = {
+        "name": experiment.name,
+        "temperature_k": None if experiment.temperature_k is None else float(experiment.temperature_k),
+        "initial_soc": None if soc is None else float(soc),
+    }
+    if experiment.protocol is not None:
+        return {**content, "protocol": [list(cycle) for cycle in experiment.protocol]}
+    steps = drive.steps_of(experiment)[0]
+    return {**content, "currents": [_current(step, tables) for step in steps], "dt_max": _longest_solver_step(steps)}
+
+
+def _current(step: Any, tables: dict[str, str]) -> tuple[float | str, float]:
+    """Current in A, or the name of its table, and the duration in s."""
+    duration = float(step.duration)
+    if isinstance(step.input_value, (int, float)):
+        return float(step.input_value), duration
+    name = f"profile {len(tables) + 1}"
+    tables[name] = "\n".join(f"{time:.9g} {current:.9g}" for time, current in step.input_value)
+    return name, duration
+
+
+def _longest_solver_step(steps: list[Any]) -> float | None:
+    """As in `CompiledExperiment`: the integrator must not step over what a drive cycle resolves."""
+    spacing = [float(np.median(np.diff(s.input_value[:, 0]))) for s in steps if step_kind(s) is StepKind.DRIVE]
+    return max(60.0, 20.0 * max(spacing)) if spacing else None

@@ -1,0 +1,123 @@
+"""The exported script: literal-safe, importable, and the same curve as the final score."""
+
+import ast
+import subprocess
+import sys
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from bsa.core.parameters import Parameter, ParameterSpace
+from bsa.core.task import CellModel, Experiment, Task
+from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.plugins.pybamm.compiled import solve_reference
+from bsa.plugins.pybamm.export import literal, script
+
+NOTHING = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
+RADIUS = "Positive particle radius [m]"
+EXCHANGE = "Positive electrode exchange-current density [A.m-2] factor"
+SOC = "Initial state of charge"
+
+
+def task_of(cell, experiment, *names):
+    space = ParameterSpace(tuple(Parameter(name, 0.5, 1e-9, 1e9) for name in names))
+    return Task("export", cell, space, (experiment,))
+
+
+def drive_record():
+    """A rest, a discharge, a decaying charge, a noisy drive cycle: every way in which a current is embedded."""
+    rng = np.random.default_rng(3)
+    time = np.arange(0.0, 2401.0, 10.0)
+    current = np.zeros(len(time))
+    current[30:90] = 2.0
+    current[90:150] = -2.0 * np.exp(-np.arange(60) / 25)
+    current[180:] = rng.uniform(-1.0, 3.0, len(time) - 180)
+    kinds = (StepKind.REST, StepKind.CC_DISCHARGE, StepKind.CV_HOLD, StepKind.REST, StepKind.DRIVE)
+    edges = (0, 30, 90, 150, 180, len(time))
+    steps = tuple(Step(kind, *edge) for kind, edge in zip(kinds, pairwise(edges), strict=True))
+    return Trajectory(time, current, np.full(len(time), 3.7), None, steps)
+
+
+HOSTILE = 'x"""\nimport os; os.abort()\n#\u202e{{ 7 * 7 }}\\'
+
+
+def test_names_enter_as_literals_only():
+    experiment = Experiment(HOSTILE, NOTHING, ((f"Rest for 1 second {HOSTILE}",),))
+    cell = CellModel("Chen2020", options={HOSTILE: HOSTILE}, overrides={})
+    text = script(task_of(cell, experiment, RADIUS), {RADIUS: 5e-6})
+    tree = ast.parse(text)
+    assert text.isascii()
+    assert not any(line.strip().startswith("import os;") for line in text.splitlines())
+    assigned = {node.targets[0].id: node.value for node in tree.body if isinstance(node, ast.Assign)}
+    assert ast.literal_eval(assigned["RECORDS"])[0]["name"] == HOSTILE
+    assert ast.literal_eval(assigned["OPTIONS"]) == {HOSTILE: HOSTILE}
+    # Nothing but imports, constants, functions and the entry point.
+    allowed = (ast.Import, ast.Assign, ast.FunctionDef, ast.Expr, ast.If)
+    assert all(isinstance(node, allowed) for node in tree.body)
+
+
+@pytest.mark.parametrize("value", [HOSTILE, {"ü": [1.5, None]}, {"long " * 40: ("a" * 200, True)}, {}])
+def test_literals_keep_their_value(value):
+    assert ast.literal_eval(literal(value)) == value
+
+
+def test_scalars_factors_and_state_of_charge_are_told_apart():
+    experiment = Experiment("x", NOTHING, (("Rest for 1 second",),), temperature_k=308.15)
+    candidate = {RADIUS: 4e-6, EXCHANGE: 1.25, SOC: 0.625}
+    text = script(task_of(CellModel("Chen2020"), experiment, *candidate), candidate)
+    names = {node.targets[0].id: node.value for node in ast.parse(text).body if isinstance(node, ast.Assign)}
+    assert ast.literal_eval(names["CALIBRATED"]) == {RADIUS: 4e-6}
+    assert ast.literal_eval(names["FACTORS"]) == {EXCHANGE.removesuffix(" factor"): 1.25}
+    record = ast.literal_eval(names["RECORDS"])[0]
+    assert (record["initial_soc"], record["temperature_k"]) == (0.625, 308.15)
+
+
+DISCHARGE_FIRST = ("Discharge at 1C until 3.0 V", "Rest for 10 minutes")
+CHARGE = ("Charge at 0.5C until 4.0 V", "Hold at 4.0 V until C/5")
+
+CASES = {
+    "protocol": (
+        CellModel("Prada2013", "SPMe", {"thermal": "lumped"}, {"Contact resistance [Ohm]": 0.0}),
+        Experiment("cycle", NOTHING, ((*DISCHARGE_FIRST, "Charge at 1C until 3.5 V"),)),
+        {"Negative particle radius [m]": 6e-6, "Separator thickness [m]": 2.2e-5, SOC: 0.9},
+    ),
+    "protocol of the DFN": (
+        CellModel("Chen2020", "DFN"),
+        Experiment("cycle", NOTHING, (DISCHARGE_FIRST, CHARGE), temperature_k=303.15),
+        {RADIUS: 4.5e-6, EXCHANGE: 0.8},
+    ),
+    "measured current": (
+        CellModel("Chen2020", "SPMe"),
+        Experiment("drive", drive_record(), initial_soc=0.6),
+        {RADIUS: 4.5e-6, EXCHANGE: 0.8},
+    ),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES)
+def test_the_script_alone_gives_the_curve_of_the_final_score(case, tmp_path):
+    cell, experiment, candidate = CASES[case]
+    path = tmp_path / "best_parameters.py"
+    path.write_text(script(task_of(cell, experiment, *candidate), candidate), encoding="utf-8")
+    command = [sys.executable, "-I", path.name, "--csv", "curve.csv"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert "A.h discharged" in done.stdout
+    _, time, current, voltage = np.loadtxt(tmp_path / "curve.csv", delimiter=",", skiprows=1).T
+    wanted = solve_reference(cell, experiment, candidate)
+    assert wanted.failure is None
+    assert abs(time[-1] - wanted.trajectory.duration) < 1e-2
+    assert largest_difference(time, voltage, wanted.trajectory.time, wanted.trajectory.voltage) < 1e-4
+    assert abs(np.trapezoid(current, time) - np.trapezoid(wanted.trajectory.current, wanted.trajectory.time)) < 40.0
+
+
+def largest_difference(time, values, reference_time, reference):
+    """Where one step ends and the next begins two samples share a stamp: either may be the counterpart."""
+    differences = []
+    for moment, value in zip(time, values, strict=True):
+        near = np.abs(reference_time - moment) < 1e-2
+        # Holds are sampled at other times; their voltage is constant, so that interpolation is exact.
+        others = reference[near] if near.any() else np.interp([moment], reference_time, reference)
+        differences.append(np.min(np.abs(others - value)))
+    return max(differences)
