@@ -1,0 +1,329 @@
+"""A run as a story: what a journal tells, in plain data that reports, grids and the command line share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..core.encoding import decode_task, decode_trial
+from ..core.errors import BsaError
+from ..core.journal import FILE_NAME, read_events
+from ..core.messages import Usage
+from ..core.metrics import Metrics
+from ..core.recording import LOST_CALL, REPLY
+from ..core.task import Task
+from ..core.trial import Phase, Trial
+
+UNFINISHED = "unfinished"
+"""Status of a run that is still going on, or was killed."""
+
+
+@dataclass(frozen=True)
+class Turn:
+    """One message of a prompt.
+
+    Attributes
+    ----------
+    role : str
+        Who speaks.
+    text : str
+        What is said. Untrusted.
+    images : int
+        How many images went with it.
+    """
+
+    role: str
+    text: str
+    images: int = 0
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """One call of the language model.
+
+    Attributes
+    ----------
+    prompt : tuple of Turn
+        What it was shown.
+    text : str
+        What it answered, untrusted; empty for a lost call.
+    lost : str
+        Why there was no answer, if there was none.
+    model, structured_by : str
+        As in `Reply`.
+    notes : tuple of str
+        What the backend did on the way.
+    usage : Usage
+        What it cost.
+    """
+
+    prompt: tuple[Turn, ...]
+    text: str = ""
+    lost: str = ""
+    model: str = ""
+    structured_by: str = ""
+    notes: tuple[str, ...] = ()
+    usage: Usage = field(default_factory=Usage)
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """One proposal with what led to it and what came of it.
+
+    Attributes
+    ----------
+    phase : {'warm-up', 'search'}
+        The phase it belongs to.
+    number : int
+        The round of its phase, from 1.
+    hypothesis, rationale, action, lost : str
+        As in `Proposal`. Untrusted.
+    updates : mapping of str to str
+        The changes as they were proposed.
+    details : mapping
+        Whatever else the proposer kept.
+    finished : bool
+        Whether the proposer asked to stop.
+    base : Trial
+        The best trial before this round.
+    trials : tuple of Trial
+        The candidates that were tried, in order; empty for a lost round.
+    exchanges : tuple of Exchange
+        The calls of the language model that led to the proposal.
+    """
+
+    phase: Phase
+    number: int
+    hypothesis: str
+    rationale: str
+    action: str
+    updates: Mapping[str, str]
+    details: Mapping[str, Any]
+    lost: str
+    finished: bool
+    base: Trial
+    trials: tuple[Trial, ...]
+    exchanges: tuple[Exchange, ...]
+
+    @property
+    def best(self) -> Trial | None:
+        """The best of this round's trials; None for a lost round."""
+        return min(self.trials, key=lambda trial: trial.objective, default=None)
+
+    @property
+    def improved(self) -> bool:
+        """Whether the round found a lower objective than any before it."""
+        return self.best is not None and self.best.objective < self.base.objective
+
+
+@dataclass(frozen=True, eq=False)
+class RunRecord:
+    """Everything a journal tells of a run.
+
+    Attributes
+    ----------
+    name : str
+        Name of the run's folder.
+    task : Task
+        What was to be matched.
+    config : mapping
+        The run's configuration, as `RunConfig` writes it.
+    versions : mapping of str to str
+        What was installed when the run began.
+    identity : str
+        Hash of task, configuration and versions.
+    status : str
+        Why it ended, or `UNFINISHED`.
+    trials : tuple of Trial
+        Everything that was tried, by index.
+    rounds : tuple of Round
+        Every proposal, warm-up included, in order.
+    exchanges : tuple of Exchange
+        Every call of the language model, those of a round that was cut off included.
+    scores : mapping of str to (Metrics or None)
+        Metrics of reference accuracy: ``"initial"`` and ``"best"``, as far as they were computed.
+    notes : tuple of str
+        What the run had to say, task's assumptions first.
+    resumed : int
+        How often it was taken up again.
+    """
+
+    name: str
+    task: Task
+    config: Mapping[str, Any]
+    versions: Mapping[str, str]
+    identity: str
+    status: str
+    trials: tuple[Trial, ...]
+    rounds: tuple[Round, ...]
+    exchanges: tuple[Exchange, ...]
+    scores: Mapping[str, Metrics | None] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    resumed: int = 0
+
+    @property
+    def initial(self) -> Trial:
+        """The task's starting point."""
+        return self.trials[0]
+
+    @property
+    def best(self) -> Trial:
+        """The trial with the lowest objective; the initial one if none succeeded."""
+        return min(self.trials, key=lambda trial: trial.objective)
+
+    @property
+    def initial_metrics(self) -> Metrics | None:
+        """Of reference accuracy where there is a score, else of the search."""
+        return self.scores.get("initial", self.initial.metrics)
+
+    @property
+    def best_metrics(self) -> Metrics | None:
+        """Of reference accuracy where there is a score, else of the search."""
+        return self.scores.get("best", self.best.metrics)
+
+    @property
+    def scored_exactly(self) -> bool:
+        """Whether the best trial was scored with reference accuracy."""
+        return "best" in self.scores
+
+    @property
+    def failed(self) -> int:
+        """How many simulations failed."""
+        return sum(not trial.ok for trial in self.trials)
+
+    @property
+    def usage(self) -> Usage:
+        """Tokens, cost and time of the language model."""
+        return sum((exchange.usage for exchange in self.exchanges), Usage())
+
+    @property
+    def simulator_s(self) -> float:
+        """Time of all simulations, s; those that ran side by side are added up."""
+        return sum(trial.seconds for trial in self.trials)
+
+    @property
+    def by_current(self) -> bool:
+        """Whether the measured current drove every simulation; the objective is then the voltage RMSE in mV."""
+        return all(experiment.protocol is None for experiment in self.task.experiments)
+
+
+def read_run(folder: Path) -> RunRecord:
+    """Read the journal of a finished, interrupted or running run.
+
+    Parameters
+    ----------
+    folder : Path
+        The run's folder.
+
+    Returns
+    -------
+    RunRecord
+
+    Raises
+    ------
+    BsaError
+        If there is no journal, it is damaged, or not even the first simulation was finished.
+    """
+    events = list(read_events(folder))
+    if not events or events[0]["event"] != "run":
+        raise BsaError(f"{folder / FILE_NAME} does not begin with a run.", "give the folder of an earlier run.")
+    try:
+        return _record(folder, events)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise BsaError(
+            f"{folder / FILE_NAME} does not read as a run ({type(error).__name__}: {error}).",
+            "restore the file, or start a new run.",
+        ) from None
+
+
+def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
+    first = events[0]
+    found = {event["index"]: event for event in events if event["event"] == "trial"}
+    trials = tuple(decode_trial(found[index], folder) for index in sorted(found))
+    if not trials or trials[0].index != 0:
+        raise BsaError(f"{folder} holds no finished simulation yet.", "wait for the first one, or resume the run.")
+    task = decode_task(first["task"])
+    best = min(trials, key=lambda trial: trial.objective)
+    return RunRecord(
+        name=folder.resolve().name,
+        task=task,
+        config=first["config"],
+        versions=first.get("versions", {}),
+        identity=str(first.get("identity", "")),
+        status=_status(events),
+        trials=trials,
+        rounds=_rounds(events, trials),
+        exchanges=tuple(_exchange(event) for event in events if event["event"] in (REPLY, LOST_CALL)),
+        scores=_scores(events, {"initial": trials[0].index, "best": best.index}),
+        notes=(*task.notes, *(str(event["text"]) for event in events if event["event"] == "note")),
+        resumed=sum(event["event"] == "resumed" for event in events),
+    )
+
+
+def _status(events: Iterable[Mapping[str, Any]]) -> str:
+    """The last word on how the run ended; taking it up again takes that word back."""
+    status = UNFINISHED
+    for event in events:
+        if event["event"] == "end":
+            status = str(event["status"])
+        elif event["event"] == "resumed":
+            status = UNFINISHED
+    return status
+
+
+def _scores(events: Iterable[Mapping[str, Any]], wanted: Mapping[str, int]) -> dict[str, Metrics | None]:
+    """Scores of the trials they still belong to: a resumed run may have found a better one."""
+    scores: dict[str, Metrics | None] = {}
+    for event in events:
+        if event["event"] == "score" and wanted.get(event["which"]) == event["index"]:
+            scores[event["which"]] = None if event["metrics"] is None else Metrics(**event["metrics"])
+    return scores
+
+
+def _rounds(events: Iterable[Mapping[str, Any]], trials: tuple[Trial, ...]) -> tuple[Round, ...]:
+    rounds: list[Round] = []
+    exchanges: list[Exchange] = []
+    best = trials[0]
+    for event in events:
+        if event["event"] in (REPLY, LOST_CALL):
+            exchanges.append(_exchange(event))
+        elif event["event"] == "proposal":
+            phase, number = event["phase"], event["round"]
+            mine = tuple(trial for trial in trials if (trial.phase, trial.round) == (phase, number))
+            rounds.append(_round(event, best, mine, tuple(exchanges)))
+            exchanges = []
+            best = min((best, *mine), key=lambda trial: trial.objective)
+    return tuple(rounds)
+
+
+def _round(event: Mapping[str, Any], base: Trial, trials: tuple[Trial, ...], exchanges: tuple[Exchange, ...]) -> Round:
+    return Round(
+        phase=event["phase"],
+        number=event["round"],
+        hypothesis=event["hypothesis"],
+        rationale=event["rationale"],
+        action=event["action"],
+        updates=event["updates"],
+        details=event["details"],
+        lost=event["lost"],
+        finished=event["finished"],
+        base=base,
+        trials=trials,
+        exchanges=exchanges,
+    )
+
+
+def _exchange(event: Mapping[str, Any]) -> Exchange:
+    prompt = tuple(Turn(turn["role"], turn["text"], turn["images"]) for turn in event["prompt"])
+    if event["event"] == LOST_CALL:
+        return Exchange(prompt, lost=event["reason"])
+    return Exchange(
+        prompt,
+        text=event["text"],
+        model=event["model"],
+        structured_by=event["structured_by"],
+        notes=tuple(event["notes"]),
+        usage=Usage(**event["usage"]),
+    )
