@@ -1,1 +1,1 @@
-"""Language models behind one method."""
+"""Language models behind one method: hosted, behind a server, in this process, replayed, or by hand."""

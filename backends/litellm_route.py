@@ -202,7 +202,7 @@ class LiteLLMBackend(ServedBackend):
             return TransientError(reason, retry_after(_headers(error)))
         if status in (400, 413, 415, 422, 501) and not isinstance(error, litellm.Timeout):
             return ContextTooSmallError() if _speaks_of_context(str(error)) else FormRefusedError(reason)
-        return TransientError(reason, retry_after(_headers(error)))
+        return TransientError(reason, retry_after(_headers(error)), server_fault=status == 500)
 
 
 def openai_compatible(model: str, options: BackendOptions, name: str) -> LiteLLMBackend:

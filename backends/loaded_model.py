@@ -164,7 +164,7 @@ def _wants_four_bits(name: str, quantisation: Quantisation, device: str) -> bool
     if not available:
         return False
     memory = sum(torch.cuda.mem_get_info(index)[0] for index in range(torch.cuda.device_count()))
-    return weight_bytes(name) * _HEADROOM > memory
+    return bool(weight_bytes(name) * _HEADROOM > memory)
 
 
 def _free_memory_bytes() -> float:

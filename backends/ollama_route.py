@@ -128,7 +128,7 @@ class OllamaBackend(ServedBackend):
             return BsaError(f"the Ollama server did not accept the key ({reason}).", "export OLLAMA_API_KEY=...")
         if status in (400, 422, 501):
             return FormRefusedError(reason)
-        return TransientError(reason)
+        return TransientError(reason, server_fault=status == 500)
 
     def close(self) -> None:
         """Close the connection."""

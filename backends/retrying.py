@@ -28,12 +28,15 @@ class TransientError(Exception):
         What happened, for the journal.
     retry_after_s : float, optional
         When the server asked to be tried again.
+    server_fault : bool
+        Whether the server itself failed over the request (HTTP 500), rather than being busy or out of reach.
     """
 
-    def __init__(self, reason: str, retry_after_s: float | None = None) -> None:
+    def __init__(self, reason: str, retry_after_s: float | None = None, server_fault: bool = False) -> None:
         super().__init__(reason)
         self.reason = reason
         self.retry_after_s = retry_after_s
+        self.server_fault = server_fault
 
 
 @dataclass(frozen=True)
@@ -52,44 +55,64 @@ class Patience:
     limit_s: float
 
 
-def persist(attempt: Callable[[float], T], patience: Patience, notes: list[str], jitter: random.Random) -> T:
-    """Attempt until it works.
+class Persistence:
+    """Attempts a call until it works; one for each reply, however many forms its request takes.
 
     Parameters
     ----------
-    attempt : callable
-        Is given the seconds it may take; raises `TransientError` for what is worth another try.
     patience : Patience
-        The limits.
+        The limits, counted from now.
     notes : list of str
         Is told of every further attempt.
     jitter : random.Random
         Spreads the waits, so that many runs do not come back at the same moment.
-
-    Raises
-    ------
-    BackendFailure
-        When the limit is reached.
     """
-    started = time.monotonic()
-    for number in range(1, _MAX_ATTEMPTS + 1):
-        left = patience.limit_s - (time.monotonic() - started)
-        allowed = patience.timeout_s if number == 1 else min(patience.timeout_s, left)
-        try:
-            return attempt(allowed)
-        except TransientError as failure:
-            wait = failure.retry_after_s
-            if wait is None:
-                wait = min(_FIRST_WAIT_S * 2 ** (number - 1), _LONGEST_WAIT_S) * jitter.uniform(0.5, 1.0)
-            left = patience.limit_s - (time.monotonic() - started)
-            if number == _MAX_ATTEMPTS or wait >= left:
-                tries = f"{number} attempt{'s' * (number > 1)}"
-                raise BackendFailure(
-                    f"no reply after {tries}, {patience.limit_s:g} s allowed: {failure.reason}"
-                ) from None
-            notes.append(f"attempt {number}: {failure.reason}; tried again after {wait:.1f} s")
-            time.sleep(wait)
-    raise AssertionError("the last attempt returns or raises")
+
+    def __init__(self, patience: Patience, notes: list[str], jitter: random.Random) -> None:
+        self._patience = patience
+        self._notes = notes
+        self._jitter = jitter
+        self._started = time.monotonic()
+        self._attempts = 0
+
+    @property
+    def _left_s(self) -> float:
+        return self._patience.limit_s - (time.monotonic() - self._started)
+
+    def call(self, attempt: Callable[[float], T]) -> T:
+        """Attempt until it works.
+
+        Parameters
+        ----------
+        attempt : callable
+            Is given the seconds it may take; raises `TransientError` for what is worth another try.
+
+        Raises
+        ------
+        BackendFailure
+            When a limit is reached.
+        """
+        for number in range(1, _MAX_ATTEMPTS + 1):
+            # The first attempt is not cut short by the limit, which is on trying again.
+            allowed = self._patience.timeout_s if self._attempts == 0 else min(self._patience.timeout_s, self._left_s)
+            if allowed <= 0:
+                raise self._failure("the time is up")
+            self._attempts += 1
+            try:
+                return attempt(allowed)
+            except TransientError as failure:
+                wait = failure.retry_after_s
+                if wait is None:
+                    wait = min(_FIRST_WAIT_S * 2 ** (number - 1), _LONGEST_WAIT_S) * self._jitter.uniform(0.5, 1.0)
+                if number == _MAX_ATTEMPTS or wait >= self._left_s:
+                    raise self._failure(failure.reason) from None
+                self._notes.append(f"attempt {self._attempts}: {failure.reason}; tried again after {wait:.1f} s")
+                time.sleep(wait)
+        raise AssertionError("the last attempt returns or raises")
+
+    def _failure(self, reason: str) -> BackendFailure:
+        tries = f"{self._attempts} attempt{'s' * (self._attempts > 1)}"
+        return BackendFailure(f"no reply after {tries}, {self._patience.limit_s:g} s allowed: {reason}")
 
 
 def retry_after(headers: Mapping[str, str] | None) -> float | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import random
 import time
 from abc import ABC, abstractmethod
@@ -15,11 +16,14 @@ from .images import showable
 from .options import BackendOptions
 from .prompt_fitting import ContextTooSmallError, drop_memory
 from .redaction import redact
-from .retrying import Patience, TransientError, persist
+from .retrying import Patience, Persistence, TransientError
 from .structured_output import FormRefusedError, descend, held_by, with_schema_in_prompt
 
 # Client libraries end a call on their own a little later; the deadline is for those that do not.
 _GRACE_S = 2.0
+_SEED_STRIDE = 7919
+# Some servers answer a schema they cannot digest with an internal error, always the same.
+_FAULTS_OF_A_FORM = 3
 
 
 @dataclass(frozen=True)
@@ -112,19 +116,26 @@ class ServedBackend(ABC):
         started = time.monotonic()
         shown = showable(messages, self.sees_images, notes)
         patience = Patience(self.options.server_timeout_s, self.options.retry_limit_s)
-        jitter = random.Random(seed)
+        persistence = Persistence(patience, notes, random.Random(seed))
 
         def in_form(form: StructuredBy) -> Answer:
             prompt = with_schema_in_prompt(shown, schema, form)
+            seeds = itertools.count(seed, _SEED_STRIDE)
+            faults = itertools.count(1)
 
             def attempt(allowed_s: float) -> Answer:
-                request = Request(prompt, schema, form, seed % 2**31, allowed_s)
+                # A server that fails over what its model said would say and fail the same again.
+                request = Request(prompt, schema, form, next(seeds) % 2**31, allowed_s)
                 try:
                     return within(allowed_s + _GRACE_S, lambda: self.ask(request, notes))
                 except TimeoutError:
                     raise TransientError(f"no answer within {allowed_s:.3g} s") from None
+                except TransientError as failure:
+                    if failure.server_fault and form != "text" and next(faults) == _FAULTS_OF_A_FORM:
+                        raise FormRefusedError(failure.reason, certain=False) from None
+                    raise
 
-            return persist(attempt, patience, notes, jitter)
+            return persistence.call(attempt)
 
         while True:
             try:

@@ -17,7 +17,19 @@ _accepted: dict[str, StructuredBy] = {}
 
 
 class FormRefusedError(Exception):
-    """The server does not take this form of request."""
+    """The server does not take this form of request.
+
+    Parameters
+    ----------
+    reason : str
+        In the server's words.
+    certain : bool
+        Whether it said so, rather than failing over it; only then is it remembered.
+    """
+
+    def __init__(self, reason: str, certain: bool = True) -> None:
+        super().__init__(reason)
+        self.certain = certain
 
 
 def descend(
@@ -43,15 +55,18 @@ def descend(
     """
     start = max(LADDER.index(first), LADDER.index(_accepted.get(server, first)))
     refusals: list[str] = []
+    certain = True
     for form in LADDER[start:]:
         try:
             result = ask(form)
         except FormRefusedError as refusal:
             if form == "text":
                 raise
+            certain = certain and refusal.certain
             refusals.append(f"the server refused {_NAMES[form]} ({refusal})")
             continue
-        _accepted[server] = form
+        if certain:
+            _accepted[server] = form
         notes.extend(refusals)
         return result, form
     raise AssertionError("the last form returns or raises")

@@ -76,7 +76,7 @@ def test_a_machine_without_the_model_says_what_is_missing(monkeypatch, tmp_path)
         assert remedy in caught.value.hint
     with pytest.raises(BsaError, match="its routes are openai, litellm"):
         open_backend("o3", BackendOptions(via="ollama"), _registry())
-    with pytest.raises(BsaError, match='did you mean "qwen2.5-14b"'):
+    with pytest.raises(BsaError, match=r'did you mean "qwen2\.5-14b"'):
         open_backend("qwen2.5-14", registry=_registry())
     with pytest.raises(BsaError, match="litellm:MODEL"):
         open_backend("litellm", registry=_registry())
