@@ -1,0 +1,82 @@
+"""The step inside a least-squares fit: as far as a linear model can be trusted, never out of bounds."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from .trajectory import FloatArray
+
+_BISECTIONS = 12
+"""Halvings of the logarithm of the damping; the radius need not be met exactly (Nocedal & Wright, Sec. 4.3)."""
+
+_LEAST_DAMPING = 1e-14
+"""Damping relative to the largest squared singular value: picks the shortest step where many are equally good."""
+
+
+def bounded_step(
+    jacobian: FloatArray, residual: FloatArray, lower: FloatArray, upper: FloatArray, radius: float
+) -> FloatArray:
+    """Minimise ``||J d + r||`` over ``lower <= d <= upper`` and ``||d|| <= radius``.
+
+    Levenberg's damping (1944) is raised until the step is short enough, so that directions of which the
+    residuals say little are hardly moved (Marquardt 1963; Moré 1978). A plain trust box would send them
+    to its corners instead.
+
+    Parameters
+    ----------
+    jacobian : ndarray of shape (m, p)
+        Change of the residuals per unit of each coordinate.
+    residual : ndarray of shape (m,)
+        Residuals at the base.
+    lower, upper : ndarray of shape (p,)
+        Room on both sides of the base, ``lower <= 0 <= upper``. Where they are equal nothing moves.
+    radius : float
+        Longest step.
+
+    Returns
+    -------
+    ndarray of shape (p,)
+    """
+    step = np.zeros(len(lower))
+    # A coordinate on its bound, with its room on the other side, is free: the solver finds out.
+    free = upper - lower > 0
+    if not np.any(free) or radius <= 0:
+        return step
+    factor, target = _reduced(jacobian[:, free], -residual)
+    strength = float(np.linalg.norm(factor, 2))
+    if strength == 0.0:
+        return step
+    most = float(np.linalg.norm(factor.T @ target)) / radius  # damping that is certainly enough
+    least = _LEAST_DAMPING * strength**2
+    found = _damped(factor, target, lower[free], upper[free], least)
+    if np.linalg.norm(found) > radius and most > least:
+        for _ in range(_BISECTIONS):
+            middle = float(np.sqrt(least * most))
+            trial = _damped(factor, target, lower[free], upper[free], middle)
+            if np.linalg.norm(trial) > radius:
+                least = middle
+            else:
+                most, found = middle, trial
+        length = float(np.linalg.norm(found))
+        if length > radius:
+            found *= radius / length
+    step[free] = found
+    return step
+
+
+def _reduced(jacobian: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The same problem in p rows: what is orthogonal to the Jacobian cannot be changed."""
+    orthogonal, factor = np.linalg.qr(jacobian)
+    return factor, orthogonal.T @ target
+
+
+def _damped(factor: FloatArray, target: FloatArray, lower: FloatArray, upper: FloatArray, damping: float) -> FloatArray:
+    count = factor.shape[1]
+    stacked = np.vstack([factor, np.sqrt(damping) * np.eye(count)])
+    wanted = np.concatenate([target, np.zeros(count)])
+    free = np.linalg.lstsq(stacked, wanted, rcond=None)[0]
+    if np.all(free >= lower) and np.all(free <= upper):
+        return np.asarray(free)
+    found = lsq_linear(stacked, wanted, bounds=(lower, upper), method="bvls").x
+    return np.clip(found, lower, upper)

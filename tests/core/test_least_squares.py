@@ -1,0 +1,175 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from bsa.core.bounded_step import bounded_step
+from bsa.core.errors import BsaError
+from bsa.core.least_squares import LeastSquares, Settings, minimise
+from bsa.core.parameters import Candidate, Parameter, ParameterSpace
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import lsq_linear
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def linear(seed: int, count: int, rows: int = 30) -> tuple[np.ndarray, np.ndarray]:
+    """A matrix and a target whose solution may lie outside the box."""
+    rng = np.random.default_rng(seed)
+    return rng.normal(size=(rows, count)), rng.uniform(-0.3, 1.3, count)
+
+
+def run(search: LeastSquares, function, limit: int = 300) -> list[np.ndarray]:
+    asked: list[np.ndarray] = []
+    while (batch := search.ask()) and search.simulations < limit:
+        asked += batch
+        search.tell([function(point) for point in batch])
+    return asked
+
+
+@given(seeds, st.integers(1, 8))
+@settings(max_examples=40, deadline=None)
+def test_a_linear_problem_takes_one_jacobian_and_a_few_steps(seed: int, count: int) -> None:
+    matrix, target = linear(seed, count)
+    search = LeastSquares(np.full(count, 0.5), settings=Settings(radius=1.0, largest_radius=3.0))
+    run(search, lambda x: matrix @ (x - target))
+    best = 2.0 * lsq_linear(matrix, matrix @ target, bounds=(0, 1), tol=1e-14).cost
+    assert search.converged
+    assert search.cost <= best * (1 + 1e-6) + 1e-12
+    assert search.simulations <= 1 + count + 6
+
+
+@given(seeds, st.integers(1, 6), st.floats(0.0, 0.3), st.floats(0.0, 1.0))
+@settings(max_examples=60, deadline=None)
+def test_noise_failures_and_curvature_never_lead_out_of_the_box_nor_uphill(
+    seed: int, count: int, noise: float, share_failing: float
+) -> None:
+    matrix, target = linear(seed, count, rows=12)
+    rng = np.random.default_rng(seed + 1)
+    wall = rng.normal(size=count)
+
+    def function(x: np.ndarray) -> np.ndarray | None:
+        if x @ wall > share_failing * 2.0 + 0.5 * wall.sum():
+            return None
+        return matrix @ np.sin(2 * (x - target)) + noise * np.sin(1e5 * (matrix @ x))
+
+    search = LeastSquares(np.full(count, 0.5))
+    costs = []
+    while (batch := search.ask()) and search.simulations < 150:
+        for point in batch:
+            assert np.all(point >= 0.0)
+            assert np.all(point <= 1.0)
+        search.tell([function(point) for point in batch])
+        costs.append(search.cost)
+    assert all(later <= earlier for earlier, later in pairwise(costs))
+
+
+@given(seeds)
+@settings(max_examples=20, deadline=None)
+def test_directions_that_do_nothing_are_left_alone(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    matrix = rng.normal(size=(20, 2)) @ rng.normal(size=(2, 5))  # rank 2 of 5
+    target = rng.uniform(0.3, 0.7, 5)
+    search = LeastSquares(np.full(5, 0.5), settings=Settings(largest_radius=3.0))
+    run(search, lambda x: matrix @ (x - target))
+    assert search.cost < 1e-12
+    _, _, rows = np.linalg.svd(matrix)
+    assert np.max(np.abs(rows[2:] @ (search.point - 0.5))) < 1e-3
+
+
+def test_a_curved_valley_is_followed_to_its_end() -> None:
+    search = LeastSquares(np.array([0.2, 0.6]))
+    run(search, lambda x: np.array([10 * ((4 * x[1] - 2) - (4 * x[0] - 2) ** 2), 1 - (4 * x[0] - 2)]), limit=80)
+    assert search.point * 4 - 2 == pytest.approx([1.0, 1.0], abs=1e-4)
+
+
+def test_a_failing_side_is_answered_by_the_other() -> None:
+    target = np.array([0.4, 0.3])
+    search = LeastSquares(np.array([0.5, 0.45]))
+    asked = run(search, lambda x: None if x[0] > 0.5 else 3.0 * (x - target))
+    assert search.cost < 1e-10
+    assert any(point[0] > 0.5 for point in asked)
+
+
+def test_a_failing_start_is_the_end() -> None:
+    search = LeastSquares(np.array([0.5]))
+    search.tell([None for _ in search.ask()])
+    assert search.done
+    assert not search.converged
+    assert search.ask() == []
+    assert search.cost == np.inf
+
+
+def test_only_the_free_coordinates_move() -> None:
+    matrix, target = linear(3, 4)
+    search = LeastSquares(np.full(4, 0.5), free=np.array([True, False, True, False]))
+    asked = run(search, lambda x: matrix @ (x - target))
+    assert all(point[1] == 0.5 and point[3] == 0.5 for point in asked)
+    assert search.point[0] != 0.5
+
+
+def test_a_known_jacobian_saves_the_differences() -> None:
+    matrix, target = linear(4, 5)
+    start = np.full(5, 0.5)
+    search = LeastSquares(start, matrix @ (start - target), Settings(radius=2.0, largest_radius=3.0), jacobian=matrix)
+    assert len(search.ask()) == 1
+    run(search, lambda x: matrix @ (x - target))
+    assert search.simulations <= 3
+
+
+def test_the_last_simulations_are_not_spent_on_a_jacobian_that_nothing_can_follow() -> None:
+    def function(x: np.ndarray) -> np.ndarray:
+        return np.array([10 * (x[1] - x[0] ** 2), 1 - x[0], x[0] * x[1] - 0.9])
+
+    search = LeastSquares(np.array([0.1, 0.9]), settings=Settings(radius=0.01))
+    while search.simulations < 60 and not search.done:
+        batch = search.ask(limit=2)
+        if not batch:
+            break
+        if search.simulations > 3:
+            assert len(batch) == 1
+        search.tell([function(point) for point in batch])
+
+
+def test_questions_repeat_until_they_are_answered_in_full() -> None:
+    search = LeastSquares(np.array([0.5, 0.5]), residual=np.array([1.0, 2.0]))
+    first = search.ask()
+    assert np.array_equal(first, search.ask())
+    with pytest.raises(BsaError, match="2 points were asked for"):
+        search.tell([None])
+
+
+def test_minimise_counts_every_simulation_and_keeps_to_its_budget() -> None:
+    space = ParameterSpace((Parameter("a", 1.0, 0.1, 10.0, "log"), Parameter("b", 0.2, -1.0, 1.0)))
+    seen: list[Candidate] = []
+
+    def function(candidates: list[Candidate]) -> list[np.ndarray]:
+        seen.extend(candidates)
+        return [np.array([np.log(c["a"] / 3.0), c["b"] + 0.5, c["b"] * c["a"] + 1.5]) for c in candidates]
+
+    fit = minimise(function, space, budget=40)
+    assert fit.candidate == pytest.approx({"a": 3.0, "b": -0.5}, rel=1e-4)
+    assert fit.simulations == len(seen) <= 40
+    assert fit.converged
+    assert fit.jacobian is not None
+    for budget in range(1, 12):
+        seen.clear()
+        short = minimise(function, space, budget=budget)
+        assert len(seen) == short.simulations <= budget
+        assert short.residuals is not None
+
+
+@given(seeds, st.floats(0.01, 2.0))
+@settings(max_examples=60, deadline=None)
+def test_a_step_keeps_its_bounds_and_its_length(seed: int, radius: float) -> None:
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(1, 7))
+    jacobian = rng.normal(size=(10, count)) * 10.0 ** rng.uniform(-6, 6, count)
+    residual = rng.normal(size=10)
+    lower, upper = -rng.random(count), rng.random(count)
+    lower[0] = 0.0
+    step = bounded_step(jacobian, residual, lower, upper, radius)
+    assert np.all(step >= lower - 1e-15)
+    assert np.all(step <= upper + 1e-15)
+    assert np.linalg.norm(step) <= radius * (1 + 1e-9)
+    assert np.linalg.norm(residual + jacobian @ step) <= np.linalg.norm(residual) * (1 + 1e-12)
