@@ -96,7 +96,7 @@ def _compare(simulated: Trajectory, whole: Trajectory, experiment: Experiment) -
     i_mape, i_rmse = _curve_errors(simulated, target, "current")
     v_mape, v_rmse = _curve_errors(simulated, target, "voltage")
     mape = q_mape + i_mape + v_mape
-    v_rmse_mv = _overlap_rmse_mv(simulated, target)
+    v_rmse_mv = _overlap_rmse_mv(simulated, target, experiment.protocol is None)
     return Metrics(
         objective=mape if experiment.protocol is not None else v_rmse_mv,
         mape=mape,
@@ -126,9 +126,11 @@ def _curve_errors(simulated: Trajectory, target: Trajectory, signal: str) -> tup
 
 def _resampled(record: Trajectory, signal: str) -> FloatArray:
     """A signal on a grid of 1 s from its own start, by PCHIP (paper, Sec. 4.1)."""
-    # Subtract before comparing: stamps a rounding apart late in the record coincide afterwards.
-    time, first = np.unique(record.time - record.time[0], return_index=True)
-    values = getattr(record, signal)[first]
+    values = getattr(record, signal)
+    # The two sides of a jump share a stamp, or not, by rounding. Dropping one side would turn the jump into a
+    # ramp to the next sample, half a minute on; so the stamps are rounded and then kept a microsecond apart.
+    gaps = _JUMP_S * np.arange(len(record))
+    time = np.maximum.accumulate(np.round(record.time - record.time[0], 6) - gaps) + gaps
     if len(time) < 2:
         return np.asarray(values[-1:])
     return np.asarray(PchipInterpolator(time, values)(np.arange(0.0, time[-1], 1.0)), dtype=np.float64)
@@ -141,17 +143,24 @@ def _mape(simulated: FloatArray, reference: FloatArray) -> float:
     return float(100.0 * np.mean(np.abs((simulated[counted] - reference[counted]) / reference[counted])))
 
 
-def _overlap_rmse_mv(simulated: Trajectory, target: Trajectory) -> float:
-    time = target.time - target.time[0]
-    inside = time <= simulated.duration + _JUMP_S
-    time, measured = time[inside], target.voltage[inside]
-    # Where two samples share a stamp the current jumps: one belongs before the jump, the other after it.
-    pause = np.diff(time) > _JUMP_S
-    place = time.copy()
-    place[:-1][~pause] -= _JUMP_S
-    place[1:][~pause] += _JUMP_S
-    voltage = np.interp(place, simulated.time - simulated.time[0], simulated.voltage)
-    return 1e3 * _time_weighted_rms(time, voltage - measured)
+def _overlap_rmse_mv(simulated: Trajectory, target: Trajectory, driven: bool) -> float:
+    ours, theirs = _without_ties(simulated.time), _without_ties(target.time)
+    end = min(ours[-1], theirs[-1])
+    # Under a measured current both jump at the same instants, and the samples say all. Under a protocol
+    # a jump comes a moment early or late; judged at sparse samples alone it would count for a whole interval.
+    time = theirs if driven else np.union1d(ours, theirs)
+    time = time[time <= end + _JUMP_S]
+    difference = np.interp(time, ours, simulated.voltage) - np.interp(time, theirs, target.voltage)
+    return 1e3 * _time_weighted_rms(time, difference)
+
+
+def _without_ties(time: FloatArray) -> FloatArray:
+    """Time from zero, samples that share a stamp (the two sides of a jump) moved a microsecond apart."""
+    time = time - time[0]
+    tied = np.diff(time) <= _JUMP_S
+    time[:-1][tied] -= 0.5 * _JUMP_S
+    time[1:][tied] += 0.5 * _JUMP_S
+    return time
 
 
 def _time_weighted_rms(time: FloatArray, values: FloatArray) -> float:

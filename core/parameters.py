@@ -69,6 +69,17 @@ class Parameter:
         found = _UNIT.search(self.name)
         return found.group(1) if found else ""
 
+    @property
+    def typical_step(self) -> str:
+        """A change worth trying, in the notation of a proposal: ``"*1.1"``, or ``"+0.03"`` on a linear scale."""
+        return "*1.1" if self.scale == "log" else f"+{0.05 * (self.upper - self.lower):.2g}"
+
+    def in_steps(self, value: float) -> float:
+        """How many typical steps ``value`` lies above the initial value."""
+        if self.scale == "log":
+            return math.log(value / self.initial) / math.log(1.1)
+        return (value - self.initial) / float(self.typical_step)
+
     def project(self, value: float) -> float:
         """The nearest value inside the bounds."""
         return min(max(value, self.lower), self.upper)

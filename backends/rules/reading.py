@@ -21,12 +21,14 @@ class Prompt:
     ----------
     parameters : dict of str to float
         The searched parameters and their current values.
+    steps : dict of str to str
+        A change of each parameter that is worth trying, ``"*1.1"`` or ``"+0.03"``.
     feedback : dict
         The feedback on the current values.
     overshot : bool
         Whether the latest attempt was no better.
     effects : dict of str to dict
-        Learnt sensitivities: change of each feature per 10 % of each parameter; empty without memory.
+        Learnt sensitivities: change of each feature per typical step of each parameter; empty without memory.
     trials : list of dict
         Earlier trials with ``values`` and ``features`` or residuals; empty without memory.
     rules : list of dict
@@ -36,6 +38,7 @@ class Prompt:
     """
 
     parameters: dict[str, float]
+    steps: dict[str, str]
     feedback: dict[str, Any]
     overshot: bool = False
     effects: dict[str, dict[str, float]] = field(default_factory=dict)
@@ -65,6 +68,7 @@ def read_prompt(messages: Sequence[Message]) -> Prompt:
     priors = sections.get("Priors", {})
     return Prompt(
         parameters={name: float(entry["current"]) for name, entry in parameters.items()},
+        steps={name: str(entry["typical_step"]) for name, entry in parameters.items()},
         feedback=sections.get("Feedback", {}),
         overshot=any(title.startswith("Last attempt") for title in sections),
         effects=sections.get("Memory: learnt sensitivities", {}).get("effects", {}),

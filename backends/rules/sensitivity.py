@@ -8,20 +8,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .coordinates import to_steps
 from .reading import Prompt
 
 Matrix = NDArray[np.float64]
 
-_PER_TEN_PERCENT = float(np.log(1.1))
-_NEAR = 0.15
-"""Trials farther than this (relative change of the parameters) say little about the slope here."""
-_ROUNDING = 0.01
-"""Relative change below which a difference between trials is lost in the rounding of the prompt."""
+_NEAR = 1.5
+"""Trials farther than this many typical steps say little about the slope here."""
+_ROUNDING = 0.1
+"""Typical steps below which a difference between trials is lost in the rounding of the prompt."""
 _TRUST_IN_WHAT_WAS_KNOWN = 0.05
 """Weight of the slopes known before, against one of a trial at a middling distance."""
 
-_TYPICAL_TIME_S, _TYPICAL_SHIFT_MV, _TYPICAL_PERCENT = 600.0, 30.0, 20.0
-"""Guessed effect of a parameter that a rule names, per unit of logarithmic change."""
+_TYPICAL_TIME_S, _TYPICAL_SHIFT_MV, _TYPICAL_PERCENT = 60.0, 3.0, 2.0
+"""Guessed effect of a typical step of a parameter that a rule names."""
 
 TOLERANCES = {"_s": 5.0, "_mv": 2.0, "_pct": 1.0}
 """Mismatch that is as good as none, by the unit at the end of a feature's name."""
@@ -36,7 +36,7 @@ class Sensitivity:
     parameters, features : tuple of str
         Names of the columns and rows.
     slopes : ndarray of shape (f, p)
-        Change of each feature per unit of logarithmic change of each parameter.
+        Change of each feature per typical step of each parameter.
     mismatch : ndarray of shape (f,)
         The features now.
     tolerance : ndarray of shape (f,)
@@ -61,7 +61,7 @@ def infer(prompt: Prompt) -> Sensitivity:
     tolerance = np.array([_tolerance(name) for name in features])
     if prompt.effects:
         slopes = np.array(
-            [[float(prompt.effects.get(p, {}).get(f, 0.0)) / _PER_TEN_PERCENT for p in parameters] for f in features]
+            [[float(prompt.effects.get(p, {}).get(f, 0.0)) for p in parameters] for f in features]
         ).reshape(len(features), len(parameters))
         source = "learnt sensitivities"
     else:
@@ -80,19 +80,18 @@ def _tolerance(feature: str) -> float:
 
 def _differences(prompt: Prompt, parameters: tuple[str, ...], features: tuple[str, ...]) -> tuple[Matrix, Matrix]:
     """Changes of parameters and features between the earlier trials and now, shapes (k, p) and (k, f)."""
-    now = np.array([prompt.parameters[name] for name in parameters])
+    steps = [prompt.steps[name] for name in parameters]
+    now = np.array([to_steps(prompt.parameters[name], step) for name, step in zip(parameters, steps, strict=True)])
     mismatch = np.array([prompt.features[name] for name in features])
     changes: list[Matrix] = []
     responses: list[Matrix] = []
     for trial in prompt.trials:
-        values = np.array([float(value) for value in trial.get("values", ())])
+        values = [float(value) for value in trial.get("values", ())]
         numbers = _numbers(trial, prompt.trial_features)
-        if values.shape != now.shape or not all(name in numbers for name in features):
+        if len(values) != len(now) or not all(name in numbers for name in features):
             continue
-        if np.any(values <= 0) or np.any(now <= 0):
-            continue
-        change = np.log(values / now)
-        if np.max(np.abs(change)) > 1e-6:
+        change = np.array([to_steps(value, step) for value, step in zip(values, steps, strict=True)]) - now
+        if np.all(np.isfinite(change)) and np.max(np.abs(change)) > 1e-5:
             changes.append(change)
             responses.append(np.array([numbers[name] for name in features]) - mismatch)
     return np.array(changes), np.array(responses)

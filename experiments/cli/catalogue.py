@@ -81,11 +81,11 @@ def doctor() -> None:
     """Show which language models are ready here, and the command that would make each other one so."""
     from ...backends.readiness import survey
 
-    rows: list[tuple[str, str, str]] = []
-    for item in survey():
-        state = "ready" if item.ready else "not ready"
-        rows.append((item.name, state, item.detail if item.ready else item.remedy))
-    _table("backends", rows)
+    rows = [
+        (item.backend, f"{item.route}: {'ready' if item.ready else 'not ready'}", item.remedy or item.detail)
+        for item in survey()
+    ]
+    _table("backends", [("rules", "built in: ready", "needs nothing"), *rows])
 
 
 def _table(title: str, rows: Sequence[tuple[str, str, str]] | Iterable[tuple[str, str, str]]) -> None:

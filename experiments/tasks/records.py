@@ -77,7 +77,7 @@ def build_task(
     BsaError
         If a file, a parameter set or a parameter does not exist or makes no sense.
     """
-    from ...plugins.pybamm.initial_state import soc_at_voltage
+    from ...plugins.pybamm.state_of_charge import soc_at_voltage
     from ...plugins.pybamm.parameter_sets import INITIAL_SOC, load
     from ...plugins.pybamm.presets import resolve_space
     from ...plugins.readers.reading import read_record

@@ -58,7 +58,11 @@ def task_section(task: Task, current: Trial) -> str:
         "records": rounded(records),
         "parameters": rounded(
             {
-                parameter.name: {"initial": parameter.initial, "current": current.candidate[parameter.name]}
+                parameter.name: {
+                    "initial": parameter.initial,
+                    "current": current.candidate[parameter.name],
+                    "typical_step": parameter.typical_step,
+                }
                 for parameter in task.space
             },
             digits=6,

@@ -15,12 +15,9 @@ from ..feedback.rounding import rounded
 _RIDGE = 1e-3
 """Damping of the regression, relative: keeps it defined when there are fewer trials than parameters."""
 
-PERCENT = 10.0
-"""Effects are told for a rise of a parameter by this many percent."""
-
 
 class SensitivityMemory:
-    """Regresses the change of every feature on the relative change of every parameter over the warm-up.
+    """Regresses the change of every feature on the change of every parameter over the warm-up.
 
     Algorithm 1, phase 1 of the paper has a model summarise the warm-up in words. Here the numbers are
     found by linear regression, which any reader, model or rule, can turn into words without loss.
@@ -49,12 +46,11 @@ class SensitivityMemory:
         names, changes, effects = self._regress(origin, good)
         failed = [self._describe(trial) for trial in self._warm_up if not trial.ok]
         content: dict[str, object] = {
-            "meaning": f"change of each feature when one parameter rises by {PERCENT:g} %",
+            "meaning": "change of each feature when one parameter rises by its typical step",
             "learnt_from": f"{len(good)} warm-up simulations",
             "fit_quality_pct": 100.0 * self._explained(changes, effects, good, origin, names),
             "effects": {
-                name: dict(zip(names, np.log1p(PERCENT / 100.0) * effects[:, place], strict=True))
-                for place, name in enumerate(self._space.names)
+                name: dict(zip(names, effects[:, place], strict=True)) for place, name in enumerate(self._space.names)
             },
         }
         if failed:
@@ -70,7 +66,7 @@ class SensitivityMemory:
 
     def _regress(self, origin: Trial, good: list[Trial]) -> tuple[list[str], FloatArray, FloatArray]:
         names = list(_features(origin))
-        changes = np.array([self._relative(origin, trial) for trial in good])
+        changes = np.array([self._steps(origin, trial) for trial in good])
         responses = np.array(
             [[_features(trial).get(n, np.nan) - _features(origin)[n] for n in names] for trial in good]
         )
@@ -79,10 +75,11 @@ class SensitivityMemory:
         normal = changes.T @ changes + _RIDGE * scale * np.eye(len(self._space))
         return names, changes, np.linalg.solve(normal, changes.T @ responses).T
 
-    def _relative(self, origin: Trial, trial: Trial) -> FloatArray:
-        """Logarithmic change of every parameter, shape (p,); linear where a sign could change."""
-        pairs = [(trial.candidate[name], origin.candidate[name]) for name in self._space.names]
-        return np.array([np.log(new / old) if new > 0 < old else (new - old) / (abs(old) or 1.0) for new, old in pairs])
+    def _steps(self, origin: Trial, trial: Trial) -> FloatArray:
+        """Change of every parameter in typical steps, shape (p,)."""
+        return np.array(
+            [p.in_steps(trial.candidate[p.name]) - p.in_steps(origin.candidate[p.name]) for p in self._space]
+        )
 
     def _explained(
         self, changes: FloatArray, effects: FloatArray, good: list[Trial], origin: Trial, names: list[str]
@@ -95,11 +92,9 @@ class SensitivityMemory:
 
     def _describe(self, trial: Trial) -> str:
         changed = ", ".join(
-            f"{name} *{trial.candidate[name] / self._initial.candidate[name]:.3g}"
-            for name in self._space.names
-            if self._initial is not None
-            and self._initial.candidate[name]
-            and abs(trial.candidate[name] / self._initial.candidate[name] - 1) > 0.05
+            f"{parameter.name} {trial.candidate[parameter.name]:.4g}"
+            for parameter in self._space
+            if abs(parameter.in_steps(trial.candidate[parameter.name])) > 0.5
         )
         return f"{changed or 'a small change'}: {trial.failure.cause if trial.failure else 'nothing to compare'}"
 
