@@ -1,0 +1,1 @@
+"""Studies: the tables and figures of the benchmark, one function each, resumable."""

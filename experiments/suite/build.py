@@ -1,0 +1,46 @@
+"""From a benchmark case to a task that a run can take."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ...core.errors import BsaError
+from ...core.task import Task
+from .case import SuiteCase
+from .target import cell_of, experiment_of, target_of
+
+
+def build_task(case: SuiteCase, search: str | Mapping[str, Any] | None = None, cache: Path | None = None) -> Task:
+    """The task of a case: its base cell, its target, and generic physical bounds.
+
+    Parameters
+    ----------
+    case : SuiteCase
+        The case.
+    search : str or mapping, optional
+        Search space, as in `resolve_space`; ``geometry`` by default, ``sei`` for the ageing cases.
+    cache : Path, optional
+        Folder for finished targets.
+
+    Raises
+    ------
+    BsaError
+        If the true cell cannot be simulated at all.
+    """
+    from ...plugins.pybamm.presets import resolve_space
+
+    cell = cell_of(case)
+    run = target_of(case, cache)
+    experiment = experiment_of(case)
+    reached = run.trajectory
+    if reached is None or (experiment.scored_cycle is not None and experiment.scored_cycle not in reached.cycles):
+        reason = run.failure.cause if run.failure else "it ends before the scored cycle"
+        raise BsaError(f"{case.key}: PyBaMM cannot simulate the true cell ({reason}).", "leave the case out.")
+    notes: tuple[str, ...] = ()
+    if run.failure is not None:
+        notes = (f'The target itself stops in "{run.failure.step}" ({run.failure.cause}); what it reached is scored.',)
+    space = resolve_space(case.parameter_set, search or ("sei" if case.mode == "sei" else "geometry"), {}, cell.options)
+    return Task(case.key, cell, space, (replace(experiment, target=reached),), notes)

@@ -1,0 +1,112 @@
+"""One benchmark case: a base cell, what was changed in it, and how it is cycled."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from ...core.parameters import Candidate
+from ...core.task import Protocol
+
+MODES = ("regular", "extreme", "sei", "random")
+
+MODEL_OPTIONS = {"SEI": "reaction limited", "SEI film resistance": "distributed"}
+"""The paper's model options, the same for every case."""
+
+_AMBIENT = ("Ambient temperature [K]", "Initial temperature [K]")
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Measurement noise put on a target.
+
+    Attributes
+    ----------
+    voltage_v : float
+        Standard deviation of the voltage, V.
+    current : float
+        Standard deviation of the current relative to its value (a gain error at every sample): a rest stays
+        a rest, because the paper's relative current error would mean nothing on a noisy zero.
+    """
+
+    voltage_v: float = 0.0
+    current: float = 0.0
+
+    def __bool__(self) -> bool:
+        return self.voltage_v > 0 or self.current > 0
+
+
+@dataclass(frozen=True)
+class SuiteCase:
+    """A benchmark case; the truth in it is never shown to a proposer.
+
+    Attributes
+    ----------
+    mode : {'regular', 'extreme', 'sei', 'random'}
+        How the truth was made.
+    number : int
+        Identifier within its mode.
+    parameter_set : str
+        The base cell, where every search starts.
+    charge_rate, discharge_rate : float
+        C-rates of the constant-current steps.
+    changes : mapping of str to float
+        The true values of the parameters that differ from the base cell.
+    cycles : int
+        Cycles of the protocol.
+    noise : Noise
+        Measurement noise of the target.
+    """
+
+    mode: str
+    number: int
+    parameter_set: str
+    charge_rate: float
+    discharge_rate: float
+    changes: Mapping[str, float]
+    cycles: int = 2
+    noise: Noise = field(default_factory=Noise)
+
+    @property
+    def key(self) -> str:
+        """``"regular-134"``."""
+        return f"{self.mode}-{self.number}"
+
+    @property
+    def rates(self) -> str:
+        """``"2C/1C"``: charge and discharge."""
+        return f"{self.charge_rate:g}C/{self.discharge_rate:g}C"
+
+    @property
+    def hidden(self) -> Candidate:
+        """The true values that a search is to find: the changes without the known ambient temperature."""
+        return {name: value for name, value in self.changes.items() if name not in _AMBIENT}
+
+    @property
+    def temperature_k(self) -> float | None:
+        """The ambient temperature, which any laboratory knows; None for the base cell's."""
+        return next((float(self.changes[name]) for name in _AMBIENT if name in self.changes), None)
+
+
+def protocol(charge_rate: float, discharge_rate: float, highest_v: float, lowest_v: float, cycles: int = 2) -> Protocol:
+    """The paper's cycle, as PyBaMM step strings.
+
+    Parameters
+    ----------
+    charge_rate, discharge_rate : float
+        C-rates.
+    highest_v, lowest_v : float
+        Voltage cut-offs, V.
+    cycles : int
+        How often.
+    """
+    cycle = (
+        "Rest for 1 second",
+        f"Charge at {charge_rate:g}C until {highest_v:g} V",
+        "Rest for 1 second",
+        f"Hold at {highest_v:g} V until C/20",
+        "Rest for 90 seconds",
+        f"Discharge at {discharge_rate:g}C until {lowest_v:g} V",
+        "Rest for 90 seconds",
+    )
+    return (cycle,) * cycles

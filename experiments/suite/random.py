@@ -1,0 +1,93 @@
+"""Cases that no table describes: perturbations of random size, other base cells, measurement noise.
+
+They show whether a proposer is good, or only knows the suite.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from .case import Noise, SuiteCase
+from .filters import passes
+
+SETS = ("Chen2020", "OKane2022", "Ecker2015", "Mohtat2020", "Prada2013", "Ai2020", "Marquis2019", "ORegan2022")
+"""Base cells, taken in turn: the paper's five and three it does not use."""
+
+RATES = (0.2, 0.5, 1.0, 1.5, 2.0)
+NOISE = Noise(voltage_v=1e-3, current=1e-3)
+"""What a good cycler shows: 1 mV and 0.1 %."""
+
+_LARGEST_FACTOR = {
+    "Negative particle radius [m]": 2.2,
+    "Positive particle radius [m]": 2.2,
+    "Negative electrode thickness [m]": 1.5,
+    "Positive electrode thickness [m]": 1.5,
+    "Separator thickness [m]": 1.7,
+}
+_POROSITY_SHIFT, _POROSITY = 0.1, (0.15, 0.6)
+_POROSITIES = ("Negative electrode porosity", "Positive electrode porosity")
+_BRUGGEMAN_SHIFT, _BRUGGEMAN = 1.0, (1.05, 3.5)
+_BRUGGEMANS = (
+    "Negative electrode Bruggeman coefficient (electrolyte)",
+    "Positive electrode Bruggeman coefficient (electrolyte)",
+)
+_ATTEMPTS = 60
+
+
+def random_cases(
+    seed: int,
+    count: int = 40,
+    noise: Noise | None = None,
+    cache: Path | None = None,
+    keep: Callable[[SuiteCase], bool] | None = None,
+) -> dict[str, SuiteCase]:
+    """Random cases that pass the filters, by key (``random-0``, ``random-1``, ...).
+
+    Parameters
+    ----------
+    seed : int
+        Seed; a case depends on it and on its own number, not on how many are asked for.
+    count : int
+        How many.
+    noise : Noise, optional
+        Measurement noise of the targets; none by default.
+    cache : Path, optional
+        Folder for finished targets.
+    keep : callable, optional
+        The filters, if not the paper's two.
+    """
+    test = keep or (lambda case: passes(case, cache))
+    cases = (_draw(seed, number, noise or Noise(), test) for number in range(count))
+    return {case.key: case for case in cases}
+
+
+def _draw(seed: int, number: int, noise: Noise, keep: Callable[[SuiteCase], bool]) -> SuiteCase:
+    from ...plugins.pybamm.parameter_sets import load
+
+    rng = np.random.default_rng([seed, number])
+    parameter_set = SETS[number % len(SETS)]
+    base = load(parameter_set)
+    names = [*_LARGEST_FACTOR, *_POROSITIES, *_BRUGGEMANS]
+    case = None
+    for _ in range(_ATTEMPTS):
+        chosen = rng.permutation(len(names))[: int(rng.integers(1, len(names) + 1))]
+        changes = {names[index]: _perturbed(names[index], float(base[names[index]]), rng) for index in sorted(chosen)}
+        charge, discharge = (float(rate) for rate in rng.choice(RATES, size=2))
+        case = SuiteCase("random", number, parameter_set, charge, discharge, changes, noise=noise)
+        if keep(case):
+            break
+    # The last draw stands where none passed: a case that no proposer can finish is reported, not hidden.
+    assert case is not None
+    return case
+
+
+def _perturbed(name: str, value: float, rng: np.random.Generator) -> float:
+    position = float(rng.uniform(-1.0, 1.0))
+    if name in _LARGEST_FACTOR:
+        return value * math.exp(position * math.log(_LARGEST_FACTOR[name]))
+    shift, (lowest, highest) = (_POROSITY_SHIFT, _POROSITY) if name in _POROSITIES else (_BRUGGEMAN_SHIFT, _BRUGGEMAN)
+    return min(max(value + position * shift, lowest), highest)

@@ -1,0 +1,120 @@
+"""Which cases a study takes: a suite by name, and a part of it that stands for the whole."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from fnmatch import fnmatch
+from pathlib import Path
+
+import numpy as np
+
+from ...core.errors import BsaError, did_you_mean
+from .case import Noise, SuiteCase
+from .generated import generated_cases
+from .published import SEI_CYCLES, published_cases
+from .random import random_cases
+
+SUITES = ("published", "generated", "random")
+
+_LEAVE_OUT_UNLESS_NAMED = "sei"
+
+
+def load_suite(
+    name: str = "published",
+    folder: Path | None = None,
+    seed: int = 1,
+    count: int = 40,
+    noise: Noise | None = None,
+    cache: Path | None = None,
+    sei_cycles: int = SEI_CYCLES,
+) -> dict[str, SuiteCase]:
+    """The cases of a suite, by key.
+
+    Parameters
+    ----------
+    name : str
+        ``"published"``, ``"generated"`` or ``"random"``.
+    folder : Path, optional
+        Where the published files are.
+    seed, count : int
+        For the random suite.
+    noise : Noise, optional
+        Measurement noise put on every target.
+    cache : Path, optional
+        Folder for finished targets.
+    sei_cycles : int
+        Cycles of the published ageing cases.
+
+    Raises
+    ------
+    BsaError
+        If there is no such suite, or its files are missing.
+    """
+    if name not in SUITES:
+        raise BsaError(f'there is no suite "{name}".', did_you_mean(name, SUITES) or f"suites: {', '.join(SUITES)}.")
+    if name == "random":
+        return random_cases(seed, count, noise, cache)
+    cases = generated_cases() if name == "generated" else published_cases(folder, sei_cycles)
+    if not noise:
+        return cases
+    return {key: replace(case, noise=noise) for key, case in cases.items()}
+
+
+def choose(
+    cases: Mapping[str, SuiteCase], wanted: int | str | Sequence[str] | None = None, seed: int = 0
+) -> dict[str, SuiteCase]:
+    """A part of a suite.
+
+    Parameters
+    ----------
+    cases : mapping
+        The suite.
+    wanted : int, str, sequence of str, optional
+        A number (taken in turn from every mode and base cell, so that 10 of the published suite are one
+        of each), keys or patterns (``"regular-134"``, ``"extreme-*"``, or several joined by commas); all
+        by default. Ageing cases come only when named: they take hours.
+    seed : int
+        Which of them a number takes.
+
+    Raises
+    ------
+    BsaError
+        If a key or pattern fits no case.
+    """
+    if isinstance(wanted, str) and wanted.strip().isdigit():
+        wanted = int(wanted)
+    ordinary = {key: case for key, case in cases.items() if case.mode != _LEAVE_OUT_UNLESS_NAMED}
+    if wanted is None:
+        return ordinary
+    if isinstance(wanted, int):
+        if wanted < 1:
+            raise BsaError(f"the number of cases must be 1 or more, but got {wanted}.")
+        return _spread(ordinary, wanted, seed)
+    patterns = wanted.split(",") if isinstance(wanted, str) else list(wanted)
+    chosen: dict[str, SuiteCase] = {}
+    for pattern in (text.strip() for text in patterns):
+        found = {key: case for key, case in cases.items() if key == pattern or fnmatch(key, pattern)}
+        if not found:
+            raise BsaError(
+                f'no case is called "{pattern}".',
+                did_you_mean(pattern, cases) or 'write keys such as "regular-134", or a pattern such as "extreme-*".',
+            )
+        chosen.update(found)
+    return chosen
+
+
+def _spread(cases: Mapping[str, SuiteCase], count: int, seed: int) -> dict[str, SuiteCase]:
+    piles: dict[tuple[str, str], list[SuiteCase]] = {}
+    for case in cases.values():
+        piles.setdefault((case.mode, case.parameter_set), []).append(case)
+    shuffled = [
+        [pile[index] for index in np.random.default_rng([seed, place]).permutation(len(pile))]
+        for place, pile in enumerate(piles.values())
+    ]
+    # The first of every pile, then the second of every pile: a larger choice holds every smaller one.
+    turn = [
+        pile[depth] for depth in range(max(map(len, shuffled), default=0)) for pile in shuffled if depth < len(pile)
+    ]
+    taken = {case.key for case in turn[:count]}
+    return {key: case for key, case in cases.items() if key in taken}

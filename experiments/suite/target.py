@@ -1,0 +1,170 @@
+"""Targets, made on an independent path: PyBaMM's standard mesh at tighter tolerance than any fit uses.
+
+A target costs seconds, so each is kept on disk under a hash of everything it depends on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from dataclasses import asdict, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.encoding import decode_trajectory, encode_trajectory
+from ...core.errors import BsaError
+from ...core.parameters import Candidate
+from ...core.simulation import ExperimentRun, SimulationFailure
+from ...core.task import CellModel, Experiment
+from ...core.trajectory import StepKind, Trajectory
+from .case import MODEL_OPTIONS, Noise, SuiteCase, protocol
+
+_FORMAT = 1
+
+_RTOL, _ATOL = 1e-7, 1e-7
+"""Ten times tighter than the final score. Tighter still in ``atol``, and Ecker2015 fails in its first rest."""
+
+
+def cell_of(case: SuiteCase) -> CellModel:
+    """The cell model that a search starts from."""
+    return CellModel(case.parameter_set, "DFN", dict(MODEL_OPTIONS))
+
+
+def experiment_of(case: SuiteCase, charge_rate: float | None = None, discharge_rate: float | None = None) -> Experiment:
+    """The case's experiment without its target.
+
+    Parameters
+    ----------
+    case : SuiteCase
+        The case.
+    charge_rate, discharge_rate : float, optional
+        Other C-rates than the case's, for held-out protocols.
+    """
+    from ...plugins.pybamm.parameter_sets import load
+
+    values = load(case.parameter_set)
+    nothing = np.zeros(1)
+    return Experiment(
+        name=f"{charge_rate or case.charge_rate:g}C/{discharge_rate or case.discharge_rate:g}C",
+        target=Trajectory(nothing, nothing, nothing),
+        protocol=protocol(
+            charge_rate or case.charge_rate,
+            discharge_rate or case.discharge_rate,
+            float(values["Upper voltage cut-off [V]"]),
+            float(values["Lower voltage cut-off [V]"]),
+            case.cycles,
+        ),
+        # Ageing shows over all cycles.
+        scored_cycle=None if case.mode == "sei" else 2,
+        temperature_k=case.temperature_k,
+    )
+
+
+def target_of(case: SuiteCase, cache: Path | None = None) -> ExperimentRun:
+    """The record that the case asks to match, noise included.
+
+    Parameters
+    ----------
+    case : SuiteCase
+        The case.
+    cache : Path, optional
+        Folder for finished targets; the user's cache folder otherwise.
+
+    Returns
+    -------
+    ExperimentRun
+        With a partial trajectory where PyBaMM cannot finish the true cell (one published task).
+    """
+    run = reference_run(cell_of(case), experiment_of(case), case.hidden, cache)
+    if not case.noise or run.trajectory is None:
+        return run
+    return replace(run, trajectory=_noisy(run.trajectory, case.noise, case.key))
+
+
+def reference_run(cell: CellModel, experiment: Experiment, candidate: Candidate, cache: Path | None) -> ExperimentRun:
+    """Simulate on the independent path, or read the result of an earlier call."""
+    content = {
+        "format": _FORMAT,
+        "pybamm": version("pybamm"),
+        "tolerances": [_RTOL, _ATOL],
+        "cell": {**asdict(cell), "options": dict(cell.options), "overrides": dict(cell.overrides)},
+        "protocol": experiment.protocol,
+        "temperature_k": experiment.temperature_k,
+        "initial_soc": experiment.initial_soc,
+        "candidate": dict(sorted(candidate.items())),
+    }
+    digest = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
+    path = (cache or cache_folder()) / f"{digest}.json"
+    if path.is_file():
+        try:
+            return _decode(json.loads(path.read_text(encoding="utf-8")))
+        except (ValueError, KeyError, TypeError):
+            path.unlink()  # damaged by a crash of the machine: make it again
+    run = _solve(cell, experiment, candidate)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = path.with_suffix(f".{os.getpid()}.part")
+    draft.write_text(json.dumps(_encode(run)), encoding="utf-8")
+    draft.replace(path)
+    return run
+
+
+def cache_folder() -> Path:
+    """Where targets are kept: ``BSA_CACHE``, or the user's cache folder."""
+    chosen = os.environ.get("BSA_CACHE")
+    if chosen:
+        return Path(chosen) / "targets"
+    base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
+    return (Path(base) if base else Path.home() / ".cache") / "battery-sim-agent" / "targets"
+
+
+def _solve(cell: CellModel, experiment: Experiment, candidate: Candidate) -> ExperimentRun:
+    from ...plugins.pybamm.compiled import Accuracy, CompiledExperiment
+    from ...plugins.pybamm.parameter_sets import pybamm
+
+    pybamm.set_logging_level("CRITICAL")
+    accuracy = Accuracy(rtol=_RTOL, atol=_ATOL, standard_mesh=True)
+    return CompiledExperiment(cell, experiment, (), accuracy, baked=candidate).solve({})
+
+
+def _noisy(clean: Trajectory, noise: Noise, key: str) -> Trajectory:
+    rng = np.random.default_rng(list(key.encode()))
+    current = clean.current * (1.0 + noise.current * rng.standard_normal(len(clean)))
+    voltage = clean.voltage + noise.voltage_v * rng.standard_normal(len(clean))
+    return replace(clean, current=current, voltage=voltage)
+
+
+def _encode(run: ExperimentRun) -> dict[str, Any]:
+    return {
+        "trajectory": None if run.trajectory is None else encode_trajectory(run.trajectory),
+        "failure": None if run.failure is None else asdict(run.failure),
+    }
+
+
+def _decode(record: dict[str, Any]) -> ExperimentRun:
+    return ExperimentRun(
+        None if record["trajectory"] is None else decode_trajectory(record["trajectory"]),
+        None if record["failure"] is None else SimulationFailure(**record["failure"]),
+    )
+
+
+def discharged_in_scored_part(run: ExperimentRun, experiment: Experiment) -> float | None:
+    """Charge of the scored discharge, A.h; None if the cell did not get through.
+
+    Raises
+    ------
+    BsaError
+        If the experiment scores a cycle that it does not have.
+    """
+    if run.failure is not None or run.trajectory is None:
+        return None
+    record = run.trajectory
+    if experiment.scored_cycle is not None:
+        if experiment.scored_cycle not in record.cycles:
+            raise BsaError(f"{experiment.name} has no cycle {experiment.scored_cycle}.")
+        record = record.cycle(experiment.scored_cycle)
+    pieces = [piece for step, piece in record.pieces() if step.kind is StepKind.CC_DISCHARGE]
+    return float(sum(piece.discharge_capacity[-1] for piece in pieces))

@@ -1,0 +1,1 @@
+"""Proposers without a language model: blind optimisers and numerical fits."""
