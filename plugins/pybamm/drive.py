@@ -84,7 +84,8 @@ def _constant_or_drive(time: np.ndarray, current: np.ndarray, kind: StepKind) ->
         time, current = _smooth_knots(time, current)
     # One more knot beyond the end, so that the integrator never extrapolates.
     time, current = np.append(time, duration + 60.0), np.append(current, current[-1])
-    return pybamm.step.Current(np.column_stack([time, current]), duration=duration)
+    words = f"Measured current of {current[0]:.3g} to {current[-1]:.3g} A for {duration:.0f} s"
+    return pybamm.step.Current(np.column_stack([time, current]), duration=duration, description=words)
 
 
 def _smooth_knots(time: np.ndarray, current: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -15,7 +15,7 @@ from .worker import Assignment, WorkerPool
 class PyBaMMOptions(BaseModel, extra="forbid"):
     """How PyBaMM is run."""
 
-    time_limit_s: float = Field(60.0, gt=0, description="Longest time for one evaluation, in seconds.")
+    time_limit_s: float = Field(30.0, gt=0, description="Longest time for one evaluation, in seconds.")
 
 
 class PyBaMMSimulator:
