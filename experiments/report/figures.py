@@ -1,0 +1,266 @@
+"""The figures of a report: the fit before and after, and how the error fell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from ...core.metrics import scored_part
+from ...core.task import Experiment
+from ...core.trajectory import FloatArray, StepKind, Trajectory
+from ...core.trial import Trial
+from ..story import RunRecord
+from .chart import BOTTOM, GAP, TOP, Axis, Band, Chart, Key, Mark, Panel, horizontal, padded, vertical
+from .wording import number
+
+_CURRENT_HEIGHT, _VOLTAGE_HEIGHT, _RESIDUAL_HEIGHT, _CONVERGENCE_HEIGHT = 96.0, 210.0, 110.0, 250.0
+_LEAST_RESIDUAL_MV = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """One record with its simulations.
+
+    Attributes
+    ----------
+    name : str
+        The record's name. Untrusted.
+    chart : Chart
+        Current above voltage above residual.
+    remarks : tuple of str
+        What the reader must know to read it.
+    before_mv, after_mv : float or None
+        Root-mean-square voltage residual of the stored curves.
+    """
+
+    name: str
+    chart: Chart
+    remarks: tuple[str, ...]
+    before_mv: float | None
+    after_mv: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Curve:
+    """A scored curve on its own clock."""
+
+    style: str
+    record: Trajectory
+
+    @property
+    def time(self) -> FloatArray:
+        return self.record.time - self.record.time[0]
+
+    @property
+    def current(self) -> FloatArray:
+        return self.record.current
+
+    @property
+    def voltage(self) -> FloatArray:
+        return self.record.voltage
+
+    def residual_mv(self, measured: _Curve) -> tuple[FloatArray, FloatArray]:
+        """Simulated minus measured voltage where both exist: times and mV.
+
+        Stored curves are thinned; inside a step they are smooth, and monotone cubics give the samples between.
+        """
+        times: list[FloatArray] = []
+        voltages: list[FloatArray] = []
+        theirs = measured.time
+        for step, piece in self.record.pieces():
+            time, first = np.unique(piece.time - self.record.time[0], return_index=True)
+            voltage = piece.voltage[first]
+            if len(time) > 2 and step.kind is not StepKind.DRIVE:
+                between = theirs[(theirs > time[0]) & (theirs < time[-1])]
+                curve = PchipInterpolator(time, voltage)
+                time = np.union1d(time, between)
+                voltage = np.asarray(curve(time))
+            times.append(time)
+            voltages.append(voltage)
+        time = np.concatenate(times) if times else self.time
+        voltage = np.concatenate(voltages) if times else self.voltage
+        inside = time <= theirs[-1] + 1e-9
+        return time[inside], 1e3 * (voltage[inside] - np.interp(time[inside], theirs, measured.voltage))
+
+
+def overlays(run: RunRecord) -> list[Overlay]:
+    """One figure for each record of the task."""
+    return [_overlay(run, place, experiment) for place, experiment in enumerate(run.task.experiments)]
+
+
+def _overlay(run: RunRecord, place: int, experiment: Experiment) -> Overlay:
+    measured = _Curve("measured", experiment.scored_target)
+    initial = _simulated(run.initial, place, experiment, "initial")
+    best = _simulated(run.best, place, experiment, "best") if run.best is not run.initial else None
+    simulated = [curve for curve in (initial, best) if curve is not None]
+    focus = best or initial
+    longest = max([measured.time[-1], *(min(curve.time[-1], 1.5 * measured.time[-1]) for curve in simulated)])
+    scale, unit = _time_unit(float(longest))
+    across = horizontal(0.0, float(longest) / scale)
+    current, voltage, residual = _panels(measured, simulated, focus)
+    for curve in (measured, *simulated):
+        current.draw(across, curve.time / scale, curve.current, curve.style)
+        voltage.draw(across, curve.time / scale, curve.voltage, curve.style)
+        if curve is not measured and residual is not None:
+            time, values = curve.residual_mv(measured)
+            residual.draw(across, time / scale, values, curve.style)
+    panels = [panel for panel in (current, voltage, residual) if panel is not None]
+    keys = [Key("measured", "measured")]
+    if initial is not None:
+        keys.append(Key("initial", "initial" if best is not None or run.best is not run.initial else "initial = best"))
+    if best is not None:
+        keys.append(Key("best", f"best (simulation {run.best.index})"))
+    before, after = (_rms_mv(curve, measured) for curve in (initial, focus))
+    return Overlay(
+        name=experiment.name,
+        chart=Chart(
+            name=f"overlay-{place}",
+            title="Current, voltage and voltage residual over time",
+            description=(
+                f"Measured record against the initial and the best simulation. Voltage RMSE {number(before)} mV "
+                f"before and {number(after)} mV after."
+            ),
+            panels=panels,
+            x_ticks=across.ticks(8),
+            x_label=f"Time / {unit}",
+            keys=keys,
+            height=panels[-1].top + panels[-1].height + BOTTOM,
+        ),
+        remarks=tuple(_remarks(run, place, experiment, residual, initial, measured)),
+        before_mv=before,
+        after_mv=after,
+    )
+
+
+def _simulated(trial: Trial, place: int, experiment: Experiment, style: str) -> _Curve | None:
+    part = scored_part(trial.curves[place] if place < len(trial.curves) else None, experiment)
+    return None if part is None or len(part) == 0 else _Curve(style, part)
+
+
+def _panels(measured: _Curve, simulated: list[_Curve], focus: _Curve | None) -> tuple[Panel, Panel, Panel | None]:
+    top = TOP
+    current = _panel("Current / A", [c.current for c in (measured, *simulated)], top, _CURRENT_HEIGHT, 3)
+    current.zero = float(current.axis.pixels(0.0)) if current.axis.low < 0 < current.axis.high else None
+    top += _CURRENT_HEIGHT + GAP
+    voltage = _panel("Voltage / V", [c.voltage for c in (measured, *simulated)], top, _VOLTAGE_HEIGHT, 5)
+    if focus is None:
+        return current, voltage, None
+    top += _VOLTAGE_HEIGHT + GAP
+    _, values = focus.residual_mv(measured)
+    # Where a step ends a little early the residual is a spike: the scale serves what lies between.
+    size = 1.4 * float(np.percentile(np.abs(values), 97)) if len(values) else 1.0
+    size = max(size, _LEAST_RESIDUAL_MV)
+    axis = vertical(-size, size, top, _RESIDUAL_HEIGHT)
+    residual = Panel(axis, "Residual / mV", ticks=axis.ticks(4), zero=float(axis.pixels(0.0)))
+    return current, voltage, residual
+
+
+def _panel(label: str, signals: list[FloatArray], top: float, height: float, ticks: int) -> Panel:
+    """Axes that show the measured signal well, whatever a wild simulation did."""
+    measured = signals[0]
+    low, high = float(measured.min()), float(measured.max())
+    margin = 0.5 * (high - low) or 0.1 * abs(low) or 0.1
+    low = max(min(float(signal.min()) for signal in signals), low - margin)
+    high = min(max(float(signal.max()) for signal in signals), high + margin)
+    axis = vertical(*padded(low, high), top, height)
+    return Panel(axis, label, ticks=axis.ticks(ticks))
+
+
+def _remarks(
+    run: RunRecord,
+    place: int,
+    experiment: Experiment,
+    residual: Panel | None,
+    initial: _Curve | None,
+    measured: _Curve,
+) -> list[str]:
+    remarks = []
+    if experiment.scored_cycle is not None:
+        remarks.append(f"Cycle {experiment.scored_cycle} is scored and shown, each curve from its own start.")
+    if experiment.protocol is None:
+        remarks.append("The measured current drives the simulation, so the currents coincide.")
+    if initial is None:
+        remarks.append("The initial simulation did not reach the part that is shown.")
+    elif run.initial.curves[place] is not None and run.initial.failure is not None:
+        remarks.append("The initial simulation stopped early.")
+    if residual is not None:
+        beyond = initial is not None and np.any(np.abs(initial.residual_mv(measured)[1]) > residual.axis.high)
+        remarks.append(
+            "Residual: simulated minus measured, scaled for the best fit"
+            + ("; larger values run off the panel." if beyond else ".")
+        )
+    return remarks
+
+
+def _rms_mv(curve: _Curve | None, measured: _Curve) -> float | None:
+    if curve is None:
+        return None
+    time, values = curve.residual_mv(measured)
+    if len(time) < 2 or time[-1] <= time[0]:
+        return None
+    return float(np.sqrt(np.trapezoid(values**2, time) / (time[-1] - time[0])))
+
+
+def _time_unit(seconds: float) -> tuple[float, str]:
+    if seconds > 2.5 * 3600:
+        return 3600.0, "h"
+    return (60.0, "min") if seconds > 300 else (1.0, "s")
+
+
+def convergence(run: RunRecord, objective: str, unit: str) -> Chart | None:
+    """The objective of every simulation, and the best so far; None if no simulation succeeded."""
+    good = [trial for trial in run.trials if np.isfinite(trial.objective)]
+    if not good:
+        return None
+    values = np.array([trial.objective for trial in good])
+    positive = values[values > 0]
+    low, high = (float(positive.min()), float(positive.max())) if len(positive) else (0.1, 1.0)
+    axis = vertical(low / 1.6, high * 2.2, TOP, _CONVERGENCE_HEIGHT, log=True)
+    across = horizontal(-0.6, max(run.trials[-1].index, 1) + 0.6)
+    panel = Panel(axis, f"{objective} / {unit}", ticks=axis.ticks())
+    indices = np.array([trial.index for trial in good], dtype=np.float64)
+    record = np.minimum.accumulate(values)
+    steps_x = np.append(np.repeat(indices, 2)[1:], run.trials[-1].index)
+    panel.draw(across, steps_x, np.repeat(record, 2), "best")
+    for trial in run.trials:
+        panel.marks.append(_mark(trial, across, axis, unit, trial is run.best))
+    keys = [Key("best", "best so far"), Key("search", "search", "dot")]
+    if any(trial.phase == "warm-up" for trial in run.trials):
+        keys.append(Key("warm-up", "warm-up", "dot"))
+    if run.failed:
+        keys.append(Key("failed", f"failed ({run.failed})", "cross"))
+    return Chart(
+        name="convergence",
+        title="Objective by simulation",
+        description=(
+            f"{objective} fell from {number(run.initial.objective)} to {number(run.best.objective)} {unit} "
+            f"in {len(run.trials)} simulations, {run.failed} of which failed."
+        ),
+        panels=[panel],
+        x_ticks=[tick for tick in across.ticks(10) if tick.label.isdigit()],
+        x_label="Simulation",
+        keys=keys,
+        height=TOP + _CONVERGENCE_HEIGHT + BOTTOM,
+        bands=_warm_up_band(run, across),
+    )
+
+
+def _mark(trial: Trial, across: Axis, axis: Axis, unit: str, is_best: bool) -> Mark:
+    x = float(across.pixels(float(trial.index)))
+    where = "initial" if trial.phase == "initial" else f"{trial.phase} round {trial.round}"
+    if not trial.ok:
+        cause = trial.failure.cause if trial.failure else "nothing to compare"
+        return Mark(x, axis.end + 9.0, "failed", f"Simulation {trial.index} ({where}) failed: {cause[:200]}")
+    style = "champion" if is_best else trial.phase
+    title = f"Simulation {trial.index} ({where}): {number(trial.objective)} {unit}"
+    return Mark(x, float(np.clip(axis.pixels(trial.objective), axis.end, axis.start)), style, title)
+
+
+def _warm_up_band(run: RunRecord, across: Axis) -> list[Band]:
+    indices = [float(trial.index) for trial in run.trials if trial.phase == "warm-up"]
+    if not indices:
+        return []
+    start, end = float(across.pixels(min(indices) - 0.5)), float(across.pixels(max(indices) + 0.5))
+    return [Band(start, end - start, "warm-up" if end - start > 60 else "")]

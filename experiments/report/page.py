@@ -1,0 +1,224 @@
+"""``report.html``: what a run did, on one page that needs nothing else."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from markupsafe import Markup
+
+from ...core.metrics import Metrics
+from ...core.parameters import Parameter
+from ...core.reply_parsing import strip_control
+from ..story import UNFINISHED, RunRecord, read_run
+from .figures import convergence, overlays
+from .rounds import chapters
+from .wording import change, clipped, duration, factor, number, short_name, unit
+
+if TYPE_CHECKING:
+    import jinja2
+
+FILE_NAME = "report.html"
+
+_STATUS = {
+    "converged": "converged: the goal was reached, or the last rounds brought no further improvement",
+    "finished": "finished: the proposer had nothing better to offer",
+    "rounds-spent": "ended: all rounds were used",
+    "simulations-spent": "ended: all simulations were used",
+    "budget-spent": "stopped: the allowance of tokens or money was used up; the run can be resumed",
+    "interrupted": "interrupted; the run can be resumed",
+    UNFINISHED: "not finished: still running, or killed; the run can be resumed",
+}
+
+_AT_BOUND = 1e-3
+"""A value this close to a bound, as a share of its range, is taken to sit on it."""
+
+_MOST_NOTES = 100
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A headline number before and after."""
+
+    label: str
+    before: str
+    after: str
+    unit: str
+    effect: str
+
+
+@dataclass(frozen=True)
+class ParameterRow:
+    """A line of the parameter table, printed values throughout.
+
+    Attributes
+    ----------
+    start, place : float
+        Initial and best value as shares of the range, on the parameter's own scale.
+    bound : {'', 'lower', 'upper'}
+        The bound on which the best value sits.
+    """
+
+    name: str
+    unit: str
+    initial: str
+    best: str
+    factor: str
+    lower: str
+    upper: str
+    scale: str
+    start: float
+    place: float
+    bound: str
+
+
+def build_report(folder: Path) -> Path:
+    """Write the report of a run into its folder.
+
+    Parameters
+    ----------
+    folder : Path
+        The run's folder; its journal is all that is read.
+
+    Returns
+    -------
+    Path
+        Of ``report.html``, written whole or not at all.
+
+    Raises
+    ------
+    BsaError
+        If there is no journal, or it is damaged.
+    """
+    path = folder / FILE_NAME
+    draft = path.with_suffix(".part")
+    draft.write_text(render(read_run(folder)), encoding="utf-8")
+    draft.replace(path)
+    return path
+
+
+def render(run: RunRecord) -> str:
+    """The report as HTML."""
+    objective, objective_unit = ("Voltage RMSE", "mV") if run.by_current else ("Total MAPE", "%")
+    parameters = [_parameter_row(parameter, run) for parameter in run.task.space]
+    return _template().render(
+        run=run,
+        usage=run.usage,
+        status=_STATUS.get(run.status, run.status),
+        objective=objective,
+        objective_unit=objective_unit,
+        gain=change(_value(run.initial_metrics, "objective"), _value(run.best_metrics, "objective")),
+        headline=_headline(run),
+        metrics=_metrics(run),
+        overlays=overlays(run),
+        convergence=convergence(run, objective, objective_unit),
+        parameters=parameters,
+        at_bound=[row for row in parameters if row.bound],
+        chapters=chapters(run),
+        notes=_notes(run),
+        config=json.dumps(run.config, indent=2, ensure_ascii=False),
+    )
+
+
+@cache
+def _template() -> jinja2.Template:
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        finalize=_printable,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(number=number, duration=duration)
+    return environment.get_template("report.html.j2")
+
+
+def _printable(value: Any) -> Any:
+    """Every expression of the template passes here: nothing may disguise text or steer a reader's tools."""
+    return strip_control(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+
+
+def _value(metrics: Metrics | None, name: str) -> float | None:
+    return None if metrics is None else float(getattr(metrics, name))
+
+
+def _figure(run: RunRecord, label: str, name: str, of_unit: str, scale: float = 1.0) -> Figure:
+    before, after = (_value(metrics, name) for metrics in (run.initial_metrics, run.best_metrics))
+    return Figure(
+        label,
+        number(None if before is None else scale * before),
+        number(None if after is None else scale * after),
+        of_unit,
+        change(before, after),
+    )
+
+
+def _headline(run: RunRecord) -> list[Figure]:
+    total = _figure(run, "Total MAPE", "mape", "%")
+    voltage = _figure(run, "Voltage RMSE", "v_rmse_mv", "mV")
+    capacity = _figure(run, "Capacity error", "capacity_error", "%", 100.0)
+    # A measured current gives charge and current away; what is left to judge is the voltage.
+    return (
+        [voltage, _figure(run, "Voltage MAPE", "v_mape", "%"), capacity]
+        if run.by_current
+        else [total, voltage, capacity]
+    )
+
+
+def _metrics(run: RunRecord) -> list[Figure]:
+    return [
+        _figure(run, "Total MAPE (charge + current + voltage)", "mape", "%"),
+        _figure(run, "Charge MAPE", "q_mape", "%"),
+        _figure(run, "Current MAPE", "i_mape", "%"),
+        _figure(run, "Voltage MAPE", "v_mape", "%"),
+        _figure(run, "Sum of RMSE (A h, A, V)", "rmse", ""),
+        _figure(run, "Voltage RMSE where both records exist", "v_rmse_mv", "mV"),
+        _figure(run, "Step durations, mean |ln ratio|", "step_duration_error", ""),
+        _figure(run, "Discharge capacity error", "capacity_error", "%", 100.0),
+    ]
+
+
+def _parameter_row(parameter: Parameter, run: RunRecord) -> ParameterRow:
+    initial, best = run.initial.candidate[parameter.name], run.best.candidate[parameter.name]
+    place = parameter.to_unit(best)
+    micro = parameter.unit == "m" and 0 < parameter.upper < 1e-2
+    scale = 1e6 if micro else 1.0
+    return ParameterRow(
+        name=short_name(parameter.name),
+        unit="µm" if micro else unit(parameter.unit),
+        initial=number(scale * initial),
+        best=number(scale * best),
+        factor=factor(initial, best),
+        lower=number(scale * parameter.lower),
+        upper=number(scale * parameter.upper),
+        scale=parameter.scale,
+        start=min(max(parameter.to_unit(initial), 0.0), 1.0),
+        place=min(max(place, 0.0), 1.0),
+        bound="lower" if place <= _AT_BOUND else "upper" if place >= 1.0 - _AT_BOUND else "",
+    )
+
+
+def _notes(run: RunRecord) -> Sequence[str]:
+    """What the run and its backend had to say, each thing once."""
+    notes = list(run.notes)
+    counts = Counter(note for exchange in run.exchanges for note in exchange.notes)
+    notes += [f"{note} ({times} times)" if times > 1 else note for note, times in counts.items()]
+    lost = sum(bool(exchange.lost) for exchange in run.exchanges)
+    if lost:
+        notes.append(f"{lost} of {len(run.exchanges)} calls of the language model gave no reply.")
+    if run.best_metrics is not None and not run.scored_exactly:
+        notes.append("Errors are those of the search: the run has not scored its best candidate on the standard mesh.")
+    if run.resumed:
+        notes.append(f"The run was taken up again {run.resumed} time{'s' * (run.resumed > 1)}.")
+    left_out = len(notes) - _MOST_NOTES
+    if left_out > 0:
+        notes = [*notes[:_MOST_NOTES], f"{left_out} more notes are in journal.jsonl."]
+    return [clipped(note, 600) for note in notes]
