@@ -21,7 +21,7 @@ _LLAMA_SERVER = """
 import sys, time, xllamacpp
 parameters = xllamacpp.CommonParams()
 parameters.model.path = sys.argv[1]
-parameters.n_ctx, parameters.n_parallel, parameters.port = 4096, 1, 0
+parameters.n_ctx, parameters.n_parallel, parameters.port = 32768, 1, 0
 parameters.cpuparams.n_threads = 1
 parameters.model_alias = {"tiny"}
 server = xllamacpp.Server(parameters)
@@ -145,3 +145,11 @@ def test_transformers_serve_ignores_the_schema_and_the_reply_says_so(transformer
     assert any("did not keep to it" in note for note in reply.notes)
     with pytest.raises(BsaError):
         parse_object(reply.text)
+
+
+def test_a_whole_run_behind_a_server_finishes(llama_server, run_toy, tmp_path):
+    options = BackendOptions(base_url=llama_server, max_reply_tokens=1500, retry_limit_s=5)
+    backend = open_backend("openai:tiny", options)
+    result = run_toy(tmp_path / "run", backend=backend, rounds=2, warm_up=3)
+    assert result.llm_calls > 0
+    assert result.status == "rounds-spent"

@@ -3,7 +3,7 @@ import re
 import time
 
 import pytest
-from bsa.backends.loaded_model import load
+from bsa.backends.loaded_model import LoadedModel, load
 from bsa.backends.opening import open_backend
 from bsa.backends.options import BackendOptions
 from bsa.core.messages import BackendFailure, Message
@@ -68,6 +68,12 @@ def test_the_model_is_loaded_once_and_named(tiny_model, messages, schema):
     assert not first.sees_images
 
 
+@pytest.fixture
+def small_context(monkeypatch):
+    monkeypatch.setattr(LoadedModel, "context_tokens", 2048)
+
+
+@pytest.mark.usefixtures("small_context")
 def test_memories_make_room_from_the_top(tiny_model, schema):
     memories = "".join(f"## Memory: part {number}\n{'x,' * 500}\n\n" for number in range(3))
     prompt = [Message("user", f"## Task\nmatch\n\n{memories}## What to do\nPropose.")]
@@ -79,6 +85,7 @@ def test_memories_make_room_from_the_top(tiny_model, schema):
     assert _valid(reply.text, schema)
 
 
+@pytest.mark.usefixtures("small_context")
 def test_a_prompt_without_memories_that_does_not_fit_is_a_lost_round(tiny_model, schema):
     with pytest.raises(BackendFailure, match="context of 2048"):
         _open(tiny_model).complete([Message("user", "x," * 5000)], schema, seed=0)

@@ -1,0 +1,42 @@
+"""Whole runs of the toy task: a random model in this process, votes, review, and a replay of what came."""
+
+import pytest
+from bsa.backends.opening import open_backend
+from bsa.backends.options import BackendOptions
+from bsa.backends.reviewing import ReviewingBackend, Verdict
+from bsa.backends.rules.backend import RulesBackend
+from bsa.backends.voting import VotingBackend
+from bsa.core.journal import read_events
+
+
+def _replies(folder):
+    return [event for event in read_events(folder) if event["event"] == "reply"]
+
+
+@pytest.mark.slow
+def test_a_run_in_this_process_and_its_replay(tiny_model, run_toy, tmp_path):
+    options = BackendOptions(temperature=1.0, max_reply_tokens=700)
+    backend = open_backend(f"transformers:{tiny_model}", options)
+    budgets = {"rounds": 3, "warm_up": 4, "simulations": 20}
+    first = run_toy(tmp_path / "first", backend=backend, **budgets)
+    replies = _replies(tmp_path / "first")
+    assert first.llm_calls == len(replies) > 0
+    assert {event["structured_by"] for event in replies} == {"schema"}
+    assert first.usage.completion_tokens > 0
+    assert sum(trial.phase == "search" for trial in first.trials) == 3
+    again = run_toy(tmp_path / "again", backend=open_backend(f"replay:{tmp_path / 'first'}"), **budgets)
+    assert [dict(trial.candidate) for trial in again.trials] == [dict(trial.candidate) for trial in first.trials]
+    assert again.usage == first.usage
+
+
+def test_a_run_with_votes(run_toy, tmp_path):
+    result = run_toy(tmp_path / "run", backend=VotingBackend(RulesBackend(), 3), rounds=3)
+    assert result.best.objective < result.trials[0].objective
+    assert any("replies merged" in note for event in _replies(tmp_path / "run") for note in event["notes"])
+
+
+def test_a_run_whose_reviewer_refuses_everything_changes_nothing(run_toy, tmp_path):
+    backend = ReviewingBackend(RulesBackend(), lambda shown: Verdict("refuse", "unsafe"))
+    result = run_toy(tmp_path / "run", backend=backend, rounds=2)
+    assert all(trial.phase != "search" for trial in result.trials)
+    assert all('"refused": "unsafe"' in event["text"] for event in _replies(tmp_path / "run"))
