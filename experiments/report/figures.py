@@ -51,7 +51,7 @@ class _Curve:
 
     @property
     def time(self) -> FloatArray:
-        return self.record.time - self.record.time[0]
+        return np.asarray(self.record.time - self.record.time[0])
 
     @property
     def current(self) -> FloatArray:

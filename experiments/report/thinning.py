@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.trajectory import FloatArray
 
@@ -12,7 +13,7 @@ _BUCKETS = 500
 _INVISIBLE = 0.15
 
 
-def thin_curve(x: FloatArray, y: FloatArray, most: int) -> FloatArray:
+def thin_curve(x: FloatArray, y: FloatArray, most: int) -> NDArray[np.intp]:
     """Indices of the points that matter when a curve is drawn (Ramer-Douglas-Peucker).
 
     Parameters
@@ -50,7 +51,7 @@ def thin_curve(x: FloatArray, y: FloatArray, most: int) -> FloatArray:
     return index[kept]
 
 
-def _extremes(x: FloatArray, y: FloatArray) -> FloatArray:
+def _extremes(x: FloatArray, y: FloatArray) -> NDArray[np.intp]:
     """First, lowest, highest and last point of every bucket along x: what a dense curve covers."""
     if len(x) <= 4 * _BUCKETS:
         return np.arange(len(x))

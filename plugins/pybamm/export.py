@@ -19,7 +19,7 @@ _TEMPLATE = "best_parameters.py.j2"
 
 _MAX_SOLVER_STEPS = 20_000
 
-_BRACKETS = {dict: "{}", list: "[]", tuple: "()"}
+_BRACKETS = {dict: ("{", "}"), list: ("[", "]"), tuple: ("(", ")")}
 _LINE = 80
 
 
