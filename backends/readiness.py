@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
+from shutil import which
 from typing import Any
 
 from .api_keys import OWN_SERVER_KEY, has_key, key_variables, provider_of
@@ -18,6 +19,7 @@ from .presets import Preset, load_presets
 
 _LOOK_TIMEOUT_S = 0.8
 _OLLAMA_PORT = 11434
+_OLLAMA_HOME = "https://ollama.com/download"
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,8 @@ def _openai(model: str, options: BackendOptions) -> tuple[str, str]:
 def _ollama(model: str, options: BackendOptions) -> tuple[str, str]:
     content, problem = _look(f"{ollama_address(options)}/api/tags", None)
     if problem:
-        return f"Ollama {problem}", "ollama serve"
+        installed = which("ollama") is not None
+        return f"Ollama {problem}", "ollama serve" if installed else f"install Ollama ({_OLLAMA_HOME})"
     listed = content.get("models") if isinstance(content, Mapping) else None
     held = {str(item.get("model") or item.get("name")) for item in listed or [] if isinstance(item, Mapping)}
     if not {model, f"{model}:latest"} & held:

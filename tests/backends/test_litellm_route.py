@@ -185,3 +185,34 @@ def test_litellm_knows_what_a_hosted_model_can(monkeypatch):
 def test_an_address_holds_no_key():
     with pytest.raises(ValueError, match="no user name, key"):
         BackendOptions(base_url="http://user:pass@127.0.0.1/v1")
+
+
+def test_a_hosted_model_gets_the_strict_subset_and_is_paid(
+    serve, chat_completion, proposal, messages, schema, monkeypatch
+):
+    left_out = {**proposal["updated_params"], "Separator porosity": None}
+    answer = json.dumps({**proposal, "updated_params": left_out})
+    usage = {
+        "prompt_tokens": 1000,
+        "completion_tokens": 500,
+        "total_tokens": 1500,
+        "completion_tokens_details": {"reasoning_tokens": 400},
+    }
+    server = serve(lambda seen, handler: (200, {}, chat_completion(answer, model="o3", usage=usage)))
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-openai-secret-000000")
+    monkeypatch.setenv("OPENAI_API_BASE", f"{server.url}/v1")
+    backend = open_backend("litellm:openai/o3", BackendOptions(temperature=0.5, reasoning_effort="low"))
+    reply = backend.complete(messages, schema, seed=1)
+    assert json.loads(reply.text) == proposal
+    assert reply.structured_by == "schema"
+    assert reply.usage.reasoning_tokens == 400
+    assert reply.usage.cost_usd > 0
+    body = server.seen[-1].body
+    assert body["max_completion_tokens"] == 32768
+    assert "temperature" not in body
+    assert body["reasoning_effort"] == "low"
+    sent = body["response_format"]["json_schema"]["schema"]
+    assert sent["properties"]["updated_params"]["required"] == list(
+        schema["properties"]["updated_params"]["properties"]
+    )
+    assert "maxLength" not in json.dumps(sent)

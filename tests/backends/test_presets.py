@@ -70,11 +70,17 @@ def test_a_bad_preset_file_is_explained(tmp_path, monkeypatch, content, words):
 def test_a_machine_without_the_model_says_what_is_missing(monkeypatch, tmp_path):
     monkeypatch.setenv("HF_HOME", str(tmp_path))
     monkeypatch.setenv("OLLAMA_HOST", "127.0.0.1:9")
+    monkeypatch.setattr("bsa.backends.readiness.which", lambda name: None)
     with pytest.raises(BsaError) as caught:
         open_backend("qwen2.5-14b", registry=_registry())
-    for remedy in ("ollama serve", "hf download Qwen/Qwen2.5-14B-Instruct", "export TOGETHERAI_API_KEY=", "vllm serve"):
+    for remedy in (
+        "https://ollama.com/download",
+        "hf download Qwen/Qwen2.5-14B-Instruct",
+        "export TOGETHERAI_API_KEY=",
+        "vllm serve",
+    ):
         assert remedy in caught.value.hint
-    with pytest.raises(BsaError, match="its routes are openai, litellm"):
+    with pytest.raises(BsaError, match="its routes are litellm"):
         open_backend("o3", BackendOptions(via="ollama"), _registry())
     with pytest.raises(BsaError, match=r'did you mean "qwen2\.5-14b"'):
         open_backend("qwen2.5-14", registry=_registry())
