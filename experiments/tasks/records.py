@@ -77,7 +77,7 @@ def build_task(
     BsaError
         If a file, a parameter set or a parameter does not exist or makes no sense.
     """
-    from ...plugins.pybamm.state_of_charge import soc_at_voltage
+    from ...plugins.pybamm.state_of_charge import equilibrium_capacity_ah, soc_at_voltage
     from ...plugins.pybamm.parameter_sets import INITIAL_SOC, load
     from ...plugins.pybamm.presets import resolve_space
     from ...plugins.readers.reading import read_record
@@ -87,7 +87,7 @@ def build_task(
     fixed = dict(overrides or {})
     values = load(parameter_set, fixed)
     if scale_to_capacity and WIDTH not in fixed and all(request.protocol is None for request in records):
-        factor, note = _size_factor(loaded, values)
+        factor, note = _size_factor(loaded, values, equilibrium_capacity_ah(parameter_set, fixed))
         if note:
             fixed[WIDTH] = float(values[WIDTH]) * factor
             notes.append(note)
@@ -116,9 +116,8 @@ def build_task(
     return Task(name, cell, _with_initial_soc(space, INITIAL_SOC, experiments, socs), tuple(experiments), tuple(notes))
 
 
-def _size_factor(records: Sequence[Record], values: Any) -> tuple[float, str]:
+def _size_factor(records: Sequence[Record], values: Any, capacity_ah: float) -> tuple[float, str]:
     """How much larger the measured cell is than the parameter set's, and a sentence if that matters."""
-    nominal = float(values["Nominal cell capacity [A.h]"])
     window = float(values["Upper voltage cut-off [V]"]) - float(values["Lower voltage cut-off [V]"])
     spans = [
         float(np.ptp(record.trajectory.discharge_capacity))
@@ -128,11 +127,11 @@ def _size_factor(records: Sequence[Record], values: Any) -> tuple[float, str]:
     ]
     if not spans:
         return 1.0, ""
-    ratio = max(spans) / nominal
+    ratio = max(spans) / capacity_ah
     if _SAME_SIZE[0] <= ratio <= _SAME_SIZE[1]:
         return 1.0, ""
     return ratio, (
-        f"The records hold {max(spans):.3g} A.h, the parameter set's cell {nominal:.3g} A.h: "
+        f"The records hold {max(spans):.3g} A.h, the parameter set's cell {capacity_ah:.3g} A.h: "
         f'"{WIDTH}" starts from {ratio:.3g} times its value (--no-scale keeps it).'
     )
 

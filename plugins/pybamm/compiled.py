@@ -16,7 +16,7 @@ from ...core.trajectory import StepKind
 from . import drive
 from .mesh import search_spatial_methods, search_submeshes
 from .parameter_sets import INITIAL_SOC, bake, load, open_to_search, pybamm
-from .step_solutions import keep_solver_steps_of_holds, step_kind, to_trajectory
+from .step_solutions import at_samples_of, keep_solver_steps_of_holds, step_kind, to_trajectory
 
 MODELS = {"SPM": "SPM", "SPMe": "SPMe", "DFN": "DFN"}
 
@@ -93,6 +93,7 @@ class CompiledExperiment:
         accuracy: Accuracy = SEARCH,
         baked: Candidate | None = None,
     ) -> None:
+        self._experiment = experiment
         model = make_model(cell)
         values = load(cell.parameter_set, cell.overrides)
         if experiment.temperature_k is not None:
@@ -165,6 +166,8 @@ class CompiledExperiment:
         except (pybamm.SolverError, ValueError, ArithmeticError, RuntimeError) as error:
             cause = _first_line(error)
         trajectory = to_trajectory(self._simulation._solution, self._steps)
+        if trajectory is not None and self._experiment.protocol is None:
+            trajectory = at_samples_of(self._experiment.target, trajectory)
         cause = cause or watcher.cause
         if not cause:
             return ExperimentRun(trajectory)

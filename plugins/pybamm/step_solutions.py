@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,10 @@ _FIRST_SAMPLE_S, _SAMPLE_GROWTH, _LONGEST_SAMPLE_S = 0.1, 1.15, 30.0
 
 
 _SIGNALS = ("Current [A]", "Voltage [V]", "Volume-averaged cell temperature [K]")
+
+
+_AFTER_JUMP_S = 1e-6
+"""A moment after a jump of the current, on a clock in seconds."""
 
 
 def step_kind(step: Any) -> StepKind:
@@ -100,3 +105,31 @@ def to_trajectory(solution: Any, protocol_steps: Sequence[Sequence[Any]]) -> Tra
         np.concatenate(temperatures),
         tuple(steps),
     )
+
+
+def at_samples_of(record: Trajectory, simulated: Trajectory) -> Trajectory | None:
+    """A simulation under a measured current, at the samples and in the steps of the record.
+
+    Driven by the record's own current, the simulation shares its clock, and comparing sample by sample
+    needs no alignment. Of a simulation that stopped early, the steps that it finished remain.
+
+    Returns
+    -------
+    Trajectory or None
+        None if not one step was finished.
+    """
+    time = record.time - record.time[0]
+    query = time.copy()
+    # The first sample of a step shows the new current already.
+    starts = np.array([step.start for step in record.steps], dtype=np.intp)
+    query[starts] += _AFTER_JUMP_S
+    whole = replace(
+        record,
+        current=np.interp(query, simulated.time, simulated.current),
+        voltage=np.interp(query, simulated.time, simulated.voltage),
+        temperature=None if simulated.temperature is None else np.interp(query, simulated.time, simulated.temperature),
+    )
+    finished = [step for step in record.steps if time[step.stop - 1] <= simulated.duration + _AFTER_JUMP_S]
+    if not finished:
+        return None
+    return whole.slice(0, finished[-1].stop)
