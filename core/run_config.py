@@ -23,7 +23,7 @@ class RunConfig(BaseModel, extra="forbid"):
     simulations: int = Field(100, ge=1, description="Simulations at most, warm-up and initial one included.")
     stop_below: float = Field(0.0, ge=0, description="Stop when the objective falls to this or less.")
     patience: int = Field(
-        12, ge=1, description="Stop after this many rounds without an improvement of 0.1 % of the objective."
+        8, ge=1, description="Stop after this many rounds without an improvement of 0.1 % of the objective."
     )
 
     def identity(self, task: dict[str, Any], versions: dict[str, str]) -> str:

@@ -110,6 +110,9 @@ def execute_run(
     finally:
         journal.close()
         backend.close()
+    from .report import build_report
+
+    build_report(folder)
     return result
 
 
