@@ -148,7 +148,7 @@ class Effect:
         return f"{self.name}: {parameter.name}{unit}"
 
     def values(self, candidate: Values) -> dict[str, float]:
-        """This effect's parameters in a candidate, by short name; null values where the candidate is silent."""
+        """The parameters of this effect in a candidate, by short name; null values where the candidate is silent."""
         return {p.name: float(candidate.get(self.full_name(p), p.null)) for p in self.parameters}
 
     @property

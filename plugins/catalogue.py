@@ -52,8 +52,30 @@ def bsa_warm_ups() -> Iterable[Entry]:
 def bsa_proposers() -> Iterable[Entry]:
     """Who says what to try next."""
     from .agent.proposer import AgentOptions, AgentProposer
+    from .proposers.bayesian import BayesianOptions, BayesianProposer, MultiObjectiveProposer
+    from .proposers.cma_es import CmaEsOptions, CmaEsProposer
+    from .proposers.default import DefaultProposer
+    from .proposers.differential_evolution import (
+        DifferentialEvolutionOptions,
+        DifferentialEvolutionProposer,
+        WeightedDifferentialEvolutionOptions,
+        WeightedDifferentialEvolutionProposer,
+    )
+    from .proposers.random import RandomOptions, RandomProposer
 
     yield Entry("agent", AgentProposer, "Asks the backend for a hypothesis and a change.", AgentOptions)
+    yield Entry("default", DefaultProposer, "No fit: the parameter set as it is.")
+    yield Entry("random", RandomProposer, "Random search over the whole space.", RandomOptions)
+    yield Entry("bo", BayesianProposer, "Bayesian optimisation by Ax (extra: bo).", BayesianOptions)
+    yield Entry("cma-es", CmaEsProposer, "CMA-ES by pycma.", CmaEsOptions)
+    yield Entry("de", DifferentialEvolutionProposer, "Differential evolution by SciPy.", DifferentialEvolutionOptions)
+    yield Entry(
+        "weighted-de",
+        WeightedDifferentialEvolutionProposer,
+        "Differential evolution on a weighted sum of the errors of charge, current and voltage.",
+        WeightedDifferentialEvolutionOptions,
+    )
+    yield Entry("qnehvi", MultiObjectiveProposer, "Multi-objective optimisation by Ax (extra: bo).", BayesianOptions)
 
 
 @hookimpl
@@ -68,3 +90,11 @@ def bsa_readers() -> Iterable[Entry]:
     yield Entry("arbin-xlsx", lambda options: ArbinXlsx(), "Arbin workbooks, or a folder of them.")
     yield Entry("digatron-csv", lambda options: DigatronCsv(), "Digatron exports: Prog Time, Voltage, Current.")
     yield Entry("generic-csv", lambda options: GenericCsv(), "Any text table (.csv, .txt, .gz), with column mapping.")
+
+
+@hookimpl
+def bsa_effects() -> Iterable[Entry]:
+    """What a model may lack; one entry an effect or variant."""
+    from .effects.catalogue import entries
+
+    yield from entries()

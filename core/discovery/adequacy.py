@@ -1,0 +1,94 @@
+"""Whether what is left is noise: tests of size and of structure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from ..trajectory import FloatArray
+
+FALSE_ALARM = 0.01
+"""Probability that noise alone is taken for a discrepancy."""
+
+_BLOCK = 4
+
+
+@dataclass(frozen=True)
+class Adequacy:
+    """How a fit's residual compares with noise.
+
+    Attributes
+    ----------
+    p_size : float
+        Probability that noise alone leaves residuals this large.
+    p_structure : float
+        Probability that noise alone leaves neighbours agreeing this much.
+    structured_v : float
+        Root mean square of what neighbouring stretches agree on, beyond noise, V.
+    dispersion : float
+        Sum of squares over degrees of freedom, stretched for neighbours that repeat one another; 1 or more.
+    """
+
+    p_size: float
+    p_structure: float
+    structured_v: float
+    dispersion: float
+
+    @property
+    def adequate(self) -> bool:
+        """Whether noise explains the residual, at the false-alarm rate `FALSE_ALARM` for both tests together."""
+        return min(self.p_size, self.p_structure) > FALSE_ALARM / 2
+
+
+def judge(
+    weighted: Sequence[FloatArray], sigma: Sequence[FloatArray], groups: Sequence[NDArray[np.intp]], fitted: int
+) -> Adequacy:
+    """Test residuals of several records.
+
+    Size: the sum of squares against chi-squared. Structure: means of blocks of neighbours within a step,
+    scaled to unit variance, whose sum of squares noise alone makes chi-squared too; four neighbours that agree
+    on half a standard deviation each pass the first test and fail this one. Both lose the degrees of freedom
+    that the fit used. The deviations contain the floor below which differences are not physics, so that the
+    stated rate is an upper bound.
+
+    Parameters
+    ----------
+    weighted : sequence of ndarray
+        Residuals in standard deviations, a record each.
+    sigma : sequence of ndarray
+        The deviations, V.
+    groups : sequence of ndarray of int
+        The step that each residual belongs to.
+    fitted : int
+        Number of fitted parameters.
+    """
+    flat = np.concatenate(list(weighted))
+    total = float(flat @ flat)
+    freedom = max(len(flat) - fitted, 1)
+    blocks: list[float] = []
+    excess: list[float] = []
+    products: list[float] = []
+    for residual, deviation, group in zip(weighted, sigma, groups, strict=True):
+        for number in np.unique(group):
+            part = residual[group == number]
+            scale = deviation[group == number]
+            if len(part) > 1:
+                products += list(part[1:] * part[:-1])
+            for start in range(0, len(part), _BLOCK):
+                block = part[start : start + _BLOCK]
+                blocks.append(float(np.sum(block) / np.sqrt(len(block))))
+                volts = block * scale[start : start + _BLOCK]
+                excess.append(float(np.mean(volts) ** 2 - np.mean(scale[start : start + _BLOCK] ** 2) / len(block)))
+    squares = float(np.sum(np.square(blocks)))
+    block_freedom = max(len(blocks) - fitted, 1)
+    correlation = float(np.clip(np.mean(products) / max(total / len(flat), 1e-12), 0.0, 0.95)) if products else 0.0
+    return Adequacy(
+        float(stats.chi2.sf(total, freedom)),
+        float(stats.chi2.sf(squares, block_freedom)),
+        float(np.sqrt(max(np.mean(excess), 0.0))),
+        max(1.0, total / freedom * (1 + correlation) / (1 - correlation)),
+    )

@@ -1,0 +1,43 @@
+"""What the records can show at all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..effect import Evidence
+from ..trajectory import StepKind
+from .laboratory import Specimen
+
+
+def gather(model: str, options: Mapping[str, Any], specimens: Sequence[Specimen]) -> Evidence:
+    """Cycles, temperatures and sampling of the records together."""
+    temperatures: list[float] = []
+    sampling: list[float] = []
+    for specimen in specimens:
+        record = specimen.record
+        if specimen.ambient_k is not None:
+            temperatures.append(specimen.ambient_k)
+        if record.temperature is not None:
+            temperatures += [float(np.min(record.temperature)), float(np.max(record.temperature))]
+        for step in record.steps:
+            if step.kind is not StepKind.REST and step.stop - step.start > 1 and step.start > 0:
+                sampling.append(float(np.median(np.diff(record.time[step.start : step.start + 6]))))
+    return Evidence(
+        model,
+        options,
+        max(_full_cycles(specimen) for specimen in specimens),
+        max(temperatures) - min(temperatures) if temperatures else 0.0,
+        min(sampling) if sampling else float("inf"),
+    )
+
+
+def _full_cycles(specimen: Specimen) -> int:
+    """Cycles that contain both a charge and a discharge of some length; pulses and drives make no cycle."""
+    kinds: dict[int, set[StepKind]] = {}
+    for step in specimen.record.steps:
+        kinds.setdefault(step.cycle, set()).add(step.kind)
+    both = {StepKind.CC_CHARGE, StepKind.CC_DISCHARGE}
+    return sum(both <= found for found in kinds.values())

@@ -1,0 +1,126 @@
+"""An explanation that was tried: a set of effects with its refit and its judgement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..effect import Effect
+from ..trajectory import FloatArray
+from .adequacy import Adequacy
+from .refit import Refit
+from .score import Score
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A fitted effect parameter.
+
+    Attributes
+    ----------
+    name, unit : str
+        What it is.
+    value : float
+        Its value.
+    ci95 : tuple of float
+        Its 95 % interval, Gauss-Newton, widened for the dispersion of the residual.
+    null : float
+        Its null value.
+    at_bound : bool
+        Whether the fit stopped at a bound: the value then says little.
+    """
+
+    name: str
+    unit: str
+    value: float
+    ci95: tuple[float, float]
+    null: float
+    at_bound: bool
+
+
+@dataclass(eq=False)
+class Explanation:
+    """A set of effects fitted jointly with the base parameters.
+
+    Attributes
+    ----------
+    effects : tuple of Effect
+        What was added; empty for the base model.
+    fit : Refit
+        The fit.
+    adequacy : Adequacy
+        Whether it leaves noise only.
+    rmse_v : float
+        Root mean square error over the samples of the fitted records, V.
+    held_rmse_v : float
+        The same over data not fitted, V.
+    held_chi2 : float
+        Mean squared held-out error in standard deviations.
+    score : Score or None
+        What nominated it.
+    estimates : dict
+        By effect key, its parameters.
+    """
+
+    effects: tuple[Effect, ...]
+    fit: Refit
+    adequacy: Adequacy
+    rmse_v: float
+    held_rmse_v: float
+    held_chi2: float
+    score: Score | None = None
+    estimates: dict[str, tuple[Estimate, ...]] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Public names of the effects, sorted; variants of one effect share a name."""
+        return tuple(sorted({effect.name for effect in self.effects}))
+
+    @property
+    def label(self) -> str:
+        """The effects in words."""
+        return " + ".join(effect.key for effect in self.effects) or "base model"
+
+    @property
+    def excludes_null(self) -> bool:
+        """Whether each effect's strength has an interval without its null value and stays off its far bound."""
+        for effect in self.effects:
+            strength = self.estimates[effect.key][0]
+            low, high = strength.ci95
+            if low <= strength.null <= high or strength.at_bound:
+                return False
+        return True
+
+
+def estimates_of(effects: tuple[Effect, ...], fit: Refit, dispersion: float) -> dict[str, tuple[Estimate, ...]]:
+    """The effects' parameters with their intervals.
+
+    Parameters
+    ----------
+    effects : tuple of Effect
+        The effects of the fit.
+    fit : Refit
+        Ends with their axes.
+    dispersion : float
+        By which the covariance is multiplied (quasi-likelihood).
+    """
+    deviations: FloatArray = np.sqrt(np.diag(fit.covariance(dispersion)))
+    place = {axis.name: number for number, axis in enumerate(fit.axes)}
+    result: dict[str, tuple[Estimate, ...]] = {}
+    for effect in effects:
+        rows = []
+        for p in effect.parameters:
+            number = place[effect.full_name(p)]
+            axis, u, deviation = fit.axes[number], float(fit.u[number]), float(deviations[number])
+            value = axis.value(u)
+            if p.scale == "log":
+                ends = [axis.parameter.initial * np.exp((u + s * 1.96 * deviation) * axis.spread) for s in (-1, 1)]
+            else:
+                ends = [axis.parameter.initial + (u + s * 1.96 * deviation) * axis.spread for s in (-1, 1)]
+            lower, upper = axis.bounds
+            near = 1e-3 * (upper - lower)
+            at_bound = (u < lower + near and p.lower != p.null) or (u > upper - near and p.upper != p.null)
+            rows.append(Estimate(p.name, p.unit, value, (float(ends[0]), float(ends[1])), p.null, bool(at_bound)))
+        result[effect.key] = tuple(rows)
+    return result

@@ -1,0 +1,192 @@
+"""Where the model is wrong: the residual by segment, rate, state of charge, time since the last step, and cycle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..trajectory import FloatArray, StepKind
+from .observations import Observations
+
+_SINCE_EDGES_S = (0.0, 2.0, 30.0, 300.0, 1200.0, np.inf)
+_SINCE_NAMES = ("0-2 s", "2-30 s", "30 s-5 min", "5-20 min", "over 20 min")
+
+
+@dataclass(frozen=True)
+class Place:
+    """One cell of the residual map.
+
+    Attributes
+    ----------
+    by : {'segment', 'rate', 'charge', 'since step', 'temperature', 'cycle'}
+        What the map is laid out by.
+    where : str
+        The place in words.
+    rms_mv, bias_mv : float
+        Root mean square and mean of measured minus simulated voltage, mV.
+    z : float
+        The bias over its standard error.
+    share : float
+        Share of the whole excess (squared error beyond noise) that lies here, 0 to 1.
+    trend_mv_per_h : float
+        Slope of the residual with time within the place, mV per hour.
+    samples : int
+        Averages that it rests on.
+    """
+
+    by: str
+    where: str
+    rms_mv: float
+    bias_mv: float
+    z: float
+    share: float
+    trend_mv_per_h: float
+    samples: int
+
+
+def localise(
+    observations: Sequence[Observations], errors: Sequence[FloatArray], capacity_ah: float | None = None
+) -> list[Place]:
+    """Lay the residual out.
+
+    Parameters
+    ----------
+    observations : sequence of Observations
+        The records.
+    errors : sequence of ndarray
+        Measured minus simulated voltage, V.
+    capacity_ah : float, optional
+        Makes C-rates of currents; the largest charge drawn in any record otherwise.
+    """
+    drawn = max(float(np.ptp(o.charge)) for o in observations)
+    capacity = capacity_ah or drawn or 1.0
+    whole = sum(float(np.sum(_excess(e, o) * o.count)) for e, o in zip(errors, observations, strict=True))
+    places: list[Place] = []
+    several = len({int(c) for o in observations for c in o.cycle}) > 1
+    for by, key in (("segment", _segment), ("rate", _rate), ("charge", _charge), ("since step", _since)):
+        places += _lay_out(by, key, observations, errors, capacity, whole)
+    if any(o.temperature is not None or o.ambient_k is not None for o in observations):
+        places += _lay_out("temperature", _temperature, observations, errors, capacity, whole)
+    if several:
+        places += _lay_out("cycle", _cycle, observations, errors, capacity, whole)
+    return places
+
+
+def _excess(error: FloatArray, observed: Observations) -> FloatArray:
+    return np.maximum(error**2 - observed.sigma**2, 0.0)
+
+
+def _lay_out(
+    by: str,
+    key: object,
+    observations: Sequence[Observations],
+    errors: Sequence[FloatArray],
+    capacity: float,
+    whole: float,
+) -> Iterator[Place]:
+    labels: dict[str, list[tuple[Observations, FloatArray, NDArray[np.bool_]]]] = {}
+    for observed, error in zip(observations, errors, strict=True):
+        names = key(observed, capacity)  # type: ignore[operator]
+        for name in dict.fromkeys(names.tolist()):
+            labels.setdefault(name, []).append((observed, error, names == name))
+    for name, parts in labels.items():
+        error = np.concatenate([e[mask] for _, e, mask in parts])
+        sigma = np.concatenate([o.sigma[mask] for o, _, mask in parts])
+        count = np.concatenate([o.count[mask] for o, _, mask in parts])
+        since = np.concatenate([o.since[mask] for o, _, mask in parts])
+        share = sum(float(np.sum((_excess(e, o) * o.count)[mask])) for o, e, mask in parts)
+        weight = 1 / sigma**2
+        bias = float(np.sum(weight * error) / np.sum(weight))
+        spread = float(np.ptp(since))
+        centred = since - np.mean(since)
+        slope = float(np.sum(centred * error) / np.sum(centred**2)) if len(error) > 3 and spread > 60 else 0.0
+        yield Place(
+            by,
+            str(name),
+            1e3 * float(np.sqrt(np.sum(count * error**2) / np.sum(count))),
+            1e3 * bias,
+            bias * float(np.sqrt(np.sum(weight))),
+            share / whole if whole > 0 else 0.0,
+            1e3 * 3600 * slope,
+            len(error),
+        )
+
+
+def _segment(observed: Observations, capacity: float) -> NDArray[np.str_]:
+    names = []
+    for number, kind in enumerate(observed.kinds):
+        here = observed.step == number
+        rate = abs(float(np.mean(observed.current[here]))) / capacity if np.any(here) else 0.0
+        after = " after current" if kind is StepKind.REST and number > 0 else ""
+        names.append(f"{observed.name}: {kind}{after}" + (f" at {rate:.2g}C" if kind is not StepKind.REST else ""))
+    return np.array(names)[observed.step]
+
+
+def _rate(observed: Observations, capacity: float) -> NDArray[np.str_]:
+    rate = observed.current / capacity
+    names = np.full(len(rate), "rest", dtype=object)
+    for low, high in ((0.02, 0.3), (0.3, 0.8), (0.8, 1.5), (1.5, 20.0)):
+        label = f"{low:g}-{high:g}C" if high < 20 else f"over {low:g}C"
+        names[(rate > low) & (rate <= high)] = f"discharge {label}"
+        names[(rate < -low) & (rate >= -high)] = f"charge {label}"
+    return names.astype(str)
+
+
+def _charge(observed: Observations, capacity: float) -> NDArray[np.str_]:
+    drawn = observed.charge - np.min(observed.charge)
+    part = np.clip((5 * drawn / max(capacity, 1e-9)).astype(int), 0, 4)
+    names = np.array([f"{20 * k}-{20 * (k + 1)} % of the charge drawn" for k in range(5)])
+    return names[part]
+
+
+def _since(observed: Observations, capacity: float) -> NDArray[np.str_]:
+    place = np.searchsorted(np.array(_SINCE_EDGES_S[1:-1]), observed.since, side="right")
+    resting = np.abs(observed.current) < 0.02 * capacity
+    return np.array(
+        [f"{'at rest' if r else 'under current'}, {_SINCE_NAMES[k]}" for k, r in zip(place, resting, strict=True)]
+    )
+
+
+def _temperature(observed: Observations, capacity: float) -> NDArray[np.str_]:
+    if observed.temperature is not None:
+        celsius = observed.temperature - 273.15
+    else:
+        celsius = np.full(len(observed), (observed.ambient_k or 298.15) - 273.15)
+    low = 10 * np.floor(celsius / 10)
+    return np.array([f"{value:.0f} to {value + 10:.0f} degC" for value in low])
+
+
+def _cycle(observed: Observations, capacity: float) -> NDArray[np.str_]:
+    return np.array([f"cycle {number}" for number in observed.cycle])
+
+
+def in_words(places: Sequence[Place], noise_v: float) -> list[str]:
+    """The map in a few sentences: the largest discrepancies first, then where the model is right."""
+    noise = 1e3 * noise_v
+    segments = sorted((p for p in places if p.by == "segment"), key=lambda p: -p.share)
+    sentences = []
+    for place in segments[:4]:
+        if place.share < 0.05:
+            continue
+        direction = "above" if place.bias_mv > 0 else "below"
+        growing = ""
+        if abs(place.trend_mv_per_h) > 2 * max(noise, 1.0):
+            same = place.trend_mv_per_h * place.bias_mv > 0
+            growing = ", growing with time" if same else ", shrinking with time"
+        sentences.append(
+            f"measured voltage lies {abs(place.bias_mv):.1f} mV {direction} the model during {place.where}{growing} "
+            f"(rms {place.rms_mv:.1f} mV, {place.share:.0%} of the excess)"
+        )
+    for by in ("rate", "since step", "cycle"):
+        rows = [p for p in places if p.by == by and p.samples >= 4]
+        if len(rows) > 1:
+            worst = max(rows, key=lambda p: p.rms_mv)
+            calm = min(rows, key=lambda p: p.rms_mv)
+            sentences.append(
+                f"by {by}: {worst.rms_mv:.1f} mV rms ({worst.bias_mv:+.1f} mV) for {worst.where}, "
+                f"{calm.rms_mv:.1f} mV for {calm.where}"
+            )
+    return sentences

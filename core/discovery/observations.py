@@ -1,0 +1,173 @@
+"""A record condensed to what a fit needs: a few hundred averages, each with its uncertainty."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..trajectory import SECONDS_PER_HOUR, FloatArray, StepKind, Trajectory
+from .noise import voltage_noise
+
+FLOOR_V = 3e-4
+"""Voltage differences below this are not physics: discretisation, interpolation of the current, the converter."""
+
+CLOCK_SHARE = 0.05
+"""Share of the sampling interval by which the clock of a sample may be off."""
+
+BEFORE_JUMP_S = 2e-3
+"""Where a step's last sample carries the stamp of the next step's first one, it was taken this much earlier."""
+
+_SINGLE = 5
+"""Samples after a current step that stand alone: what happens there happens fast."""
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """Averages over short stretches of one record; shapes are (n,).
+
+    Attributes
+    ----------
+    name : str
+        The record's name.
+    time, current, voltage : ndarray
+        Mean time (s), current (A, positive on discharge) and voltage (V) of each stretch.
+    sigma : ndarray
+        Standard deviation of ``voltage``: noise of the mean, the floor, and the uncertainty of the clock, V.
+    count : ndarray
+        Samples in each stretch.
+    step : ndarray of int
+        Index of the step each stretch lies in.
+    kinds : tuple of StepKind
+        Kind of each step of the record.
+    cycle : ndarray of int
+        Cycle of each stretch.
+    since : ndarray
+        Seconds since the current last stepped.
+    charge : ndarray
+        Charge drawn since the start of the record, A.h.
+    temperature : ndarray or None
+        Measured temperature, K.
+    ambient_k : float or None
+        Ambient temperature, K.
+    noise : float
+        Standard deviation of one sample, V.
+    """
+
+    name: str
+    time: FloatArray
+    current: FloatArray
+    voltage: FloatArray
+    sigma: FloatArray
+    count: FloatArray
+    step: NDArray[np.intp]
+    kinds: tuple[StepKind, ...]
+    cycle: NDArray[np.intp]
+    since: FloatArray
+    charge: FloatArray
+    temperature: FloatArray | None
+    ambient_k: float | None
+    noise: float
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+def observe(
+    name: str, record: Trajectory, ambient_k: float | None = None, points: int = 500, floor_v: float = FLOOR_V
+) -> Observations:
+    """Condense a record.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    record : Trajectory
+        Cut into steps.
+    ambient_k : float, optional
+        Ambient temperature.
+    points : int
+        About how many stretches there should be.
+    floor_v : float
+        What counts as equal, V.
+
+    Returns
+    -------
+    Observations
+    """
+    noise = voltage_noise(record)
+    groups: list[NDArray[np.intp]] = []
+    steps: list[int] = []
+    per_step = max(12, points // max(len(record.steps), 1))
+    drives = sum(step.kind is StepKind.DRIVE for step in record.steps)
+    for number, step in enumerate(record.steps):
+        size = step.stop - step.start
+        if step.kind is StepKind.DRIVE:
+            stride = max(1, int(np.ceil(size / (points / max(drives, 1)))))
+            pieces = [np.array([step.start + k]) for k in range(0, size, stride)]
+        else:
+            pieces = _stretches(record.time[step.start : step.stop], per_step)
+            pieces = [piece + step.start for piece in pieces]
+        groups += pieces
+        steps += [number] * len(pieces)
+    index = np.array(steps, dtype=np.intp)
+
+    def mean(values: FloatArray) -> FloatArray:
+        return np.array([float(np.mean(values[group])) for group in groups])
+
+    count = np.array([float(len(group)) for group in groups])
+    starts = np.array([record.time[step.start] for step in record.steps])
+    jitter = CLOCK_SHARE * _neighbour_change(record.voltage)
+    # Errors of the clock within a stretch do not average out the way noise does, but a stretch is mostly flat.
+    clock = np.array([float(np.sqrt(np.mean(jitter[group] ** 2) / len(group))) for group in groups])
+    time = np.minimum(mean(_before_jumps(record)), record.time[-1])
+    return Observations(
+        name,
+        time,
+        mean(record.current),
+        mean(record.voltage),
+        np.sqrt(noise**2 / count + floor_v**2 + clock**2),
+        count,
+        index,
+        tuple(step.kind for step in record.steps),
+        np.array([record.steps[number].cycle for number in steps], dtype=np.intp),
+        time - starts[index],
+        np.interp(time, record.time, record.discharge_capacity),
+        None if record.temperature is None else mean(record.temperature),
+        ambient_k,
+        noise,
+    )
+
+
+def _before_jumps(record: Trajectory) -> FloatArray:
+    """The samples' times, with each step's samples before the jump that ends it."""
+    time = record.time.copy()
+    for step, following in zip(record.steps, record.steps[1:], strict=False):
+        end = record.time[following.start] - BEFORE_JUMP_S
+        time[step.start : step.stop] = np.minimum(time[step.start : step.stop], end)
+    return time
+
+
+def _stretches(time: FloatArray, wanted: int) -> list[NDArray[np.intp]]:
+    """Groups of neighbouring samples: single ones at first, then longer ones, evenly spaced in sqrt(time)."""
+    size = len(time)
+    if size <= wanted:
+        return [np.array([k]) for k in range(size)]
+    elapsed = time - time[0]
+    edges = np.linspace(0.0, np.sqrt(elapsed[-1]), wanted - _SINGLE + 1) ** 2
+    place = np.searchsorted(edges, elapsed, side="right")
+    place[:_SINGLE] = -np.arange(_SINGLE, 0, -1)
+    cuts = np.flatnonzero(np.diff(place)) + 1
+    return list(np.split(np.arange(size, dtype=np.intp), cuts))
+
+
+def _neighbour_change(voltage: FloatArray) -> FloatArray:
+    change = np.abs(np.diff(voltage))
+    padded = np.concatenate([[0.0], change, [0.0]])
+    return np.maximum(padded[:-1], padded[1:])
+
+
+def hours(seconds: float) -> float:
+    """Seconds as hours."""
+    return seconds / SECONDS_PER_HOUR

@@ -1,0 +1,216 @@
+"""Records, model and uncertainty as one vector of weighted residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..effect import Effect
+from ..parameters import Candidate
+from ..trajectory import FloatArray
+from .laboratory import INITIAL_SOC, Laboratory, Prediction, Specimen
+from .observations import Observations
+
+_BLOCK = 6
+"""Stretches that are held out together, where no whole record is."""
+
+_EVERY = 5
+"""Each fifth block is held out."""
+
+
+@dataclass(eq=False)
+class Problem:
+    """What is to be explained.
+
+    Attributes
+    ----------
+    laboratory : Laboratory
+        Simulates.
+    specimens : list of Specimen
+        The fitted records.
+    observations : list of Observations
+        Their averages, in the same order.
+    held_specimens, held_observations : list
+        The hold-out records, never fitted but for their initial state of charge.
+    corrections : dict of str to ndarray
+        By record: what the finer mesh adds to the prediction, V. Applied to every prediction.
+    simulations : int
+        Candidates simulated so far; one counts however many records it has.
+    """
+
+    laboratory: Laboratory
+    specimens: Sequence[Specimen]
+    observations: Sequence[Observations]
+    held_specimens: Sequence[Specimen] = ()
+    held_observations: Sequence[Observations] = ()
+    corrections: dict[str, FloatArray] = field(default_factory=dict)
+    mesh_sigma: dict[str, FloatArray] = field(default_factory=dict)
+    simulations: int = 0
+
+    def __post_init__(self) -> None:
+        self.fitted = [self._fitted_mask(observed) for observed in self.observations]
+        """By record: which stretches are fitted."""
+        self._held_soc: dict[tuple[str, str], float] = {}
+
+    def _fitted_mask(self, observed: Observations) -> NDArray[np.bool_]:
+        if self.held_specimens:
+            return np.ones(len(observed), dtype=bool)
+        place = np.arange(len(observed)) // _BLOCK
+        return place % _EVERY != 2
+
+    def predict(self, effects: Sequence[Effect], candidate: Candidate, fine: bool = False) -> list[Prediction] | None:
+        """Predictions for the fitted records, corrected for the mesh; None if one of them fails."""
+        self.simulations += 1
+        result: list[Prediction] = []
+        for specimen, observed in zip(self.specimens, self.observations, strict=True):
+            prediction = self._one(effects, candidate, specimen, observed, fine)
+            if prediction is None:
+                return None
+            result.append(prediction)
+        return result
+
+    def _one(
+        self, effects: Sequence[Effect], candidate: Candidate, specimen: Specimen, observed: Observations, fine: bool
+    ) -> Prediction | None:
+        own = {name: value for name, value in candidate.items() if not name.startswith(INITIAL_SOC)}
+        if specimen.soc_name in candidate:
+            own[INITIAL_SOC] = candidate[specimen.soc_name]
+        prediction = self.laboratory.predict(effects, own, specimen, observed.time, observed.current, fine)
+        if prediction is None or fine or specimen.name not in self.corrections:
+            return prediction
+        return Prediction(prediction.voltage + self.corrections[specimen.name], prediction.temperature)
+
+    def errors(self, predictions: Sequence[Prediction]) -> list[FloatArray]:
+        """Measured minus predicted voltage by record, V."""
+        return [
+            observed.voltage - prediction.voltage
+            for observed, prediction in zip(self.observations, predictions, strict=True)
+        ]
+
+    def sigma(self, observed: Observations) -> FloatArray:
+        """Standard deviations with what is uncertain about the mesh, V."""
+        mesh = self.mesh_sigma.get(observed.name)
+        return observed.sigma if mesh is None else np.sqrt(observed.sigma**2 + mesh**2)
+
+    def weighted(self, errors: Sequence[FloatArray], held_out: bool = False) -> FloatArray:
+        """Errors of the fitted (or of the held-out) stretches in standard deviations, one after the other."""
+        parts = []
+        for error, observed, mask in zip(errors, self.observations, self.fitted, strict=True):
+            chosen = ~mask if held_out else mask
+            parts.append((error / self.sigma(observed))[chosen])
+        return np.concatenate(parts)
+
+    def residual(self, effects: Sequence[Effect], candidate: Candidate) -> FloatArray | None:
+        """Weighted residuals of the fitted stretches; None if a simulation fails."""
+        predictions = self.predict(effects, candidate)
+        return None if predictions is None else self.weighted(self.errors(predictions))
+
+    def correct_mesh(self, effects: Sequence[Effect], candidate: Candidate) -> float:
+        """Measure at one candidate what the mesh and the tolerances do to the voltage, and correct for it.
+
+        A quarter of the correction stays as an uncertainty: it was measured at one candidate and one refinement.
+
+        Returns
+        -------
+        float
+            Root mean square of the correction, V.
+        """
+        usual_all: list[FloatArray] = []
+        specimens = [*self.specimens, *self.held_specimens]
+        observations = [*self.observations, *self.held_observations]
+        for specimen, observed in zip(specimens, observations, strict=True):
+            known = self.corrections.pop(specimen.name, None)
+            own = dict(candidate)
+            if specimen.soc_name not in own:
+                own[specimen.soc_name] = self._first_soc(candidate)
+            usual = self._one(effects, own, specimen, observed, False)
+            fine = self._one(effects, own, specimen, observed, True)
+            self.simulations += 2
+            if usual is None or fine is None:
+                if known is not None:
+                    self.corrections[specimen.name] = known
+                continue
+            change = fine.voltage - usual.voltage
+            # Around a knee the difference is a shift in time; there it is an uncertainty more than a correction.
+            self.corrections[specimen.name] = change
+            self.mesh_sigma[specimen.name] = 0.25 * np.abs(change)
+            usual_all.append(change)
+        return float(np.sqrt(np.mean(np.concatenate(usual_all) ** 2))) if usual_all else 0.0
+
+    def _first_soc(self, candidate: Candidate) -> float:
+        return next((value for name, value in candidate.items() if name.startswith(INITIAL_SOC)), 0.5)
+
+    def held_out(self, effects: Sequence[Effect], candidate: Candidate) -> list[tuple[Observations, FloatArray]] | None:
+        """Errors (V) on data that was not fitted: the hold-out records, or the held-out stretches.
+
+        A hold-out record's initial state of charge is not known either; it is set so that its first stretches
+        (the rest before the first current, where there is one) fit best, and nothing else of it is used.
+        """
+        if not self.held_specimens:
+            predictions = self.predict(effects, candidate)
+            if predictions is None:
+                return None
+            return [
+                (_subset(observed, ~mask), error[~mask])
+                for observed, mask, error in zip(self.observations, self.fitted, self.errors(predictions), strict=True)
+            ]
+        result = []
+        for specimen, observed in zip(self.held_specimens, self.held_observations, strict=True):
+            error = self._held_error(effects, candidate, specimen, observed)
+            if error is None:
+                return None
+            result.append((observed, error))
+        return result
+
+    def _held_error(
+        self, effects: Sequence[Effect], candidate: Candidate, specimen: Specimen, observed: Observations
+    ) -> FloatArray | None:
+        first = np.flatnonzero(observed.step == observed.step[0])[:8]
+        own = {name: value for name, value in candidate.items() if not name.startswith(INITIAL_SOC)}
+
+        def error_at(soc: float) -> FloatArray | None:
+            self.simulations += 1
+            prediction = self._one(effects, {**own, specimen.soc_name: soc}, specimen, observed, False)
+            return None if prediction is None else observed.voltage - prediction.voltage
+
+        soc = self._held_soc.get((specimen.name, "last"), self._first_soc(candidate))
+        error = error_at(soc)
+        if error is None:
+            soc = 0.9
+            error = error_at(soc)
+        for _ in range(8):
+            if error is None:
+                return None
+            bias = float(np.mean(error[first]))
+            if abs(bias) < 5e-5:
+                break
+            step = 0.01 if soc < 0.97 else -0.01
+            moved = error_at(soc + step)
+            if moved is None:
+                return None
+            slope = (float(np.mean(moved[first])) - bias) / step
+            if abs(slope) < 1e-3:
+                break
+            soc = float(np.clip(soc - np.clip(bias / slope, -0.1, 0.1), 0.0, 1.1))
+            error = error_at(soc)
+        self._held_soc[specimen.name, "last"] = soc
+        return error
+
+
+def _subset(observed: Observations, mask: NDArray[np.bool_]) -> Observations:
+    picked = {
+        name: getattr(observed, name)[mask]
+        for name in ("time", "current", "voltage", "sigma", "count", "step", "cycle", "since", "charge")
+    }
+    temperature = None if observed.temperature is None else observed.temperature[mask]
+    return Observations(
+        name=observed.name,
+        kinds=observed.kinds,
+        temperature=temperature,
+        ambient_k=observed.ambient_k,
+        noise=observed.noise,
+        **picked,
+    )

@@ -1,0 +1,206 @@
+"""Weighted least squares with bounds and beliefs, from a Jacobian that may be known already."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from ..trajectory import FloatArray
+from .axes import Axis, candidate_of
+
+Residual = Callable[[dict[str, float]], FloatArray | None]
+"""Weighted residuals (data minus model, in standard deviations) of a candidate; None where it cannot be simulated."""
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """Where a fit ended.
+
+    Attributes
+    ----------
+    axes : tuple of Axis
+        What was fitted.
+    u : ndarray of shape (p,)
+        Coordinates of the best candidate.
+    residual : ndarray of shape (n,)
+        Weighted residuals there, without the beliefs.
+    jacobian : ndarray of shape (n, p)
+        Derivative of the residual by the coordinates.
+    converged : bool
+        Whether a fresh Jacobian promised no further gain.
+    simulations : int
+        Simulations spent.
+    """
+
+    axes: tuple[Axis, ...]
+    u: FloatArray
+    residual: FloatArray
+    jacobian: FloatArray
+    converged: bool
+    simulations: int
+
+    @property
+    def candidate(self) -> dict[str, float]:
+        """The best candidate."""
+        return candidate_of(self.axes, self.u)
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squared weighted residuals."""
+        return float(self.residual @ self.residual)
+
+    @property
+    def cost(self) -> float:
+        """``chi2`` plus the price of departing from beliefs."""
+        return self.chi2 + float(np.sum((_beliefs(self.axes) * self.u) ** 2))
+
+    def covariance(self, inflation: float = 1.0) -> FloatArray:
+        """Covariance of the coordinates (Gauss-Newton), shape (p, p); ``inflation`` multiplies it."""
+        normal = self.jacobian.T @ self.jacobian + np.diag(_beliefs(self.axes) ** 2 + 1e-10)
+        return inflation * np.linalg.inv(normal)
+
+
+def _beliefs(axes: Sequence[Axis]) -> FloatArray:
+    return np.array([1.0 if axis.prior else 0.0 for axis in axes])
+
+
+def differences(
+    residual: Residual, axes: Sequence[Axis], u: FloatArray, here: FloatArray, only: Sequence[int] | None = None
+) -> tuple[FloatArray, int]:
+    """Jacobian by forward differences, turned inwards at a bound, and the simulations it took.
+
+    Columns that cannot be simulated on either side are zero: the fit then leaves that parameter alone.
+    """
+    columns = range(len(axes)) if only is None else only
+    jacobian = np.zeros((len(here), len(axes)))
+    spent = 0
+    for column in columns:
+        axis = axes[column]
+        lower, upper = axis.bounds
+        step = max(axis.step, 0.03 * abs(u[column])) if not axis.prior else axis.step
+        for sign in (1.0, -1.0):
+            moved = u.copy()
+            moved[column] = np.clip(u[column] + sign * step, lower, upper)
+            change = moved[column] - u[column]
+            if abs(change) < 0.2 * step:
+                continue
+            there = residual(candidate_of(axes, moved))
+            spent += 1
+            if there is not None:
+                jacobian[:, column] = (there - here) / change
+                break
+    return jacobian, spent
+
+
+def refit(
+    residual: Residual,
+    axes: Sequence[Axis],
+    start: FloatArray,
+    jacobian: FloatArray | None = None,
+    budget: int = 120,
+    tolerance: float = 2e-3,
+) -> Refit | None:
+    """Minimise the sum of squares of weighted residuals and beliefs inside bounds (Levenberg-Marquardt).
+
+    The Jacobian is updated by Broyden's rule after each step and taken afresh when a step fails or when it
+    promises nothing more: a fit counts as converged only on a fresh Jacobian.
+
+    Parameters
+    ----------
+    residual : callable
+        Weighted residuals of a candidate.
+    axes : sequence of Axis
+        What to fit.
+    start : ndarray of shape (p,)
+        Coordinates to start from.
+    jacobian : ndarray of shape (n, p), optional
+        A Jacobian near the start, to save simulations.
+    budget : int
+        Simulations at most.
+    tolerance : float
+        Relative gain in the cost below which the fit has converged.
+
+    Returns
+    -------
+    Refit or None
+        None if the start cannot be simulated.
+    """
+    axes = tuple(axes)
+    lower, upper = (np.array(side) for side in zip(*(axis.bounds for axis in axes), strict=True))
+    beliefs = _beliefs(axes)
+    u = np.clip(np.asarray(start, dtype=np.float64), lower, upper)
+    here = residual(candidate_of(axes, u))
+    spent = 1
+    if here is None:
+        return None
+    fresh = jacobian is None
+    if jacobian is None:
+        jacobian, used = differences(residual, axes, u, here)
+        spent += used
+    damping, converged = 1e-3, False
+    cost = float(here @ here + np.sum((beliefs * u) ** 2))
+    while spent < budget:
+        step, promised = _bounded_step(jacobian, here, beliefs, u, damping, lower, upper)
+        enough = promised > tolerance * cost + 1e-2
+        if not enough and fresh:
+            converged = True
+            break
+        improved = False
+        if enough:
+            there = residual(candidate_of(axes, u + step))
+            spent += 1
+            if there is not None:
+                new_cost = float(there @ there + np.sum((beliefs * (u + step)) ** 2))
+                norm = float(step @ step)
+                improved = new_cost < cost
+                # A rejected step's secant would spoil a fresh Jacobian.
+                if norm > 0 and (improved or not fresh):
+                    jacobian = jacobian + np.outer(there - here - jacobian @ step, step) / norm
+                gain = (cost - new_cost) / promised
+            if improved:
+                u, here, cost, fresh = u + step, there, new_cost, False
+                damping = max(damping * (0.2 if gain > 0.6 else 1.0 if gain > 0.2 else 4.0), 1e-7)
+        if not improved:
+            if fresh:
+                damping *= 8.0
+                if damping > 1e5:
+                    break
+                continue
+            if spent + len(axes) > budget:
+                break
+            jacobian, used = differences(residual, axes, u, here)
+            spent += used
+            fresh = True
+    return Refit(axes, u, here, jacobian, converged, spent)
+
+
+def _bounded_step(
+    jacobian: FloatArray,
+    here: FloatArray,
+    beliefs: FloatArray,
+    u: FloatArray,
+    damping: float,
+    lower: FloatArray,
+    upper: FloatArray,
+) -> tuple[FloatArray, float]:
+    """The damped Gauss-Newton step inside the bounds and the fall in cost it promises."""
+    scale = np.sqrt(damping * (np.sum(jacobian**2, axis=0) + beliefs**2) + 1e-9)
+    matrix = np.vstack([jacobian, np.diag(beliefs)])
+    target = -np.concatenate([here, beliefs * u])
+    # One small triangular system instead of a tall one.
+    q, r = np.linalg.qr(matrix)
+    reduced = q.T @ target
+    gap = 1e-9
+    solved = lsq_linear(
+        np.vstack([r, np.diag(scale)]),
+        np.concatenate([reduced, np.zeros(len(u))]),
+        bounds=(np.minimum(lower - u, -gap), np.maximum(upper - u, gap)),
+        method="bvls",
+    )
+    step = np.clip(u + solved.x, lower, upper) - u
+    before = float(target @ target)
+    after = float(np.sum((matrix @ step - target) ** 2))
+    return step, before - after

@@ -1,0 +1,75 @@
+"""The rules by which an explanation is believed, and two are called indistinguishable."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .explanation import Explanation
+
+CLEAR_BIC = 10.0
+"""Difference in BIC from which one explanation is clearly better than another (Kass and Raftery 1995)."""
+
+CLEAR_HELD = 0.9
+"""An explanation predicts data not fitted clearly better where its error is below this share of the other's."""
+
+CLOSED_ENOUGH = 0.8
+"""Share of the excess variance that a named explanation must close; below it is a partial explanation."""
+
+
+def bic_difference(worse: Explanation, better: Explanation, dispersion: float) -> float:
+    r"""BIC of one explanation minus that of another, by quasi-likelihood.
+
+    .. math:: \Delta = (S_1 - S_2) / c + (k_1 - k_2) \ln n
+
+    with ``S`` the sum of squares with beliefs, ``k`` the number of parameters and ``c`` the dispersion of the
+    best explanation, so that neighbours which repeat one another, and whatever no explanation explains, do not
+    count as evidence (Burnham and Anderson 2002, doi:10.1007/b97636, section 2.5).
+    """
+    n = len(better.fit.residual)
+    count = len(worse.fit.axes) - len(better.fit.axes)
+    return (worse.fit.cost - better.fit.cost) / dispersion + count * float(np.log(n))
+
+
+def closed(before_v: float, after_v: float, noise_v: float) -> float:
+    """Share of the excess variance that is gone: ``1 - (after^2 - noise^2) / (before^2 - noise^2)``."""
+    excess = before_v**2 - noise_v**2
+    return 1.0 if excess <= 0 else 1.0 - max(after_v**2 - noise_v**2, 0.0) / excess
+
+
+def believable(base: Explanation, found: Explanation, noise_v: float, held_noise_v: float) -> str:
+    """Why an explanation may not be named; empty if it may."""
+    dispersion = found.adequacy.dispersion
+    if bic_difference(base, found, dispersion) <= CLEAR_BIC:
+        return f"does not beat the base model by {CLEAR_BIC:g} in BIC"
+    if not found.excludes_null:
+        return "a strength's 95 % interval contains its null value, or it ran into a bound"
+    share = closed(base.rmse_v, found.rmse_v, noise_v)
+    if share < CLOSED_ENOUGH and not found.adequacy.adequate:
+        return f"closes {share:.0%} of the gap only"
+    if not found.held_rmse_v < base.held_rmse_v:
+        return "does not predict the data not fitted better than the base model"
+    held = closed(base.held_rmse_v, found.held_rmse_v, held_noise_v)
+    material = base.held_rmse_v > 1.1 * held_noise_v
+    if held < 0.5 and material and not found.adequacy.adequate:
+        return f"closes {held:.0%} of the gap in data not fitted only"
+    return ""
+
+
+def rivals(best: Explanation, others: Sequence[Explanation]) -> list[Explanation]:
+    """Explanations with other names that cannot be told from the best one.
+
+    Either their BIC is within `CLEAR_BIC`, or they predict the data not fitted clearly better.
+    """
+    found = []
+    for other in others:
+        if other.names == best.names or not other.excludes_null:
+            continue
+        if set(best.names) < set(other.names):
+            continue  # the best one with an ornament is no rival
+        difference = bic_difference(other, best, best.adequacy.dispersion)
+        predicts_better = other.held_rmse_v < CLEAR_HELD * best.held_rmse_v and not best.adequacy.adequate
+        if difference <= CLEAR_BIC or (predicts_better and difference <= 10 * CLEAR_BIC):
+            found.append(other)
+    return found

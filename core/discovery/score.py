@@ -1,0 +1,90 @@
+"""The score test: whether a little of an effect would take the residual in the right direction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..trajectory import FloatArray
+from .axes import Axis
+from .refit import _beliefs, _bounded_step
+
+
+@dataclass(frozen=True)
+class Score:
+    """What a linear extrapolation says of an effect.
+
+    Attributes
+    ----------
+    amplitude : float
+        The strength it asks for, in units of the probe; 0 where only the forbidden sign would help.
+    z : float
+        Standard score of the strength with everything that the fitted parameters imitate projected out; the sign
+        says whether the effect points the allowed way.
+    gain : float
+        Fall in the sum of squares that strength and parameters together promise, within bounds.
+    own_share : float
+        Share of the effect's mark that no fitted parameter can imitate, 0 to 1.
+    """
+
+    amplitude: float
+    z: float
+    gain: float
+    own_share: float
+
+
+def score_effect(
+    residual: FloatArray,
+    jacobian: FloatArray,
+    mark: FloatArray,
+    axes: tuple[Axis, ...],
+    u: FloatArray,
+    bounds: tuple[float, float],
+    reach: float = 3.0,
+) -> Score:
+    """Score one effect at the null.
+
+    With ``r`` the weighted residual (data minus model), ``J`` its derivative by the fitted parameters and ``d``
+    by the strength, the projected mark is ``d_p = d - J (J^T J + B)^-1 J^T d`` with the beliefs ``B``; the
+    strength that it asks for is ``-d_p.r / d_p.d_p`` (Rao's score test; Rao 1948, doi:10.1017/S0305004100023987).
+
+    Parameters
+    ----------
+    residual : ndarray of shape (n,)
+        Weighted residual of the base fit.
+    jacobian : ndarray of shape (n, p)
+        Its derivative by the coordinates of the base parameters.
+    mark : ndarray of shape (n,)
+        Its derivative by the strength, per probe.
+    axes, u
+        The base parameters and where they are.
+    bounds : tuple of float
+        Bounds of the strength in units of the probe, null at 0.
+    reach : float
+        How far (in units of belief) the linear picture is trusted.
+    """
+    beliefs = _beliefs(axes)
+    normal = jacobian.T @ jacobian + np.diag(beliefs**2 + 1e-9)
+    projected = mark - jacobian @ np.linalg.solve(normal, jacobian.T @ mark)
+    free = residual - jacobian @ np.linalg.solve(normal, jacobian.T @ residual + beliefs**2 * u)
+    size = float(projected @ projected)
+    whole = float(mark @ mark)
+    if whole < 1e-6 or size < 1e-9:
+        return Score(0.0, 0.0, 0.0, 0.0)
+    wanted = -float(projected @ free) / size
+    z = wanted * np.sqrt(size)
+    lower = np.array([max(axis.bounds[0] - value, -reach) for axis, value in zip(axes, u, strict=True)])
+    upper = np.array([min(axis.bounds[1] - value, reach) for axis, value in zip(axes, u, strict=True)])
+    lower, upper = np.minimum(lower, -1e-9), np.maximum(upper, 1e-9)
+    step, gain = _bounded_step(
+        np.column_stack([jacobian, mark]),
+        residual,
+        np.append(beliefs, 0.0),
+        np.append(u, 0.0),
+        1e-8,
+        np.append(u + lower, min(bounds[0], -1e-9)),
+        np.append(u + upper, max(bounds[1], 1e-9)),
+    )
+    _, without = _bounded_step(jacobian, residual, beliefs, u, 1e-8, u + lower, u + upper)
+    return Score(float(np.clip(step[-1], *bounds)), z, max(gain - without, 0.0), size / whole)

@@ -1,0 +1,1 @@
+"""The blind test of discovery: records in which an effect is hidden, and how often its name is found."""

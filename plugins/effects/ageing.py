@@ -1,0 +1,189 @@
+"""Effects that change the cell from cycle to cycle, and the leak that empties it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from ...core.effect import Effect, EffectParameter, Evidence
+from ..pybamm.augmentation import PyBaMMPart
+
+FEWEST_CYCLES = 3
+
+
+def _needs_cycles(option: str) -> Callable[[Evidence], str]:
+    def lacks(evidence: Evidence) -> str:
+        present = str(evidence.options.get(option, "none"))
+        if present not in ("none", "false"):
+            return f'the base model has the option "{option}" already'
+        few = evidence.cycles < FEWEST_CYCLES
+        return f"no record has {FEWEST_CYCLES} cycles, so that nothing can be seen to age" * few
+
+    return lacks
+
+
+def _sei_reaction(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    return {"SEI reaction exchange current density [A.m-2]": 1.5e-7 * p["rate"]}
+
+
+def _sei_diffusion(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    return {"SEI solvent diffusivity [m2.s-1]": 2.5e-22 * p["rate"]}
+
+
+_SEI_CITATION = "Marquis, PhD thesis, Oxford 2020; Single et al., ChemSusChem 11 (2018), doi:10.1002/cssc.201800077"
+
+sei_reaction = Effect(
+    name="sei-growth",
+    variant="reaction-limited",
+    title="SEI growth, limited by its reaction",
+    equation="j_SEI = -s j0 exp(-F (phi_s - phi_e - U_SEI) / 2RT), j0 = 1.5e-7 A/m2",
+    parameters=(EffectParameter("rate", "", 0.0, 0.0, 500.0, 2.0),),
+    signature="capacity lost at a constant pace per hour, most at high state of charge; resistance grows with it",
+    citation=_SEI_CITATION,
+    physics=PyBaMMPart(options={"SEI": "reaction limited"}, values=_sei_reaction),
+    lacks=_needs_cycles("SEI"),
+)
+
+sei_diffusion = Effect(
+    name="sei-growth",
+    variant="diffusion-limited",
+    title="SEI growth, limited by solvent diffusion",
+    equation="j_SEI = -s D_sol c_sol F / L_SEI, D_sol = 2.5e-22 m2/s",
+    parameters=(EffectParameter("rate", "", 0.0, 0.0, 1e5, 30.0),),
+    signature="capacity lost with the square root of time, at any state of charge; resistance grows with it",
+    citation=_SEI_CITATION,
+    physics=PyBaMMPart(options={"SEI": "solvent-diffusion limited"}, values=_sei_diffusion),
+    lacks=_needs_cycles("SEI"),
+)
+
+
+def _plating(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    rate = 1e-11 * p["rate"]
+
+    def exchange_current(c_e: Any, c_li: Any, temperature: Any) -> Any:
+        return 96485.33212 * rate * c_e
+
+    return {"Exchange-current density for plating [A.m-2]": exchange_current}
+
+
+lithium_plating = Effect(
+    name="lithium-plating",
+    title="irreversible lithium plating",
+    equation="j_Li = -s F k c_e exp(-alpha F (phi_s - phi_e) / RT), k = 1e-11 m/s, alpha = 0.65",
+    parameters=(EffectParameter("rate", "", 0.0, 0.0, 1e4, 1.0),),
+    signature="capacity lost during fast or cold charge, where the negative potential nears zero; none otherwise",
+    citation="O'Kane et al., J. Electrochem. Soc. 167 (2020) 090540, doi:10.1149/1945-7111/ab90ac",
+    physics=PyBaMMPart(
+        options={"lithium plating": "irreversible"},
+        borrowed={
+            "Lithium metal partial molar volume [m3.mol-1]": 1.3e-5,
+            "Initial plated lithium concentration [mol.m-3]": 0.0,
+            "Typical plated lithium concentration [mol.m-3]": 1000.0,
+            "Lithium plating transfer coefficient": 0.65,
+        },
+        values=_plating,
+    ),
+    lacks=_needs_cycles("lithium plating"),
+)
+
+
+def _lam_negative(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    area = known["Electrode width [m]"] * known["Electrode height [m]"]
+    parallel = known["Number of electrodes connected in parallel to make a cell"]
+    full = known["Negative electrode active material volume fraction"]
+    charge = 3600 * known["Nominal cell capacity [A.h]"]
+
+    def rate(current_density: Any, temperature: Any) -> Any:
+        return -p["loss"] * full * abs(current_density) * area * parallel / charge
+
+    return {"Negative electrode current-driven LAM rate": rate, "Positive electrode current-driven LAM rate": 0.0}
+
+
+def _lam_positive(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    area = known["Electrode width [m]"] * known["Electrode height [m]"]
+    parallel = known["Number of electrodes connected in parallel to make a cell"]
+    full = known["Positive electrode active material volume fraction"]
+    charge = 3600 * known["Nominal cell capacity [A.h]"]
+
+    def rate(current_density: Any, temperature: Any) -> Any:
+        return -p["loss"] * full * abs(current_density) * area * parallel / charge
+
+    return {"Positive electrode current-driven LAM rate": rate, "Negative electrode current-driven LAM rate": 0.0}
+
+
+def _lam(which: str, physics: Any) -> Effect:
+    return Effect(
+        name="loss-of-active-material",
+        variant=f"{which} electrode",
+        title=f"loss of active material in the {which} electrode",
+        equation="d(eps_s)/dt = -s eps_s0 |I| / Q_nominal",
+        parameters=(EffectParameter("loss", "", 0.0, 0.0, 0.05, 5e-4),),
+        signature="capacity and the place of one electrode's steps shift cycle by cycle; its polarisation grows",
+        citation="Reniers et al., J. Electrochem. Soc. 166 (2019) A3189, doi:10.1149/2.0281914jes",
+        physics=PyBaMMPart(options={"loss of active material": "current-driven"}, values=physics),
+        lacks=_needs_cycles("loss of active material"),
+    )
+
+
+def _clogging(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    import pybamm
+
+    throughput = pybamm.Variable("Throughput capacity [A.h]") / known["Nominal cell capacity [A.h]"]
+    # A soft floor: pores narrow, they never close within the bounds of the loss.
+    open_share = pybamm.exp(-p["loss"] * throughput)
+
+    def narrowed(value: Any, power: float) -> Any:
+        def function(*arguments: Any) -> Any:
+            return (value(*arguments) if callable(value) else value) * open_share**power
+
+        return function
+
+    return {
+        "Electrolyte conductivity [S.m-1]": narrowed(known["Electrolyte conductivity [S.m-1]"], 1.5),
+        "Electrolyte diffusivity [m2.s-1]": narrowed(known["Electrolyte diffusivity [m2.s-1]"], 0.5),
+    }
+
+
+def _porosity_lacks(evidence: Evidence) -> str:
+    if evidence.model == "SPM":
+        return "SPM has no electrolyte"
+    return f"no record has {FEWEST_CYCLES} cycles, so that nothing can be seen to age" * (
+        evidence.cycles < FEWEST_CYCLES
+    )
+
+
+porosity_change = Effect(
+    name="porosity-change",
+    title="pores that clog with charge throughput",
+    equation="eps -> eps exp(-s Q_throughput / Q_nominal): kappa_eff ~ eps^1.5, D_e,eff / eps ~ eps^0.5",
+    parameters=(EffectParameter("loss", "", 0.0, 0.0, 0.1, 1e-3),),
+    signature="electrolyte polarisation grows from cycle to cycle, with little loss of capacity at low rate",
+    citation="Sikha et al., J. Electrochem. Soc. 151 (2004) A1104, doi:10.1149/1.1759972",
+    physics=PyBaMMPart(options={"calculate discharge energy": "true"}, values=_clogging),
+    lacks=_porosity_lacks,
+)
+
+
+def _leak(measured: Any, p: Mapping[str, Any]) -> Any:
+    return measured + p["leak"]
+
+
+self_discharge = Effect(
+    name="self-discharge",
+    title="self-discharge (leak current)",
+    equation="I -> I + I_leak, I_leak >= 0",
+    parameters=(EffectParameter("leak", "A", 0.0, 0.0, 0.5, 5e-3),),
+    signature="the voltage sinks at rest and charge goes missing at a constant pace per hour, whatever the current",
+    citation="Schmidt et al., J. Power Sources 293 (2015) 409, doi:10.1016/j.jpowsour.2015.05.069",
+    physics=PyBaMMPart(current=_leak),
+)
+
+EFFECTS = (
+    sei_reaction,
+    sei_diffusion,
+    lithium_plating,
+    _lam("negative", _lam_negative),
+    _lam("positive", _lam_positive),
+    porosity_change,
+    self_discharge,
+)

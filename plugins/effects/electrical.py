@@ -1,0 +1,61 @@
+"""Effects of the circuit around and inside the cell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ...core.effect import Effect, EffectParameter, Evidence
+from ..pybamm.augmentation import PyBaMMPart
+
+
+def _contact_resistance_lacks(evidence: Evidence) -> str:
+    return "the base model has a contact resistance already" * (evidence.options.get("contact resistance") == "true")
+
+
+def _resistance(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    return {"Contact resistance [Ohm]": p["resistance"]}
+
+
+contact_resistance = Effect(
+    name="contact-resistance",
+    title="contact (series) resistance",
+    equation="V -> V - R I",
+    parameters=(EffectParameter("resistance", "Ohm", 0.0, 0.0, 1.0, 2e-3),),
+    signature="a voltage error proportional to the current, at once with every current step, the same at every "
+    "state of charge, gone at rest",
+    citation="Taylor et al., Meas. Sci. Technol. 33 (2022) 105101, doi:10.1088/1361-6501/ac75b4",
+    physics=PyBaMMPart(options={"contact resistance": "true"}, values=_resistance),
+    lacks=_contact_resistance_lacks,
+)
+
+
+def _double_layer_lacks(evidence: Evidence) -> str:
+    if evidence.options.get("surface form") == "differential":
+        return "the base model has a double layer already"
+    # A double layer relaxes within tenths of a second; sparser samples show nothing of it.
+    return "no sample lies within 2 s of a current step" * (evidence.sampling_s > 2.0)
+
+
+def _double_layer(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    # A floor keeps the surface equation differential at the null value.
+    capacity = p["capacitance"] + 1e-3
+    return {
+        "Negative electrode double-layer capacity [F.m-2]": capacity,
+        "Positive electrode double-layer capacity [F.m-2]": capacity,
+    }
+
+
+double_layer_capacitance = Effect(
+    name="double-layer-capacitance",
+    title="double-layer capacitance",
+    equation="C_dl d(phi_s - phi_e)/dt = i_total - i_reaction, in both electrodes",
+    parameters=(EffectParameter("capacitance", "F.m-2", 0.0, 0.0, 200.0, 2.0),),
+    signature="the reaction overpotential builds up and decays over fractions of a second to seconds instead of at "
+    "once; nothing after that",
+    citation="Ong and Newman, J. Electrochem. Soc. 146 (1999) 4360, doi:10.1149/1.1392643",
+    physics=PyBaMMPart(options={"surface form": "differential"}, values=_double_layer),
+    lacks=_double_layer_lacks,
+)
+
+EFFECTS = (contact_resistance, double_layer_capacitance)

@@ -1,0 +1,170 @@
+"""Effects on transport in the particles and in the electrolyte."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ...core.effect import Effect, EffectParameter, Evidence
+from ..pybamm.augmentation import PyBaMMPart
+
+
+def _electrolyte_lacks(evidence: Evidence) -> str:
+    return f"{evidence.model} has electrolyte transport already" * (evidence.model != "SPM")
+
+
+def _electrolyte(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    resistance = p["resistance_factor"] + 1e-3
+
+    def slowed(value: Any) -> Any:
+        def function(*arguments: Any) -> Any:
+            return (value(*arguments) if callable(value) else value) / resistance
+
+        return function
+
+    names = ("Electrolyte conductivity [S.m-1]", "Electrolyte diffusivity [m2.s-1]")
+    return {name: slowed(known[name]) for name in names}
+
+
+electrolyte_transport = Effect(
+    name="electrolyte-transport",
+    title="electrolyte transport (SPM becomes SPMe)",
+    equation="kappa -> kappa / s, D_e -> D_e / s in the electrolyte equations; s = 0 is an ideal electrolyte",
+    parameters=(EffectParameter("resistance_factor", "", 0.0, 0.0, 6.0, 0.3),),
+    signature="polarisation that grows with the rate and, over the first minute or two of a step, with time, then "
+    "relaxes as fast",
+    citation="Marquis et al., J. Electrochem. Soc. 166 (2019) A3693, doi:10.1149/2.0341915jes",
+    physics=PyBaMMPart(model="SPMe", values=_electrolyte),
+    lacks=_electrolyte_lacks,
+)
+
+
+def _diffusivity_slope_negative(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    import pybamm
+
+    name = "Negative particle diffusivity [m2.s-1]"
+    value = known[name]
+
+    def function(sto: Any, temperature: Any) -> Any:
+        base = value(sto, temperature) if callable(value) else value
+        return base * pybamm.exp(p["log_slope"] * (sto - 0.5))
+
+    return {name: function}
+
+
+def _diffusivity_slope_positive(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    import pybamm
+
+    name = "Positive particle diffusivity [m2.s-1]"
+    value = known[name]
+
+    def function(sto: Any, temperature: Any) -> Any:
+        base = value(sto, temperature) if callable(value) else value
+        return base * pybamm.exp(p["log_slope"] * (sto - 0.5))
+
+    return {name: function}
+
+
+def _solid_diffusivity(which: str, physics: Any) -> Effect:
+    return Effect(
+        name="solid-diffusivity-variation",
+        variant=f"{which} electrode",
+        title=f"diffusivity in the {which} particles that varies with stoichiometry",
+        equation="D(theta) -> D(theta) exp(b (theta - 1/2))",
+        parameters=(EffectParameter("log_slope", "", 0.0, -8.0, 8.0, 0.5),),
+        signature="diffusion polarisation too large at one end of the state of charge and too small at the other, "
+        "growing over minutes of a step",
+        citation="Kang and Chung, J. Electrochem. Soc. 168 (2021); Ecker et al. 2015, doi:10.1149/2.0551509jes",
+        physics=PyBaMMPart(values=physics),
+    )
+
+
+def _stress_negative(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    name = "Negative particle diffusivity [m2.s-1]"
+    value = known[name]
+
+    def function(sto: Any, temperature: Any) -> Any:
+        return (value(sto, temperature) if callable(value) else value) * (1 + p["coupling"] * sto)
+
+    return {name: function}
+
+
+def _stress_positive(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    name = "Positive particle diffusivity [m2.s-1]"
+    value = known[name]
+
+    def function(sto: Any, temperature: Any) -> Any:
+        return (value(sto, temperature) if callable(value) else value) * (1 + p["coupling"] * sto)
+
+    return {name: function}
+
+
+def _stress(which: str, physics: Any) -> Effect:
+    return Effect(
+        name="stress-induced-diffusion",
+        variant=f"{which} electrode",
+        title=f"stress-enhanced diffusion in the {which} particles",
+        equation="D -> D (1 + s theta), s = 2 Omega^2 E c_max / (9 R T (1 - nu))",
+        parameters=(EffectParameter("coupling", "", 0.0, 0.0, 12.0, 0.3),),
+        signature="faster diffusion the fuller the particle: as a diffusivity that rises with stoichiometry",
+        citation="Zhang et al., J. Electrochem. Soc. 154 (2007) A910, doi:10.1149/1.2759840",
+        physics=PyBaMMPart(values=physics),
+        lacks=_stress_lacks,
+    )
+
+
+def _stress_lacks(evidence: Evidence) -> str:
+    has = str(evidence.options.get("stress-induced diffusion", "false"))
+    return "the base model has stress-induced diffusion already" * (has == "true")
+
+
+def _distribution_lacks(evidence: Evidence) -> str:
+    if evidence.options.get("particle size") == "distribution":
+        return "the base model has a distribution of sizes already"
+    return "PyBaMM offers size distributions here for SPM and SPMe only" * (evidence.model == "DFN")
+
+
+def _distribution(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    import numpy as np
+    import pybamm
+
+    # Seven sizes over four deviations cost little; the floor keeps the density finite where the effect is absent.
+    deviation = p["deviation"] + 2e-2
+    values: dict[str, Any] = {}
+    for which in ("Negative", "Positive"):
+        mean = known[f"{which} particle radius [m]"]
+
+        def density(size: Any, mean: Any = mean) -> Any:
+            log_variance = pybamm.log(1 + deviation**2)
+            argument = (pybamm.log(size / mean) + log_variance / 2) ** 2 / (2 * log_variance)
+            return pybamm.exp(-argument) / (size * pybamm.sqrt(2 * np.pi * log_variance))
+
+        values[f"{which} minimum particle radius [m]"] = mean * 0.15
+        values[f"{which} maximum particle radius [m]"] = mean * 2.6
+        values[f"{which} area-weighted particle-size distribution [m-1]"] = density
+    return values
+
+
+particle_size_distribution = Effect(
+    name="particle-size-distribution",
+    title="distribution of particle sizes (log-normal, both electrodes)",
+    equation="f(R) log-normal with mean R0 and standard deviation sigma R0, area-weighted",
+    parameters=(EffectParameter("deviation", "", 0.0, 0.0, 0.8, 0.2),),
+    signature="diffusion polarisation that sets in earlier and ends later than one time constant can; smoother knees",
+    citation="Kirk et al., J. Electrochem. Soc. 168 (2021) 060554, doi:10.1149/1945-7111/ac0bf7",
+    physics=PyBaMMPart(
+        options={"particle size": "distribution", "surface form": "algebraic"},
+        points={"R_n": 7, "R_p": 7},
+        values=_distribution,
+    ),
+    lacks=_distribution_lacks,
+)
+
+EFFECTS = (
+    electrolyte_transport,
+    particle_size_distribution,
+    _solid_diffusivity("negative", _diffusivity_slope_negative),
+    _solid_diffusivity("positive", _diffusivity_slope_positive),
+    _stress("negative", _stress_negative),
+    _stress("positive", _stress_positive),
+)

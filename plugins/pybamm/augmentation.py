@@ -1,0 +1,92 @@
+"""How an effect enters a PyBaMM model: options, parameter values, the current, and terms of the terminal voltage."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ...core.effect import Effect
+from ...core.errors import BsaError
+from ...core.task import CellModel
+
+Symbols = Mapping[str, Any]
+"""The effect's parameters by short name, as PyBaMM symbols or numbers."""
+
+
+@dataclass(frozen=True)
+class PyBaMMPart:
+    """What an effect changes in a PyBaMM model. Every field is optional; all that are given apply.
+
+    The functions must be importable (no lambdas), since models are also built in other processes, and should
+    use nothing but `pybamm`, `np` and their arguments: ``augmented_model.py`` quotes their source.
+
+    Attributes
+    ----------
+    options : mapping
+        Model options to add, ``{"contact resistance": "true"}``.
+    model : str
+        Model that replaces the base model; empty keeps it.
+    borrowed : mapping
+        Parameter values that the equations need and many sets lack; used only where the set has none.
+    points : mapping of str to int
+        Mesh points of domains that the effect adds, ``{"R_n": 8}``.
+    values : callable or None
+        ``values(known, p)`` returns parameters that replace those of the set; ``known[name]`` is the present value.
+    voltage : callable or None
+        ``voltage(model, p)`` returns an expression in V that is added to the terminal voltage, for example
+        ``-p["resistance"] * model.variables["Current [A]"]``. It may add a state to ``model.rhs`` and
+        ``model.initial_conditions``.
+    current : callable or None
+        ``current(measured, p)`` returns the current through the electrodes (A, positive on discharge) from the
+        measured one.
+    """
+
+    options: Mapping[str, Any] = field(default_factory=dict)
+    model: str = ""
+    borrowed: Mapping[str, Any] = field(default_factory=dict)
+    points: Mapping[str, int] = field(default_factory=dict)
+    values: Callable[[Mapping[str, Any], Symbols], Mapping[str, Any]] | None = None
+    voltage: Callable[[Any, Symbols], Any] | None = None
+    current: Callable[[Any, Symbols], Any] | None = None
+
+
+def part_of(effect: Effect) -> PyBaMMPart:
+    """The PyBaMM part of an effect; an empty one for effects of the instrument alone.
+
+    Raises
+    ------
+    BsaError
+        If the effect was written for another simulator.
+    """
+    if effect.physics is None:
+        return PyBaMMPart()
+    if not isinstance(effect.physics, PyBaMMPart):
+        raise BsaError(
+            f'effect "{effect.key}" is not written for PyBaMM ({type(effect.physics).__name__}).',
+            "give it a PyBaMMPart.",
+        )
+    return effect.physics
+
+
+def augmented_cell(cell: CellModel, effects: Sequence[Effect]) -> CellModel:
+    """The cell model with the options of all effects.
+
+    Raises
+    ------
+    BsaError
+        If two of them ask for different things.
+    """
+    model, options = cell.model, dict(cell.options)
+    asked: dict[str, str] = {}
+    for effect in effects:
+        part = part_of(effect)
+        model = part.model or model
+        for key, value in part.options.items():
+            if key in asked and options[key] != value:
+                raise BsaError(
+                    f'{asked[key]} and {effect.key} want different values of the option "{key}".',
+                    "they cannot be combined.",
+                )
+            options[key], asked[key] = value, effect.key
+    return CellModel(cell.parameter_set, model, options, cell.overrides)

@@ -1,0 +1,227 @@
+"""A cell with effects, driven by one measured current, compiled once and solved for any candidate."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...core.effect import Effect
+from ...core.errors import BsaError
+from ...core.parameters import Candidate
+from ...core.task import CellModel
+from ...core.trajectory import FloatArray, Trajectory
+from .augmentation import PyBaMMPart, augmented_cell, part_of
+from .compiled import make_model
+from .drive import widen_cut_offs
+from .initial_state import CYCLABLE_LITHIUM, ElectrodeBalance
+from .measured_current import JUMP_S, measured_current
+from .parameter_sets import FACTOR, INITIAL_SOC, load, pybamm
+
+_LONGEST_SOLVE_STEPS = 30_000
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """Mesh and tolerances.
+
+    Attributes
+    ----------
+    rtol : float
+        Relative tolerance; the absolute one is a tenth of it.
+    points : int or None
+        Mesh points in every domain; None keeps PyBaMM's own.
+    """
+
+    rtol: float = 1e-6
+    points: int | None = None
+
+
+SEARCH = Resolution()
+FINE = Resolution(rtol=1e-7, points=40)
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """What the cell did at the wanted times.
+
+    Attributes
+    ----------
+    voltage : ndarray of shape (n,)
+        Volt, as the instrument writes it down.
+    temperature : ndarray of shape (n,)
+        Volume-averaged temperature, kelvin.
+    """
+
+    voltage: FloatArray
+    temperature: FloatArray
+
+
+class DrivenCell:
+    """One record on one augmented model.
+
+    Parameters
+    ----------
+    cell : CellModel
+        Base equations and parameters.
+    effects : sequence of Effect
+        What is added.
+    record : Trajectory
+        Supplies the current; cut into steps.
+    searched : sequence of str
+        Base parameters that a candidate sets: names with the suffix `` factor`` multiply, whether the set's
+        value is a number or a function; ``"Initial state of charge"`` and ``"Cyclable lithium factor"`` set
+        the initial state.
+    temperature_k : float or None
+        Ambient and initial temperature; None keeps the set's.
+    resolution : Resolution
+        Mesh and tolerances.
+    """
+
+    def __init__(
+        self,
+        cell: CellModel,
+        effects: Sequence[Effect],
+        record: Trajectory,
+        searched: Sequence[str],
+        temperature_k: float | None = None,
+        resolution: Resolution = SEARCH,
+    ) -> None:
+        self._effects = tuple(effects)
+        self._searched = tuple(name for name in searched if name.endswith(FACTOR) and name != CYCLABLE_LITHIUM)
+        augmented = augmented_cell(cell, effects)
+        model = make_model(augmented)
+        values = load(cell.parameter_set, cell.overrides)
+        if temperature_k is not None:
+            values.update({"Ambient temperature [K]": temperature_k, "Initial temperature [K]": temperature_k})
+        widen_cut_offs(values)
+        for name in self._searched:
+            _multiply(values, name.removesuffix(FACTOR), pybamm.InputParameter(name))
+        self._balance = ElectrodeBalance(load(cell.parameter_set, cell.overrides))
+        symbols = [
+            {p.name: pybamm.InputParameter(effect.full_name(p)) for p in effect.parameters} for effect in effects
+        ]
+        drive = measured_current(record)
+        self._stops = drive.stops
+        current: Any = pybamm.Interpolant(drive.time, drive.current, pybamm.t, interpolator="linear")
+        for effect, p in zip(effects, symbols, strict=True):
+            current = add_values(values, part_of(effect), p, current)
+        values["Current function [A]"] = current
+        for which in ("negative", "positive"):
+            values[_CONCENTRATION.format(which)] = "[input]"
+        for effect, p in zip(effects, symbols, strict=True):
+            add_voltage(model, part_of(effect), p)
+        points = dict.fromkeys(("x_n", "x_s", "x_p", "r_n", "r_p"), resolution.points) if resolution.points else {}
+        for effect in effects:
+            points.update(part_of(effect).points)
+        options: dict[str, Any] = {"max_num_steps": _LONGEST_SOLVE_STEPS}
+        if drive.finest_s is not None:
+            # The integrator must not step over what the record resolves.
+            options["dt_max"] = max(10.0, 5.0 * drive.finest_s)
+        try:
+            simulation = pybamm.Simulation(
+                model,
+                parameter_values=values,
+                var_pts={**model.default_var_pts, **points},
+            )
+            simulation.build()
+        except (KeyError, pybamm.ModelError, pybamm.OptionError, pybamm.DomainError) as error:
+            names = ", ".join(effect.key for effect in effects) or "no effect"
+            reason = str(error).strip().splitlines()
+            raise BsaError(
+                f"PyBaMM cannot build {augmented.model} with {names}: {reason[0] if reason else error!r}.",
+                "the parameter set may lack what the effect needs.",
+            ) from None
+        self._model = simulation.built_model
+        self._solver = pybamm.IDAKLUSolver(
+            rtol=resolution.rtol,
+            atol=0.1 * resolution.rtol,
+            output_variables=["Voltage [V]", "Volume-averaged cell temperature [K]"],
+            options=options,
+        )
+
+    def solve(self, candidate: Candidate, times: FloatArray, current: FloatArray) -> Curve | None:
+        """Simulate one candidate.
+
+        Parameters
+        ----------
+        candidate : Candidate
+            A value for every searched parameter and for the effects' parameters.
+        times : ndarray of shape (n,)
+            When the voltage is wanted, on the record's clock, s, never decreasing.
+        current : ndarray of shape (n,)
+            The measured current then, for effects of the instrument, A.
+
+        Returns
+        -------
+        Curve or None
+            None if the simulation failed.
+        """
+        wanted = times
+        for effect in self._effects:
+            if effect.measurement is not None and effect.measurement.clock is not None:
+                wanted = effect.measurement.clock(wanted, effect.values(candidate))
+        inside = np.clip(wanted, self._stops[0], self._stops[-1])
+        inputs = {name: float(candidate[name]) for name in self._searched}
+        for effect in self._effects:
+            inputs.update({effect.full_name(p): effect.values(candidate)[p.name] for p in effect.parameters})
+        try:
+            negative, positive = self._balance.initial_concentrations(candidate)
+        except ValueError:
+            return None
+        inputs[_CONCENTRATION.format("negative")] = negative
+        inputs[_CONCENTRATION.format("positive")] = positive
+        grid = np.unique(np.concatenate([inside, self._stops]))
+        # Stops and samples closer than rounding would make steps of no length.
+        grid = grid[np.concatenate([[True], np.diff(grid) > 1e-2 * JUMP_S])]
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                solution = self._solver.solve(self._model, t_eval=self._stops, t_interp=grid, inputs=inputs)
+        except (pybamm.SolverError, ValueError, ArithmeticError, RuntimeError):
+            return None
+        if solution.t[-1] < self._stops[-1] - JUMP_S:
+            return None
+        voltage = np.interp(inside, solution.t, np.asarray(solution["Voltage [V]"].data).ravel())
+        temperature = np.interp(
+            inside, solution.t, np.asarray(solution["Volume-averaged cell temperature [K]"].data).ravel()
+        )
+        for effect in self._effects:
+            if effect.measurement is not None and effect.measurement.voltage is not None:
+                voltage = effect.measurement.voltage(voltage, current, effect.values(candidate))
+        return Curve(voltage, temperature) if np.all(np.isfinite(voltage)) else None
+
+
+_CONCENTRATION = "Initial concentration in {} electrode [mol.m-3]"
+
+
+def add_values(values: Any, part: PyBaMMPart, p: Mapping[str, Any], current: Any) -> Any:
+    """Put an effect's parameter values into a set, in place, and return the current it makes of the given one."""
+    for name, value in part.borrowed.items():
+        if name not in values:
+            values.update({name: value}, check_already_exists=False)
+    if part.values is not None:
+        values.update(dict(part.values(values, p)), check_already_exists=False)
+    return part.current(current, p) if part.current is not None else current
+
+
+def add_voltage(model: Any, part: PyBaMMPart, p: Mapping[str, Any]) -> None:
+    """Add an effect's term to the terminal voltage of a model, in place."""
+    if part.voltage is not None:
+        model.variables["Voltage [V]"] = model.variables["Voltage [V]"] + part.voltage(model, p)
+
+
+def _multiply(values: Any, name: str, factor: Any) -> None:
+    value = values[name]
+    if callable(value):
+
+        def scaled(*arguments: Any, **keywords: Any) -> Any:
+            return factor * value(*arguments, **keywords)
+
+        values[name] = scaled
+    else:
+        values[name] = factor * value
+    assert INITIAL_SOC not in name

@@ -1,0 +1,52 @@
+"""What is usually uncertain about a cell whose design is known: the default parameters of a discovery's base fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ...core.discovery.axes import Axis
+from ...core.discovery.laboratory import Specimen
+from ...core.parameters import Parameter
+from .initial_state import CYCLABLE_LITHIUM
+
+_SPREADS = {
+    "Negative electrode active material volume fraction factor": (0.15, 0.5, 1.8),
+    "Positive electrode active material volume fraction factor": (0.15, 0.5, 1.8),
+    CYCLABLE_LITHIUM: (0.08, 0.7, 1.3),
+    "Negative particle diffusivity [m2.s-1] factor": (0.7, 0.03, 30.0),
+    "Positive particle diffusivity [m2.s-1] factor": (0.7, 0.03, 30.0),
+    "Negative electrode exchange-current density [A.m-2] factor": (0.7, 0.03, 30.0),
+    "Positive electrode exchange-current density [A.m-2] factor": (0.7, 0.03, 30.0),
+    "Electrolyte conductivity [S.m-1] factor": (0.2, 0.5, 2.0),
+    "Electrolyte diffusivity [m2.s-1] factor": (0.3, 0.4, 2.5),
+}
+"""Standard deviation of the logarithm, lower and upper bound of each factor.
+
+Active material and lithium are known to the few percent to which capacity is; diffusivities and exchange currents,
+from one laboratory to the next, to a factor of two; the electrolyte's bulk properties are measured to 20 %. Particle
+radii and thicknesses are left out: in these models a radius acts through ``D / R^2`` and ``j0 / R`` only, and a
+thickness through the capacity and the electrolyte's resistance, all of which are here.
+"""
+
+_ELECTROLYTE = "Electrolyte"
+
+
+def uncertain_parameters(model: str, specimens: Sequence[Specimen], soc: float = 0.9) -> tuple[Axis, ...]:
+    """Axes of the base fit: nine factors of 1 (seven without an electrolyte) and each record's initial charge.
+
+    Parameters
+    ----------
+    model : {'SPM', 'SPMe', 'DFN'}
+        SPM has no electrolyte to be uncertain about.
+    specimens : sequence of Specimen
+        The fitted records.
+    soc : float
+        Where the search for each initial state of charge starts.
+    """
+    axes = [
+        Axis(Parameter(name, 1.0, lower, upper, "log"), spread, prior=True, step=min(0.1, 0.03 / spread))
+        for name, (spread, lower, upper) in _SPREADS.items()
+        if model != "SPM" or not name.startswith(_ELECTROLYTE)
+    ]
+    axes += [Axis(Parameter(specimen.soc_name, soc, 0.0, 1.08), 0.02, prior=False, step=0.1) for specimen in specimens]
+    return tuple(axes)
