@@ -1,0 +1,131 @@
+"""Differential evolution by SciPy, on one number or on a weighted sum of the errors of each signal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from pydantic import BaseModel, Field
+from scipy.optimize import differential_evolution
+
+from ...core.hooks import ProposeContext, RunContext, hookimpl
+from ...core.proposal import Proposal
+from ...core.trajectory import FloatArray
+from ...core.trial import Trial
+from .trial_errors import by_round, finite_errors, searched, total_error
+
+
+class DifferentialEvolutionOptions(BaseModel, extra="forbid"):
+    """Settings of `scipy.optimize.differential_evolution`."""
+
+    population: int = Field(
+        2, ge=1, description="Candidates a generation, per parameter. SciPy's 15 would spend the budget on one."
+    )
+    strategy: str = Field("best1bin", description="Mutation strategy, by SciPy's name.")
+    mutation: tuple[float, float] = Field((0.5, 1.0), description="Range of the differential weight.")
+    recombination: float = Field(0.7, ge=0, le=1, description="Crossover probability.")
+
+
+class WeightedDifferentialEvolutionOptions(DifferentialEvolutionOptions):
+    """The same, and the weights of the sum."""
+
+    q_weight: float = Field(1.0, ge=0, description="Weight of the charge's error, relative to its first value.")
+    i_weight: float = Field(1.0, ge=0, description="Weight of the current's error, relative to its first value.")
+    v_weight: float = Field(1.0, ge=0, description="Weight of the voltage's error, relative to its first value.")
+
+
+class _Question(Exception):
+    """The first population whose errors are not known yet, shape (n, p)."""
+
+    def __init__(self, population: FloatArray) -> None:
+        super().__init__()
+        self.population = population
+
+
+class DifferentialEvolutionProposer:
+    """One generation a round, in the unit box.
+
+    SciPy offers no ask and tell. It is therefore run again from the start at every round with the
+    same seed, is given the errors it has already asked for, and is stopped at its next question. This
+    costs milliseconds, needs no thread, and makes the answer a function of the history.
+
+    References
+    ----------
+    Storn & Price, J. Global Optim. 11 (1997) 341.
+    """
+
+    def __init__(self, options: DifferentialEvolutionOptions, context: RunContext) -> None:
+        self._options = options
+        self._seed = context.seed
+
+    @hookimpl
+    def propose(self, context: ProposeContext) -> Proposal:
+        """See `RunHooks.propose`."""
+        space = context.task.space
+        generations = by_round(searched(context))
+        errors = finite_errors(searched(context), self._error(context.trials))
+        sizes = [len(generation) for generation in generations]
+        known = np.split(errors, np.cumsum(sizes)[:-1]) if sizes else []
+        population = self._next_population(space.to_unit(space.initial), known)
+        if population is None:
+            return Proposal((), rationale="The population has converged.", action="none", finished=True)
+        return Proposal(
+            tuple(space.from_unit(position) for position in population),
+            rationale=f"Generation {len(generations) + 1}.",
+            action="sample",
+        )
+
+    def _error(self, trials: Sequence[Trial]) -> Callable[[Trial], float]:
+        """What is minimised."""
+        return total_error
+
+    def _next_population(self, origin: FloatArray, known: list[FloatArray]) -> FloatArray | None:
+        answers = iter(known)
+
+        def simulate(population: FloatArray) -> FloatArray:
+            answer = next(answers, None)
+            if answer is None:
+                raise _Question(population.T.copy())
+            return answer
+
+        try:
+            differential_evolution(
+                simulate,
+                [(0.0, 1.0)] * len(origin),
+                strategy=self._options.strategy,
+                popsize=self._options.population,
+                mutation=self._options.mutation,
+                recombination=self._options.recombination,
+                x0=np.clip(origin, 0.0, 1.0),
+                rng=np.random.default_rng(self._seed),
+                maxiter=10_000,
+                polish=False,
+                updating="deferred",
+                vectorized=True,
+            )
+        except _Question as question:
+            return question.population
+        return None
+
+
+class WeightedDifferentialEvolutionProposer(DifferentialEvolutionProposer):
+    """Minimises a weighted sum of the three errors, each relative to where it started (paper, Sec. 4.4)."""
+
+    def __init__(self, options: WeightedDifferentialEvolutionOptions, context: RunContext) -> None:
+        super().__init__(options, context)
+        self._weights = {"q_mape": options.q_weight, "i_mape": options.i_weight, "v_mape": options.v_weight}
+
+    def _error(self, trials: Sequence[Trial]) -> Callable[[Trial], float]:
+        first = next((trial.metrics for trial in trials if trial.ok and trial.metrics is not None), None)
+        scales = {name: max(float(getattr(first, name, 0.0)), 1e-6) for name in self._weights}
+
+        def weighted(trial: Trial) -> float:
+            if trial.metrics is None:
+                return float("inf")
+            return sum(
+                # As a percentage of the first value, so that the penalty of a failure stays comparable.
+                100.0 * weight * float(getattr(trial.metrics, name)) / scales[name]
+                for name, weight in self._weights.items()
+            )
+
+        return weighted

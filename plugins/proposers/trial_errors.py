@@ -1,0 +1,50 @@
+"""What blind optimisers are told of past trials: finite numbers, failed simulations included."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ...core.hooks import ProposeContext
+from ...core.trajectory import FloatArray
+from ...core.trial import Trial
+
+ALL_WRONG = 300.0
+"""Total MAPE, in percent, of a record that is zero throughout: 100 for each of charge, current and voltage."""
+
+
+def total_error(trial: Trial) -> float:
+    """The trial's objective; infinite after a failure."""
+    return trial.objective
+
+
+def finite_errors(trials: Sequence[Trial], error: Callable[[Trial], float] = total_error) -> FloatArray:
+    """The errors of trials, shape (n,); a failed one counts as twice the worst that did not fail.
+
+    An infinite error would stop a surrogate or a ranking; an enormous one would flatten everything else.
+
+    Parameters
+    ----------
+    trials : sequence of Trial
+        Any trials.
+    error : callable
+        What is minimised; infinite for a failed trial.
+    """
+    values = np.array([error(trial) if trial.ok else np.inf for trial in trials])
+    known = values[np.isfinite(values)]
+    worst = float(known.max()) if known.size else 0.0
+    return np.where(np.isfinite(values), values, 2.0 * max(worst, ALL_WRONG))
+
+
+def searched(context: ProposeContext) -> list[Trial]:
+    """The trials of the search so far, without the initial one and the warm-up."""
+    return [trial for trial in context.trials if trial.phase == "search"]
+
+
+def by_round(trials: Sequence[Trial]) -> list[list[Trial]]:
+    """Trials grouped by their round, in order."""
+    rounds: dict[int, list[Trial]] = {}
+    for trial in trials:
+        rounds.setdefault(trial.round, []).append(trial)
+    return [rounds[number] for number in sorted(rounds)]
