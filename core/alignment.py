@@ -63,7 +63,7 @@ def at_fractions(piece: Trajectory, signal: FloatArray, fractions: FloatArray) -
     """A signal of one step at fractions of the step's duration, shape of ``fractions``."""
     if len(piece) == 1 or piece.duration <= 0:
         return np.full_like(fractions, signal[-1])
-    return np.interp(piece.time[0] + fractions * piece.duration, piece.time, signal)
+    return np.asarray(np.interp(piece.time[0] + fractions * piece.duration, piece.time, signal), dtype=np.float64)
 
 
 def pair_steps(simulated: Trajectory | None, experiment: Experiment) -> list[StepPair]:

@@ -104,8 +104,15 @@ class BudgetSpent(Exception):
 class Backend(Protocol):
     """A language model: messages and a JSON schema in, text and usage out."""
 
-    name: str
-    sees_images: bool
+    @property
+    def name(self) -> str:
+        """What the model is called in results and reports."""
+        ...
+
+    @property
+    def sees_images(self) -> bool:
+        """Whether images are worth sending."""
+        ...
 
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
         """Answer the conversation with one JSON object.

@@ -45,7 +45,7 @@ class RunPlugins:
         choices: list[tuple[Kind, PluginChoice]] = [
             ("simulator", scaffold.simulator),
             ("feedback", scaffold.feedback),
-            *[("memory", memory) for memory in scaffold.memories],  # type: ignore[list-item]
+            *[("memory", memory) for memory in scaffold.memories],
             ("proposer", scaffold.proposer),
         ]
         if scaffold.warm_up is not None:

@@ -63,7 +63,7 @@ def _carry_out(commands: typer.Typer) -> NoReturn:
         sys.exit(INTERRUPTED)
     except BrokenPipeError:
         # The reader of our output has gone (`bsa list | head`); nothing is wrong.
-        sys.stdout = None  # type: ignore[assignment]
+        sys.stdout = None
     sys.exit(0)
 
 

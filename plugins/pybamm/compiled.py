@@ -16,6 +16,7 @@ from ...core.trajectory import StepKind
 from . import drive
 from .mesh import search_spatial_methods, search_submeshes
 from .parameter_sets import INITIAL_SOC, bake, load, open_to_search, pybamm
+from .state_of_charge import InitialState, initial_concentration
 from .step_solutions import at_samples_of, keep_solver_steps_of_holds, step_kind, to_trajectory
 
 MODELS = {"SPM": "SPM", "SPMe": "SPMe", "DFN": "DFN"}
@@ -106,7 +107,11 @@ class CompiledExperiment:
         self._soc_names = (f"{INITIAL_SOC}: {experiment.name}", INITIAL_SOC)
         self._initial_soc = _first_of(self._soc_names, baked or {}, experiment.initial_soc)
         bake(values, baked or {})
+        by_soc = self._initial_soc is not None or any(name in searched for name in self._soc_names)
+        self._state = InitialState(values) if by_soc else None
         open_to_search(values, searched)
+        if by_soc:
+            open_to_search(values, [initial_concentration(which) for which in ("Negative", "Positive")])
         self._inputs = tuple(name for name in searched if not name.startswith(INITIAL_SOC))
         self._steps = drive.steps_of(experiment)
         by_current = experiment.protocol is None
@@ -160,9 +165,9 @@ class CompiledExperiment:
         cause = ""
         self._simulation._solution = None  # a failed solve must not show its predecessor's result
         try:
-            self._simulation.solve(
-                inputs=inputs, initial_soc=soc, calc_esoh=False, callbacks=[watcher], showprogress=False
-            )
+            if self._state is not None and soc is not None:
+                inputs |= self._state.concentrations(candidate, soc)
+            self._simulation.solve(inputs=inputs, calc_esoh=False, callbacks=[watcher], showprogress=False)
         except (pybamm.SolverError, ValueError, ArithmeticError, RuntimeError) as error:
             cause = _first_line(error)
         trajectory = to_trajectory(self._simulation._solution, self._steps)

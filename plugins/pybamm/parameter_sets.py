@@ -11,7 +11,7 @@ from ...core.errors import BsaError, did_you_mean
 
 os.environ.setdefault("PYBAMM_DISABLE_TELEMETRY", "true")  # or the first import may prompt
 
-import pybamm  # must come after the line above
+import pybamm as pybamm  # after the line above; the other modules take it from here
 
 FILL_FROM = "Chen2020"
 """Where keys that a set lacks (SEI parameters, mostly) are taken from."""

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
+import numpy as np
+
+from ...core.parameters import Candidate
 from ...core.task import CellModel
+from ...core.trajectory import FloatArray
 from .parameter_sets import load, pybamm
 
 
@@ -41,3 +46,93 @@ def equilibrium_capacity_ah(parameter_set: str, overrides: Mapping[str, float]) 
     empty, full, *_ = pybamm.lithium_ion.get_min_max_stoichiometries(values)
     negative_ah = values.evaluate(pybamm.LithiumIonParameters().n.prim.Q_init)
     return float(negative_ah * (full - empty))
+
+
+_ELECTRODES = ("Negative", "Positive")
+_GRID: FloatArray = 1.0 / (1.0 + np.exp(-np.linspace(-9.0, 9.0, 4001)))
+"""Stoichiometries, dense towards 0 and 1, where open-circuit potentials bend."""
+
+
+def initial_concentration(which: str) -> str:
+    """PyBaMM's name for the lithium concentration at which an electrode starts."""
+    return f"Initial concentration in {which.lower()} electrode [mol.m-3]"
+
+
+class InitialState:
+    """Initial concentrations at a state of charge, for any candidate, without touching the compiled model.
+
+    The electrodes hold :math:`Q_n` and :math:`Q_p` and share the lithium :math:`Q_{Li} = Q_n x + Q_p y` that
+    their initial concentrations in the parameter set amount to. The cell is full where
+    :math:`U_p(y) - U_n(x)` is the open-circuit voltage at 100 % and empty where it is that at 0 %; the state
+    of charge is linear in between (Mohtat et al., J. Power Sources 427 (2019) 101). PyBaMM's own route through ``initial_soc`` changes the initial conditions
+    behind a solver that has already been set up: of several candidates in a row only the first is right.
+
+    Parameters
+    ----------
+    values : pybamm.ParameterValues
+        The cell's values, before anything is opened to the search.
+    """
+
+    def __init__(self, values: Any) -> None:
+        self._base = {
+            name: _number(values, name)
+            for which in _ELECTRODES
+            for name in (
+                f"{which} electrode active material volume fraction",
+                f"{which} electrode thickness [m]",
+                f"Maximum concentration in {which.lower()} electrode [mol.m-3]",
+                initial_concentration(which),
+            )
+        }
+        self._potential: dict[str, FloatArray] = {}
+        for which in _ELECTRODES:
+            ocp = values[f"{which} electrode OCP [V]"]
+            curve = values.process_symbol(ocp(pybamm.Vector(_GRID))).evaluate()
+            self._potential[which] = np.asarray(curve, dtype=np.float64).ravel()
+        self._limits = tuple(
+            _number(values, f"Open-circuit voltage at {percent}% SOC [V]", f"{side} voltage cut-off [V]")
+            for percent, side in ((0, "Lower"), (100, "Upper"))
+        )
+
+    def concentrations(self, candidate: Candidate, soc: float) -> dict[str, float]:
+        """Initial concentration of both electrodes by PyBaMM's names, mol/m3.
+
+        Raises
+        ------
+        ValueError
+            If the electrodes cannot hold the lithium at this state of charge.
+        """
+        held: dict[str, float] = {}
+        highest: dict[str, float] = {}
+        lithium = 0.0
+        for which in _ELECTRODES:
+            fraction, thickness, c_max, initial = (
+                float(candidate.get(name, value)) for name, value in self._base.items() if self._is_of(name, which)
+            )
+            highest[which] = c_max
+            held[which] = fraction * thickness * c_max
+            lithium += fraction * thickness * initial
+        x = _GRID
+        y = (lithium - held["Negative"] * x) / held["Positive"]
+        possible = (y > _GRID[0]) & (y < _GRID[-1])
+        if np.count_nonzero(possible) < 10:
+            raise ValueError("no state of charge puts this lithium into both electrodes")
+        x, y = x[possible], y[possible]
+        voltage = np.interp(y, _GRID, self._potential["Positive"]) - self._potential["Negative"][possible]
+        empty, full = np.interp(self._limits, np.maximum.accumulate(voltage), x)
+        negative = float(empty + soc * (full - empty))
+        positive = (lithium - held["Negative"] * negative) / held["Positive"]
+        if not 0.0 < negative < 1.0 or not 0.0 < positive < 1.0:
+            raise ValueError(f"stoichiometries {negative:.3f} and {positive:.3f} must lie between 0 and 1")
+        return {
+            initial_concentration("Negative"): negative * highest["Negative"],
+            initial_concentration("Positive"): positive * highest["Positive"],
+        }
+
+    def _is_of(self, name: str, which: str) -> bool:
+        return which.lower() in name.lower()
+
+
+def _number(values: Any, *names: str) -> float:
+    name = next((name for name in names if name in values), names[0])
+    return float(values.evaluate(values[name]))
