@@ -36,6 +36,9 @@ _AFTER_FAILURE = 0.35
 _SLOW = 0.1
 """A step that takes less than this share off the cost asks for a better Jacobian, if one can be had."""
 
+_RESTORED = 0.25
+"""Share of the first radius to which a new Jacobian opens the radius again."""
+
 _POOR_STEPS = 2
 """Disappointing steps in a row before the Jacobian is taken anew."""
 
@@ -61,13 +64,16 @@ class Settings:
         Limits of the trust radius; a fit whose steps would be shorter than the smallest has converged.
     tolerance : float
         A round (a Jacobian and the steps it carried) that takes less than this share off the cost is the last.
+    enough : float
+        Root mean square of the residuals at which the fit is as good as perfect.
     """
 
-    difference: float = 0.01
+    difference: float = 0.007
     radius: float = 0.3
     largest_radius: float = 1.0
     smallest_radius: float = 1e-4
     tolerance: float = 1e-3
+    enough: float = 0.0
 
 
 class LeastSquares:
@@ -242,17 +248,21 @@ class LeastSquares:
         upper = np.where(self._free, 1.0 - self._point, 0.0)
         step = bounded_step(self._jacobian, self._residual, lower, upper, self._radius)
         expected = _cost(self._residual) - _cost(self._residual + self._jacobian @ step)
-        if self.cost <= _EXACT * self._first_cost or expected <= self.settings.tolerance * 0.1 * self.cost:
+        if self._perfect() or expected <= self.settings.tolerance * 0.1 * self.cost:
             return self._nothing_left()
         return [np.clip(self._point + step, 0.0, 1.0)]
 
     def _nothing_left(self) -> list[FloatArray]:
         """The linear model sees nothing to gain: look again if it may be wrong, else stop."""
-        if self._moved and self.cost > _EXACT * self._first_cost and not self._round_was_idle():
+        if self._moved and not self._perfect() and not self._round_was_idle():
             self._stage = "jacobian"
             return self.ask()
         self.converged = True
         return []
+
+    def _perfect(self) -> bool:
+        assert self._residual is not None
+        return self.cost <= max(_EXACT * self._first_cost, len(self._residual) * self.settings.enough**2)
 
     def _round_was_idle(self) -> bool:
         return self._foretold or self.cost > (1.0 - self.settings.tolerance) * self._round_cost
@@ -296,7 +306,8 @@ class LeastSquares:
                 self.converged = True
                 self._stage = "done"
                 return
-            self._radius = max(self._radius, 10.0 * self.settings.smallest_radius)
+            # It was the Jacobian that disappointed, perhaps not the length of the steps.
+            self._radius = max(self._radius, _RESTORED * self.settings.radius)
             self._stage = "jacobian"
 
 
