@@ -1,0 +1,178 @@
+"""The paper's main table: a row for each method, a column for each base cell, best bold, second underlined."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.validation import read_yaml
+from .cell import CellRecord
+
+PAPER_ROWS_FILE = Path(__file__).with_name("paper_rows.yaml")
+METRICS = {"mape": "total MAPE, %", "rmse": "total RMSE"}
+
+
+@dataclass(frozen=True)
+class Statistic:
+    """Mean and standard deviation over the cases of one table entry.
+
+    Attributes
+    ----------
+    mean, deviation : float
+        The deviation has n - 1 in its denominator, as in the paper; NaN for one case.
+    worst : float
+        Largest value.
+    count : int
+        Cases with a value.
+    missing : int
+        Cases in which nothing could be compared; they are not in the mean, and are said in the table.
+    """
+
+    mean: float
+    deviation: float
+    worst: float
+    count: int
+    missing: int = 0
+
+    def __str__(self) -> str:
+        spread = "" if math.isnan(self.deviation) else f"±{_short(self.deviation)}"
+        return f"{_short(self.mean)}{spread}" + (f" ({self.missing} without result)" if self.missing else "")
+
+
+def _short(value: float) -> str:
+    if math.isnan(value):
+        return "-"
+    return f"{value:.2f}" if value >= 0.1 else f"{value:.2g}"
+
+
+def statistic(values: Sequence[float]) -> Statistic:
+    """Mean, deviation and worst of the values that are numbers."""
+    known = np.array([value for value in values if not math.isnan(value)])
+    if not known.size:
+        return Statistic(math.nan, math.nan, math.nan, 0, len(values))
+    deviation = float(known.std(ddof=1)) if known.size > 1 else math.nan
+    return Statistic(float(known.mean()), deviation, float(known.max()), known.size, len(values) - known.size)
+
+
+def main_table(records: Sequence[CellRecord], metric: str = "mape") -> dict[str, dict[str, dict[str, Statistic]]]:
+    """Statistics by mode, method and base cell, in order of appearance."""
+    groups: dict[str, dict[str, dict[str, list[float]]]] = {}
+    for record in records:
+        row = groups.setdefault(record.mode, {}).setdefault(record.method, {})
+        row.setdefault(record.parameter_set, []).append(record.metric(metric))
+    return {
+        mode: {method: {name: statistic(values) for name, values in row.items()} for method, row in rows.items()}
+        for mode, rows in groups.items()
+    }
+
+
+def paper_rows(metric: str = "mape") -> dict[str, dict[str, dict[str, Statistic]]]:
+    """The paper's own rows in the same form."""
+    content = read_yaml(PAPER_ROWS_FILE)
+    return {
+        mode: {
+            method: {
+                name: Statistic(mean, deviation, math.nan, 20)
+                for name, (mean, deviation) in zip(content["sets"], entries, strict=True)
+            }
+            for method, entries in rows.items()
+        }
+        for mode, rows in content[metric].items()
+    }
+
+
+def markdown(records: Sequence[CellRecord], metric: str = "mape", with_paper: bool = True) -> str:
+    """The table as Markdown; the paper's rows stand below, for reference, outside the ranking."""
+    ours, theirs = main_table(records, metric), paper_rows(metric) if with_paper else {}
+    parts: list[str] = []
+    for mode, rows in ours.items():
+        sets = list(dict.fromkeys(name for row in rows.values() for name in row))
+        lines = [
+            f"**{mode}** ({METRICS.get(metric, metric)}; best bold, second underlined)",
+            "",
+            "| method | " + " | ".join(sets) + " | cases |",
+            "|" + " --- |" * (len(sets) + 2),
+        ]
+        ranks = {name: _ranks({method: row[name].mean for method, row in rows.items() if name in row}) for name in sets}
+        for method, row in rows.items():
+            entries = [_marked(str(row[name]), ranks[name].get(method)) if name in row else "" for name in sets]
+            lines.append(f"| {method} | " + " | ".join(entries) + f" | {sum(s.count for s in row.values())} |")
+        for method, row in theirs.get(mode, {}).items():
+            entries = [str(row[name]) if name in row else "" for name in sets]
+            lines.append(f"| *{method}* | " + " | ".join(entries) + " | 100 |")
+        parts.append("\n".join(lines))
+    return "\n\n".join(parts) + "\n"
+
+
+def _ranks(means: dict[str, float]) -> dict[str, int]:
+    ordered = sorted((mean, method) for method, mean in means.items() if not math.isnan(mean))
+    return {method: place for place, (_, method) in enumerate(ordered)}
+
+
+def _marked(text: str, rank: int | None) -> str:
+    if rank == 0:
+        return f"**{text}**"
+    return f"<u>{text}</u>" if rank == 1 else text
+
+
+def rows_of(records: Sequence[CellRecord]) -> list[dict[str, Any]]:
+    """One flat row a cell, for CSV."""
+    return [
+        {
+            "case": record.case,
+            "mode": record.mode,
+            "parameter_set": record.parameter_set,
+            "rates": record.rates,
+            "method": record.method,
+            "status": record.status,
+            **{
+                f"{name}": record.metric(name)
+                for name in ("mape", "q_mape", "i_mape", "v_mape", "rmse", "v_rmse_mv", "capacity_error")
+            },
+            "initial_mape": math.nan if record.initial is None else record.initial["mape"],
+            "simulations": record.simulations,
+            "failed_simulations": record.failed_simulations,
+            "wall_s": record.wall_s,
+            "simulator_s": record.simulator_s,
+            "proposer_s": record.proposer_s,
+            "backend_s": record.backend_s,
+            "tokens": record.tokens,
+            "note": record.note,
+        }
+        for record in records
+    ]
+
+
+def write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
+    """Write flat rows; numbers in full, nothing known as an empty field."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(rows[0]) if rows else [])
+        writer.writeheader()
+        for row in rows:
+            writer.writerow({key: "" if _is_nan(value) else value for key, value in row.items()})
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write JSON that every reader takes: NaN and infinity become null."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(_finite(content), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def _is_nan(value: Any) -> bool:
+    return isinstance(value, float) and math.isnan(value)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
