@@ -175,7 +175,7 @@ class Run:
             self._take(proposal, "search", number, self._simulations_left)
             if proposal.finished:
                 return "finished"
-            if self.best.objective < reference * (1.0 - _IMPROVEMENT):
+            if self.best.objective < reference * (1.0 - _IMPROVEMENT) or proposal.advancing:
                 last_progress, reference = number, self.best.objective
             elif number - last_progress >= self._config.patience:
                 return "converged"

@@ -70,6 +70,9 @@ class Proposal:
         Why the round was lost, if it was.
     finished : bool
         The proposer has nothing better to offer: the run may stop after these candidates.
+    advancing : bool
+        The proposer knows by its own measure whether it still gets on, and says when it is finished: the
+        run's patience does not count this round.
     """
 
     candidates: tuple[Candidate, ...]
@@ -80,3 +83,4 @@ class Proposal:
     details: Mapping[str, Any] = field(default_factory=dict)
     lost: str = ""
     finished: bool = False
+    advancing: bool = False

@@ -55,15 +55,18 @@ def bsa_proposers() -> Iterable[Entry]:
     from .proposers.bayesian import BayesianOptions, BayesianProposer, MultiObjectiveProposer
     from .proposers.cma_es import CmaEsOptions, CmaEsProposer
     from .proposers.default import DefaultProposer
+    from .proposers.descent import DescentOptions
     from .proposers.differential_evolution import (
         DifferentialEvolutionOptions,
         DifferentialEvolutionProposer,
         WeightedDifferentialEvolutionOptions,
         WeightedDifferentialEvolutionProposer,
     )
+    from .proposers.least_squares import LeastSquaresProposer
     from .proposers.random import RandomOptions, RandomProposer
 
     yield Entry("agent", AgentProposer, "Asks the backend for a hypothesis and a change.", AgentOptions)
+    yield Entry("least-squares", LeastSquaresProposer, "Levenberg-Marquardt on step-aligned residuals.", DescentOptions)
     yield Entry("default", DefaultProposer, "No fit: the parameter set as it is.")
     yield Entry("random", RandomProposer, "Random search over the whole space.", RandomOptions)
     yield Entry("bo", BayesianProposer, "Bayesian optimisation by Ax (extra: bo).", BayesianOptions)

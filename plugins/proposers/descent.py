@@ -1,0 +1,162 @@
+"""A numerical fit over the trials of a run: feasible first, then downhill, then from elsewhere if it is stuck."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from pydantic import BaseModel, Field
+
+from ...core.least_squares import LeastSquares, Settings
+from ...core.parameters import Candidate
+from ...core.task import Task
+from ...core.trajectory import FloatArray
+from ...core.trial import Trial
+from .feasibility import Feasibility, gentle_direction
+
+Status = Literal["infeasible", "descending", "restarting", "done"]
+
+PERFECT = 0.02
+"""Root mean square of the residuals, in tolerances, below which nothing is worth a simulation (20 µV)."""
+
+_SUSPICIOUS = 3.0
+"""Root mean square, in tolerances, above which an end may be a trap rather than a model's or a record's limits."""
+
+_ELSEWHERE = 0.25
+"""How far from the first start another one lies, in units of the box."""
+
+_STEPS_WORTH = 6
+"""Simulations beyond a Jacobian without which a restart cannot get anywhere."""
+
+
+class DescentOptions(BaseModel, extra="forbid"):
+    """How the numerical fit proceeds."""
+
+    difference: float = Field(
+        0.007, gt=0, le=0.2, description="Finite-difference step, as a share of each parameter's range."
+    )
+    radius: float = Field(0.3, gt=0, le=2, description="Longest first step, in units of the ranges.")
+    restarts: int = Field(2, ge=0, description="How often to begin elsewhere when the fit ends far from the record.")
+
+
+class Descent:
+    """Asks for candidates and is told their trials.
+
+    Parameters
+    ----------
+    task : Task
+        What is to be matched.
+    options : DescentOptions
+        How to proceed.
+    seed : int
+        For what is random: where to look for a feasible start, where to begin again.
+    start : Trial
+        The trial to begin with; it may have failed.
+    """
+
+    def __init__(self, task: Task, options: DescentOptions, seed: int, start: Trial) -> None:
+        self._task = task
+        self._options = options
+        self._seed = seed
+        self._restarts_left = options.restarts
+        self._restarting = False
+        self._feasibility: Feasibility | None = None
+        self._search: LeastSquares | None = None
+        self._best: LeastSquares | None = None
+        self._asked = 0
+        self._out_of_ideas = False
+        if start.residuals is not None:
+            self._search = self._search_from(start.candidate, start.residuals)
+        else:
+            self._feasibility = Feasibility(task, start, seed)
+
+    @property
+    def status(self) -> Status:
+        """Where the fit stands."""
+        if self._search is None:
+            return "infeasible"
+        if self._out_of_ideas:
+            return "done"
+        return "restarting" if self._restarting else "descending"
+
+    @property
+    def best(self) -> LeastSquares | None:
+        """The search that got lowest; None while nothing could be simulated."""
+        searches = [search for search in (self._best, self._search) if search is not None]
+        return min(searches, key=lambda search: search.cost, default=None)
+
+    @property
+    def misfit(self) -> float:
+        """Root mean square of the best residuals, in tolerances."""
+        return rms(self.best.residual) if self.best is not None else float("inf")
+
+    @property
+    def jacobian_next(self) -> bool:
+        """Whether the candidates asked for are finite differences rather than a step."""
+        return self._search is not None and self._search.stage in ("jacobian", "other side")
+
+    def ask(self, limit: int) -> list[Candidate]:
+        """What to simulate next, at most ``limit`` candidates; empty when done."""
+        points = self._points(limit)
+        self._asked = len(points)
+        return [self._task.space.from_unit(point) for point in points]
+
+    def _points(self, limit: int) -> list[FloatArray]:
+        if limit <= 0 or self._out_of_ideas:
+            return []
+        if self._search is None:
+            assert self._feasibility is not None
+            return self._feasibility.ask()[:limit]
+        points = self._search.ask(limit)
+        if not points and self._may_restart(limit):
+            self._restart()
+            points = self._search.ask(limit)
+        self._out_of_ideas = not points
+        return points[:limit]
+
+    def tell(self, trials: Sequence[Trial]) -> None:
+        """Take in the trials of the candidates asked for, in order."""
+        if not trials:
+            return
+        if self._search is None:
+            assert self._feasibility is not None
+            found = self._feasibility.tell(trials)
+            if found is not None:
+                self._search = self._search_from(found.candidate, found.residuals)
+            return
+        wanted = len(self._search.ask())
+        if len(trials) < wanted:
+            self._out_of_ideas = True
+            return
+        started = self._search.stage == "start"
+        self._search.tell([trial.residuals for trial in trials])
+        if started and self._search.residual is None:
+            self._search = self._best
+        if self._restarting and self._best is not None and self._search is not None:
+            self._restarting = self._search.cost > self._best.cost
+
+    def _search_from(self, candidate: Candidate, residuals: FloatArray | None) -> LeastSquares:
+        settings = Settings(difference=self._options.difference, radius=self._options.radius, enough=PERFECT)
+        return LeastSquares(self._task.space.to_unit(candidate), residuals, settings)
+
+    def _may_restart(self, limit: int) -> bool:
+        return self._restarts_left > 0 and self.misfit > _SUSPICIOUS and limit >= len(self._task.space) + _STEPS_WORTH
+
+    def _restart(self) -> None:
+        """First towards a gentler cell, where no step vanishes; then anywhere around the start."""
+        space = self._task.space
+        self._best = self.best
+        origin = space.to_unit(space.initial)
+        direction = gentle_direction(space)
+        if self._restarts_left < self._options.restarts or not np.any(direction):
+            direction = np.random.default_rng([self._seed, self._restarts_left]).standard_normal(len(space))
+        self._restarts_left -= 1
+        self._restarting = True
+        point = np.clip(origin + _ELSEWHERE * direction, 0.0, 1.0)
+        self._search = self._search_from(space.from_unit(point), None)
+
+
+def rms(residual: FloatArray | None) -> float:
+    """Root mean square; infinite for none."""
+    return float("inf") if residual is None else float(np.sqrt(np.mean(np.square(residual))))

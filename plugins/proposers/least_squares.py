@@ -1,0 +1,66 @@
+"""Least squares on the step-aligned residuals: the numerical baseline, and the hybrid's engine."""
+
+from __future__ import annotations
+
+from ...core.hooks import ProposeContext, RunContext, hookimpl
+from ...core.proposal import Proposal
+from .descent import Descent, DescentOptions
+
+
+class LeastSquaresProposer:
+    """Bounded Levenberg-Marquardt with Broyden's updates; a Jacobian or a step a round.
+
+    It rebuilds itself on resume by being asked the same questions and told the same trials.
+    """
+
+    def __init__(self, options: DescentOptions, context: RunContext) -> None:
+        self._options = options
+        self._seed = context.seed
+        self._descent: Descent | None = None
+        self._seen = 0
+
+    @hookimpl
+    def propose(self, context: ProposeContext) -> Proposal:
+        """See `RunHooks.propose`."""
+        if self._descent is None:
+            self._descent = Descent(context.task, self._options, self._seed, context.best)
+        else:
+            self._descent.tell(context.trials[self._seen :])
+        self._seen = len(context.trials)
+        candidates = self._descent.ask(context.simulations_left)
+        return Proposal(
+            tuple(candidates),
+            rationale=words(self._descent),
+            action=action(self._descent),
+            details=numbers(self._descent),
+            finished=not candidates,
+            advancing=bool(candidates),
+        )
+
+
+def action(descent: Descent) -> str:
+    """What kind of move comes next."""
+    if descent.status in ("infeasible", "restarting"):
+        return "ease" if descent.status == "infeasible" else "restart"
+    return "jacobian" if descent.jacobian_next else "refine"
+
+
+def words(descent: Descent) -> str:
+    """Why, in a sentence."""
+    if descent.status == "infeasible":
+        return "Nothing near the start could be simulated yet: looking for a gentler cell that can."
+    if descent.status == "done":
+        return "Nothing is left to gain by least squares."
+    if descent.status == "restarting":
+        return "The fit is stuck far from the record: again from elsewhere."
+    if descent.jacobian_next:
+        return "Finite differences: what does each parameter do here?"
+    return "The damped least-squares step from the best point."
+
+
+def numbers(descent: Descent) -> dict[str, float]:
+    """What the fit knows of itself, for the journal."""
+    best = descent.best
+    if best is None:
+        return {}
+    return {"misfit_tolerances": descent.misfit, "trust_radius": best.radius}

@@ -1,0 +1,77 @@
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bsa.core.journal import FILE_NAME, read_events
+from bsa.core.loop import RunResult
+from bsa.plugins.proposers.feasibility import gentle_direction
+from bsa_toy_cell import CAPACITY, HIDDEN, RELAXATION, toy_scaffold, toy_task
+
+RunToy = Callable[..., RunResult]
+
+OHM = "breaks_above_ohm"
+
+
+def fragile(breaks_above_ohm: float, name: str = "least-squares") -> object:
+    return toy_scaffold(name, simulator={"use": "toy-cell", "options": {OHM: breaks_above_ohm}})
+
+
+def test_it_recovers_the_hidden_cell_and_knows_when_to_stop(run_toy: RunToy) -> None:
+    result = run_toy(scaffold=toy_scaffold("least-squares"), rounds=80, simulations=100, warm_up=0)
+    assert result.status == "finished"
+    assert len(result.trials) < 30
+    assert result.best_metrics is not None
+    assert result.best_metrics.mape < 0.01
+    for name, value in HIDDEN.items():
+        assert result.best.candidate[name] == pytest.approx(value, rel=0.02), name
+
+
+def test_every_simulation_counts_and_the_budget_is_kept(run_toy: RunToy, tmp_path: Path) -> None:
+    for budget in (1, 2, 4, 5, 6, 9):
+        result = run_toy(tmp_path / str(budget), scaffold=toy_scaffold("least-squares"), simulations=budget, rounds=80)
+        assert len(result.trials) <= budget
+
+
+def test_the_path_does_not_depend_on_where_the_run_was_cut(run_toy: RunToy, tmp_path: Path) -> None:
+    scaffold = toy_scaffold("least-squares")
+    whole = run_toy(tmp_path / "whole", scaffold=scaffold)
+    lines = (tmp_path / "whole" / FILE_NAME).read_bytes().splitlines(keepends=True)
+    for kept in range(1, len(lines), 5):
+        folder = tmp_path / f"cut-{kept}"
+        folder.mkdir()
+        (folder / FILE_NAME).write_bytes(b"".join(lines[:kept]))
+        resumed = run_toy(folder, scaffold=scaffold)
+        assert [dict(t.candidate) for t in resumed.trials] == [dict(t.candidate) for t in whole.trials]
+        assert sum(event["event"] == "trial" for event in read_events(folder)) == len(whole.trials)
+
+
+def test_a_start_that_fails_is_made_feasible_first(run_toy: RunToy) -> None:
+    # The start has 0.05 Ohm: nothing simulates there.
+    result = run_toy(scaffold=fragile(0.04), simulations=60, rounds=60)
+    assert not result.trials[0].ok
+    assert result.best.ok
+    assert result.best.objective < 0.01
+
+
+def test_a_cell_that_never_simulates_ends_without_an_error(run_toy: RunToy) -> None:
+    result = run_toy(scaffold=fragile(0.0), simulations=25, rounds=60)
+    assert not result.best.ok
+    assert len(result.trials) == 25
+
+
+def test_gentle_means_smaller_particles_and_more_pores() -> None:
+    from bsa.plugins.pybamm.presets import preset_space
+
+    space = preset_space("Chen2020", "geometry")
+    direction = dict(zip(space.names, gentle_direction(space), strict=True))
+    assert direction["Negative particle radius [m]"] == -1
+    assert direction["Positive electrode porosity"] == 1
+    assert direction["Negative electrode Bruggeman coefficient (electrolyte)"] == -1
+    assert not np.any(gentle_direction(toy_task().space))
+
+
+def test_a_trap_is_left_by_beginning_elsewhere(run_toy: RunToy) -> None:
+    task = toy_task({**HIDDEN, CAPACITY: 2.9, RELAXATION: 900.0})
+    result = run_toy(task=task, scaffold=toy_scaffold("least-squares"), simulations=100, rounds=80)
+    assert result.best.objective < 0.05
