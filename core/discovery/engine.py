@@ -19,6 +19,9 @@ from .score import Score, score_effect
 
 Listener = Callable[[str], None]
 
+_HOPELESS = 30.0
+"""A short refit this many times worse than an adequate explanation is not worth a long one."""
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -39,7 +42,7 @@ class Settings:
     """
 
     max_effects: int = 2
-    screened: int = 9
+    screened: int = 7
     confirmed: int = 4
     base_budget: int = 160
     refit_budget: int = 110
@@ -186,11 +189,14 @@ class Engine:
     def _fit_from_somewhere(
         self, residual: Callable[[dict[str, float]], FloatArray | None], start: FloatArray
     ) -> Refit:
-        for soc_shift in (0.0, 4.0, -5.0, -15.0, -25.0, -35.0):
-            shifted = np.array([0.0 if axis.prior else soc_shift for axis in self.axes]) + start
-            fit = refit(residual, self.axes, shifted, None, self.settings.base_budget, 2e-2)
-            if fit is not None:
-                return fit
+        # A cell that is too small, or too slow for its current, ends before its record does: try roomier and faster
+        # ones (every belief moved up by as many deviations) before giving up.
+        for ease in (0.0, 1.0, 2.0, 3.0):
+            for soc_shift in (0.0, 4.0, -5.0, -15.0, -25.0):
+                shifted = start + np.array([ease if axis.prior else soc_shift for axis in self.axes])
+                fit = refit(residual, self.axes, shifted, None, self.settings.base_budget, 2e-2)
+                if fit is not None:
+                    return fit
         from ..errors import BsaError
 
         raise BsaError(
@@ -257,8 +263,11 @@ class Engine:
         result = []
         for nomination in alive[: self.settings.confirmed]:
             assert nomination.screened is not None
-            explanation = self._full_refit((nomination.effect,), nomination.screened, nomination.score)
+            if result and result[0].adequacy.adequate and nomination.screened.cost > _HOPELESS * result[0].fit.cost:
+                break
+            explanation = self._full_refit((nomination.effect,), nomination.screened, nomination.score, result)
             result.append(explanation)
+            result.sort(key=lambda e: e.fit.cost)
             self._tell(base, explanation)
         return result
 
@@ -292,7 +301,7 @@ class Engine:
             screened.sort(key=lambda row: row[0])
             for _, nomination, short in screened[:2]:
                 effects = (first.effects[0], nomination.effect)
-                explanation = self._full_refit(effects, short, nomination.score)
+                explanation = self._full_refit(effects, short, nomination.score, list(found.values()) or singles)
                 found[tuple(sorted(effect.key for effect in effects))] = explanation
                 self._tell(base, explanation)
         return list(found.values())
@@ -309,13 +318,8 @@ class Engine:
         # A pair must beat each of its members clearly, or the simpler one stands.
         believed = [e for e in believed if not self._needless(e, ranked)]
         if not believed:
-            return Findings(
-                "unexplained",
-                base,
-                ranked[0],
-                explanations=ranked,
-                reason=f"{ranked[0].label}: {objections[id(ranked[0])]}",
-            )
+            reason = f"{ranked[0].label}: {objections[id(ranked[0])]}"
+            return Findings("unexplained", base, ranked[0], explanations=ranked, reason=reason)
         best = believed[0]
         equal = rivals(best, [e for e in ranked if e is not best and not self._needless(e, ranked)])
         verdict = "ambiguous" if equal else "effect-found"
@@ -332,7 +336,8 @@ class Engine:
 
     def _short_refit(self, before: Explanation, nomination: Nomination) -> Refit | None:
         """A few Broyden steps from a known explanation, with its Jacobian and the effect's mark."""
-        assert nomination.score is not None and nomination.mark is not None
+        assert nomination.score is not None
+        assert nomination.mark is not None
         effects = (*before.effects, nomination.effect)
         axes = (*before.fit.axes, *effect_axes((nomination.effect,)))
         own = np.zeros(len(axes) - len(before.fit.axes))
@@ -351,8 +356,16 @@ class Engine:
                 break
         return best
 
-    def _full_refit(self, effects: tuple[Effect, ...], start: Refit, score: Score | None) -> Explanation:
-        fit = refit(self._residual(effects), start.axes, start.u, None, self.settings.refit_budget) or start
+    def _full_refit(
+        self, effects: tuple[Effect, ...], start: Refit, score: Score | None, others: Sequence[Explanation]
+    ) -> Explanation:
+        """Fit until converged; one that lags far behind another after half its budget gets no more."""
+        residual = self._residual(effects)
+        half = max(self.settings.refit_budget // 2, 3 * len(start.axes))
+        fit = refit(residual, start.axes, start.u, None, half) or start
+        ahead = min((other.fit.cost for other in others), default=np.inf)
+        if not fit.converged and fit.cost < 4.0 * ahead:
+            fit = refit(residual, fit.axes, fit.u, fit.jacobian, half) or fit
         return self._explanation(effects, fit, score)
 
     def _explanation(self, effects: tuple[Effect, ...], fit: Refit, score: Score | None) -> Explanation:
@@ -416,10 +429,9 @@ class Engine:
 
     def _tell(self, base: Explanation, explanation: Explanation) -> None:
         margin = bic_difference(base, explanation, explanation.adequacy.dispersion)
-        self._say(
-            f"  {explanation.label}: {1e3 * explanation.rmse_v:.2f} mV, held out {1e3 * explanation.held_rmse_v:.2f} mV,"
-            f" BIC {margin:+.0f}" + " (not converged)" * (not explanation.fit.converged)
-        )
+        rms, held = 1e3 * explanation.rmse_v, 1e3 * explanation.held_rmse_v
+        doubt = " (not converged)" * (not explanation.fit.converged)
+        self._say(f"  {explanation.label}: {rms:.2f} mV, held out {held:.2f} mV, BIC {margin:+.0f}{doubt}")
 
 
 def _compatible(one: Effect, other: Effect) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from ...core.discovery.axes import Axis
 from ...core.discovery.laboratory import Specimen
@@ -17,7 +17,7 @@ _SPREADS = {
     "Positive particle diffusivity [m2.s-1] factor": (0.7, 0.03, 30.0),
     "Negative electrode exchange-current density [A.m-2] factor": (0.7, 0.03, 30.0),
     "Positive electrode exchange-current density [A.m-2] factor": (0.7, 0.03, 30.0),
-    "Electrolyte conductivity [S.m-1] factor": (0.2, 0.5, 2.0),
+    "Electrolyte conductivity [S.m-1] factor": (0.15, 0.5, 2.0),
     "Electrolyte diffusivity [m2.s-1] factor": (0.3, 0.4, 2.5),
 }
 """Standard deviation of the logarithm, lower and upper bound of each factor.
@@ -31,7 +31,9 @@ thickness through the capacity and the electrolyte's resistance, all of which ar
 _ELECTROLYTE = "Electrolyte"
 
 
-def uncertain_parameters(model: str, specimens: Sequence[Specimen], soc: float = 0.9) -> tuple[Axis, ...]:
+def uncertain_parameters(
+    model: str, specimens: Sequence[Specimen], soc: Mapping[str, float] | None = None
+) -> tuple[Axis, ...]:
     """Axes of the base fit: nine factors of 1 (seven without an electrolyte) and each record's initial charge.
 
     Parameters
@@ -40,13 +42,16 @@ def uncertain_parameters(model: str, specimens: Sequence[Specimen], soc: float =
         SPM has no electrolyte to be uncertain about.
     specimens : sequence of Specimen
         The fitted records.
-    soc : float
-        Where the search for each initial state of charge starts.
+    soc : mapping of str to float, optional
+        By record, where the search for its initial state of charge starts; 0.9 for those not named.
     """
     axes = [
         Axis(Parameter(name, 1.0, lower, upper, "log"), spread, prior=True, step=min(0.1, 0.03 / spread))
         for name, (spread, lower, upper) in _SPREADS.items()
         if model != "SPM" or not name.startswith(_ELECTROLYTE)
     ]
-    axes += [Axis(Parameter(specimen.soc_name, soc, 0.0, 1.08), 0.02, prior=False, step=0.1) for specimen in specimens]
+    starts = soc or {}
+    axes += [
+        Axis(Parameter(s.soc_name, starts.get(s.name, 0.9), 0.0, 1.08), 0.02, prior=False, step=0.1) for s in specimens
+    ]
     return tuple(axes)

@@ -1,0 +1,153 @@
+"""The experiment that would tell two explanations apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..trajectory import Step, StepKind, Trajectory
+from .explanation import Explanation
+from .laboratory import INITIAL_SOC, Laboratory, Specimen
+
+Phase = tuple[float, float]
+"""C-rate (positive on discharge) and seconds."""
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """A test that a cycler can run.
+
+    Attributes
+    ----------
+    title : str
+        What it is, in words.
+    steps : tuple of str
+        As PyBaMM step strings.
+    phases : tuple
+        The same as C-rates and durations.
+    soc : float
+        State of charge at which it starts.
+    """
+
+    title: str
+    steps: tuple[str, ...]
+    phases: tuple[Phase, ...]
+    soc: float
+
+
+@dataclass(frozen=True)
+class NextExperiment:
+    """A protocol with what two explanations say about it.
+
+    Attributes
+    ----------
+    title : str
+        What it is, in words.
+    steps : tuple of str
+        As PyBaMM step strings.
+    rms_mv, largest_mv : float
+        Root mean square and largest difference between the two predictions, mV.
+    separates : tuple of str
+        The two explanations.
+    enough : bool
+        Whether the difference stands clear of the noise.
+    """
+
+    title: str
+    steps: tuple[str, ...]
+    rms_mv: float
+    largest_mv: float
+    separates: tuple[str, str]
+    enough: bool
+
+
+def _spell(phases: Sequence[Phase]) -> tuple[str, ...]:
+    words = []
+    for rate, seconds in phases:
+        duration = f"{seconds:g} seconds" if seconds < 120 else f"{seconds / 60:g} minutes"
+        action = "Rest" if rate == 0 else f"Discharge at {rate:g}C" if rate > 0 else f"Charge at {-rate:g}C"
+        words.append(f"{action} for {duration}")
+    return tuple(words)
+
+
+def _protocol(title: str, soc: float, *phases: Phase) -> Protocol:
+    return Protocol(title, _spell(phases), phases, soc)
+
+
+PROTOCOLS = (
+    _protocol(
+        "slow discharge and charge over the whole range", 0.95, (0.1, 30000), (0, 3600), (-0.1, 28000), (0, 3600)
+    ),
+    _protocol("long rest after a partial discharge", 0.9, (0.5, 2400), (0, 86400)),
+    _protocol("discharge at high rate, then relaxation", 0.95, (2.0, 1000), (0, 5400)),
+    _protocol(
+        "very high rate for a minute at three depths", 0.9, (3, 60), (0, 1800), (1, 900), (0, 1800), (3, 60), (0, 900)
+    ),
+    _protocol(
+        "short pulses of four rates", 0.6, (0.5, 10), (0, 300), (1, 10), (0, 300), (2, 10), (0, 300), (4, 10), (0, 300)
+    ),
+    _protocol(
+        "charge pulses after discharge pulses", 0.5, (1, 30), (0, 600), (-1, 30), (0, 600), (2, 30), (0, 600), (-2, 30)
+    ),
+    _protocol("symmetric half-range cycles at C/5", 0.7, (0.2, 7200), (0, 1800), (-0.2, 7200), (0, 1800)),
+    _protocol("pulses near the empty cell", 0.2, (1, 30), (0, 900), (2, 20), (0, 900)),
+    _protocol("alternating current of one minute", 0.5, *(((1.5, 60), (-1.5, 60)) * 10), (0, 1800)),
+)
+"""What is tried."""
+
+
+def propose(
+    laboratory: Laboratory,
+    first: Explanation,
+    second: Explanation,
+    capacity_ah: float,
+    noise_v: float,
+    ambient_k: float | None = None,
+) -> NextExperiment | None:
+    """The protocol on which two fitted explanations differ most; None if none could be simulated.
+
+    The mean difference over each protocol is taken off first: an unknown initial state of charge would take it.
+    """
+    best: NextExperiment | None = None
+    for protocol in PROTOCOLS:
+        specimen, times = _specimen(protocol, capacity_ah, ambient_k)
+        voltages = []
+        for explanation in (first, second):
+            candidate = {k: v for k, v in explanation.fit.candidate.items() if not k.startswith(INITIAL_SOC)}
+            candidate[INITIAL_SOC] = protocol.soc
+            current = np.interp(times, specimen.record.time, specimen.record.current)
+            prediction = laboratory.predict(explanation.effects, candidate, specimen, times, current)
+            if prediction is None:
+                break
+            voltages.append(prediction.voltage)
+        if len(voltages) < 2:
+            continue
+        difference = voltages[0] - voltages[1]
+        difference = difference - np.mean(difference)
+        rms = float(np.sqrt(np.mean(difference**2)))
+        if best is None or 1e3 * rms > best.rms_mv:
+            largest = float(np.max(np.abs(difference)))
+            enough = largest > max(3 * noise_v, 1e-3)
+            names = (first.label, second.label)
+            best = NextExperiment(protocol.title, protocol.steps, 1e3 * rms, 1e3 * largest, names, enough)
+    return best
+
+
+def _specimen(protocol: Protocol, capacity_ah: float, ambient_k: float | None) -> tuple[Specimen, np.ndarray]:
+    times: list[np.ndarray] = []
+    currents: list[np.ndarray] = []
+    steps: list[Step] = []
+    start, count = 0.0, 0
+    for rate, seconds in protocol.phases:
+        clock = start + 0.01 + np.linspace(0.0, np.sqrt(seconds - 0.02), 40) ** 2
+        kind = StepKind.REST if rate == 0 else StepKind.CC_DISCHARGE if rate > 0 else StepKind.CC_CHARGE
+        times.append(clock)
+        currents.append(np.full(len(clock), rate * capacity_ah))
+        steps.append(Step(kind, count, count + len(clock)))
+        count += len(clock)
+        start += seconds
+    time = np.concatenate(times)
+    record = Trajectory(time, np.concatenate(currents), np.full(len(time), 3.7), None, tuple(steps))
+    return Specimen(protocol.title, record, ambient_k), time

@@ -1,0 +1,317 @@
+"""``bsa discover``: from records to what the model is missing."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, Field, model_validator
+
+from ..core.discovery.axes import Axis
+from ..core.discovery.closure import fit_closure
+from ..core.discovery.discovery import Discovery, temperature_errors
+from ..core.discovery.engine import Engine, Nomination, Settings
+from ..core.discovery.evidence import gather
+from ..core.discovery.explanation import Explanation
+from ..core.discovery.laboratory import Specimen
+from ..core.discovery.localisation import in_words, localise
+from ..core.discovery.next_experiment import propose
+from ..core.discovery.observations import FLOOR_V, observe
+from ..core.discovery.problem import Problem
+from ..core.discovery.ranking import Ranking, ask
+from ..core.effect import Effect
+from ..core.errors import BsaError
+from ..core.messages import Backend
+from ..core.record import ReadOptions
+from ..core.registry import Registry, installed
+from ..core.task import CellModel
+from ..core.trajectory import FloatArray
+
+Listener = Callable[[str], None]
+
+
+class RecordFile(BaseModel, extra="forbid"):
+    """A record to read."""
+
+    path: Path = Field(description="The cycler's file.")
+    read: ReadOptions = Field(default_factory=ReadOptions, description="What its header does not say.")
+    reader: str | None = Field(default=None, description="Reader to use; left out, the one that fits.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_path(cls, value: Any) -> Any:
+        return {"path": value} if isinstance(value, (str, Path)) else value
+
+
+class DiscoverOptions(BaseModel, extra="forbid"):
+    """What to look at, and how hard."""
+
+    data: list[RecordFile] = Field(min_length=1, description="Records to explain.")
+    holdout: list[RecordFile] = Field(default=[], description="Records that are predicted and never fitted.")
+    parameters: str = Field(description="PyBaMM parameter set to start from.")
+    model: str = Field(default="DFN", description="SPM, SPMe or DFN.")
+    options: dict[str, Any] = Field(default={}, description="PyBaMM model options of the base model.")
+    overrides: dict[str, float] = Field(default={}, description="Parameter values that are known better.")
+    scale: bool = Field(default=True, description="Scale the electrode area to the records' capacity.")
+    ambient_c: float | None = Field(default=None, description="Ambient temperature in degC, where records lack it.")
+    search: list[str] | None = Field(
+        default=None, description="Uncertain parameters of the base model, of the default ones; left out, all of them."
+    )
+    effects: list[str] | None = Field(default=None, description="Effects to consider; left out, the whole catalogue.")
+    backend: str | None = Field(default=None, description="Language model that ranks effects too.")
+    hide_names: bool = Field(default=False, description="Show the language model effects under names without meaning.")
+    max_effects: int = Field(default=2, ge=1, le=3, description="Effects in one explanation at most.")
+    seed: int = Field(default=0, ge=0, description="Seed for everything random.")
+    points: int = Field(default=400, ge=60, description="Averages that each record is condensed to.")
+    floor_mv: float = Field(default=1e3 * FLOOR_V, gt=0, description="Differences below this are not physics, mV.")
+    out: Path = Field(description="Folder for discovery.json, report.html and augmented_model.py.")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A discovery's input, read.
+
+    Attributes
+    ----------
+    cell : CellModel
+        The base model.
+    specimens, held : tuple of Specimen
+        Records to fit and to predict.
+    initial_soc : mapping of str to float
+        By record, where the search for its initial state of charge starts.
+    notes : tuple of str
+        What was assumed or repaired.
+    """
+
+    cell: CellModel
+    specimens: tuple[Specimen, ...]
+    held: tuple[Specimen, ...] = ()
+    initial_soc: Mapping[str, float] | None = None
+    notes: tuple[str, ...] = ()
+
+
+def discover(options: DiscoverOptions, listener: Listener = lambda text: None) -> Discovery:
+    """Read the records, find what is missing, and write the answer.
+
+    Parameters
+    ----------
+    options : DiscoverOptions
+        Records, base model, and how hard to look.
+    listener : callable
+        Told in one line what is being done.
+
+    Returns
+    -------
+    Discovery
+        Also written to ``discovery.json``, ``report.html`` and ``augmented_model.py`` in ``options.out``.
+
+    Raises
+    ------
+    BsaError
+        If a record, a parameter set, an effect or an option is wrong.
+    """
+    from .discovery_page import write_page
+
+    case = read_case(options)
+    backend = None
+    if options.backend is not None:
+        from ..backends.opening import open_backend
+
+        backend = open_backend(options.backend)
+    try:
+        discovery = discover_in(case, options, listener, backend)
+    finally:
+        if backend is not None:
+            backend.close()
+    options.out.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(discovery.to_json(), indent=1, allow_nan=False)
+    (options.out / "discovery.json").write_text(text, encoding="utf-8")
+    from ..plugins.pybamm.augmented_script import augmented_script
+
+    best = discovery.findings.best
+    (options.out / "augmented_model.py").write_text(
+        augmented_script(case.cell, best.effects, best.fit.candidate, case.specimens), encoding="utf-8"
+    )
+    write_page(options.out / "report.html", discovery, discovery_problem(discovery))
+    return discovery
+
+
+_PROBLEMS: dict[int, Problem] = {}
+
+
+def discovery_problem(discovery: Discovery) -> Problem | None:
+    """The problem that a discovery was made on, while it is alive."""
+    return _PROBLEMS.get(id(discovery))
+
+
+def read_case(options: DiscoverOptions) -> Case:
+    """Read the records and settle the base model: size, ambient temperature, initial states of charge."""
+    from .tasks.records import RecordRequest, build_task
+
+    files = [*options.data, *options.holdout]
+    temperature = None if options.ambient_c is None else options.ambient_c + 273.15
+    requests = [RecordRequest(f.path, f.read, f.reader, temperature_k=temperature) for f in files]
+    task = build_task(
+        "discover",
+        options.parameters,
+        requests,
+        options.model,
+        options.options,
+        options.overrides,
+        search={"Negative particle radius [m]": {"factors": [0.5, 2.0]}},  # a task must search something; not used
+        scale_to_capacity=options.scale,
+    )
+    specimens = []
+    for number, (file, experiment) in enumerate(zip(files, task.experiments, strict=True), start=1):
+        name = f"{number} {file.path.stem}"
+        specimens.append(Specimen(name, experiment.target, experiment.temperature_k))
+    starts = {s.name: e.initial_soc for s, e in zip(specimens, task.experiments, strict=True)}
+    count = len(options.data)
+    return Case(
+        task.cell,
+        tuple(specimens[:count]),
+        tuple(specimens[count:]),
+        {name: soc for name, soc in starts.items() if soc is not None},
+        task.notes,
+    )
+
+
+def effects_of(names: Sequence[str] | None, registry: Registry | None = None) -> tuple[Effect, ...]:
+    """The catalogue's effects, or those of the given names (variants included).
+
+    Raises
+    ------
+    BsaError
+        If a name is unknown.
+    """
+    registry = registry or installed()
+    entries = [listing.entry for listing in registry.listings("effect")]
+    made: list[Effect] = [entry.factory(entry.config_type()) for entry in entries]
+    if names is None:
+        return tuple(made)
+    known = {effect.name for effect in made} | {effect.key for effect in made}
+    for name in names:
+        if name not in known:
+            from ..core.errors import did_you_mean
+
+            raise BsaError(f'there is no effect "{name}".', did_you_mean(name, known) or "bsa list effects shows them.")
+    return tuple(effect for effect in made if effect.name in names or effect.key in names)
+
+
+def discover_in(
+    case: Case,
+    options: DiscoverOptions,
+    listener: Listener = lambda text: None,
+    backend: Backend | None = None,
+    settings: Settings | None = None,
+) -> Discovery:
+    """Find what is missing in a case that has been read; writes nothing."""
+    from ..plugins.pybamm.laboratory import PyBaMMLaboratory
+    from ..plugins.pybamm.parameter_sets import load, pybamm
+    from ..plugins.pybamm.uncertain_parameters import uncertain_parameters
+
+    pybamm.set_logging_level("CRITICAL")
+    started = time.perf_counter()
+    cell = case.cell
+    axes = _chosen(uncertain_parameters(cell.model, case.specimens, case.initial_soc), options.search)
+    laboratory = PyBaMMLaboratory(cell, [axis.name for axis in axes])
+    floor = 1e-3 * options.floor_mv
+    problem = Problem(
+        laboratory,
+        case.specimens,
+        [observe(s.name, s.record, s.ambient_k, options.points, floor) for s in case.specimens],
+        case.held,
+        [observe(s.name, s.record, s.ambient_k, options.points, floor) for s in case.held],
+    )
+    catalogue = effects_of(options.effects)
+    capacity = float(load(cell.parameter_set, cell.overrides)["Nominal cell capacity [A.h]"])
+    asked: list[Ranking] = []
+
+    def preferred(base: Explanation, nominations: Sequence[Nomination]) -> Sequence[str]:
+        if backend is None:
+            return ()
+        predictions = problem.predict((), base.fit.candidate)
+        if predictions is None:
+            return ()
+        words = in_words(
+            localise(problem.observations, problem.errors(predictions), capacity), problem.observations[0].noise
+        )
+        possible = [n.effect for n in nominations if not n.lacks]
+        asked.append(ask(backend, words, possible, options.seed, options.hide_names))
+        listener("backend: " + (", ".join(r.key for r in asked[-1].ranked) or asked[-1].note))
+        return [r.key for r in asked[-1].ranked[:3]]
+
+    engine = Engine(
+        problem,
+        axes,
+        catalogue,
+        gather(cell.model, cell.options, [*case.specimens, *case.held]),
+        settings or Settings(max_effects=options.max_effects, seed=options.seed),
+        listener,
+        preferred,
+    )
+    findings = engine.run()
+    before = _errors(problem, findings.base)
+    after = _errors(problem, findings.best)
+    noise = float(np.sqrt(np.mean([o.noise**2 for o in problem.observations])))
+    held = problem.held_observations or problem.observations
+    places = localise(problem.observations, before, capacity)
+    discovery = Discovery(
+        findings,
+        noise,
+        float(np.sqrt(np.mean([o.noise**2 for o in held]))),
+        places,
+        localise(problem.observations, after, capacity),
+        in_words(places, noise),
+        ranking=asked[-1] if asked else None,
+        notes=[*case.notes, *(f"not built: {name}: {why}" for name, why in laboratory.refused.items())],
+    )
+    rival = findings.rivals[0] if findings.rivals else _second(findings.explanations, findings.best)
+    if findings.verdict == "ambiguous" and rival is not None:
+        listener("looking for an experiment that separates them")
+        ambient = case.specimens[0].ambient_k
+        discovery.next_experiment = propose(laboratory, findings.best, rival, capacity, noise, ambient)
+    if findings.verdict == "unexplained":
+        discovery.closure = fit_closure(problem.observations, before, capacity)
+    discovery.temperature_rms_k = _temperatures(problem, findings.best)
+    discovery.simulations = laboratory.simulations
+    discovery.wall_s = time.perf_counter() - started
+    _PROBLEMS.clear()
+    _PROBLEMS[id(discovery)] = problem
+    return discovery
+
+
+def _chosen(axes: tuple[Axis, ...], names: Sequence[str] | None) -> tuple[Axis, ...]:
+    if names is None:
+        return axes
+    known = [axis.name for axis in axes]
+    for name in names:
+        if name not in known:
+            raise BsaError(f'"{name}" is not an uncertain parameter of the base fit.', f"choose of {known}.")
+    return tuple(axis for axis in axes if axis.name in names or not axis.prior)
+
+
+def _errors(problem: Problem, explanation: Explanation) -> list[FloatArray]:
+    predictions = problem.predict(explanation.effects, explanation.fit.candidate)
+    if predictions is None:
+        return [np.zeros(len(observed)) for observed in problem.observations]
+    return problem.errors(predictions)
+
+
+def _temperatures(problem: Problem, best: Explanation) -> dict[str, float]:
+    """How well the explanation predicts a temperature that it was never shown."""
+    predictions = problem.predict(best.effects, best.fit.candidate)
+    result: dict[str, float] = {}
+    for observed, prediction in zip(problem.observations, predictions or [], strict=False):
+        if observed.temperature is not None and prediction.temperature is not None:
+            result[observed.name] = temperature_errors(prediction.temperature, observed.temperature)
+    return result
+
+
+def _second(explanations: Sequence[Explanation], best: Explanation) -> Explanation | None:
+    return next((e for e in explanations if e is not best and e.names != best.names), None)

@@ -1,0 +1,124 @@
+"""The augmented model as a script that needs pybamm alone."""
+
+from __future__ import annotations
+
+import inspect
+import pprint
+import textwrap
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+
+from ...core.discovery.laboratory import INITIAL_SOC, Specimen
+from ...core.effect import Effect
+from ...core.parameters import Candidate
+from ...core.task import CellModel
+from .augmentation import augmented_cell, part_of
+from .initial_state import ElectrodeBalance
+from .measured_current import measured_current
+from .parameter_sets import FACTOR, FILL_FROM, load, pybamm
+
+_TEMPLATE = Path(__file__).with_name("augmented_model.py.j2")
+_LONGEST = 600
+
+
+def augmented_script(
+    cell: CellModel, effects: Sequence[Effect], candidate: Candidate, specimens: Sequence[Specimen]
+) -> str:
+    """Source text of ``augmented_model.py``.
+
+    Parameters
+    ----------
+    cell : CellModel
+        The base model.
+    effects : sequence of Effect
+        What was found.
+    candidate : mapping of str to float
+        Fitted parameters, base and effects'.
+    specimens : sequence of Specimen
+        The fitted records; their currents are written into the script.
+
+    Returns
+    -------
+    str
+        Runs without arguments, prints the simulated voltage of each record; ``--compare FILE.csv`` compares with a
+        record (columns time_s, voltage_V).
+    """
+    augmented = augmented_cell(cell, effects)
+    balance = ElectrodeBalance(load(cell.parameter_set, cell.overrides))
+    records = []
+    for specimen in specimens:
+        own = dict(candidate)
+        if specimen.soc_name in own:
+            own[INITIAL_SOC] = own[specimen.soc_name]
+        drive = measured_current(specimen.record)
+        negative, positive = balance.initial_concentrations(own)
+        records.append(
+            {
+                "name": specimen.name,
+                "ambient_k": specimen.ambient_k,
+                "negative": negative,
+                "positive": positive,
+                "time": [round(float(t), 4) for t in drive.time],
+                "current": [round(float(i), 6) for i in drive.current],
+                "stops": [round(float(t), 4) for t in drive.stops],
+                "sample": [round(float(t), 3) for t in _thinned(specimen.record.time)],
+            }
+        )
+    environment = jinja2.Environment(
+        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
+    )
+    environment.filters["literal"] = lambda value: pprint.pformat(value, width=110, compact=True, sort_dicts=False)
+    template = environment.from_string(_TEMPLATE.read_text(encoding="utf-8"))
+    return template.render(
+        version=pybamm.__version__,
+        fill_from=FILL_FROM,
+        parameter_set=cell.parameter_set,
+        model=augmented.model,
+        options=dict(augmented.options),
+        overrides=dict(cell.overrides),
+        factors={
+            name.removesuffix(FACTOR): value
+            for name, value in candidate.items()
+            if name.endswith(FACTOR) and name.removesuffix(FACTOR) in load(cell.parameter_set, cell.overrides)
+        },
+        effects=[_quoted(number, effect, candidate) for number, effect in enumerate(effects, start=1)],
+        records=records,
+    )
+
+
+def _thinned(time: Any) -> Any:
+    return time[np.unique(np.linspace(0, len(time) - 1, min(len(time), _LONGEST)).round().astype(int))]
+
+
+def _quoted(number: int, effect: Effect, candidate: Candidate) -> dict[str, Any]:
+    """An effect as source text: its functions are quoted as they stand, under names of their own."""
+    part = part_of(effect)
+    measurement = effect.measurement
+    functions = {
+        "values": part.values,
+        "voltage": part.voltage,
+        "current": part.current,
+        "clock": measurement.clock if measurement else None,
+        "meter": measurement.voltage if measurement else None,
+    }
+    return {
+        "title": effect.title,
+        "equation": effect.equation,
+        "citation": effect.citation,
+        "p": effect.values(candidate),
+        "borrowed": dict(part.borrowed),
+        "points": dict(part.points),
+        "source": "\n\n\n".join(
+            _source(function, f"{kind}_{number}") for kind, function in functions.items() if function is not None
+        ),
+        "calls": {kind: f"{kind}_{number}" for kind, function in functions.items() if function is not None},
+    }
+
+
+def _source(function: Callable[..., Any], name: str) -> str:
+    text = textwrap.dedent(inspect.getsource(function))
+    return text.replace(f"def {function.__name__}(", f"def {name}(", 1).rstrip()
