@@ -22,10 +22,10 @@ def propose(prompt: Prompt) -> dict[str, Any]:
     """A reply to the agent's prompt."""
     sensitivity = infer(prompt)
     if not len(sensitivity.mismatch) or not np.any(sensitivity.slopes):
-        return _probe(prompt, sensitivity)
+        return _probe(prompt)
     change = _step(prompt, sensitivity)
     if np.max(np.abs(change)) < 1e-4:
-        return _probe(prompt, sensitivity)
+        return _probe(prompt)
     return _answer(prompt, sensitivity, change)
 
 
@@ -76,9 +76,11 @@ def _answer(prompt: Prompt, sensitivity: Sensitivity, change: Matrix) -> dict[st
     }
 
 
-def _probe(prompt: Prompt, sensitivity: Sensitivity) -> dict[str, Any]:
+def _probe(prompt: Prompt) -> dict[str, Any]:
     """With no slopes to go by, change one parameter and see; each trial in memory moves on to the next."""
     names = sorted(prompt.parameters)
+    if not names:
+        return {"analysis": "The prompt names no parameter.", "hypothesis": "", "updated_params": {}, "rationale": ""}
     count = len(prompt.trials)
     name = names[(count // 2) % len(names)]
     return {

@@ -35,11 +35,19 @@ def find_task(name_or_path: str) -> Task:
         return load_task_file(PACKAGED / f"{name_or_path}.yaml")
     mode, _, number = name_or_path.partition("-")
     if number.isdigit() and mode in ("regular", "extreme", "sei"):
-        from ..suite.build import published_task
-
-        return published_task(name_or_path)
+        return _published(name_or_path)
     raise BsaError(
         f'there is no task "{name_or_path}".',
         did_you_mean(name_or_path, names)
         or f"packaged: {', '.join(names)}; or give a .yaml task file, or --data with a record.",
     )
+
+
+def _published(name: str) -> Task:
+    from ..suite.build import build_task
+    from ..suite.published import published_cases
+
+    cases = published_cases()
+    if name not in cases:
+        raise BsaError(f'the published suite has no case "{name}".', did_you_mean(name, cases))
+    return build_task(cases[name])

@@ -77,9 +77,9 @@ def build_task(
     BsaError
         If a file, a parameter set or a parameter does not exist or makes no sense.
     """
-    from ...plugins.pybamm.state_of_charge import equilibrium_capacity_ah, soc_at_voltage
     from ...plugins.pybamm.parameter_sets import INITIAL_SOC, load
     from ...plugins.pybamm.presets import resolve_space
+    from ...plugins.pybamm.state_of_charge import equilibrium_capacity_ah, soc_at_voltage
     from ...plugins.readers.reading import read_record
 
     loaded = [read_record(request.path, request.read, installed(), request.reader) for request in records]

@@ -1,0 +1,111 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bsa.core.feedback import Feedback
+from bsa.core.hooks import NoOptions, RunContext
+from bsa.core.metrics import evaluate
+from bsa.core.simulation import ExperimentRun, Outcome, SimulationFailure
+from bsa.core.trial import Phase, Trial
+from bsa.plugins.feedback.structured import StructuredFeedback
+from bsa.plugins.memory.history import HistoryMemory, HistoryOptions
+from bsa.plugins.memory.priors import Priors
+from bsa.plugins.memory.sensitivities import SensitivityMemory
+from bsa_toy_cell import CAPACITY, SERIES, record, space, toy_task
+
+
+@pytest.fixture
+def context(tmp_path: Path) -> RunContext:
+    return RunContext(toy_task(), 1, tmp_path)
+
+
+def trial(context: RunContext, index: int, phase: Phase, candidate: dict[str, float], fails: bool = False) -> Trial:
+    failure = SimulationFailure("gave up") if fails else None
+    outcome = Outcome((ExperimentRun(None if fails else record(candidate), failure),))
+    metrics = evaluate(context.task, outcome)
+    feedback = StructuredFeedback(NoOptions(), context).build_feedback(outcome, metrics, index)
+    return Trial(index, phase, 1, candidate, metrics, failure, None, feedback, (), 0.0)
+
+
+def test_the_rules_say_what_one_typical_step_does(context: RunContext) -> None:
+    memory = SensitivityMemory(NoOptions(), context)
+    memory.remember(trial(context, 0, "initial", space().initial), None)
+    rng = np.random.default_rng(3)
+    for index in range(1, 13):
+        values = {name: value * float(np.exp(0.05 * rng.standard_normal())) for name, value in space().initial.items()}
+        memory.remember(trial(context, index, "warm-up", values), None)
+    recollection = memory.recall(9000)
+    assert recollection is not None
+    effects = recollection.content["effects"]
+    step = record({**space().initial, CAPACITY: 1.1}).duration - record(space().initial).duration
+    assert effects[CAPACITY]["cc_discharge_time_mismatch_s"] == pytest.approx(step, rel=0.1)
+    assert effects[SERIES]["cc_discharge_early_shift_mv"] < 0
+    assert recollection.content["fit_quality_pct"] > 80
+
+
+def test_a_small_budget_keeps_the_strongest_effects(context: RunContext) -> None:
+    memory = SensitivityMemory(NoOptions(), context)
+    memory.remember(trial(context, 0, "initial", space().initial), None)
+    for index, name in enumerate(space().names, start=1):
+        memory.remember(trial(context, index, "warm-up", {**space().initial, name: space().initial[name] * 1.1}), None)
+    whole, short = memory.recall(9000), memory.recall(600)
+    assert whole is not None
+    assert short is not None
+    assert len(json.dumps(short.content)) < len(json.dumps(whole.content))
+    assert "cc_discharge_time_mismatch_s" in short.content["effects"][CAPACITY]
+
+
+def test_failures_are_told_and_too_little_gives_no_rule(context: RunContext) -> None:
+    memory = SensitivityMemory(NoOptions(), context)
+    assert memory.recall(9000) is None
+    memory.remember(trial(context, 0, "initial", space().initial), None)
+    for index, factor in enumerate((1.1, 0.9, 1.2), start=1):
+        memory.remember(trial(context, index, "warm-up", {**space().initial, CAPACITY: factor}), None)
+    memory.remember(trial(context, 9, "warm-up", {**space().initial, SERIES: 0.4}, fails=True), None)
+    recollection = memory.recall(9000)
+    assert recollection is not None
+    assert recollection.content["made_the_simulation_fail"] == [f"{SERIES} 0.4: gave up"]
+
+
+def test_history_keeps_the_best_and_the_latest_within_its_budget(context: RunContext) -> None:
+    memory = HistoryMemory(HistoryOptions(rounds=6), context)
+    for index in range(20):
+        memory.remember(trial(context, index, "search", {**space().initial, CAPACITY: 1.3 + 0.02 * index}), None)
+    recollection = memory.recall(100_000)
+    assert recollection is not None
+    shown = [row["trial"] for row in recollection.content["trials"]]
+    assert shown == [0, 1, 2, 17, 18, 19]
+    small = memory.recall(900)
+    assert small is not None
+    assert len(json.dumps(small.content)) <= 900 or len(small.content["trials"]) == 1
+
+
+def test_history_shows_failures_and_leaves_the_warm_up_out(context: RunContext) -> None:
+    memory = HistoryMemory(HistoryOptions(), context)
+    memory.remember(trial(context, 0, "initial", space().initial), None)
+    memory.remember(trial(context, 1, "warm-up", space().initial), None)
+    memory.remember(trial(context, 2, "search", {**space().initial, SERIES: 0.4}, fails=True), None)
+    recollection = memory.recall(9000)
+    assert recollection is not None
+    rows = recollection.content["trials"]
+    assert [row["trial"] for row in rows] == [0, 2]
+    assert rows[1]["events"][0] == "simulation_failed: gave up"
+
+
+def test_priors_tell_bounds_and_only_rules_that_apply(context: RunContext) -> None:
+    recollection = Priors(NoOptions(), context).recall(9000)
+    assert recollection is not None
+    assert recollection.content["bounds"][CAPACITY] == [0.5, 3.0]
+    assert recollection.content["rules"] == []
+
+
+def test_feedback_without_features_still_teaches(context: RunContext) -> None:
+    memory = SensitivityMemory(NoOptions(), context)
+    for index, factor in enumerate((1.0, 1.1, 1.2)):
+        good = trial(context, index, "initial" if index == 0 else "warm-up", {**space().initial, CAPACITY: factor})
+        feedback = Feedback({"residuals": {"total_mape_pct": 100.0 - 10.0 * index}})
+        memory.remember(Trial(**{**good.__dict__, "feedback": feedback}), None)
+    recollection = memory.recall(9000)
+    assert recollection is not None
+    assert recollection.content["effects"][CAPACITY]["total_mape_pct"] < 0
