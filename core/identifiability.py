@@ -1,0 +1,307 @@
+"""What the records fix, and what they leave open: from the residuals' derivatives at the optimum.
+
+A good fit is no proof of good parameters: combinations of them may cancel in everything that was
+measured. The singular values of the Jacobian tell which.
+
+References
+----------
+Bates & Watts, Nonlinear Regression Analysis and Its Applications (1988), Ch. 2 (linear approximation
+intervals). Nocedal & Wright, Numerical Optimization, 2nd ed. (2006), Ch. 10.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import numpy as np
+from scipy.stats import t as student
+
+from .parameters import Candidate, ParameterSpace
+from .trajectory import FloatArray
+
+Verdict = Literal["fixed", "loose", "open"]
+
+_BOX_VARIANCE = 1.0 / 12.0
+"""Variance of an even distribution over a bounded range: what the bounds alone say of a parameter."""
+
+_FIXED, _LOOSE = 0.05, 0.25
+"""Half-width of an interval, as a share of the searched range, up to which a parameter is fixed or loose."""
+
+_CORRELATED = 0.9
+_NAMED_WEIGHT = 0.2
+_CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class Interval:
+    """One parameter's 95 % interval.
+
+    Attributes
+    ----------
+    value, lower, upper : float
+        The fitted value and the interval's ends in the parameter's unit, cut at the bounds.
+    share_of_range : float
+        Half the interval's width as a share of the searched range, on the parameter's own scale.
+    verdict : {'fixed', 'loose', 'open'}
+        What that share amounts to.
+    """
+
+    value: float
+    lower: float
+    upper: float
+    share_of_range: float
+    verdict: Verdict
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A direction of the unit box that the records see as one thing.
+
+    Attributes
+    ----------
+    weights : mapping of str to float
+        The parameters that take part, with sign, the largest first.
+    singular_value : float
+        Change of the residuals, in tolerances, per unit of the box along it.
+    share_of_range : float
+        Half the width of its 95 % interval.
+    verdict : {'fixed', 'loose', 'open'}
+        As for a parameter.
+    """
+
+    weights: Mapping[str, float]
+    singular_value: float
+    share_of_range: float
+    verdict: Verdict
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """What a fit determines. JSON-ready through `as_json`.
+
+    Attributes
+    ----------
+    intervals : mapping of str to Interval
+        By parameter.
+    combinations : tuple of Combination
+        Best determined first.
+    correlated : tuple of tuple of str
+        Groups of parameters whose estimates are correlated by more than 0.9.
+    noise : float
+        Standard deviation of the residuals that was assumed, in tolerances.
+    points : int
+        How many residuals there were.
+    """
+
+    intervals: Mapping[str, Interval]
+    combinations: tuple[Combination, ...]
+    correlated: tuple[tuple[str, ...], ...]
+    noise: float
+    points: int
+
+    @property
+    def fixed(self) -> tuple[str, ...]:
+        """The parameters that the records fix."""
+        return tuple(name for name, interval in self.intervals.items() if interval.verdict == "fixed")
+
+    @property
+    def open(self) -> tuple[str, ...]:
+        """The parameters of which the records say next to nothing."""
+        return tuple(name for name, interval in self.intervals.items() if interval.verdict == "open")
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain dicts, lists, strings and numbers."""
+        content = asdict(self)
+        content["combinations"] = [dict(combination) for combination in content["combinations"]]
+        content["correlated"] = [list(group) for group in self.correlated]
+        return content
+
+
+def residual_noise(residual: FloatArray, parameters: int, floor: float = 0.0) -> float:
+    """Standard deviation of the residuals, degrees of freedom counted, in tolerances.
+
+    Parameters
+    ----------
+    residual : ndarray of shape (m,)
+        Residuals at the optimum.
+    parameters : int
+        How many were fitted.
+    floor : float, optional
+        What the instrument resolves at best, in tolerances: a fit to noiseless records would otherwise
+        claim a precision that no measurement has.
+    """
+    freedom = max(len(residual) - parameters, 1)
+    return max(float(np.sqrt(residual @ residual / freedom)), floor)
+
+
+def identify(
+    jacobian: FloatArray,
+    residual: FloatArray,
+    space: ParameterSpace,
+    candidate: Candidate,
+    noise_floor: float = 0.0,
+) -> Identifiability:
+    """Judge a fit by its Jacobian.
+
+    Parameters
+    ----------
+    jacobian : ndarray of shape (m, p)
+        Derivatives of the residuals in the unit box at the optimum.
+    residual : ndarray of shape (m,)
+        Residuals there.
+    space : ParameterSpace
+        The fitted parameters.
+    candidate : Candidate
+        The optimum.
+    noise_floor : float, optional
+        See `residual_noise`.
+
+    Notes
+    -----
+    The intervals are linear approximations (delta method) in the unit box, carried to the parameter's
+    unit along its own scale. They take the residuals as independent and the model as right; where a
+    misfit remains that follows the curve, they are too narrow.
+    """
+    count = len(space)
+    noise = residual_noise(residual, count, noise_floor)
+    covariance = _covariance(jacobian, noise)
+    factor = float(student.ppf(0.5 + _CONFIDENCE / 2, max(len(residual) - count, 1)))
+    half = factor * np.sqrt(np.diag(covariance))
+    position = space.to_unit(candidate)
+    intervals = {
+        parameter.name: Interval(
+            value=float(candidate[parameter.name]),
+            lower=parameter.from_unit(max(float(place - width), 0.0)),
+            upper=parameter.from_unit(min(float(place + width), 1.0)),
+            share_of_range=float(width),
+            verdict=_verdict(float(width)),
+        )
+        for parameter, place, width in zip(space, position, half, strict=True)
+    }
+    return Identifiability(
+        intervals=intervals,
+        combinations=_combinations(jacobian, noise, factor, space.names),
+        correlated=_correlated(covariance, space.names),
+        noise=noise,
+        points=len(residual),
+    )
+
+
+def _covariance(jacobian: FloatArray, noise: float) -> FloatArray:
+    """Of the estimates in the unit box, shape (p, p); a direction nothing was measured of keeps the box's."""
+    singular, rows = _decomposed(jacobian)
+    return np.asarray((rows.T * _variances(singular, noise)) @ rows)
+
+
+def _decomposed(jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """All p singular values, zeros included, and the directions as rows."""
+    # Squaring the Jacobian would lose the small ones: its triangular factor has the same.
+    count = jacobian.shape[1]
+    padded = np.vstack([jacobian, np.zeros((count, count))])
+    _, singular, rows = np.linalg.svd(np.linalg.qr(padded, mode="r"))
+    return singular, rows
+
+
+def _variances(singular: FloatArray, noise: float) -> FloatArray:
+    with np.errstate(divide="ignore"):
+        information = np.square(singular / noise) if noise > 0 else np.where(singular > 0, np.inf, 0.0)
+    return np.asarray(1.0 / (information + 1.0 / _BOX_VARIANCE))
+
+
+def _combinations(jacobian: FloatArray, noise: float, factor: float, names: tuple[str, ...]) -> tuple[Combination, ...]:
+    singular, rows = _decomposed(jacobian)
+    found: list[Combination] = []
+    for value, row, variance in zip(singular, rows, _variances(singular, noise), strict=True):
+        order = np.argsort(-np.abs(row))
+        row = row * np.sign(row[order[0]])
+        weights = {names[place]: float(row[place]) for place in order if abs(row[place]) >= _NAMED_WEIGHT}
+        width = factor * float(np.sqrt(variance))
+        found.append(Combination(weights, float(value), width, _verdict(width)))
+    return tuple(found)
+
+
+def _correlated(covariance: FloatArray, names: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
+    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    linked = np.abs(covariance / np.outer(scale, scale)) > _CORRELATED
+    groups: list[tuple[str, ...]] = []
+    seen: set[int] = set()
+    for first in range(len(names)):
+        if first in seen:
+            continue
+        group, border = {first}, [first]
+        while border:
+            near = {int(place) for place in np.flatnonzero(linked[border.pop()])} - group
+            group |= near
+            border += sorted(near)
+        seen |= group
+        if len(group) > 1:
+            groups.append(tuple(names[place] for place in sorted(group)))
+    return tuple(groups)
+
+
+def _verdict(half_width: float) -> Verdict:
+    if half_width <= _FIXED:
+        return "fixed"
+    return "loose" if half_width <= _LOOSE else "open"
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What one more record would do to the intervals.
+
+    Attributes
+    ----------
+    protocol : str
+        The candidate's name.
+    worst : str
+        The parameter that would then be known worst.
+    worst_share : float
+        Half the width of its interval, as a share of the range.
+    shares : mapping of str to float
+        The same for every parameter.
+    """
+
+    protocol: str
+    worst: str
+    worst_share: float
+    shares: Mapping[str, float]
+
+
+def what_to_measure_next(
+    jacobian: FloatArray,
+    candidates: Mapping[str, FloatArray],
+    names: tuple[str, ...],
+    noise: float,
+) -> tuple[Forecast, ...]:
+    """Rank candidate protocols by how far each would shrink the widest interval (minimax design).
+
+    Parameters
+    ----------
+    jacobian : ndarray of shape (m, p)
+        Derivatives of the residuals of what was measured, in the unit box.
+    candidates : mapping of str to ndarray of shape (k, p)
+        For each protocol the derivatives of its residuals, in the same tolerances.
+    names : tuple of str
+        The parameters.
+    noise : float
+        Standard deviation of the residuals, in tolerances (`Identifiability.noise`).
+
+    Returns
+    -------
+    tuple of Forecast
+        Best first; among equals the one with the smaller mean width.
+
+    References
+    ----------
+    Pukelsheim, Optimal Design of Experiments (2006), Ch. 6.
+    """
+    forecasts: list[Forecast] = []
+    for protocol, rows in candidates.items():
+        covariance = _covariance(np.vstack([jacobian, rows]), noise)
+        widths = 1.96 * np.sqrt(np.diag(covariance))
+        shares = dict(zip(names, widths.tolist(), strict=True))
+        worst = max(shares, key=lambda name: shares[name])
+        forecasts.append(Forecast(protocol, worst, shares[worst], shares))
+    return tuple(sorted(forecasts, key=lambda item: (item.worst_share, sum(item.shares.values()))))

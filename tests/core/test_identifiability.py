@@ -1,0 +1,106 @@
+import json
+
+import numpy as np
+import pytest
+from bsa.core.identifiability import identify, residual_noise, what_to_measure_next
+from bsa.core.least_squares import minimise
+from bsa.core.parameters import Parameter, ParameterSpace
+
+SPACE = ParameterSpace(
+    (
+        Parameter("radius [m]", 5e-6, 1e-6, 2e-5, "log"),
+        Parameter("porosity", 0.3, 0.1, 0.6),
+        Parameter("exponent", 1.5, 1.0, 4.0),
+    )
+)
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
+    rng = np.random.default_rng(5)
+    matrix = rng.normal(size=(40, 3)) * [30.0, 8.0, 15.0]
+    truth = np.array([0.45, 0.5, 0.55])
+    hits = np.zeros(3)
+    repeats = 400
+    for _ in range(repeats):
+        noisy = matrix @ truth + rng.normal(size=40)
+        estimate = np.linalg.lstsq(matrix, noisy, rcond=None)[0]
+        found = identify(matrix, matrix @ estimate - noisy, SPACE, SPACE.from_unit(estimate))
+        wanted = SPACE.from_unit(truth)
+        hits += [found.intervals[n].lower <= wanted[n] <= found.intervals[n].upper for n in SPACE.names]
+    assert hits / repeats == pytest.approx(np.full(3, 0.95), abs=0.035)
+
+
+def test_a_product_is_one_combination_and_its_factors_a_correlated_group() -> None:
+    # Only the sum of the first two coordinates shows.
+    matrix = np.random.default_rng(1).normal(size=(50, 2)) @ np.array([[100.0, 100.0, 0.0], [0.0, 0.0, 80.0]])
+    found = identify(matrix, np.full(50, 0.5), SPACE, SPACE.initial)
+    assert found.correlated == (("radius [m]", "porosity"),)
+    assert found.intervals["exponent"].verdict == "fixed"
+    assert found.open == ("radius [m]", "porosity")
+    assert found.combinations[-1].verdict == "open"
+    weights = found.combinations[-1].weights
+    assert weights["radius [m]"] == pytest.approx(-weights["porosity"])
+    interval = found.intervals["radius [m]"]
+    assert 1e-6 <= interval.lower < interval.value < interval.upper <= 2e-5
+
+
+def test_a_parameter_that_does_nothing_is_known_only_by_its_bounds() -> None:
+    matrix = np.random.default_rng(2).normal(size=(30, 3)) * [50.0, 50.0, 0.0]
+    found = identify(matrix, np.ones(30), SPACE, SPACE.initial)
+    assert (found.intervals["exponent"].lower, found.intervals["exponent"].upper) == (1.0, pytest.approx(3.2, abs=0.3))
+    assert found.combinations[-1].singular_value == pytest.approx(0.0, abs=1e-12)
+
+
+def test_fewer_residuals_than_parameters_are_no_error() -> None:
+    found = identify(np.array([[100.0, 0.0, 0.0]]), np.array([0.1]), SPACE, SPACE.initial)
+    assert len(found.combinations) == 3
+    assert found.open == ("porosity", "exponent")
+
+
+def test_the_floor_keeps_a_noiseless_record_from_claiming_perfection() -> None:
+    matrix = np.random.default_rng(3).normal(size=(30, 3))
+    sharp = identify(matrix, np.zeros(30), SPACE, SPACE.initial)
+    honest = identify(matrix, np.zeros(30), SPACE, SPACE.initial, noise_floor=0.5)
+    assert sharp.intervals["porosity"].share_of_range == pytest.approx(0.0)
+    assert honest.intervals["porosity"].share_of_range > 0.05
+    assert residual_noise(np.zeros(4), 1, floor=0.2) == 0.2
+
+
+def test_the_report_is_json() -> None:
+    matrix = np.random.default_rng(4).normal(size=(30, 3))
+    found = identify(matrix, np.ones(30), SPACE, SPACE.initial)
+    again = json.loads(json.dumps(found.as_json()))
+    assert again["intervals"]["porosity"]["value"] == 0.3
+    assert len(again["combinations"]) == 3
+
+
+def test_the_next_measurement_is_the_one_that_shows_what_is_open() -> None:
+    rng = np.random.default_rng(6)
+    known = rng.normal(size=(40, 3)) * [80.0, 80.0, 0.1]
+    candidates = {
+        "the same again": known,
+        "shows the exponent": rng.normal(size=(20, 3)) * [0.0, 0.0, 60.0],
+        "shows the porosity": rng.normal(size=(20, 3)) * [0.0, 300.0, 0.0],
+    }
+    ranked = what_to_measure_next(known, candidates, SPACE.names, noise=1.0)
+    assert ranked[0].protocol == "shows the exponent"
+    assert ranked[0].worst_share < 0.1 < ranked[1].worst_share
+    assert ranked[1].worst == "exponent"
+
+
+def test_it_judges_a_fit() -> None:
+    def function(candidates: list[dict[str, float]]) -> list[np.ndarray]:
+        times = np.linspace(0, 1, 30)
+        return [
+            100 * (np.log(c["radius [m]"] / 4e-6) * times + (c["porosity"] - 0.4) * times**2 + 0.0 * c["exponent"])
+            for c in candidates
+        ]
+
+    fit = minimise(function, SPACE, budget=30)
+    assert fit.jacobian is not None
+    assert fit.residuals is not None
+    found = identify(fit.jacobian, fit.residuals, SPACE, fit.candidate, noise_floor=1.0)
+    assert (
+        found.fixed == ("radius [m]",) or "porosity" in found.fixed or found.intervals["radius [m]"].verdict != "open"
+    )
+    assert found.open == ("exponent",)
