@@ -22,10 +22,11 @@ SEI_CYCLES = 200
 _BESIDE_THE_REPOSITORY = Path(__file__).resolve().parents[3] / "shared" / "reference-suite"
 
 
-class PublishedEntry(BaseModel, extra="forbid"):
+class PublishedEntry(BaseModel):
     """One entry of a published file."""
 
-    model_config = ConfigDict(protected_namespaces=())
+    # Its key "model_name" would otherwise count as one of pydantic's own.
+    model_config = ConfigDict(extra="forbid", protected_namespaces=())
 
     charge_c_rate: float = Field(gt=0, description="C-rate of the charge.")
     discharge_c_rate: float = Field(gt=0, description="C-rate of the discharge.")
