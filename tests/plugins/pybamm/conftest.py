@@ -1,0 +1,38 @@
+"""Physics that several tests look at, simulated once a session."""
+
+from __future__ import annotations
+
+
+import numpy as np
+import pytest
+from bsa.core.task import CellModel, Experiment
+from bsa.core.trajectory import Trajectory
+from bsa.plugins.pybamm.compiled import CompiledExperiment, solve_reference
+
+GEOMETRY = (
+    "Negative particle radius [m]",
+    "Negative electrode thickness [m]",
+    "Positive electrode porosity",
+    "Separator thickness [m]",
+)
+NOTHING = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
+
+
+def short_experiment(soc: float | None = 0.5) -> Experiment:
+    protocol = (("Discharge at 1C for 10 minutes", "Rest for 5 minutes", "Charge at 1C for 5 minutes"),)
+    return Experiment("short", NOTHING, protocol, initial_soc=soc)
+
+
+@pytest.fixture(scope="session")
+def chen() -> CompiledExperiment:
+    """A compiled DFN of Chen2020 with searched geometry, a factor and the state of charge."""
+    searched = (*GEOMETRY, "Negative electrode exchange-current density [A.m-2] factor", "Initial state of charge")
+    return CompiledExperiment(CellModel("Chen2020"), short_experiment(None), searched)
+
+
+@pytest.fixture(scope="session")
+def measured() -> Trajectory:
+    """A short record of the reference cell: discharge, rest, charge; current positive on discharge."""
+    run = solve_reference(CellModel("Chen2020"), short_experiment(), {})
+    assert run.trajectory is not None
+    return run.trajectory

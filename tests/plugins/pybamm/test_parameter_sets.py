@@ -1,0 +1,49 @@
+import pytest
+from bsa.core.errors import BsaError
+from bsa.core.task import CellModel
+from bsa.plugins.pybamm import parameter_sets
+from bsa.plugins.pybamm.state_of_charge import InitialState, equilibrium_capacity_ah, soc_at_voltage
+
+
+def test_missing_keys_are_filled_from_chen2020() -> None:
+    name = "SEI resistivity [Ohm.m]"
+    assert parameter_sets.load("Prada2013")[name] == parameter_sets.load("Chen2020")[name]
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("Negative electrode thickness", 'did you mean "Negative electrode thickness [m]"'),
+        ("Negative particle diffusivity [m2.s-1]x", "is not a parameter of Chen2020"),
+        ("Negative electrode exchange-current density [A.m-2]", "is a function"),
+        ("Separator thickness [m] factor", "is a number"),
+    ],
+)
+def test_names_that_cannot_be_searched_say_what_to_write(name: str, words: str) -> None:
+    with pytest.raises(BsaError) as caught:
+        parameter_sets.initial_value("Chen2020", name)
+    assert words in str(caught.value)
+    assert caught.value.hint
+
+
+def test_the_list_of_parameters_tells_numbers_from_functions() -> None:
+    found = parameter_sets.parameters("Chen2020")
+    assert found["Separator thickness [m]"] == 1.2e-5
+    assert found["Negative electrode exchange-current density [A.m-2]"] == "function"
+
+
+def test_a_voltage_and_a_state_of_charge_are_one() -> None:
+    cell = CellModel("Chen2020")
+    soc = soc_at_voltage(cell, 3.8)
+    assert 0.4 < soc < 0.7
+    assert soc_at_voltage(cell, 5.0) == 1.0
+    assert soc_at_voltage(cell, 1.0) == 0.0
+    state = InitialState(parameter_sets.load("Chen2020")).concentrations({}, soc)
+    values = parameter_sets.load("Chen2020", state)
+    assert float(values.evaluate(parameter_sets.pybamm.LithiumIonParameters().ocv_init)) == pytest.approx(3.8, abs=2e-4)
+
+
+def test_a_wider_electrode_holds_more() -> None:
+    own = parameter_sets.load("Chen2020")
+    wider = {"Electrode width [m]": 2 * own["Electrode width [m]"]}
+    assert equilibrium_capacity_ah("Chen2020", wider) == pytest.approx(2 * equilibrium_capacity_ah("Chen2020", {}))
