@@ -1,0 +1,38 @@
+"""The wheel holds what the tree holds: a sub-package or data file that is forgotten fails here."""
+
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+ROOMS = ("core", "plugins", "backends", "scaffolds", "experiments")
+
+
+def tracked(*suffixes: str) -> set[str]:
+    listed = subprocess.run(["git", "ls-files", *ROOMS], cwd=ROOT, capture_output=True, text=True, check=False)
+    if listed.returncode != 0:
+        pytest.skip("not a git checkout, so there is nothing to compare with")
+    return {name for name in listed.stdout.splitlines() if Path(name).suffix in suffixes and (ROOT / name).exists()}
+
+
+def test_every_sub_package_is_listed() -> None:
+    listed = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"])
+    found = {"bsa", *(f"bsa.{Path(name).parent.as_posix().replace('/', '.')}" for name in tracked(".py"))}
+    assert listed == found
+
+
+@pytest.mark.slow
+def test_the_wheel_holds_every_module_and_data_file(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", str(tmp_path), str(ROOT)]
+    built = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert built.returncode == 0, built.stderr
+    (wheel,) = tmp_path.glob("*.whl")
+    inside = set(zipfile.ZipFile(wheel).namelist())
+    wanted = tracked(".py", ".yaml", ".csv", ".j2", ".css", ".js")
+    assert {f"bsa/{name}" for name in wanted} - inside == set()
+    assert "bsa/py.typed" in inside
+    assert not any("tests/" in name for name in inside)
