@@ -52,6 +52,12 @@ def run(
     scale: Annotated[bool, typer.Option(help="Scale the electrode area to the record's capacity.")] = True,
     backend: Annotated[str, typer.Option(help="Language model: a preset, litellm:PROVIDER/MODEL, ...")] = "rules",
     via: Annotated[str | None, typer.Option(help="Route to the model: litellm, openai, ollama, transformers.")] = None,
+    base_url: Annotated[
+        str | None, typer.Option(help="Address of an OpenAI-compatible or Ollama server, http://127.0.0.1:8000/v1.")
+    ] = None,
+    exchange: Annotated[
+        Path | None, typer.Option(help="Folder for prompts and replies of --backend manual, for another program.")
+    ] = None,
     backend_option: Annotated[
         list[str] | None, typer.Option("--backend-option", help="Option of the backend, key=value; repeat.")
     ] = None,
@@ -86,7 +92,9 @@ def run(
         rounds=rounds, warm_up=warmup, simulations=simulations, seed=seed, settings=key_values(settings, "--set")
     )
     config = overrides.config(
-        scaffold, backend, backend_options(via, votes, review, key_values(backend_option, "--backend-option"))
+        scaffold,
+        backend,
+        backend_options(via, votes, review, base_url, exchange, key_values(backend_option, "--backend-option")),
     )
     if data:
         if task is not None:
