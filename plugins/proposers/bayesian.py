@@ -54,7 +54,8 @@ class BayesianProposer:
         self._range = require("ax.api.configs", "bo", purpose).RangeParameterConfig
         # Several runs share the processors; torch's own threads would fight for them, sixty times slower.
         require("torch", "bo", purpose).set_num_threads(1)
-        logging.getLogger("ax").setLevel(logging.ERROR)
+        # Ax announces every trial on stderr, once more each time the client is rebuilt.
+        require("ax.utils.common.logger", "bo", purpose).set_stderr_log_level(logging.ERROR)
         self._options = options
         self._seed = context.seed if options.seed is None else options.seed
 
