@@ -37,15 +37,18 @@ class Settings:
         Effects that are fitted until converged.
     base_budget, refit_budget : int
         Simulations of the base fit and of each confirmation at most.
+    settled : int
+        Explanations that are fitted on with their own misfit.
     seed : int
         For the second start of the base fit.
     """
 
     max_effects: int = 2
-    screened: int = 7
-    confirmed: int = 4
-    base_budget: int = 160
-    refit_budget: int = 110
+    screened: int = 6
+    confirmed: int = 3
+    base_budget: int = 110
+    refit_budget: int = 90
+    settled: int = 2
     seed: int = 0
 
 
@@ -153,11 +156,13 @@ class Engine:
         if base.adequacy.adequate:
             return Findings("no-missing-effect", base, base, reason=_why_adequate(base), mesh_v=mesh_v)
         self._say(f"a discrepancy of {1e3 * base.adequacy.structured_v:.2f} mV remains; nominating effects")
-        nominations = self.nominate(base)
-        singles = self.confirm(base, nominations)
-        explanations = self._sorted(singles)
+        calm = self.temper(base)
+        nominations = self.nominate(calm)
+        explanations = self._sorted(self.untemper(base, self.confirm(calm, nominations)))
         if self.settings.max_effects > 1 and explanations and not explanations[0].adequacy.adequate:
-            explanations = self._sorted(explanations + self.pair(base, explanations, nominations))
+            self.problem.temper = _misfit(explanations[0])
+            pairs = self.pair(base, [self._again(e) for e in explanations[:2]], nominations)
+            explanations = self._sorted(explanations + self.untemper(base, pairs))
         findings = self.decide(base, explanations)
         findings.nominations, findings.mesh_v = nominations, mesh_v
         return findings
@@ -185,6 +190,39 @@ class Engine:
                 base = self._explanation((), fit, None)
         self._say(f"base model: {1e3 * base.rmse_v:.2f} mV" + " (not converged)" * (not fit.converged))
         return base, mesh_v
+
+    def temper(self, base: Explanation) -> Explanation:
+        """Fit the base model again with its misfit taken for noise.
+
+        Weighed against noise, a model that lacks something bends its parameters to any length, and hides what it
+        lacks; weighed against its own misfit it keeps to what is believed of them.
+        """
+        self.problem.temper = _misfit(base)
+        return self._again(base, fresh=True)
+
+    def untemper(self, base: Explanation, explanations: Sequence[Explanation]) -> list[Explanation]:
+        """Fit the best explanations with their own misfit instead of the base model's; the others stay as they are."""
+        ranked = sorted(explanations, key=lambda e: e.fit.cost)
+        result = ranked[self.settings.settled :]
+        for explanation in ranked[: self.settings.settled]:
+            current = explanation
+            for _ in range(3):
+                before = self.problem.temper
+                self.problem.temper = min(_misfit(current), before)
+                current = self._again(current, fresh=False)
+                if self.problem.temper > 0.5 * before or current.adequacy.adequate:
+                    break
+            self._tell(base, current)
+            result.append(current)
+            self.problem.temper = _misfit(base)
+        return result
+
+    def _again(self, explanation: Explanation, fresh: bool = False) -> Explanation:
+        """The same explanation, fitted on from where it is at the present temper."""
+        fit = explanation.fit
+        budget = self.settings.refit_budget if fresh else self.settings.refit_budget // 2
+        again = refit(self._residual(explanation.effects), fit.axes, fit.u, None, budget)
+        return explanation if again is None else self._explanation(explanation.effects, again, explanation.score)
 
     def _fit_from_somewhere(
         self, residual: Callable[[dict[str, float]], FloatArray | None], start: FloatArray
@@ -370,21 +408,22 @@ class Engine:
 
     def _explanation(self, effects: tuple[Effect, ...], fit: Refit, score: Score | None) -> Explanation:
         problem = self.problem
+        raw = fit.residual * np.sqrt(problem.temper)
         parts, sigmas, groups = [], [], []
         start = 0
         for observed, mask in zip(problem.observations, problem.fitted, strict=True):
             size = int(np.count_nonzero(mask))
-            parts.append(fit.residual[start : start + size])
+            parts.append(raw[start : start + size])
             sigmas.append(problem.sigma(observed)[mask])
             groups.append(observed.step[mask])
             start += size
         adequacy = judge(parts, sigmas, groups, len(fit.axes))
         counts = np.concatenate([o.count[m] for o, m in zip(problem.observations, problem.fitted, strict=True)])
-        volts = fit.residual * np.concatenate(sigmas)
+        volts = raw * np.concatenate(sigmas)
         rmse = self._sample_rmse(volts, counts, self._noise())
         held_rmse, held_chi2 = self._held(effects, fit)
-        explanation = Explanation(effects, fit, adequacy, rmse, held_rmse, held_chi2, score)
-        explanation.estimates = estimates_of(effects, fit, adequacy.dispersion)
+        explanation = Explanation(effects, fit, adequacy, rmse, held_rmse, held_chi2, float(raw @ raw), score)
+        explanation.estimates = estimates_of(effects, fit, max(adequacy.dispersion / problem.temper, 1.0))
         return explanation
 
     def _held(self, effects: tuple[Effect, ...], fit: Refit) -> tuple[float, float]:
@@ -414,7 +453,7 @@ class Engine:
             return []
         dispersion = min(e.adequacy.dispersion for e in explanations)
         n = float(np.log(len(explanations[0].fit.residual)))
-        return sorted(explanations, key=lambda e: e.fit.cost / dispersion + n * len(e.fit.axes))
+        return sorted(explanations, key=lambda e: e.chi2 / dispersion + e.fit.belief + n * len(e.fit.axes))
 
     def _needless(self, explanation: Explanation, others: Sequence[Explanation]) -> bool:
         if len(explanation.effects) < 2:
@@ -432,6 +471,11 @@ class Engine:
         rms, held = 1e3 * explanation.rmse_v, 1e3 * explanation.held_rmse_v
         doubt = " (not converged)" * (not explanation.fit.converged)
         self._say(f"  {explanation.label}: {rms:.2f} mV, held out {held:.2f} mV, BIC {margin:+.0f}{doubt}")
+
+
+def _misfit(explanation: Explanation) -> float:
+    """Mean squared residual in the noise's units, at least 1."""
+    return max(1.0, explanation.chi2 / len(explanation.fit.residual))
 
 
 def _compatible(one: Effect, other: Effect) -> bool:

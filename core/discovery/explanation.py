@@ -57,6 +57,8 @@ class Explanation:
         The same over data not fitted, V.
     held_chi2 : float
         Mean squared held-out error in standard deviations.
+    chi2 : float
+        Sum of squares in the noise's own units, whatever the fit was tempered with.
     score : Score or None
         What nominated it.
     estimates : dict
@@ -69,6 +71,7 @@ class Explanation:
     rmse_v: float
     held_rmse_v: float
     held_chi2: float
+    chi2: float
     score: Score | None = None
     estimates: dict[str, tuple[Estimate, ...]] = field(default_factory=dict)
 

@@ -19,6 +19,9 @@ CLOCK_SHARE = 0.05
 BEFORE_JUMP_S = 2e-3
 """Where a step's last sample carries the stamp of the next step's first one, it was taken this much earlier."""
 
+CHARGE_SHARE = 0.002
+"""Share of the charge drawn by which charge is uncertain; it blurs the voltage where that falls steeply."""
+
 _SINGLE = 5
 """Samples after a current step that stand alone: what happens there happens fast."""
 
@@ -121,23 +124,47 @@ def observe(
     jitter = CLOCK_SHARE * _neighbour_change(record.voltage)
     # Errors of the clock within a stretch do not average out the way noise does, but a stretch is mostly flat.
     clock = np.array([float(np.sqrt(np.mean(jitter[group] ** 2) / len(group))) for group in groups])
+    charge = np.interp(mean(record.time), record.time, record.discharge_capacity)
+    voltage = mean(record.voltage)
+    knee = CHARGE_SHARE * _steepness(charge, voltage, index) * max(float(np.ptp(charge)), 1e-9)
     time = np.minimum(mean(_before_jumps(record)), record.time[-1])
     return Observations(
         name,
         time,
         mean(record.current),
-        mean(record.voltage),
-        np.sqrt(noise**2 / count + floor_v**2 + clock**2),
+        voltage,
+        np.sqrt(noise**2 / count + floor_v**2 + clock**2 + knee**2),
         count,
         index,
         tuple(step.kind for step in record.steps),
         np.array([record.steps[number].cycle for number in steps], dtype=np.intp),
         time - starts[index],
-        np.interp(time, record.time, record.discharge_capacity),
+        charge,
         None if record.temperature is None else mean(record.temperature),
         ambient_k,
         noise,
     )
+
+
+def _steepness(charge: FloatArray, voltage: FloatArray, steps: NDArray[np.intp]) -> FloatArray:
+    """Slope of voltage with charge (V/A.h) beyond three times what is usual in the record; 0 elsewhere and at rest.
+
+    At the end of a discharge a cell loses a volt within a percent of its charge: there the vertical distance of
+    two curves measures an error of capacity, many times over.
+    """
+    slope = np.zeros_like(charge)
+    usual: list[float] = []
+    for number in np.unique(steps):
+        here = np.flatnonzero(steps == number)
+        if len(here) < 8 or np.ptp(charge[here]) < 0.02 * max(np.ptp(charge), 1e-9):
+            continue
+        # The first samples of a step fall for another reason.
+        here = here[6:]
+        if np.any(np.diff(charge[here]) == 0):
+            continue
+        slope[here] = np.abs(np.gradient(voltage[here], charge[here]))
+        usual += list(slope[here])
+    return np.maximum(slope - 3 * float(np.median(usual)), 0.0) if usual else slope
 
 
 def _before_jumps(record: Trajectory) -> FloatArray:

@@ -17,6 +17,9 @@ from .observations import Observations
 _BLOCK = 6
 """Stretches that are held out together, where no whole record is."""
 
+_LARGEST_V = 0.02
+"""A larger difference between two meshes is not corrected but feared."""
+
 _EVERY = 5
 """Each fifth block is held out."""
 
@@ -49,6 +52,9 @@ class Problem:
     corrections: dict[str, FloatArray] = field(default_factory=dict)
     mesh_sigma: dict[str, FloatArray] = field(default_factory=dict)
     simulations: int = 0
+    temper: float = 1.0
+    """By which the variances of a fit are multiplied: while no model comes near the data, what is believed of the
+    parameters must count against the misfit, not against the noise."""
 
     def __post_init__(self) -> None:
         self.fitted = [self._fitted_mask(observed) for observed in self.observations]
@@ -104,9 +110,11 @@ class Problem:
         return np.concatenate(parts)
 
     def residual(self, effects: Sequence[Effect], candidate: Candidate) -> FloatArray | None:
-        """Weighted residuals of the fitted stretches; None if a simulation fails."""
+        """Weighted, tempered residuals of the fitted stretches; None if a simulation fails."""
         predictions = self.predict(effects, candidate)
-        return None if predictions is None else self.weighted(self.errors(predictions))
+        if predictions is None:
+            return None
+        return self.weighted(self.errors(predictions)) / np.sqrt(self.temper)
 
     def correct_mesh(self, effects: Sequence[Effect], candidate: Candidate) -> float:
         """Measure at one candidate what the mesh and the tolerances do to the voltage, and correct for it.
@@ -134,9 +142,13 @@ class Problem:
                     self.corrections[specimen.name] = known
                 continue
             change = fine.voltage - usual.voltage
+            # Where the two meshes disagree on when the cell is empty, the difference is no correction.
+            self.mesh_sigma[specimen.name] = np.where(
+                np.abs(change) > _LARGEST_V, np.abs(change), 0.25 * np.abs(change)
+            )
+            change = np.where(np.abs(change) > _LARGEST_V, 0.0, change)
             # Around a knee the difference is a shift in time; there it is an uncertainty more than a correction.
             self.corrections[specimen.name] = change
-            self.mesh_sigma[specimen.name] = 0.25 * np.abs(change)
             usual_all.append(change)
         return float(np.sqrt(np.mean(np.concatenate(usual_all) ** 2))) if usual_all else 0.0
 

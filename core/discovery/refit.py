@@ -53,14 +53,19 @@ class Refit:
         return float(self.residual @ self.residual)
 
     @property
+    def belief(self) -> float:
+        """The price of departing from beliefs."""
+        return float(np.sum((_beliefs(self.axes) * self.u) ** 2))
+
+    @property
     def cost(self) -> float:
-        """``chi2`` plus the price of departing from beliefs."""
-        return self.chi2 + float(np.sum((_beliefs(self.axes) * self.u) ** 2))
+        """``chi2`` plus ``belief``."""
+        return self.chi2 + self.belief
 
     def covariance(self, inflation: float = 1.0) -> FloatArray:
-        """Covariance of the coordinates (Gauss-Newton), shape (p, p); ``inflation`` multiplies it."""
-        normal = self.jacobian.T @ self.jacobian + np.diag(_beliefs(self.axes) ** 2 + 1e-10)
-        return inflation * np.linalg.inv(normal)
+        """Covariance of the coordinates (Gauss-Newton), shape (p, p); ``inflation`` multiplies the data's variances."""
+        normal = self.jacobian.T @ self.jacobian / inflation + np.diag(_beliefs(self.axes) ** 2 + 1e-10)
+        return np.asarray(np.linalg.inv(normal))
 
 
 def _beliefs(axes: Sequence[Axis]) -> FloatArray:
@@ -146,7 +151,9 @@ def refit(
         step, promised = _bounded_step(jacobian, here, beliefs, u, damping, lower, upper)
         enough = promised > tolerance * cost + 1e-2
         if not enough and fresh:
-            converged = True
+            # Small steps promise little by being small: what counts is what a full one would.
+            _, in_full = _bounded_step(jacobian, here, beliefs, u, 1e-6, lower, upper)
+            converged = in_full <= max(5 * tolerance * cost, 1e-2)
             break
         improved = False
         if enough:

@@ -21,15 +21,16 @@ CLOSED_ENOUGH = 0.8
 def bic_difference(worse: Explanation, better: Explanation, dispersion: float) -> float:
     r"""BIC of one explanation minus that of another, by quasi-likelihood.
 
-    .. math:: \Delta = (S_1 - S_2) / c + (k_1 - k_2) \ln n
+    .. math:: \Delta = (S_1 - S_2) / c + B_1 - B_2 + (k_1 - k_2) \ln n
 
-    with ``S`` the sum of squares with beliefs, ``k`` the number of parameters and ``c`` the dispersion of the
-    best explanation, so that neighbours which repeat one another, and whatever no explanation explains, do not
-    count as evidence (Burnham and Anderson 2002, doi:10.1007/b97636, section 2.5).
+    with ``S`` the sum of squares, ``B`` the price of departing from beliefs, ``k`` the number of parameters and
+    ``c`` the dispersion of the best explanation, so that neighbours which repeat one another, and whatever no
+    explanation explains, do not count as evidence (Burnham and Anderson 2002, doi:10.1007/b97636, section 2.5).
     """
     n = len(better.fit.residual)
     count = len(worse.fit.axes) - len(better.fit.axes)
-    return (worse.fit.cost - better.fit.cost) / dispersion + count * float(np.log(n))
+    beliefs = worse.fit.belief - better.fit.belief
+    return (worse.chi2 - better.chi2) / dispersion + beliefs + count * float(np.log(n))
 
 
 def closed(before_v: float, after_v: float, noise_v: float) -> float:

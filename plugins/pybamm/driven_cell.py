@@ -98,6 +98,9 @@ class DrivenCell:
         if temperature_k is not None:
             values.update({"Ambient temperature [K]": temperature_k, "Initial temperature [K]": temperature_k})
         widen_cut_offs(values)
+        # A candidate that empties its cell before the record ends must say how wrong it is, not fail: without events
+        # PyBaMM's clipped potentials carry on at a very low voltage, and a fit finds its way back.
+        model.events = []
         for name in self._searched:
             _multiply(values, name.removesuffix(FACTOR), pybamm.InputParameter(name))
         self._balance = ElectrodeBalance(load(cell.parameter_set, cell.overrides))
@@ -186,6 +189,7 @@ class DrivenCell:
         if solution.t[-1] < self._stops[-1] - JUMP_S:
             return None
         voltage = np.interp(inside, solution.t, np.asarray(solution["Voltage [V]"].data).ravel())
+        voltage = np.clip(voltage, 0.0, 6.0)  # beyond its limits a cell's model says anything
         temperature = np.interp(
             inside, solution.t, np.asarray(solution["Volume-averaged cell temperature [K]"].data).ravel()
         )

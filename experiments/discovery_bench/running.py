@@ -1,0 +1,112 @@
+"""Runs the discovery on blind cases, each in a process of its own, and keeps what it said."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import traceback
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any
+
+from ..discover import Case, DiscoverOptions, discover_in, read_case
+from .making import DESCRIPTION
+
+RESULTS = "results.jsonl"
+
+
+def run_cases(
+    folder: Path,
+    workers: int = 2,
+    backend: str | None = None,
+    hide_names: bool = False,
+    only: list[str] | None = None,
+    results: str = RESULTS,
+    listener: Callable[[str], None] = lambda text: None,
+) -> Path:
+    """Run every case of a folder that has no result yet.
+
+    Parameters
+    ----------
+    folder : Path
+        Made by `make_cases`. The sealed answers are not opened.
+    workers : int
+        Processes side by side.
+    backend : str, optional
+        Language model that ranks too.
+    hide_names : bool
+        Show it effects under names without meaning.
+    only : list of str, optional
+        Names of cases; all by default.
+    results : str
+        File in the folder to which one line a case is appended.
+
+    Returns
+    -------
+    Path
+        The results.
+    """
+    path = folder / results
+    done = {json.loads(line)["case"] for line in path.read_text().splitlines()} if path.exists() else set()
+    names = sorted(p.name for p in folder.glob("case_*") if (p / DESCRIPTION).exists())
+    names = [name for name in names if name not in done and (only is None or name in only)]
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context, max_tasks_per_child=1) as pool:
+        jobs = {pool.submit(run_case, folder / name, backend, hide_names): name for name in names}
+        for job in as_completed(jobs):
+            row = job.result()
+            with path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(row) + "\n")
+            listener(f"{row['case']}: {row['verdict']} {row['names']} {row['wall_s']:.0f} s")
+    return path
+
+
+def run_case(folder: Path, backend_name: str | None = None, hide_names: bool = False) -> dict[str, Any]:
+    """Run one case; a failure is a row like any other."""
+    description = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
+    records = [{"path": folder / r["file"], "read": {"ambient_c": r["ambient_c"]}} for r in description["records"]]
+    options = DiscoverOptions.model_validate(
+        {
+            "data": records[:-1],
+            "holdout": records[-1:],
+            "parameters": description["parameters"],
+            "model": description["model"],
+            "hide_names": hide_names,
+            "points": 300,
+            "out": folder,
+        }
+    )
+    try:
+        case: Case = read_case(options)
+        backend = None
+        if backend_name is not None:
+            from ...backends.opening import open_backend
+
+            backend = open_backend(backend_name)
+        said: list[str] = []
+        discovery = discover_in(case, options, said.append, backend)
+    except Exception as error:  # a crash is a result of the benchmark, and must not end it
+        trace = traceback.format_exc().splitlines()[-3:]
+        return {"case": folder.name, "verdict": "failed", "names": [], "wall_s": 0.0, "error": f"{error} {trace}"}
+    content = discovery.to_json()
+    return {
+        "case": folder.name,
+        "verdict": discovery.verdict,
+        "names": list(discovery.names),
+        "rivals": [list(rival.names) for rival in discovery.findings.rivals],
+        "best": list(discovery.findings.best.names),
+        "effects": content["effects"] or content["partial"],
+        "gap": content["gap"],
+        "reason": content["reason"],
+        "candidates": [c for c in content["candidates"] if c["refit_rmse_mv"] is not None],
+        "scores": [
+            [c["name"] + (f" ({c['variant']})" if c["variant"] else ""), c["score"]]
+            for c in content["candidates"]
+            if c["score"]
+        ][:8],
+        "ranking": content["backend_ranking"],
+        "simulations": discovery.simulations,
+        "wall_s": discovery.wall_s,
+        "said": said,
+    }

@@ -1,0 +1,91 @@
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bsa.core.discovery.engine import Engine, Settings
+
+_spec = importlib.util.spec_from_file_location("discovery_toy", Path(__file__).with_name("toy.py"))
+toy = importlib.util.module_from_spec(_spec)
+sys.modules["discovery_toy"] = toy
+_spec.loader.exec_module(toy)
+
+CATALOGUE = (toy.QUADRATIC, toy.HYSTERESIS, toy.SLOW)
+
+
+def run(truth, seed=0, catalogue=CATALOGUE, held=True, **settings):
+    rng = np.random.default_rng(seed)
+    problem, axes = toy.problem(rng, truth, held)
+    return Engine(problem, axes, catalogue, toy.EVIDENCE, Settings(**settings)).run()
+
+
+@pytest.mark.parametrize("name", ["quadratic", "sign", "slow"])
+@pytest.mark.parametrize("held", [True, False])
+def test_the_hidden_effect_is_named_and_measured(name, held):
+    findings = run({name: 0.01}, held=held)
+    assert findings.verdict == "effect-found", findings.reason
+    assert findings.best.names == (name,)
+    (estimate,) = findings.best.estimates[name]
+    assert estimate.value == pytest.approx(0.01, rel=0.1)
+    assert estimate.ci95[0] < 0.01 < estimate.ci95[1] or abs(estimate.value - 0.01) < 5e-4
+    assert findings.best.adequacy.adequate
+    assert findings.best.held_rmse_v < findings.base.held_rmse_v
+
+
+def test_nothing_is_named_where_nothing_is_missing():
+    verdicts = [run({}, seed).verdict for seed in range(25)]
+    assert verdicts.count("no-missing-effect") == len(verdicts)
+
+
+def test_a_forbidden_sign_is_not_named():
+    findings = run({"sign": -0.01}, catalogue=(toy.HYSTERESIS,))
+    assert findings.verdict == "unexplained"
+
+
+def test_what_the_parameters_imitate_is_no_missing_effect():
+    findings = run({"second-resistance": 0.02}, catalogue=(*CATALOGUE, toy.IMITATED))
+    assert findings.verdict == "no-missing-effect"
+
+
+def test_an_effect_of_no_catalogue_stays_unexplained():
+    findings = run({"outside": 0.01})
+    assert findings.verdict == "unexplained"
+    assert not findings.best.adequacy.adequate
+
+
+def test_twins_are_ambiguous():
+    class Twins(toy.ToyLaboratory):
+        pass
+
+    twin = toy.effect("sign-twin")
+    rng = np.random.default_rng(3)
+    problem, axes = toy.problem(rng, {"sign": 0.01})
+    before = toy.marks
+
+    def with_twin(current, time):
+        found = before(current, time)
+        return found | {"sign-twin": found["sign"]}
+
+    toy.marks = with_twin
+    try:
+        findings = Engine(problem, axes, (*CATALOGUE, twin), toy.EVIDENCE).run()
+    finally:
+        toy.marks = before
+    assert findings.verdict == "ambiguous"
+    assert {findings.best.names[0], findings.rivals[0].names[0]} == {"sign", "sign-twin"}
+
+
+def test_a_pair_is_found():
+    findings = run({"quadratic": 0.01, "sign": 0.015})
+    assert findings.verdict == "effect-found"
+    assert findings.best.names == ("quadratic", "sign")
+
+
+def test_an_effect_that_the_records_cannot_show_is_left_out():
+    silent = toy.effect("sign", lacks=lambda evidence: "needs more cycles")
+    findings = run({"quadratic": 0.01}, catalogue=(toy.QUADRATIC, silent))
+    (row,) = [n for n in findings.nominations if n.effect.name == "sign"]
+    assert row.lacks == "needs more cycles"
+    assert row.score is None

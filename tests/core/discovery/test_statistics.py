@@ -1,0 +1,104 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bsa.core.discovery.adequacy import FALSE_ALARM, judge
+from bsa.core.discovery.axes import Axis
+from bsa.core.discovery.noise import voltage_noise
+from bsa.core.discovery.refit import refit
+from bsa.core.discovery.score import score_effect
+from bsa.core.parameters import Parameter
+from bsa.core.trajectory import Step, StepKind, Trajectory
+
+
+def axes(count):
+    return tuple(Axis(Parameter(f"p{k}", 0.0, -50.0, 50.0), 1.0, prior=False) for k in range(count))
+
+
+def test_false_alarms_stay_at_the_stated_rate():
+    rng = np.random.default_rng(5)
+    alarms = 0
+    for _ in range(600):
+        residual = rng.normal(size=200)
+        group = np.repeat(np.arange(5), 40)
+        alarms += not judge([residual], [np.full(200, 1e-3)], [group], 0).adequate
+    assert alarms / 600 < 2.5 * FALSE_ALARM
+
+
+def test_agreement_of_neighbours_is_seen_where_size_is_not():
+    rng = np.random.default_rng(6)
+    residual = 0.75 * rng.normal(size=400) + 0.7 * np.sign(np.sin(np.arange(400) / 12.7))
+    found = judge([residual], [np.full(400, 1e-3)], [np.zeros(400, dtype=int)], 5)
+    assert found.p_size > 1e-3
+    assert not found.adequate
+    assert found.structured_v == pytest.approx(0.6e-3, rel=0.4)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.3, 5.0), st.sampled_from([-1.0, 1.0]))
+def test_the_score_recovers_size_and_sign_behind_parameters(seed, size, sign):
+    rng = np.random.default_rng(seed)
+    jacobian = rng.normal(size=(120, 4))
+    mark = rng.normal(size=120) + jacobian @ rng.normal(size=4)
+    # residual = data - model falls as the strength rises by what the mark says
+    residual = -sign * size * mark - jacobian @ rng.normal(size=4)
+    score = score_effect(residual, jacobian, mark, axes(4), np.zeros(4), (0.0, 100.0), reach=1e3)
+    assert np.sign(score.z) == sign
+    if sign > 0:
+        assert score.amplitude == pytest.approx(size, rel=1e-3)
+        assert score.gain > 0
+    else:
+        assert score.amplitude == pytest.approx(0.0, abs=1e-6)
+        assert score.gain == pytest.approx(0.0, abs=1e-3)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000))
+def test_what_parameters_imitate_has_no_score(seed):
+    rng = np.random.default_rng(seed)
+    jacobian = rng.normal(size=(80, 3))
+    mark = jacobian @ rng.normal(size=3)
+    score = score_effect(rng.normal(size=80), jacobian, mark, axes(3), np.zeros(3), (0.0, 10.0), reach=1e3)
+    assert score.own_share < 1e-6
+    assert abs(score.z) < 1e-2 or score.gain < 1e-3
+
+
+def test_a_fit_converges_inside_bounds_and_counts_what_it_spends():
+    rng = np.random.default_rng(1)
+    matrix = rng.normal(size=(60, 3))
+    target = matrix @ np.array([1.0, -2.0, 80.0])
+    calls = 0
+
+    def residual(candidate):
+        nonlocal calls
+        calls += 1
+        return target - matrix @ np.array([candidate[f"p{k}"] for k in range(3)])
+
+    fit = refit(residual, axes(3), np.zeros(3), tolerance=1e-8)
+    assert fit is not None
+    assert fit.converged
+    assert fit.simulations == calls
+    assert fit.candidate["p2"] == pytest.approx(50.0)
+    assert np.all(np.abs(fit.u) <= 50.0 + 1e-9)
+
+
+def test_a_fit_survives_candidates_that_fail():
+    def residual(candidate):
+        x = candidate["p0"]
+        return None if x > 2.5 else np.array([x - 2.0, 0.1 * (x - 2.0)])
+
+    fit = refit(residual, axes(1), np.array([-4.0]))
+    assert fit is not None
+    assert fit.candidate["p0"] == pytest.approx(2.0, abs=2e-2)
+    assert refit(lambda candidate: None, axes(1), np.zeros(1)) is None
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(2e-4, 3e-3), st.integers(0, 1000))
+def test_noise_is_read_off_a_curve(noise, seed):
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, 3000.0, 5.0)
+    voltage = 4.1 - 0.3 * time / 3000 - 0.05 * np.exp(-time / 60) + rng.normal(0, noise, len(time))
+    record = Trajectory(time, np.ones_like(time), voltage, None, (Step(StepKind.CC_DISCHARGE, 0, len(time)),))
+    assert voltage_noise(record) == pytest.approx(noise, rel=0.2)

@@ -1,0 +1,90 @@
+"""An analytic cell: an offset and a resistance are its base parameters, other terms are effects. No PyBaMM."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bsa.core.discovery.axes import Axis
+from bsa.core.discovery.laboratory import INITIAL_SOC, Prediction, Specimen
+from bsa.core.discovery.observations import observe
+from bsa.core.discovery.problem import Problem
+from bsa.core.effect import Effect, EffectParameter, Evidence
+from bsa.core.parameters import Parameter
+from bsa.core.trajectory import Step, StepKind, Trajectory
+
+EVIDENCE = Evidence("toy", {}, 1, 0.0, 1.0)
+
+
+def effect(name: str, lower: float = 0.0, upper: float = 1.0, probe: float = 0.01, **more) -> Effect:
+    return Effect(name, name, name, (EffectParameter("size", "V", 0.0, lower, upper, probe),), "a mark", "none", **more)
+
+
+QUADRATIC = effect("quadratic")
+HYSTERESIS = effect("sign")
+SLOW = effect("slow")
+IMITATED = effect("second-resistance")
+
+
+def marks(current, time):
+    slow = np.zeros_like(current)
+    for k in range(1, len(current)):
+        keep = np.exp(-(time[k] - time[k - 1]) / 200.0)
+        slow[k] = slow[k - 1] * keep + current[k - 1] * (1 - keep)
+    return {
+        "quadratic": -current * np.abs(current),
+        "sign": -np.sign(current),
+        "slow": -slow,
+        "second-resistance": -current,
+        "outside": np.sin(time / 37.0) * (np.abs(current) > 0.5),
+    }
+
+
+class ToyLaboratory:
+    """V = 3.8 - 0.2 q + offset - R I + the effects' marks."""
+
+    def predict(self, effects, candidate, specimen: Specimen, times, current, fine=False):
+        record = specimen.record
+        charge = np.interp(times, record.time, record.discharge_capacity)
+        voltage = 3.6 + 0.2 * candidate.get(INITIAL_SOC, 0.9) - 0.2 * charge - candidate["resistance factor"] * 0.05 * current
+        full = marks(record.current, record.time)
+        for added in effects:
+            mark = np.interp(times, record.time, full[added.name])
+            voltage = voltage + added.values(candidate)["size"] * mark
+        return Prediction(voltage)
+
+
+def specimen(name: str, rng, truth: dict[str, float], resistance=1.2, noise=1e-3) -> Specimen:
+    time, current, steps = [], [], []
+    start = count = 0
+    for rate, seconds in ((0, 60), (1, 600), (0, 400), (2.5, 300), (0, 400), (-1, 500), (0, 300), (1.8, 200), (0, 200)):
+        clock = start + np.arange(0.0, seconds, 4.0)
+        kind = StepKind.REST if rate == 0 else StepKind.CC_DISCHARGE if rate > 0 else StepKind.CC_CHARGE
+        time.append(clock)
+        current.append(np.full(len(clock), float(rate)))
+        steps.append(Step(kind, count, count + len(clock)))
+        count += len(clock)
+        start += seconds
+    time, current = np.concatenate(time), np.concatenate(current)
+    record = Trajectory(time, current, np.zeros_like(time), None, tuple(steps))
+    voltage = 3.6 + 0.2 * 0.9 - 0.2 * record.discharge_capacity - resistance * 0.05 * current
+    for key, size in truth.items():
+        voltage = voltage + size * marks(current, time)[key]
+    voltage = voltage + rng.normal(0.0, noise, len(time))
+    return Specimen(name, Trajectory(time, current, voltage, None, tuple(steps)))
+
+
+def problem(rng, truth: dict[str, float], held: bool = True, noise=1e-3) -> tuple[Problem, tuple[Axis, ...]]:
+    fitted = [specimen("a", rng, truth, noise=noise), specimen("b", rng, truth, noise=noise)]
+    kept = [specimen("held", rng, truth, noise=noise)] if held else []
+    axes = (
+        Axis(Parameter("resistance factor", 1.0, 0.2, 5.0, "log"), 0.5, prior=True),
+        *(Axis(Parameter(s.soc_name, 0.8, 0.0, 1.0), 0.02, prior=False) for s in fitted),
+    )
+    made = Problem(
+        ToyLaboratory(),
+        fitted,
+        [observe(s.name, s.record, points=150) for s in fitted],
+        kept,
+        [observe(s.name, s.record, points=150) for s in kept],
+    )
+    return made, axes
