@@ -62,10 +62,12 @@ def bsa_proposers() -> Iterable[Entry]:
         WeightedDifferentialEvolutionOptions,
         WeightedDifferentialEvolutionProposer,
     )
+    from .proposers.hybrid.proposer import HybridOptions, HybridProposer
     from .proposers.least_squares import LeastSquaresProposer
     from .proposers.random import RandomOptions, RandomProposer
 
     yield Entry("agent", AgentProposer, "Asks the backend for a hypothesis and a change.", AgentOptions)
+    yield Entry("hybrid", HybridProposer, "The agent picks what to try beside a least-squares fit.", HybridOptions)
     yield Entry("least-squares", LeastSquaresProposer, "Levenberg-Marquardt on step-aligned residuals.", DescentOptions)
     yield Entry("default", DefaultProposer, "No fit: the parameter set as it is.")
     yield Entry("random", RandomProposer, "Random search over the whole space.", RandomOptions)

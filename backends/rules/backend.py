@@ -9,6 +9,7 @@ from typing import Any
 
 from ...core.hooks import NoOptions
 from ...core.messages import JsonSchema, Message, Reply, Usage
+from .acting import act
 from .reading import read_prompt
 from .reasoner import perturbations, propose
 
@@ -33,6 +34,8 @@ class RulesBackend:
         properties: dict[str, Any] = dict(schema.get("properties", {}))
         if "perturbations" in properties:
             answer = perturbations(prompt, int(properties["perturbations"].get("maxItems", 1)))
+        elif "action" in properties:
+            answer = act(prompt)
         else:
             answer = propose(prompt)
         usage = Usage(seconds=time.perf_counter() - started)

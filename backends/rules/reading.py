@@ -35,6 +35,8 @@ class Prompt:
         Domain rules; empty without priors.
     bounds : dict of str to (lower, upper)
         Bounds; empty without priors.
+    numerics : dict
+        What the numerical fit beside the agent is doing; empty where there is none.
     """
 
     parameters: dict[str, float]
@@ -46,6 +48,7 @@ class Prompt:
     trial_features: list[str] = field(default_factory=list)
     rules: list[dict[str, Any]] = field(default_factory=list)
     bounds: dict[str, tuple[float, float]] = field(default_factory=dict)
+    numerics: dict[str, Any] = field(default_factory=dict)
 
     @property
     def features(self) -> dict[str, float]:
@@ -76,4 +79,5 @@ def read_prompt(messages: Sequence[Message]) -> Prompt:
         trial_features=history.get("features", []),
         rules=priors.get("rules", []),
         bounds={name: (float(low), float(high)) for name, (low, high) in priors.get("bounds", {}).items()},
+        numerics=sections.get("Numerics", {}),
     )

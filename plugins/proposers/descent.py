@@ -64,8 +64,8 @@ class Descent:
         self._feasibility: Feasibility | None = None
         self._search: LeastSquares | None = None
         self._best: LeastSquares | None = None
-        self._asked = 0
         self._out_of_ideas = False
+        self._told: list[Trial] = [start]
         if start.residuals is not None:
             self._search = self._search_from(start.candidate, start.residuals)
         else:
@@ -87,6 +87,27 @@ class Descent:
         return min(searches, key=lambda search: search.cost, default=None)
 
     @property
+    def base(self) -> Trial | None:
+        """The trial of the best point; None while nothing could be simulated."""
+        best = self.best
+        return next((trial for trial in self._told if best is not None and trial.residuals is best.residual), None)
+
+    @property
+    def cost(self) -> float:
+        """Sum of squares of the best residuals."""
+        return self.best.cost if self.best is not None else float("inf")
+
+    @property
+    def done(self) -> bool:
+        """Whether the fit has nothing left to try."""
+        return self._out_of_ideas
+
+    @property
+    def at_a_loss(self) -> bool:
+        """Whether advice can do no harm: nothing is left to try, or nothing but guesses at a feasible start."""
+        return self.done or (self._search is None and self._feasibility is not None and self._feasibility.guesses)
+
+    @property
     def misfit(self) -> float:
         """Root mean square of the best residuals, in tolerances."""
         return rms(self.best.residual) if self.best is not None else float("inf")
@@ -99,7 +120,6 @@ class Descent:
     def ask(self, limit: int) -> list[Candidate]:
         """What to simulate next, at most ``limit`` candidates; empty when done."""
         points = self._points(limit)
-        self._asked = len(points)
         return [self._task.space.from_unit(point) for point in points]
 
     def _points(self, limit: int) -> list[FloatArray]:
@@ -119,6 +139,7 @@ class Descent:
         """Take in the trials of the candidates asked for, in order."""
         if not trials:
             return
+        self._told += trials
         if self._search is None:
             assert self._feasibility is not None
             found = self._feasibility.tell(trials)
@@ -135,6 +156,13 @@ class Descent:
             self._search = self._best
         if self._restarting and self._best is not None and self._search is not None:
             self._restarting = self._search.cost > self._best.cost
+
+    def adopt(self, trial: Trial) -> None:
+        """Go on from a better point that somebody else found."""
+        self._best = self.best
+        self._told.append(trial)
+        self._search = self._search_from(trial.candidate, trial.residuals)
+        self._out_of_ideas = self._restarting = False
 
     def _search_from(self, candidate: Candidate, residuals: FloatArray | None) -> LeastSquares:
         settings = Settings(difference=self._options.difference, radius=self._options.radius, enough=PERFECT)

@@ -74,6 +74,11 @@ class Feasibility:
         self._strides = list(_STRIDES) if np.any(self._gentle) else []
         self._farthest = start
 
+    @property
+    def guesses(self) -> bool:
+        """Whether the rules of thumb are used up."""
+        return not self._strides
+
     def ask(self) -> list[FloatArray]:
         """Two points to try next, in the unit box."""
         origin = self._space.to_unit(self._farthest.candidate)

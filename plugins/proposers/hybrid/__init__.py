@@ -1,0 +1,1 @@
+"""The agent decides what to change, least squares decides how much."""

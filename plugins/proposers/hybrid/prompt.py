@@ -1,0 +1,62 @@
+"""What the hybrid's agent is told: as the agent is, and what the numerical fit is doing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ....core.hooks import ProposeContext
+from ....core.messages import Message
+from ....core.trial import Trial
+from ...agent.prompt import SYSTEM, feedback_section, recollection_sections, section, task_section
+from ...feedback.rounding import rounded
+
+NUMERICS = "Numerics"
+
+_INSTRUCTION = """\
+A least-squares fit works beside you and does the arithmetic. You decide what to try. Give your analysis, one \
+hypothesis about the physical cause, one action and your reasons. The actions:
+- "refine": let the fit go on for "simulations" steps. With "refine_params" only those parameters move for a while.
+- "set": try the values in "updated_params" ("*1.2", "+0.02", or an absolute value; applied to the current values).
+- "jacobian": measure again what each parameter does at the current values.
+- "restart": go on from the earlier trial with the number "trial".
+- "ease": make the cell gentler first (a failing or vanished step comes back), match what is left, then come back.
+Let the fit go on while it gets on. Step in when it is stuck, when simulations fail or a step has vanished, or when \
+you see a cause that it cannot see. What you try is kept only if it is better."""
+
+
+def build_messages(
+    context: ProposeContext, base: Trial, last: Trial | None, numerics: Mapping[str, Any], budget: int
+) -> list[Message]:
+    """The conversation that asks for the next action.
+
+    Parameters
+    ----------
+    context : ProposeContext
+        Where the run stands.
+    base : Trial
+        The candidate to which changes apply.
+    last : Trial or None
+        The agent's latest attempt, where it was no better.
+    numerics : mapping
+        What the fit is doing.
+    budget : int
+        Characters for each memory.
+    """
+    sections = [
+        task_section(context.task, base),
+        *recollection_sections(context.recall(budget)),
+        feedback_section("Feedback", base),
+    ]
+    images = base.feedback.images
+    if last is not None:
+        changes = {
+            name: last.candidate[name] / base.candidate[name]
+            for name in context.task.space.names
+            if base.candidate[name] and last.candidate[name] != base.candidate[name]
+        }
+        sections.append(feedback_section("Last attempt, no better", last, {"values_over_current": rounded(changes)}))
+        images = (*images, *last.feedback.images)
+    sections.append(section(NUMERICS, rounded(dict(numerics))))
+    sections.append(f"## What to do\n{_INSTRUCTION} Simulations left: {context.simulations_left}.")
+    return [Message("system", SYSTEM), Message("user", "\n\n".join(sections), images)]

@@ -1,0 +1,272 @@
+"""The hybrid: a least-squares fit that keeps the initiative, and an agent that acts beside it.
+
+No harm by construction (the guarantee that COBOL gives for advice from people): the main fit is the
+least-squares proposer's own, asked and told as if the agent were not there, until it ends by itself, and
+at least four fifths of the simulations are its. The agent's trials run on an account of their own. Only
+once the main fit has nothing left to gain does it go over to a better point that the agent found. So
+whatever the agent says, the run ends no worse than least squares with a fifth fewer simulations.
+
+References
+----------
+Xu, Adachi, Jones & Osborne, "Principled Bayesian Optimisation in Collaboration with Human Experts",
+NeurIPS 2024, arXiv:2410.10452.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from ....core.hooks import ProposeContext, Recollection, RunContext, hookimpl
+from ....core.parameters import Candidate
+from ....core.proposal import Proposal
+from ....core.trial import Trial
+from ...agent.conversation import Answer, ask
+from ...agent.proposer import require_backend
+from ...feedback.rounding import rounded
+from ..descent import Descent, DescentOptions, rms
+from ..feasibility import gentle_direction
+from ..least_squares import action as main_action
+from ..least_squares import numbers, words
+from .actions import Action, action_schema, check_action
+from .excursion import Excursion
+from .learnt import effects, open_questions
+from .prompt import build_messages
+
+_NUDGE = 0.1
+"""How far "ease" moves towards a gentler cell, in units of the box."""
+
+_WORTH_ASKING = 1.0
+"""Misfit in tolerances below which a finished fit is good enough to end without another word."""
+
+_BETTER = 0.9
+"""The agent's best point must have less than this share of the main fit's cost for the fit to go over to it."""
+
+_SHOWN_ACTIONS = 5
+
+
+class HybridOptions(DescentOptions):
+    """How the agent and the numerical fit share a run."""
+
+    agent_share: float = Field(0.2, ge=0, le=0.5, description="Share of the simulations that the agent may direct.")
+    memory_budget: int = Field(9000, ge=500, description="Characters that each memory may take in the prompt.")
+
+
+class HybridProposer:
+    """Asks the agent for an action while the fit descends; both are simulated side by side."""
+
+    def __init__(self, options: HybridOptions, context: RunContext) -> None:
+        self._options = options
+        self._space = context.task.space
+        self._seed = context.seed
+        self._backend = require_backend(context)
+        self._main: Descent | None = None
+        self._excursion: Excursion | None = None
+        self._agent_best: Trial | None = None
+        self._last_attempt: Trial | None = None
+        self._log: list[dict[str, Any]] = []
+        self._misfits: list[float] = []
+        self._effects: dict[str, dict[str, float]] = {}
+        self._seen = 0
+        self._main_asked = 0
+        self._main_spent, self._agent_spent, self._hold = 0, 0, 0
+
+    @hookimpl
+    def propose(self, context: ProposeContext) -> Proposal:
+        """See `RunHooks.propose`."""
+        main_fit = self._take(context)
+        main = main_fit.ask(context.simulations_left)
+        left = context.simulations_left - len(main)
+        allowance = self._allowance(left, bool(main))
+        answer: Answer[Action] | None = None
+        own: list[Candidate] = []
+        if self._excursion is None and allowance > 0 and self._should_ask(main_fit, bool(main)):
+            answer = self._ask(context, main_fit, allowance)
+            if answer.value is not None:
+                own = self._begin(answer.value, context, main_fit, allowance)
+        if self._excursion is not None:
+            own = self._excursion.ask(allowance)
+            if not own:
+                self._excursion = None
+        self._main_asked = len(main)
+        self._seen = len(context.trials)
+        return self._proposal(main_fit, main, own, answer, allowance)
+
+    @hookimpl
+    def recall(self, budget: int) -> Recollection | None:
+        """See `RunHooks.recall`: what the Jacobian says, in terms of the feedback's features."""
+        if not self._effects:
+            return None
+        content: dict[str, Any] = {
+            "meaning": "change of each feature when one parameter rises by 10 %",
+            "learnt_from": "finite differences at an earlier best point",
+            "effects": self._effects,
+        }
+        best = self._main.best if self._main is not None else None
+        if best is not None and best.jacobian is not None and best.residual is not None:
+            content |= open_questions(best.jacobian, best.residual, self._space, self._space.from_unit(best.point))
+        content = rounded(content, digits=3)
+        while len(json.dumps(content)) > budget and any(len(rows) > 1 for rows in content["effects"].values()):
+            for rows in content["effects"].values():
+                if len(rows) > 1:
+                    del rows[min(rows, key=lambda name: abs(rows[name] or 0.0))]
+        return Recollection("Memory: learnt sensitivities", content, priority=3)
+
+    def _take(self, context: ProposeContext) -> Descent:
+        """Hand the new trials to those who asked for them."""
+        if self._main is None:
+            self._main = Descent(context.task, self._options, self._seed, context.best)
+            self._main_spent = len(context.trials)
+            return self._main
+        new = context.trials[self._seen :]
+        ours, theirs = new[: self._main_asked], new[self._main_asked :]
+        base, differences = self._main.base, self._main.jacobian_next
+        self._main.tell(ours)
+        if differences and base is not None:
+            self._effects |= effects(base, ours, self._space)
+        self._main_spent += len(ours)
+        self._hold -= len(ours)
+        self._misfits.append(self._main.misfit)
+        self._take_own(theirs)
+        better = self._agent_best is not None and _cost(self._agent_best) < _BETTER * self._main.cost
+        if self._main.at_a_loss and better and self._agent_best is not None:
+            self._main.adopt(self._agent_best)
+        return self._main
+
+    def _take_own(self, trials: tuple[Trial, ...] | list[Trial]) -> None:
+        self._agent_spent += len(trials)
+        if self._excursion is not None:
+            self._excursion.tell(trials)
+            if self._excursion.over:
+                self._excursion = None
+        if not trials:
+            return
+        found = min(trials, key=_cost)
+        if self._agent_best is None or _cost(found) < _cost(self._agent_best):
+            self._agent_best = found
+        self._last_attempt = found
+        if self._log:
+            before = self._log[-1].get("misfit_reached")
+            reached = rms(found.residuals)
+            if reached < float("inf"):
+                self._log[-1]["misfit_reached"] = reached if before is None else min(before, reached)
+            elif before is None:
+                self._log[-1]["failed"] = True
+
+    def _allowance(self, left: int, main_goes_on: bool) -> int:
+        """How many simulations the agent may direct now."""
+        if not main_goes_on:
+            return left
+        share = self._options.agent_share
+        return min(int(share / (1.0 - share) * self._main_spent) - self._agent_spent, left)
+
+    def _should_ask(self, main_fit: Descent, main_goes_on: bool) -> bool:
+        return self._hold <= 0 if main_goes_on else main_fit.misfit > _WORTH_ASKING
+
+    def _ask(self, context: ProposeContext, main_fit: Descent, allowance: int) -> Answer[Action]:
+        base, last = context.best, self._last_attempt
+        if last is not None and (last is base or last.objective < base.objective):
+            last = None
+        messages = build_messages(context, base, last, self._numerics(main_fit, allowance), self._options.memory_budget)
+        return ask(
+            self._backend,
+            messages,
+            action_schema(self._space),
+            lambda reply: check_action(reply, self._space, base.candidate, context.trials),
+            context.seed,
+        )
+
+    def _numerics(self, main_fit: Descent, allowance: int) -> dict[str, Any]:
+        return {
+            "status": main_fit.status,
+            "misfit_tolerances": main_fit.misfit,
+            "misfit_by_round": self._misfits[-8:],
+            "you_may_spend": allowance,
+            "your_last_actions": self._log[-_SHOWN_ACTIONS:],
+        }
+
+    def _begin(self, action: Action, context: ProposeContext, main_fit: Descent, allowance: int) -> list[Candidate]:
+        """Start what the agent asked for: candidates to try at once, or an excursion."""
+        self._log.append({"action": action.kind, "hypothesis": action.hypothesis[:120]})
+        count = min(action.simulations, allowance)
+        if action.carries_on:
+            self._hold = action.simulations
+        elif action.kind == "set":
+            return [] if action.candidate is None or _known(action.candidate, context) else [action.candidate]
+        elif action.kind == "ease":
+            start = self._space.to_unit(context.best.candidate) + _NUDGE * gentle_direction(self._space)
+            jacobian = None if allowance > len(self._space) + 1 else _jacobian(main_fit)
+            self._excursion = Excursion(self._space, start, count, jacobian=jacobian, eased=True)
+        elif action.kind == "restart":
+            trial = context.trials[action.trial or 0]
+            self._excursion = self._trip(trial, main_fit, count, allowance)
+        elif main_fit.base is not None:
+            free = None
+            if action.kind == "refine":
+                free = np.array([name in action.parameters for name in self._space.names])
+                self._excursion = Excursion(
+                    self._space,
+                    self._space.to_unit(main_fit.base.candidate),
+                    count,
+                    main_fit.base.residuals,
+                    _jacobian(main_fit),
+                    free,
+                )
+            else:
+                count = max(count, len(self._space) + 3)
+                self._excursion = self._trip(main_fit.base, main_fit, count, allowance)
+        return []
+
+    def _trip(self, start: Trial, main_fit: Descent, count: int, allowance: int) -> Excursion:
+        """From a trial, with derivatives of its own where the allowance covers them."""
+        fresh = allowance > len(self._space) + 1
+        count = max(count, len(self._space) + 2) if fresh else count
+        jacobian = None if fresh else _jacobian(main_fit)
+        point = self._space.to_unit(start.candidate)
+        return Excursion(self._space, point, min(count, allowance), start.residuals, jacobian)
+
+    def _proposal(
+        self,
+        main_fit: Descent,
+        main: list[Candidate],
+        own: list[Candidate],
+        answer: Answer[Action] | None,
+        allowance: int,
+    ) -> Proposal:
+        action = answer.value if answer is not None else None
+        details: dict[str, Any] = {
+            **numbers(main_fit),
+            "main_simulations": len(main),
+            "agent_simulations": len(own),
+            "agent_allowance": max(allowance, 0),
+        }
+        if answer is not None:
+            details["problems"] = list(answer.problems)
+        if action is not None:
+            details["analysis"] = action.analysis
+        return Proposal(
+            (*main, *own),
+            hypothesis=action.hypothesis if action is not None else "",
+            rationale=action.rationale if action is not None else words(main_fit),
+            action=action.kind if action is not None else main_action(main_fit),
+            updates=(action.updates or {}) if action is not None else {},
+            details=details,
+            lost="; ".join(answer.problems) if answer is not None and action is None and not main else "",
+            finished=not main and not own,
+            advancing=bool(main),
+        )
+
+
+def _cost(trial: Trial) -> float:
+    return float("inf") if trial.residuals is None else float(trial.residuals @ trial.residuals)
+
+
+def _jacobian(main_fit: Descent) -> Any:
+    return main_fit.best.jacobian if main_fit.best is not None else None
+
+
+def _known(candidate: Candidate, context: ProposeContext) -> bool:
+    return any(dict(trial.candidate) == dict(candidate) for trial in context.trials)
