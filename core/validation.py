@@ -23,7 +23,8 @@ def explain(error: ValidationError, where: str, model: type[BaseModel]) -> BsaEr
     model : type of pydantic.BaseModel
         What it was checked against, for the nearest valid key.
     """
-    first = error.errors(include_url=False)[0]
+    # A mistyped key is both missing and unknown; the unknown one tells what was meant.
+    first = min(error.errors(include_url=False), key=lambda found: found["type"] != "extra_forbidden")
     path = [str(part) for part in first["loc"]]
     key = ".".join(path) or "the whole"
     more = f" ({error.error_count() - 1} more)" if error.error_count() > 1 else ""

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import sys
 import time
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from ...core.messages import Usage
-from ...core.proposal import Proposal
 from ...core.reply_parsing import strip_control
-from ...core.trial import Phase, Trial
+
+if TYPE_CHECKING:
+    from ...core.proposal import Proposal
+    from ...core.trial import Phase, Trial
 
 
 def printable(text: str, limit: int = 200) -> str:

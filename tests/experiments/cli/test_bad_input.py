@@ -1,0 +1,148 @@
+"""Whatever a person gets wrong: one line, a hint, exit code 2, no traceback, nothing lost."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from bsa.core.journal import FILE_NAME
+from bsa.experiments.cli.main import run_main
+
+GOOD_CSV = "Test Time / s,Voltage / V,Current / A\n" + "\n".join(
+    f"{10 * k},{4.1 - 0.001 * k:.4f},{-1.0 if k > 2 else 0.0}" for k in range(60)
+)
+GOOD_TASK = """
+name: mine
+parameter_set: Chen2020
+model: SPM
+search: {"Negative particle radius [m]": {factors: [0.5, 2]}}
+experiments: [{data: record.csv}]
+"""
+
+
+def told(arguments: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> str:
+    """Run the command and give what it says on standard error; it must end with exit code 2."""
+    monkeypatch.setattr(sys, "argv", ["bsa-run", *arguments])
+    with pytest.raises(SystemExit) as caught:
+        run_main()
+    assert caught.value.code == 2
+    shown = capsys.readouterr()
+    assert "Traceback" not in shown.err + shown.out
+    return shown.err
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "record.csv").write_text(GOOD_CSV)
+    (tmp_path / "task.yaml").write_text(GOOD_TASK)
+    return tmp_path
+
+
+COMMANDS = [
+    (["dmeo"], 'there is no task "dmeo"', 'did you mean "demo"'),
+    (["missing.yaml"], "missing.yaml does not exist", "check the path"),
+    (["--scaffold", "ful"], 'there is no scaffold "ful"', 'did you mean "full"'),
+    (["--scaffold", "own.yaml"], "own.yaml does not exist", "check the path"),
+    (["--backend", "rulez"], 'there is no backend "rulez"', 'did you mean "rules"'),
+    (["--backend", "litellm:"], "names no model", "write litellm:MODEL"),
+    (["--backend", "replay:nowhere"], "nowhere", ""),
+    (["--set", "patience"], '"patience" is not key=value', 'write --set "key=value"'),
+    (["--set", "patiense=3"], "patiense", ""),
+    (["--set", "patience=soon"], '"patience" is', ""),
+    (["--set", "feedback.use=structurd"], 'there is no feedback "structurd"', 'did you mean "structured"'),
+    (["--set", "proposer.options.memory_budged=3"], "memory_budged", 'did you mean "memory_budget"'),
+    (["--set", "simulator.options.time_limit_s=-1"], "time_limit_s", ""),
+    (["--resume", "nowhere"], "nowhere", ""),
+    (["--data", "record.csv"], "--data needs a parameter set", "--parameters Chen2020"),
+    (["--data", "record.csv", "--parameters", "Chen2021"], 'no parameter set "Chen2021"', 'did you mean "Chen2020"'),
+    (["--data", "absent.csv", "--parameters", "Chen2020"], "absent.csv", ""),
+    (["demo", "--data", "record.csv", "--parameters", "Chen2020"], "both a task", "give one of them"),
+    (["--data", "record.csv", "--parameters", "Chen2020", "--search", "gemoetry"], "gemoetry", "geometry"),
+    (["--data", "record.csv", "--parameters", "Chen2020", "--model", "DFM"], 'no model "DFM"', 'did you mean "DFN"'),
+    (["--data", "record.csv", "--parameters", "Chen2020", "--cycles", "one"], '"one" is not a range', "2-5"),
+    (["--data", "record.csv", "--parameters", "Chen2020", "--current-sign", "up"], "current_sign", ""),
+    (["--data", "record.csv", "--parameters", "Chen2020", "--column", "volts"], "is not key=value", ""),
+    (["--data", "record.csv", "--parameters", "Chen2020", "--column", "volts=3"], "volts", ""),
+    (["--data", "record.csv", "--parameters", "Chen2020", "--column", "voltage=Ecell"], "Ecell", ""),
+    (["--backend-option", "temprature=1"], "temprature", 'did you mean "temperature"'),
+    (["--base-url", "127.0.0.1"], "base_url", ""),
+]
+
+
+@pytest.mark.parametrize(("arguments", "wrong", "hint"), COMMANDS, ids=lambda value: str(value)[:50])
+def test_a_mistyped_command(
+    arguments: list[str],
+    wrong: str,
+    hint: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    message = told(arguments, capsys, monkeypatch)
+    line = next(line for line in message.splitlines() if line.startswith("BsaError: "))
+    assert wrong in line
+    assert hint in line
+    assert not list(Path().glob("runs/*/result.json"))
+
+
+TASKS = [
+    ("parameter_set: Chen2020", "parameter_sett: Chen2020", '"parameter_sett" is not a known key'),
+    ("name: mine", "nome: mine", "nome"),
+    ("model: SPM", "model: [SPM", "is not valid YAML at line"),
+    ("experiments: [{data: record.csv}]", "experiments: []", '"experiments" is []'),
+    ("experiments: [{data: record.csv}]", "experiments: [{data: gone.csv}]", "gone.csv"),
+    ("data: record.csv", "data: record.csv, initial_soc: 2", "initial_soc"),
+    ("data: record.csv", "data: record.csv, protocol: [[Dance]]", 'cannot read the step "Dance"'),
+    ("Negative particle radius [m]", "Negative particle radius", 'did you mean "Negative particle radius [m]"'),
+    ("factors: [0.5, 2]", "factors: [1.5, 2]", "lies outside"),
+    ("factors: [0.5, 2]", "lower: 2, upper: 1", "lower < upper must hold"),
+    (GOOD_TASK, "just words", "task.yaml"),
+    (GOOD_TASK, "", "task.yaml"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "words"), TASKS, ids=lambda value: str(value)[:40])
+def test_a_broken_task_file(
+    old: str,
+    new: str,
+    words: str,
+    folder: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    (folder / "task.yaml").write_text(GOOD_TASK.replace(old, new))
+    message = told(["task.yaml", "--rounds", "0", "--warmup", "0"], capsys, monkeypatch)
+    assert words in next(line for line in message.splitlines() if line.startswith("BsaError: "))
+
+
+def test_a_file_that_is_not_text(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder / "record.csv").write_bytes(bytes(range(256)) * 50)
+    assert "record.csv" in told(["--data", "record.csv", "--parameters", "Chen2020"], capsys, monkeypatch)
+
+
+def test_another_run_in_the_folder_is_not_overwritten(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = json.dumps({"event": "run", "format": 1, "config": {}, "versions": {}, "task": {}}) + "\n"
+    (folder / "old").mkdir()
+    (folder / "old" / FILE_NAME).write_text(kept)
+    message = told(["demo", "--out", "old"], capsys, monkeypatch)
+    assert "belongs to another task or configuration" in message
+    assert (folder / "old" / FILE_NAME).read_text() == kept
+
+
+def test_help_is_quick_and_needs_no_heavy_library() -> None:
+    code = (
+        "import sys; sys.argv = ['bsa', '--help']\n"
+        "from bsa.experiments.cli.main import main\n"
+        "try: main()\n"
+        "except SystemExit: pass\n"
+        "heavy = {'pybamm', 'torch', 'litellm', 'ollama', 'matplotlib', 'scipy', 'numpy'} & set(sys.modules)\n"
+        "assert not heavy, heavy\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "calibrat" in done.stdout.casefold()
