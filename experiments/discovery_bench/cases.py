@@ -77,7 +77,7 @@ _SINGLES: tuple[tuple[str, float, float, tuple[str, ...]], ...] = (
     ("electrolyte-transport", 0.4, 1.0, GENERAL),
     ("solid-diffusivity-variation (positive electrode)", 1.0, 3.0, GENERAL),
     ("stress-induced-diffusion (positive electrode)", 0.5, 3.0, GENERAL),
-    ("kinetics-marcus", 2.0, 8.0, ("fast", "pulses")),
+    ("kinetics-marcus", 1.0, 3.0, ("fast", "pulses")),
     ("sei-growth (reaction-limited)", 10.0, 60.0, AGEING),
     ("sei-growth (diffusion-limited)", 200.0, 3000.0, AGEING),
     ("lithium-plating", 30.0, 300.0, AGEING),

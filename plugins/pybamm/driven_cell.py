@@ -120,7 +120,7 @@ class DrivenCell:
         points = dict.fromkeys(("x_n", "x_s", "x_p", "r_n", "r_p"), resolution.points) if resolution.points else {}
         for effect in effects:
             points.update(part_of(effect).points)
-        options: dict[str, Any] = {"max_num_steps": _LONGEST_SOLVE_STEPS}
+        options: dict[str, Any] = {"max_num_steps": _LONGEST_SOLVE_STEPS, "silence_sundials_errors": True}
         if drive.finest_s is not None:
             # The integrator must not step over what the record resolves.
             options["dt_max"] = max(10.0, 5.0 * drive.finest_s)

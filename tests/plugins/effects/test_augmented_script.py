@@ -1,0 +1,48 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from bsa.core.discovery.laboratory import Specimen
+from bsa.core.task import CellModel
+from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.plugins.effects.catalogue import EFFECTS
+from bsa.plugins.pybamm.augmented_script import augmented_script
+from bsa.plugins.pybamm.driven_cell import DrivenCell
+
+
+def record():
+    time = np.concatenate([np.arange(0.0, 60, 5), 60 + np.arange(0.0, 600, 5), 660 + np.arange(0.0, 300, 5)])
+    current = np.concatenate([np.zeros(12), np.full(120, 5.0), np.zeros(60)])
+    kinds = (StepKind.REST, StepKind.CC_DISCHARGE, StepKind.REST)
+    steps = tuple(Step(kind, a, b) for kind, a, b in zip(kinds, (0, 12, 132), (12, 132, 192), strict=True))
+    return Trajectory(time, current, np.full(len(time), 4.0), None, steps)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "keys", [("contact-resistance", "ocp-hysteresis", "voltage-offset"), ("self-heating", "time-lag")]
+)
+def test_the_script_needs_pybamm_alone_and_gives_the_same_curve(tmp_path, keys):
+    effects = tuple(e for e in EFFECTS if e.key in keys)
+    driven = record()
+    specimen = Specimen("a", driven, 298.15)
+    name = "Positive particle diffusivity [m2.s-1] factor"
+    candidate = {specimen.soc_name: 0.9, name: 0.8}
+    for effect in effects:
+        candidate |= {effect.full_name(p): p.probe for p in effect.parameters}
+    cell = CellModel("Chen2020", "SPMe")
+    path = tmp_path / "augmented_model.py"
+    path.write_text(augmented_script(cell, effects, candidate, [specimen]), encoding="utf-8")
+    code = (
+        "import sys; sys.modules['bsa'] = None\n"
+        "import augmented_model as m, numpy as np\n"
+        "t, v, k = m.simulate(0); np.save('v.npy', v)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr[-2000:]
+    expected = DrivenCell(cell, effects, driven, [name], 298.15).solve(
+        candidate | {"Initial state of charge": 0.9}, driven.time, driven.current
+    )
+    assert expected is not None
+    np.testing.assert_allclose(np.load(tmp_path / "v.npy"), expected.voltage, atol=2e-4)

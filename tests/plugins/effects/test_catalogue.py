@@ -1,0 +1,145 @@
+import numpy as np
+import pytest
+from bsa.core.effect import Effect, EffectParameter, Evidence
+from bsa.core.errors import BsaError
+from bsa.core.task import CellModel
+from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.plugins.effects.catalogue import EFFECTS, entries
+from bsa.plugins.pybamm.augmentation import PyBaMMPart, augmented_cell
+from bsa.plugins.pybamm.driven_cell import DrivenCell
+
+NAMES = {
+    "contact-resistance",
+    "self-heating",
+    "temperature-dependence",
+    "double-layer-capacitance",
+    "ocp-hysteresis",
+    "particle-size-distribution",
+    "electrolyte-transport",
+    "solid-diffusivity-variation",
+    "stress-induced-diffusion",
+    "kinetics-marcus",
+    "sei-growth",
+    "lithium-plating",
+    "loss-of-active-material",
+    "porosity-change",
+    "self-discharge",
+    "current-gain",
+    "current-offset",
+    "voltage-offset",
+    "time-lag",
+}
+
+
+def test_the_names_are_a_public_contract():
+    assert {effect.name for effect in EFFECTS} == NAMES
+    assert len({effect.key for effect in EFFECTS}) == len(EFFECTS)
+    assert len({entry.name for entry in entries()}) == len(EFFECTS)
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.key)
+def test_every_effect_says_what_it_is(effect):
+    assert effect.equation
+    assert effect.signature
+    assert effect.citation
+    assert effect.strength.probe != effect.strength.null
+    assert effect.physics is not None or effect.measurement is not None
+    assert [p.name for p in effect.searched] == [effect.full_name(p) for p in effect.parameters]
+
+
+def test_an_effect_that_the_base_model_has_is_not_missing():
+    has = Evidence("SPMe", {"thermal": "lumped", "contact resistance": "true", "SEI": "reaction limited"}, 9, 20.0, 1.0)
+    reasons = {e.key: e.lacks(has) for e in EFFECTS if e.lacks is not None}
+    for key in ("self-heating", "contact-resistance", "sei-growth (reaction-limited)", "electrolyte-transport"):
+        assert reasons[key], key
+
+
+def test_ageing_needs_cycles():
+    few = Evidence("SPMe", {}, 1, 0.0, 1.0)
+    for effect in EFFECTS:
+        if effect.name in ("sei-growth", "lithium-plating", "loss-of-active-material", "porosity-change"):
+            assert effect.lacks is not None
+            assert "cycles" in effect.lacks(few)
+
+
+def test_effects_that_contradict_each_other_are_refused():
+    def asks(name, kinetics):
+        part = PyBaMMPart(options={"intercalation kinetics": kinetics})
+        return Effect(name, name, "", (EffectParameter("x", "", 0.0, 0.0, 1.0, 0.1),), "", "", physics=part)
+
+    with pytest.raises(BsaError, match="different values"):
+        augmented_cell(CellModel("Chen2020"), (asks("one", "linear"), asks("other", "Marcus")))
+
+
+def test_bounds_of_an_effect_must_hold_its_null():
+    with pytest.raises(BsaError, match="must lie in"):
+        EffectParameter("x", "", 0.0, 1.0, 2.0, 1.5)
+
+
+def record():
+    time, current, steps = [], [], []
+    count, start = 0, 0.0
+    for rate, seconds in ((0.0, 60.0), (5.0, 900.0), (0.0, 600.0), (10.0, 20.0), (0.0, 200.0)):
+        clock = start + np.arange(0.0, seconds, 2.0)
+        time.append(clock)
+        current.append(np.full(len(clock), rate))
+        kind = StepKind.REST if rate == 0 else StepKind.CC_DISCHARGE
+        steps.append(Step(kind, count, count + len(clock)))
+        count, start = count + len(clock), start + seconds
+    time = np.concatenate(time)
+    return Trajectory(time, np.concatenate(current), np.full(len(time), 4.0), None, tuple(steps))
+
+
+BY_KEY = {effect.key: effect for effect in EFFECTS}
+SOC = "Initial state of charge"
+
+
+def voltage(effects, driven, extra=None):
+    cell = DrivenCell(CellModel("Chen2020", "SPMe"), effects, driven, [SOC])
+    curve = cell.solve({SOC: 0.9} | (extra or {}), driven.time, driven.current)
+    assert curve is not None
+    return curve.voltage
+
+
+@pytest.mark.slow
+def test_a_contact_resistance_is_ohms_law():
+    driven = record()
+    effect = BY_KEY["contact-resistance"]
+    name = effect.full_name(effect.strength)
+    change = voltage((effect,), driven, {name: 0.01}) - voltage((), driven)
+    # The sample at the instant of a jump stands on either side of it.
+    middle = np.concatenate([np.arange(s.start + 2, s.stop - 2) for s in driven.steps])
+    np.testing.assert_allclose(change[middle], -0.01 * driven.current[middle], atol=2e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "key", ["ocp-hysteresis", "self-discharge", "current-gain", "current-offset", "voltage-offset", "time-lag"]
+)
+def test_an_absent_effect_changes_nothing(key):
+    driven = record()
+    effect = BY_KEY[key]
+    np.testing.assert_allclose(voltage((effect,), driven), voltage((), driven), atol=5e-5)
+
+
+def third_party_voltage(model, p):
+    return -p["size"] * model.variables["Current [A]"] ** 3 / 1000
+
+
+@pytest.mark.slow
+def test_a_third_party_writes_an_effect_as_an_expression():
+    driven = record()
+    part = PyBaMMPart(voltage=third_party_voltage)
+    effect = Effect("cubic", "", "", (EffectParameter("size", "V.A-3", 0.0, 0.0, 1.0, 0.1),), "", "", physics=part)
+    change = voltage((effect,), driven, {effect.full_name(effect.strength): 0.02}) - voltage((), driven)
+    middle = (driven.time > 100) & (driven.time < 900)
+    np.testing.assert_allclose(change[middle], -0.02 * 125 / 1000, atol=2e-5)
+
+
+@pytest.mark.slow
+def test_the_measured_current_is_followed_through_a_short_pulse():
+    driven = record()
+    fast = voltage((), driven)
+    pulse = (driven.time > 1562) & (driven.time < 1578)
+    rest = (driven.time > 1500) & (driven.time < 1558)
+    assert fast[rest].min() - fast[pulse].max() > 0.1
