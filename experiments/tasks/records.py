@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...core.errors import BsaError
-from ...core.parameters import Parameter, ParameterSpace
+from ...core.parameters import ParameterSpace
 from ...core.record import ReadOptions, Record
 from ...core.registry import installed
 from ...core.task import CellModel, Experiment, Protocol, Task
 from ...core.trajectory import StepKind, Trajectory
 
 WIDTH = "Electrode width [m]"
+
+CONTACT, RESISTANCE = "contact resistance", "Contact resistance [Ohm]"
+"""PyBaMM's option for a series resistance, and its parameter."""
+
+_CONTACT_SHARE = 0.6
+"""Share of the voltage jump at a current step that is put down to the contacts, to start with."""
 
 _SAME_SIZE = (0.8, 1.25)
 """Ratios of measured to nominal capacity that the search bridges by itself."""
@@ -91,8 +97,12 @@ def build_task(
         if note:
             fixed[WIDTH] = float(values[WIDTH]) * factor
             notes.append(note)
-    cell = CellModel(parameter_set, model, dict(options or {}), fixed)
-    space = resolve_space(parameter_set, search, fixed, cell.options)
+    options = dict(options or {})
+    if CONTACT not in options and all(request.protocol is None for request in records):
+        # Tabs, leads and clamps are in every record, and in no parameter set.
+        options[CONTACT] = "true"
+    cell = CellModel(parameter_set, model, options, fixed)
+    space = _with_contact_resistance(resolve_space(parameter_set, search, fixed, options), loaded)
     experiments: list[Experiment] = []
     socs: list[float] = []
     for request, record in zip(records, loaded, strict=True):
@@ -142,6 +152,24 @@ def _resting_voltage(record: Trajectory) -> float:
     return float(record.voltage[first.stop - 1 if first.kind is StepKind.REST else 0])
 
 
+def _with_contact_resistance(space: ParameterSpace, records: Sequence[Record]) -> ParameterSpace:
+    """The space with a searched contact resistance started from the voltage jumps at the current steps."""
+    jumps = [jump for record in records for jump in _jump_resistances(record.trajectory)]
+    if RESISTANCE not in space or not jumps:
+        return space
+    template = space[RESISTANCE]
+    started = replace(template, initial=template.project(_CONTACT_SHARE * float(np.median(jumps))))
+    return ParameterSpace(tuple(started if parameter.name == RESISTANCE else parameter for parameter in space))
+
+
+def _jump_resistances(record: Trajectory) -> list[float]:
+    """Voltage jump over current jump where one step follows another, Ohm."""
+    last = np.array([step.stop - 1 for step in record.steps[:-1]], dtype=np.intp)
+    current, voltage = record.current[last + 1] - record.current[last], record.voltage[last + 1] - record.voltage[last]
+    large = np.abs(current) > 0.2 * np.max(np.abs(record.current), initial=1e-9)
+    return [float(value) for value in -voltage[large] / current[large] if value > 0]
+
+
 def _with_initial_soc(
     space: ParameterSpace, name: str, experiments: Sequence[Experiment], socs: Sequence[float]
 ) -> ParameterSpace:
@@ -156,10 +184,7 @@ def _with_initial_soc(
         own = [(name, socs[0])]
     else:
         own = [(f"{name}: {e.name}", e.initial_soc) for e in experiments if e.initial_soc is not None]
-    started = tuple(
-        Parameter(key, min(max(soc, template.lower), template.upper), template.lower, template.upper, template.scale)
-        for key, soc in own
-    )
+    started = tuple(replace(template, name=key, initial=template.project(soc)) for key, soc in own)
     return ParameterSpace((*(parameter for parameter in space if parameter.name != name), *started))
 
 

@@ -137,7 +137,12 @@ class CompiledExperiment:
         ]
         # A near-singular candidate can spin for minutes: a sound solve advances faster than this even
         # while it settles after a jump of the current.
-        options: dict[str, float] = {"max_num_steps": 20_000, "num_steps_no_progress": 200, "t_no_progress": 1e-2}
+        options: dict[str, float] = {
+            "max_num_steps": 20_000,
+            "num_steps_no_progress": 200,
+            "t_no_progress": 1e-2,
+            "silence_sundials_errors": True,  # failures come back as trials
+        }
         if drives:
             # The integrator must not step over what the record resolves.
             options["dt_max"] = max(60.0, 20.0 * max(float(np.median(np.diff(time))) for time in drives))

@@ -30,7 +30,7 @@ def steps_of(experiment: Experiment) -> list[list[Any]]:
     """
     if experiment.protocol is not None:
         return [[_parse(text) for text in cycle] for cycle in experiment.protocol]
-    return [[step for step in _measured_steps(experiment.target) if step is not None]]
+    return [_measured_steps(experiment.target)]
 
 
 def _parse(text: str) -> Any:
@@ -53,21 +53,19 @@ def _measured_steps(record: Trajectory) -> list[Any]:
     """One PyBaMM step for each step of the record.
 
     The integrator restarts at each: as one bare interpolant over the whole record it would step clean
-    over a short pulse that follows a long rest.
+    over a short pulse that follows a long rest. A step begins where the one before it logged its last
+    sample: cyclers log a sample when a step ends, and the first one of the next step up to a sampling
+    interval late (a minute late, in some records).
     """
     result: list[Any] = []
-    ends = [step.stop for step in record.steps]
-    for step, stop in zip(record.steps, ends, strict=True):
-        # The interval up to the next step's first sample belongs to this one, so that no time is lost.
-        last = min(stop, len(record) - 1)
-        time = record.time[step.start : last + 1] - record.time[step.start]
-        current = record.current[step.start : last + 1].copy()
-        if stop <= last and len(current) > 1:
-            current[-1] = current[-2]
-        if time[-1] <= 0:
-            result.append(None)
-            continue
-        result.append(_constant_or_drive(time, current, step.kind))
+    begin = float(record.time[0])
+    for step in record.steps:
+        time, current = record.time[step.start : step.stop], record.current[step.start : step.stop]
+        if time[0] > begin:
+            time, current = np.append(begin, time), np.append(current[0], current)
+        if time[-1] > begin:
+            result.append(_constant_or_drive(time - begin, current, step.kind))
+        begin = float(time[-1])
     return result
 
 

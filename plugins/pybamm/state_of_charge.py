@@ -10,7 +10,7 @@ import numpy as np
 from ...core.parameters import Candidate
 from ...core.task import CellModel
 from ...core.trajectory import FloatArray
-from .parameter_sets import load, pybamm
+from .parameter_sets import FACTOR, load, pybamm
 
 
 def soc_at_voltage(cell: CellModel, voltage: float) -> float:
@@ -64,8 +64,9 @@ class InitialState:
     The electrodes hold :math:`Q_n` and :math:`Q_p` and share the lithium :math:`Q_{Li} = Q_n x + Q_p y` that
     their initial concentrations in the parameter set amount to. The cell is full where
     :math:`U_p(y) - U_n(x)` is the open-circuit voltage at 100 % and empty where it is that at 0 %; the state
-    of charge is linear in between (Mohtat et al., J. Power Sources 427 (2019) 101). PyBaMM's own route through ``initial_soc`` changes the initial conditions
-    behind a solver that has already been set up: of several candidates in a row only the first is right.
+    of charge is linear in between (Mohtat et al., J. Power Sources 427 (2019) 101). PyBaMM's own route
+    through ``initial_soc`` changes the initial conditions behind a solver that has already been set up: of
+    several candidates in a row only the first is right.
 
     Parameters
     ----------
@@ -118,7 +119,9 @@ class InitialState:
         if np.count_nonzero(possible) < 10:
             raise ValueError("no state of charge puts this lithium into both electrodes")
         x, y = x[possible], y[possible]
-        voltage = np.interp(y, _GRID, self._potential["Positive"]) - self._potential["Negative"][possible]
+        scale_n, scale_p = (float(candidate.get(f"{which} electrode OCP [V]{FACTOR}", 1.0)) for which in _ELECTRODES)
+        positive_v = scale_p * np.interp(y, _GRID, self._potential["Positive"])
+        voltage = positive_v - scale_n * self._potential["Negative"][possible]
         empty, full = np.interp(self._limits, np.maximum.accumulate(voltage), x)
         negative = float(empty + soc * (full - empty))
         positive = (lithium - held["Negative"] * negative) / held["Positive"]

@@ -18,8 +18,8 @@ _FIRST_SAMPLE_S, _SAMPLE_GROWTH, _LONGEST_SAMPLE_S = 0.1, 1.15, 30.0
 _SIGNALS = ("Current [A]", "Voltage [V]", "Volume-averaged cell temperature [K]")
 
 
-_AFTER_JUMP_S = 1e-6
-"""A moment after a jump of the current, on a clock in seconds."""
+_AT_JUMP_S = 1e-6
+"""A moment before or after a jump of the current, on a clock in seconds."""
 
 
 def step_kind(step: Any) -> StepKind:
@@ -120,16 +120,16 @@ def at_samples_of(record: Trajectory, simulated: Trajectory) -> Trajectory | Non
     """
     time = record.time - record.time[0]
     query = time.copy()
-    # The first sample of a step shows the new current already.
-    starts = np.array([step.start for step in record.steps], dtype=np.intp)
-    query[starts] += _AFTER_JUMP_S
+    # A step ends with its last sample, which still shows the step's own current.
+    query[[step.start for step in record.steps]] += _AT_JUMP_S
+    query[[step.stop - 1 for step in record.steps if step.stop - step.start > 1]] -= _AT_JUMP_S
     whole = replace(
         record,
         current=np.interp(query, simulated.time, simulated.current),
         voltage=np.interp(query, simulated.time, simulated.voltage),
         temperature=None if simulated.temperature is None else np.interp(query, simulated.time, simulated.temperature),
     )
-    finished = [step for step in record.steps if time[step.stop - 1] <= simulated.duration + _AFTER_JUMP_S]
+    finished = [step for step in record.steps if time[step.stop - 1] <= simulated.duration + _AT_JUMP_S]
     if not finished:
         return None
     return whole.slice(0, finished[-1].stop)
