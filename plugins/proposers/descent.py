@@ -13,7 +13,7 @@ from ...core.parameters import Candidate
 from ...core.task import Task
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial
-from .feasibility import Feasibility, gentle_direction
+from .feasibility import Feasibility
 
 Status = Literal["infeasible", "descending", "restarting", "done"]
 
@@ -23,11 +23,14 @@ PERFECT = 0.02
 _SUSPICIOUS = 3.0
 """Root mean square, in tolerances, above which an end may be a trap rather than a model's or a record's limits."""
 
-_ELSEWHERE = 0.25
+_HOPELESS = 0.05
+"""Share of the cost that a round of the fit must take off: at less, the budget ends before the fit does."""
+
+_ELSEWHERE = 0.2
 """How far from the first start another one lies, in units of the box."""
 
 _STEPS_WORTH = 6
-"""Simulations beyond a Jacobian without which a restart cannot get anywhere."""
+"""Simulations beyond the start and a Jacobian without which a restart cannot get anywhere."""
 
 
 class DescentOptions(BaseModel, extra="forbid"):
@@ -61,6 +64,8 @@ class Descent:
         self._seed = seed
         self._restarts_left = options.restarts
         self._restarting = False
+        self._slopes: FloatArray | None = None
+        self._polled: list[FloatArray] = []
         self._feasibility: Feasibility | None = None
         self._search: LeastSquares | None = None
         self._best: LeastSquares | None = None
@@ -130,8 +135,7 @@ class Descent:
             return self._feasibility.ask()[:limit]
         points = self._search.ask(limit)
         if not points and self._may_restart(limit):
-            self._restart()
-            points = self._search.ask(limit)
+            points = self._polled = self._other_starts()
         self._out_of_ideas = not points
         return points[:limit]
 
@@ -146,15 +150,16 @@ class Descent:
             if found is not None:
                 self._search = self._search_from(found.candidate, found.residuals)
             return
-        wanted = len(self._search.ask())
-        if len(trials) < wanted:
+        if self._polled:
+            self._take_starts(trials)
+            return
+        if len(trials) < len(self._search.ask()):
             self._out_of_ideas = True
             return
-        started = self._search.stage == "start"
         self._search.tell([trial.residuals for trial in trials])
-        if started and self._search.residual is None:
-            self._search = self._best
-        if self._restarting and self._best is not None and self._search is not None:
+        if self._slopes is None and self._search.jacobian is not None and self._search.stage == "step":
+            self._slopes = self._search.jacobian.T @ self._search.residual
+        if self._restarting and self._best is not None:
             self._restarting = self._search.cost > self._best.cost
 
     def adopt(self, trial: Trial) -> None:
@@ -165,24 +170,39 @@ class Descent:
         self._out_of_ideas = self._restarting = False
 
     def _search_from(self, candidate: Candidate, residuals: FloatArray | None) -> LeastSquares:
-        settings = Settings(difference=self._options.difference, radius=self._options.radius, enough=PERFECT)
+        settings = Settings(
+            difference=self._options.difference, radius=self._options.radius, enough=PERFECT, tolerance=_HOPELESS
+        )
         return LeastSquares(self._task.space.to_unit(candidate), residuals, settings)
 
     def _may_restart(self, limit: int) -> bool:
-        return self._restarts_left > 0 and self.misfit > _SUSPICIOUS and limit >= len(self._task.space) + _STEPS_WORTH
+        needed = 2 * len(self._task.space) + _STEPS_WORTH
+        return self._restarts_left > 0 and self.misfit > _SUSPICIOUS and limit >= needed
 
-    def _restart(self) -> None:
-        """First towards a gentler cell, where no step vanishes; then anywhere around the start."""
+    def _other_starts(self) -> list[FloatArray]:
+        """Points around the first start, one of which the fit goes on from.
+
+        The first time each parameter alone goes far to the side that the first Jacobian called downhill:
+        the fit may have shared among many what one had done. After that they are drawn at random.
+        """
         space = self._task.space
         self._best = self.best
-        origin = space.to_unit(space.initial)
-        direction = gentle_direction(space)
-        if self._restarts_left < self._options.restarts or not np.any(direction):
-            direction = np.random.default_rng([self._seed, self._restarts_left]).standard_normal(len(space))
-        self._restarts_left -= 1
         self._restarting = True
-        point = np.clip(origin + _ELSEWHERE * direction, 0.0, 1.0)
-        self._search = self._search_from(space.from_unit(point), None)
+        origin = space.to_unit(space.initial)
+        if self._restarts_left == self._options.restarts and self._slopes is not None:
+            steps = np.diag(np.where(self._slopes > 0, -_ELSEWHERE, _ELSEWHERE))
+        else:
+            rng = np.random.default_rng([self._seed, self._restarts_left])
+            steps = _ELSEWHERE * rng.standard_normal((max(len(space) // 2, 1), len(space)))
+        self._restarts_left -= 1
+        return [np.clip(origin + step, 0.0, 1.0) for step in steps]
+
+    def _take_starts(self, trials: Sequence[Trial]) -> None:
+        self._polled = []
+        good = [trial for trial in trials if trial.residuals is not None]
+        if good:
+            found = min(good, key=lambda trial: rms(trial.residuals))
+            self._search = self._search_from(found.candidate, found.residuals)
 
 
 def rms(residual: FloatArray | None) -> float:
