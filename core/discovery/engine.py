@@ -10,14 +10,17 @@ import numpy as np
 from ..effect import Effect, Evidence
 from ..trajectory import FloatArray
 from .adequacy import Adequacy, judge
-from .axes import Axis, effect_axes
+from .axes import Axis, candidate_of, effect_axes
 from .explanation import Explanation, estimates_of
-from .problem import Problem
+from .problem import Problem, expanded
 from .refit import Refit, refit
 from .rules import believable, bic_difference, rivals
 from .score import Score, score_effect
 
 Listener = Callable[[str], None]
+
+_GOOD_START = 100.0
+"""Mean residual, in deviations, from which a fit finds its way."""
 
 _HOPELESS = 30.0
 """A short refit this many times worse than an adequate explanation is not worth a long one."""
@@ -227,14 +230,21 @@ class Engine:
     def _fit_from_somewhere(
         self, residual: Callable[[dict[str, float]], FloatArray | None], start: FloatArray
     ) -> Refit:
-        # A cell that is too small, or too slow for its current, ends before its record does: try roomier and faster
-        # ones (every belief moved up by as many deviations) before giving up.
-        for ease in (0.0, 1.0, 2.0, 3.0):
-            for soc_shift in (0.0, 4.0, -5.0, -15.0, -25.0):
+        # A cell that is too small, or too slow for its current, is empty before its record ends, and a fit that
+        # starts there is soon lost: start from the best of some roomier, faster and less full ones.
+        best: tuple[float, FloatArray] | None = None
+        for ease in (0.0, 0.5, 1.0, 1.5):
+            for soc_shift in (0.0, 3.0, -4.0):
                 shifted = start + np.array([ease if axis.prior else soc_shift for axis in self.axes])
-                fit = refit(residual, self.axes, shifted, None, self.settings.base_budget, 2e-2)
-                if fit is not None:
-                    return fit
+                here = residual(candidate_of(self.axes, shifted))
+                if here is not None and (best is None or float(here @ here) < best[0]):
+                    best = (float(here @ here), shifted)
+            if best is not None and best[0] < _GOOD_START**2 * len(self.problem.fitted[0]):
+                break
+        if best is not None:
+            fit = refit(residual, self.axes, best[1], None, self.settings.base_budget, 2e-2)
+            if fit is not None:
+                return fit
         from ..errors import BsaError
 
         raise BsaError(
@@ -408,7 +418,7 @@ class Engine:
 
     def _explanation(self, effects: tuple[Effect, ...], fit: Refit, score: Score | None) -> Explanation:
         problem = self.problem
-        raw = fit.residual * np.sqrt(problem.temper)
+        raw = expanded(fit.residual * np.sqrt(problem.temper))
         parts, sigmas, groups = [], [], []
         start = 0
         for observed, mask in zip(problem.observations, problem.fitted, strict=True):

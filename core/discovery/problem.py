@@ -17,6 +17,9 @@ from .observations import Observations
 _BLOCK = 6
 """Stretches that are held out together, where no whole record is."""
 
+_FAR = 300.0
+"""Residuals beyond this many deviations, a tenth of a volt or so, are drawn in."""
+
 _LARGEST_V = 0.02
 """A larger difference between two meshes is not corrected but feared."""
 
@@ -114,7 +117,7 @@ class Problem:
         predictions = self.predict(effects, candidate)
         if predictions is None:
             return None
-        return self.weighted(self.errors(predictions)) / np.sqrt(self.temper)
+        return compressed(self.weighted(self.errors(predictions))) / np.sqrt(self.temper)
 
     def correct_mesh(self, effects: Sequence[Effect], candidate: Candidate) -> float:
         """Measure at one candidate what the mesh and the tolerances do to the voltage, and correct for it.
@@ -210,6 +213,20 @@ class Problem:
             error = error_at(soc)
         self._held_soc[specimen.name, "last"] = soc
         return error
+
+
+def compressed(weighted: FloatArray) -> FloatArray:
+    """Residuals with those beyond a few hundred deviations drawn in: ``s arcsinh(r / s)``.
+
+    A candidate whose cell is empty before its record ends is volts off, and how many samples it is off by would
+    outweigh everything else that a fit could learn.
+    """
+    return np.asarray(_FAR * np.arcsinh(weighted / _FAR))
+
+
+def expanded(residual: FloatArray) -> FloatArray:
+    """The inverse of `compressed`."""
+    return np.asarray(_FAR * np.sinh(residual / _FAR))
 
 
 def _subset(observed: Observations, mask: NDArray[np.bool_]) -> Observations:

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from bsa.core.discovery.engine import Engine, Settings
 
 _spec = importlib.util.spec_from_file_location("discovery_toy", Path(__file__).with_name("toy.py"))

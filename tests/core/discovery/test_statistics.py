@@ -1,8 +1,5 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
 from bsa.core.discovery.adequacy import FALSE_ALARM, judge
 from bsa.core.discovery.axes import Axis
 from bsa.core.discovery.noise import voltage_noise
@@ -10,6 +7,8 @@ from bsa.core.discovery.refit import refit
 from bsa.core.discovery.score import score_effect
 from bsa.core.parameters import Parameter
 from bsa.core.trajectory import Step, StepKind, Trajectory
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 
 def axes(count):

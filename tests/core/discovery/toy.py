@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-
 from bsa.core.discovery.axes import Axis
 from bsa.core.discovery.laboratory import INITIAL_SOC, Prediction, Specimen
 from bsa.core.discovery.observations import observe
@@ -45,7 +44,9 @@ class ToyLaboratory:
     def predict(self, effects, candidate, specimen: Specimen, times, current, fine=False):
         record = specimen.record
         charge = np.interp(times, record.time, record.discharge_capacity)
-        voltage = 3.6 + 0.2 * candidate.get(INITIAL_SOC, 0.9) - 0.2 * charge - candidate["resistance factor"] * 0.05 * current
+        voltage = (
+            3.6 + 0.2 * candidate.get(INITIAL_SOC, 0.9) - 0.2 * charge - candidate["resistance factor"] * 0.05 * current
+        )
         full = marks(record.current, record.time)
         for added in effects:
             mark = np.interp(times, record.time, full[added.name])

@@ -1,0 +1,58 @@
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bsa.core.discovery.closure import fit_closure
+from bsa.core.discovery.localisation import in_words, localise
+from bsa.core.discovery.observations import observe
+from bsa.core.trajectory import Step, StepKind, Trajectory
+
+_spec = importlib.util.spec_from_file_location("discovery_toy", Path(__file__).with_name("toy.py"))
+toy = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(toy)
+
+
+def observed():
+    rng = np.random.default_rng(0)
+    specimen = toy.specimen("a", rng, {})
+    return observe("a", specimen.record, 298.15, 150)
+
+
+def test_an_error_under_load_is_found_under_load():
+    o = observed()
+    error = np.where(o.current > 2.0, 0.02, 0.0)
+    places = localise([o], [error], 1.0)
+    by_segment = {p.where: p for p in places if p.by == "segment"}
+    worst = max(by_segment.values(), key=lambda p: p.share)
+    assert "2.5C" in worst.where
+    assert worst.bias_mv == pytest.approx(20.0, rel=0.01)
+    for by in ("segment", "rate", "charge", "since step", "temperature"):
+        assert sum(p.share for p in places if p.by == by) == pytest.approx(1.0, abs=1e-6)
+    sentences = in_words(places, 1e-3)
+    assert sentences[0].startswith("measured voltage lies 20.0 mV above the model during a: CC discharge at 2.5C")
+
+
+def test_a_closure_describes_a_resistance():
+    o = observed()
+    closure = fit_closure([o], [-0.01 * o.current], 1.0)
+    assert closure.rmse_after_mv < 0.1 * closure.rmse_before_mv
+    assert "empirical" in closure.label
+
+
+def test_averages_keep_every_sample_and_the_noise():
+    o = observed()
+    rng = np.random.default_rng(0)
+    record = toy.specimen("a", rng, {}).record
+    assert o.count.sum() == len(record)
+    assert np.all(np.diff(o.time) > 0)
+    assert o.noise == pytest.approx(1e-3, rel=0.25)
+
+
+def test_two_samples_with_one_stamp_stand_on_either_side_of_the_jump():
+    time = np.array([0.0, 10.0, 20.0, 30.0, 30.0, 40.0, 50.0])
+    current = np.array([0.0, 0, 0, 0, 2, 2, 2])
+    steps = (Step(StepKind.REST, 0, 4), Step(StepKind.CC_DISCHARGE, 4, 7))
+    o = observe("a", Trajectory(time, current, 4.0 - 0.1 * current, None, steps))
+    assert o.time[3] < 30.0
+    assert o.time[4] == 30.0

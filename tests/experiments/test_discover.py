@@ -1,0 +1,80 @@
+import json
+
+import numpy as np
+import pytest
+from bsa.core.errors import BsaError
+from bsa.core.task import CellModel
+from bsa.experiments.discover import DiscoverOptions, discover, effects_of
+from bsa.experiments.discovery_bench.cases import recipes
+from bsa.experiments.discovery_bench.hidden_cell import Hidden, Leg, measure
+from bsa.experiments.discovery_bench.making import _write
+
+
+def test_the_benchmark_covers_what_it_must():
+    cases = list(recipes())
+    assert len(cases) >= 40
+    assert len({case.chemistry for case in cases}) >= 4
+    assert sum(case.setting == "none" for case in cases) >= 8
+    assert sum(case.setting == "outside" for case in cases) >= 4
+    names = {effect.name for effect in effects_of(None)}
+    for setting in ("weak", "strong"):
+        hidden = {key.split(" (")[0] for case in cases if case.setting == setting for key in case.effects}
+        assert hidden == names
+
+
+def test_an_unknown_effect_is_an_error_with_a_hint():
+    with pytest.raises(BsaError, match="self-heting"):
+        effects_of(["self-heting"])
+
+
+def test_options_refuse_what_they_do_not_know():
+    with pytest.raises(ValueError, match="Extra"):
+        DiscoverOptions.model_validate({"data": ["a.csv"], "parameters": "Chen2020", "out": "x", "dta": []})
+
+
+@pytest.mark.slow
+def test_a_hidden_resistance_is_found_from_files(tmp_path):
+    effects = {effect.key: effect for effect in effects_of(None)}
+    resistance = effects["contact-resistance"]
+    name = resistance.full_name(resistance.strength)
+    shifts = {"Positive particle diffusivity [m2.s-1] factor": 1.3, "Negative particle radius [m] factor": 1.1}
+    hidden = Hidden((resistance,), {name: 0.02}, shifts, 1e-3)
+    rng = np.random.default_rng(8)
+    legs = [Leg(0.0, 200.0), Leg(1.0, 1500.0), Leg(0.0, 900.0), Leg(2.0, 60.0, period=2.0), Leg(0.0, 300.0)]
+    legs += [Leg(0.3, 1500.0), Leg(0.0, 600.0)]
+    cell = CellModel("Chen2020", "SPMe")
+    for file, soc in (("a.csv", 0.9), ("held.csv", 0.8)):
+        _write(tmp_path / file, measure(cell, hidden, legs, soc, 298.15, rng))
+    options = DiscoverOptions(
+        data=[tmp_path / "a.csv"],
+        holdout=[tmp_path / "held.csv"],
+        parameters="Chen2020",
+        model="SPMe",
+        ambient_c=25.0,
+        scale=False,
+        effects=["contact-resistance", "voltage-offset"],
+        points=200,
+        out=tmp_path / "out",
+    )
+    found = discover(options)
+    assert found.verdict == "effect-found", found.findings.reason
+    assert found.names == ("contact-resistance",)
+    assert found.gap["closed"] > 0.95
+    content = json.loads((tmp_path / "out" / "discovery.json").read_text())
+    assert {
+        "verdict",
+        "effects",
+        "localisation",
+        "candidates",
+        "gap",
+        "next_experiment",
+        "simulations",
+        "wall_s",
+    } <= set(content)
+    (effect,) = content["effects"]
+    assert effect["parameters"][0]["value"] == pytest.approx(0.02, rel=0.25)
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "contact-resistance" in page
+    assert "<svg" in page
+    assert "<script" not in page
+    compile((tmp_path / "out" / "augmented_model.py").read_text(), "augmented_model.py", "exec")
