@@ -61,7 +61,7 @@ def run(
     backend_option: Annotated[
         list[str] | None, typer.Option("--backend-option", help="Option of the backend, key=value; repeat.")
     ] = None,
-    scaffold: Annotated[str, typer.Option(help="Scaffold by name, or the path of a YAML file.")] = "full",
+    scaffold: Annotated[str, typer.Option(help="Scaffold by name, or the path of a YAML file.")] = "hybrid",
     rounds: Annotated[int, typer.Option(min=0, help="Search rounds at most.")] = 80,
     warmup: Annotated[int, typer.Option(min=0, help="Warm-up simulations at most.")] = 20,
     simulations: Annotated[int, typer.Option(min=1, help="Simulations at most, in all.")] = 100,
