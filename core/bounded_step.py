@@ -79,4 +79,4 @@ def _damped(factor: FloatArray, target: FloatArray, lower: FloatArray, upper: Fl
     if np.all(free >= lower) and np.all(free <= upper):
         return np.asarray(free)
     found = lsq_linear(stacked, wanted, bounds=(lower, upper), method="bvls").x
-    return np.clip(found, lower, upper)
+    return np.asarray(np.clip(found, lower, upper))

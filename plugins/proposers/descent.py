@@ -157,8 +157,9 @@ class Descent:
             self._out_of_ideas = True
             return
         self._search.tell([trial.residuals for trial in trials])
-        if self._slopes is None and self._search.jacobian is not None and self._search.stage == "step":
-            self._slopes = self._search.jacobian.T @ self._search.residual
+        jacobian, residual = self._search.jacobian, self._search.residual
+        if self._slopes is None and jacobian is not None and residual is not None and self._search.stage == "step":
+            self._slopes = jacobian.T @ residual
         if self._restarting and self._best is not None:
             self._restarting = self._search.cost > self._best.cost
 

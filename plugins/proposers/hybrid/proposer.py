@@ -15,6 +15,7 @@ NeurIPS 2024, arXiv:2410.10452.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -136,7 +137,7 @@ class HybridProposer:
             self._main.adopt(self._agent_best)
         return self._main
 
-    def _take_own(self, trials: tuple[Trial, ...] | list[Trial]) -> None:
+    def _take_own(self, trials: Sequence[Trial]) -> None:
         self._agent_spent += len(trials)
         if self._excursion is not None:
             self._excursion.tell(trials)
