@@ -141,6 +141,9 @@ def discover(options: DiscoverOptions, listener: Listener = lambda text: None) -
     return discovery
 
 
+_ADDED = ("Contact resistance [Ohm]",)
+"""Overrides that a calibration task brings along with its options."""
+
 _PROBLEMS: dict[int, Problem] = {}
 
 
@@ -172,8 +175,13 @@ def read_case(options: DiscoverOptions) -> Case:
         specimens.append(Specimen(name, experiment.target, experiment.temperature_k))
     starts = {s.name: e.initial_soc for s, e in zip(specimens, task.experiments, strict=True)}
     count = len(options.data)
+    # A calibration task may add options for what it searches; here the base model is what was asked for.
+    fixed = {
+        name: value for name, value in task.cell.overrides.items() if name not in _ADDED or name in options.overrides
+    }
+    cell = CellModel(task.cell.parameter_set, options.model, dict(options.options), fixed)
     return Case(
-        task.cell,
+        cell,
         tuple(specimens[:count]),
         tuple(specimens[count:]),
         {name: soc for name, soc in starts.items() if soc is not None},
