@@ -84,6 +84,11 @@ class CompiledExperiment:
         Mesh and tolerances.
     baked : mapping of str to float, optional
         Values built into the model; needed for geometry on the standard mesh.
+
+    Attributes
+    ----------
+    simulation : pybamm.Simulation
+        The compiled simulation itself.
     """
 
     def __init__(
@@ -118,7 +123,7 @@ class CompiledExperiment:
         if by_current:
             drive.widen_cut_offs(values)
         points = dict.fromkeys(("x_n", "x_s", "x_p", "r_n", "r_p"), accuracy.points)
-        self._simulation = pybamm.Simulation(
+        self.simulation = pybamm.Simulation(
             model,
             experiment=pybamm.Experiment([tuple(cycle) for cycle in self._steps], period="30 seconds"),
             parameter_values=values,
@@ -129,7 +134,7 @@ class CompiledExperiment:
             # Steps of a measured current differ in value alone: one shared model serves them all.
             experiment_model_mode="unified" if by_current else "legacy",
         )
-        keep_solver_steps_of_holds(self._simulation.experiment)
+        keep_solver_steps_of_holds(self.simulation.experiment)
 
     def _solver_options(self) -> dict[str, float]:
         drives = [
@@ -148,6 +153,20 @@ class CompiledExperiment:
             options["dt_max"] = max(60.0, 20.0 * max(float(np.median(np.diff(time))) for time in drives))
         return options
 
+    def inputs(self, candidate: Candidate) -> dict[str, float]:
+        """What PyBaMM's solve is given for a candidate.
+
+        Raises
+        ------
+        ValueError
+            If the electrodes cannot start at the wanted state of charge.
+        """
+        inputs = {name: float(candidate[name]) for name in self._inputs}
+        soc = _first_of(self._soc_names, candidate, self._initial_soc)
+        if self._state is not None and soc is not None:
+            inputs |= self._state.concentrations(candidate, soc)
+        return inputs
+
     def solve(self, candidate: Candidate, on_step: Callable[[str, int], None] | None = None) -> ExperimentRun:
         """Simulate one candidate.
 
@@ -165,17 +184,15 @@ class CompiledExperiment:
             With the partial trajectory and the failed step if it did not finish.
         """
         watcher = _Watcher(on_step)
-        inputs = {name: float(candidate[name]) for name in self._inputs}
-        soc = _first_of(self._soc_names, candidate, self._initial_soc)
         cause = ""
-        self._simulation._solution = None  # a failed solve must not show its predecessor's result
+        self.simulation._solution = None  # a failed solve must not show its predecessor's result
         try:
-            if self._state is not None and soc is not None:
-                inputs |= self._state.concentrations(candidate, soc)
-            self._simulation.solve(inputs=inputs, calc_esoh=False, callbacks=[watcher], showprogress=False)
+            self.simulation.solve(
+                inputs=self.inputs(candidate), calc_esoh=False, callbacks=[watcher], showprogress=False
+            )
         except (pybamm.SolverError, ValueError, ArithmeticError, RuntimeError) as error:
             cause = _first_line(error)
-        trajectory = to_trajectory(self._simulation._solution, self._steps)
+        trajectory = to_trajectory(self.simulation._solution, self._steps)
         if trajectory is not None and self._experiment.protocol is None:
             trajectory = at_samples_of(self._experiment.target, trajectory)
         cause = cause or watcher.cause

@@ -1,0 +1,126 @@
+"""What one evaluation costs, against PyBaMM by itself; and what the loop adds to a round."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...backends.rules.backend import RulesBackend
+from ...core.messages import Usage
+from ...core.proposal import Proposal
+from ...core.run_config import RunConfig
+from ...core.scaffold import load_scaffold
+from ...core.trial import Phase, Trial
+from ...plugins.pybamm.compiled import CompiledExperiment, solve_reference
+from ...plugins.pybamm.worker import Assignment, WorkerPool
+from ..run import execute_run
+from ..tasks.find import find_task
+
+
+@dataclass(frozen=True)
+class EvaluationCost:
+    """Medians of one process on one machine, in seconds.
+
+    Attributes
+    ----------
+    solver_s : float
+        PyBaMM's own solve of the compiled model: the floor.
+    evaluation_s : float
+        Our evaluation in the same process: solve and trajectory.
+    worker_s : float
+        The same through a worker process, as runs do it.
+    rebuild_s : float
+        Building the model for every evaluation, on the standard mesh.
+    loop_s : float
+        What the loop, the memories, the rules and the journal add to a round.
+    repeats : int
+        How many evaluations each median is over.
+    """
+
+    solver_s: float
+    evaluation_s: float
+    worker_s: float
+    rebuild_s: float
+    loop_s: float
+    repeats: int
+
+    def lines(self) -> list[str]:
+        """The figures as ratios and times, one a line."""
+        return [
+            f"PyBaMM's solve of the compiled model: {self.solver_s:.3f} s (median of {self.repeats})",
+            f"evaluation in this process: {self.evaluation_s / self.solver_s:.2f} x",
+            f"evaluation in a worker process: {self.worker_s / self.solver_s:.2f} x",
+            f"rebuild per evaluation: {self.rebuild_s / self.solver_s:.1f} x",
+            f"the loop's own cost a round: {1e3 * self.loop_s:.1f} ms",
+        ]
+
+
+def measure_evaluation(task_name: str = "demo", repeats: int = 15) -> EvaluationCost:
+    """Time a task's evaluations in every way, one after the other.
+
+    Parameters
+    ----------
+    task_name : str
+        A task, as ``bsa run`` takes it.
+    repeats : int
+        Evaluations a median.
+    """
+    task = find_task(task_name)
+    (experiment, *_), candidate = task.experiments, task.space.initial
+    compiled = CompiledExperiment(task.cell, experiment, task.space.names)
+    compiled.solve(candidate)
+    inputs = compiled.inputs(candidate)
+    solver_s = _median(lambda: compiled.simulation.solve(inputs=inputs, calc_esoh=False), repeats)
+    evaluation_s = _median(lambda: compiled.solve(candidate), repeats)
+    pool = WorkerPool(Assignment(task.cell, (experiment,), task.space.names), 1, 60.0)
+    try:
+        pool.simulate([candidate], False, lambda place, outcome: None)
+        worker_s = _median(lambda: pool.simulate([candidate], False, lambda place, outcome: None), repeats)
+    finally:
+        pool.close()
+    rebuild_s = _median(lambda: solve_reference(task.cell, experiment, candidate), max(repeats // 5, 2))
+    return EvaluationCost(solver_s, evaluation_s, worker_s, rebuild_s, _loop_cost(task_name), repeats)
+
+
+def _median(action: Callable[[], object], repeats: int) -> float:
+    times: list[float] = []
+    for _ in range(repeats):
+        started = time.perf_counter()
+        action()
+        times.append(time.perf_counter() - started)
+    return float(np.median(times))
+
+
+class _RoundTimer:
+    """Times a run's rounds, less what the simulator and the backend took."""
+
+    def __init__(self) -> None:
+        self.own_s: list[float] = []
+        self._last = time.perf_counter()
+        self._backend_s = 0.0
+
+    def proposed(self, proposal: Proposal, phase: Phase, number: int) -> None:
+        """See `Listener.proposed`."""
+
+    def tried(self, trial: Trial, best: Trial, usage: Usage) -> None:
+        """See `Listener.tried`."""
+        now = time.perf_counter()
+        if trial.phase == "search":
+            self.own_s.append(now - self._last - trial.seconds - (usage.seconds - self._backend_s))
+        self._last, self._backend_s = now, usage.seconds
+
+    def noted(self, text: str) -> None:
+        """See `Listener.noted`."""
+
+
+def _loop_cost(task_name: str) -> float:
+    timer = _RoundTimer()
+    config = RunConfig(scaffold=load_scaffold("full"), rounds=20, warm_up=10, simulations=31, patience=20)
+    with tempfile.TemporaryDirectory() as folder:
+        execute_run(find_task(task_name), config, Path(folder) / "run", RulesBackend(), listener=timer)
+    return float(np.median(timer.own_s))

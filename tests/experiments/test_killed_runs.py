@@ -1,0 +1,87 @@
+"""A run killed at any moment goes on where it stopped, to the same result."""
+
+import json
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from bsa.core.journal import read_events
+from bsa.experiments.tasks.find import PACKAGED
+
+TASK = f"""
+name: short
+parameter_set: Chen2020
+model: SPM
+search:
+  "Negative particle radius [m]": {{factors: [0.5, 2]}}
+  "Positive electrode thickness [m]": {{factors: [0.7, 1.5]}}
+experiments:
+  - data: {PACKAGED / "demo.csv"}
+    initial_soc: 0.05
+"""
+COMMAND = [sys.executable, "-c", "from bsa.experiments.cli.main import run_main; run_main()"]
+SETTINGS = ["--scaffold", "full", "--warmup", "5", "--rounds", "6", "--simulations", "10", "--workers", "2"]
+
+
+def command(folder: Path, *arguments: str) -> list[str]:
+    return [*COMMAND, str(folder / "task.yaml"), *SETTINGS, *arguments]
+
+
+def trials(folder: Path) -> list[tuple[int, dict[str, float], float | None]]:
+    found = [event for event in read_events(folder) if event["event"] == "trial"]
+    return sorted(
+        (event["index"], event["candidate"], event["metrics"] and event["metrics"]["objective"]) for event in found
+    )
+
+
+@pytest.mark.slow
+def test_a_run_killed_at_random_moments_ends_like_an_uninterrupted_one(tmp_path: Path) -> None:
+    (tmp_path / "task.yaml").write_text(TASK)
+    started = time.monotonic()
+    whole = subprocess.run(
+        command(tmp_path, "--out", str(tmp_path / "whole")), capture_output=True, text=True, check=False
+    )
+    lasted = time.monotonic() - started
+    assert whole.returncode == 0, whole.stderr
+    rng = random.Random(20)
+    killed = tmp_path / "killed"
+    arguments = ["--out", str(killed)]
+    kills = 0
+    for _ in range(4):
+        process = subprocess.Popen(command(tmp_path, *arguments), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            process.wait(rng.uniform(0.2, 1.0) * lasted)
+        except subprocess.TimeoutExpired:
+            process.send_signal(signal.SIGKILL)
+            process.wait()
+            kills += 1
+        if (killed / "journal.jsonl").exists() and (killed / "journal.jsonl").stat().st_size:
+            arguments = ["--resume", str(killed)]
+    assert kills > 0
+    last = subprocess.run([*COMMAND, "--resume", str(killed)], capture_output=True, text=True, check=False)
+    assert last.returncode == 0, last.stderr
+    assert trials(killed) == trials(tmp_path / "whole")
+    results = [json.loads((folder / "result.json").read_text()) for folder in (killed, tmp_path / "whole")]
+    for key in ("status", "initial", "best", "simulations", "llm_calls"):
+        assert results[0][key] == results[1][key]
+
+
+@pytest.mark.slow
+def test_an_interrupt_is_said_and_can_be_resumed(tmp_path: Path) -> None:
+    (tmp_path / "task.yaml").write_text(TASK)
+    process = subprocess.Popen(
+        command(tmp_path, "--out", str(tmp_path / "run")), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    while not (tmp_path / "run" / "journal.jsonl").exists() or not trials(tmp_path / "run"):
+        assert process.poll() is None
+        time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert f"bsa-run --resume {tmp_path / 'run'}" in said
+    assert "Traceback" not in said
+    assert (tmp_path / "run" / "report.html").exists()
