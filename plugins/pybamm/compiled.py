@@ -101,6 +101,7 @@ class CompiledExperiment:
     ) -> None:
         self._experiment = experiment
         model = make_model(cell)
+        self._heats = model.options["thermal"] != "isothermal"
         values = load(cell.parameter_set, cell.overrides)
         if experiment.temperature_k is not None:
             values.update(
@@ -192,7 +193,7 @@ class CompiledExperiment:
             )
         except (pybamm.SolverError, ValueError, ArithmeticError, RuntimeError) as error:
             cause = _first_line(error)
-        trajectory = to_trajectory(self.simulation._solution, self._steps)
+        trajectory = to_trajectory(self.simulation._solution, self._steps, self._heats)
         if trajectory is not None and self._experiment.protocol is None:
             trajectory = at_samples_of(self._experiment.target, trajectory)
         cause = cause or watcher.cause

@@ -15,7 +15,7 @@ _FIRST_SAMPLE_S, _SAMPLE_GROWTH, _LONGEST_SAMPLE_S = 0.1, 1.15, 30.0
 """Sampling of a voltage hold, whose current falls fastest at its start: every 30 s would miss 1 % of its charge."""
 
 
-_SIGNALS = ("Current [A]", "Voltage [V]", "Volume-averaged cell temperature [K]")
+_CURRENT, _VOLTAGE, _TEMPERATURE = "Current [A]", "Voltage [V]", "Volume-averaged cell temperature [K]"
 
 
 _AT_JUMP_S = 1e-6
@@ -57,7 +57,9 @@ def _sample_times(part: Any, kind: StepKind) -> FloatArray:
     return np.append(stored[0] + np.array(offsets), stored[-1])
 
 
-def to_trajectory(solution: Any, protocol_steps: Sequence[Sequence[Any]]) -> Trajectory | None:
+def to_trajectory(
+    solution: Any, protocol_steps: Sequence[Sequence[Any]], with_temperature: bool = True
+) -> Trajectory | None:
     """Join the solved steps of an experiment.
 
     Parameters
@@ -66,6 +68,9 @@ def to_trajectory(solution: Any, protocol_steps: Sequence[Sequence[Any]]) -> Tra
         What the simulation reached.
     protocol_steps : sequence of sequence of pybamm steps
         The experiment's cycles, each with its steps.
+    with_temperature : bool
+        Whether to read the temperature; of an isothermal cell it says nothing, and reading a variable costs
+        a few per cent of a solve.
 
     Returns
     -------
@@ -76,9 +81,9 @@ def to_trajectory(solution: Any, protocol_steps: Sequence[Sequence[Any]]) -> Tra
     if solution is None or not getattr(solution, "cycles", None):
         return None
     times: list[FloatArray] = []
-    currents: list[FloatArray] = []
-    voltages: list[FloatArray] = []
-    temperatures: list[FloatArray] = []
+    signals: dict[str, list[FloatArray]] = {_CURRENT: [], _VOLTAGE: []}
+    if with_temperature:
+        signals[_TEMPERATURE] = []
     steps: list[Step] = []
     count = 0
     for number, (cycle, recipe) in enumerate(zip(solution.cycles, protocol_steps, strict=False), start=1):
@@ -90,7 +95,7 @@ def to_trajectory(solution: Any, protocol_steps: Sequence[Sequence[Any]]) -> Tra
             kind = step_kind(step)
             time = _sample_times(part, kind)
             times.append(time)
-            for signal, name in zip((currents, voltages, temperatures), _SIGNALS, strict=True):
+            for name, signal in signals.items():
                 signal.append(part[name](time) if kind is StepKind.CV_HOLD else part[name].entries)
             steps.append(Step(kind, count, count + len(time), number, str(step), position))
             count += len(time)
@@ -100,9 +105,9 @@ def to_trajectory(solution: Any, protocol_steps: Sequence[Sequence[Any]]) -> Tra
     stamps = np.maximum.accumulate(np.concatenate(times))
     return Trajectory(
         stamps - stamps[0],
-        np.concatenate(currents),
-        np.concatenate(voltages),
-        np.concatenate(temperatures),
+        np.concatenate(signals[_CURRENT]),
+        np.concatenate(signals[_VOLTAGE]),
+        np.concatenate(signals[_TEMPERATURE]) if with_temperature else None,
         tuple(steps),
     )
 

@@ -70,7 +70,15 @@ def test_steps_carry_kind_cycle_position_and_words(chen: CompiledExperiment) -> 
     assert [step.position for step in trajectory.steps] == [0, 1, 2]
     assert trajectory.steps[0].label == "Discharge at 1C for 10 minutes"
     assert trajectory.current[5] == pytest.approx(5.0)
-    assert np.all(trajectory.temperature == pytest.approx(298.15))
+
+
+@pytest.mark.slow
+def test_a_cell_that_heats_tells_its_temperature() -> None:
+    cell = CellModel("Chen2020", "SPM", {"thermal": "lumped"})
+    trajectory = CompiledExperiment(cell, protocol(), ()).solve({}).trajectory
+    assert trajectory is not None
+    assert trajectory.temperature is not None
+    assert 298.15 < np.max(trajectory.temperature) < 310.0
 
 
 @pytest.mark.slow
