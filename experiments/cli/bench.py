@@ -1,0 +1,149 @@
+"""``bsa bench``: the studies, one command each, resumable and seeded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from ..suite.case import SuiteCase
+
+bench_app = typer.Typer(help="Run the studies: one command each, seeded, resumable.", no_args_is_help=True)
+
+Suite = Annotated[str, typer.Option(help="published, generated or random.")]
+Cases = Annotated[str | None, typer.Option(help='How many cases, or which: "10", "regular-134", "extreme-*".')]
+Scaffolds = Annotated[str, typer.Option(help="Scaffolds, joined by commas.")]
+Simulations = Annotated[int, typer.Option(min=1, help="Simulations a run at most.")]
+Workers = Annotated[int, typer.Option(min=1, help="Runs side by side.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed for everything random.")]
+Backend = Annotated[str, typer.Option(help="Language model, as bsa run takes it.")]
+Out = Annotated[Path, typer.Option(help="Folder for tables, figures and finished cells.")]
+
+
+def _chosen(suite: str, cases: str | None, seed: int) -> list[SuiteCase]:
+    from ..suite.selection import choose, load_suite
+
+    return list(choose(load_suite(suite, seed=seed), cases).values())
+
+
+@bench_app.command("suite")
+def suite_command(
+    suite: Suite = "published",
+    cases: Cases = None,
+    scaffolds: Scaffolds = "default,least-squares,hybrid",
+    simulations: Simulations = 100,
+    workers: Workers = 2,
+    seed: Seed = 1234,
+    backend: Backend = "rules",
+    out: Out = Path("results/suite"),
+) -> None:
+    """The paper's main table: errors by mode and chemistry, with the paper's rows beside."""
+    from ..studies.suite import suite_study
+
+    suite_study(_chosen(suite, cases, seed), out, scaffolds.split(","), simulations, workers, seed, backend)
+    print(f"{out / 'table.md'}")
+
+
+@bench_app.command("runtime")
+def runtime_command(
+    case: Annotated[str, typer.Option(help="The case to time.")] = "regular-1",
+    suite: Suite = "generated",
+    scaffolds: Scaffolds = "full,hybrid,cma-es",
+    steps: Annotated[int, typer.Option(min=10, help="Steps of the outer loop.")] = 20,
+    seed: Seed = 1234,
+    backend: Backend = "rules",
+    out: Out = Path("results/runtime"),
+) -> None:
+    """Matched steps: simulator, model and proposer time, first five against last five."""
+    from ..studies.runtime import runtime_study
+
+    (chosen, *_) = _chosen(suite, case if not case.isdigit() else f"regular-{case}", seed)
+    runtime_study(chosen, out, scaffolds.split(","), steps, seed, backend)
+    print(f"{out / 'runtime.md'}")
+
+
+@bench_app.command("recovery")
+def recovery_command(
+    suite: Suite = "published",
+    cases: Cases = "10",
+    scaffolds: Scaffolds = "full,hybrid",
+    simulations: Simulations = 100,
+    workers: Workers = 2,
+    seed: Seed = 1234,
+    backend: Backend = "rules",
+    out: Out = Path("results/recovery"),
+) -> None:
+    """Whether a better fit means better parameters, and what held-out rates say."""
+    from ..studies.recovery import recovery_study
+
+    recovery_study(_chosen(suite, cases, seed), out, scaffolds.split(","), simulations, workers, seed, backend)
+    print(f"{out}")
+
+
+@bench_app.command("warmup")
+def warmup_command(
+    suite: Suite = "published",
+    cases: Cases = "10",
+    scaffold: Annotated[str, typer.Option(help="Scaffold whose warm-up is exchanged.")] = "full",
+    simulations: Simulations = 100,
+    workers: Workers = 2,
+    seed: Seed = 1234,
+    backend: Backend = "rules",
+    out: Out = Path("results/warmup"),
+) -> None:
+    """Random against proposed perturbations."""
+    from ..studies.warmup import warmup_study
+
+    warmup_study(
+        _chosen(suite, cases, seed),
+        out,
+        scaffold,
+        simulations=simulations,
+        workers=workers,
+        seed=seed,
+        backend=backend,
+    )
+    print(f"{out / 'warmup.md'}")
+
+
+@bench_app.command("evaluation")
+def evaluation_command(
+    task: Annotated[str, typer.Argument(help="Task to evaluate.")] = "demo",
+    repeats: Annotated[int, typer.Option(min=3, help="Evaluations a median is over.")] = 15,
+) -> None:
+    """What one evaluation costs against PyBaMM by itself, and what the loop adds to a round."""
+    from ..studies.evaluation import measure_evaluation
+
+    print("\n".join(measure_evaluation(task, repeats).lines()))
+
+
+@bench_app.command("discovery")
+def discovery_command(
+    make: Annotated[Path | None, typer.Option(help="Make the blind cases in this folder, answers sealed.")] = None,
+    run: Annotated[Path | None, typer.Option(help="Run the cases of this folder that have no result yet.")] = None,
+    score: Annotated[Path | None, typer.Option(help="Open the answers of this folder and mark the results.")] = None,
+    count: Annotated[int | None, typer.Option(min=1, help="How many cases to make; left out, all.")] = None,
+    workers: Workers = 2,
+    seed: Seed = 2026,
+    backend: Annotated[str | None, typer.Option(help="Language model that ranks effects too.")] = None,
+    hide_names: Annotated[bool, typer.Option(help="Show the model effects under names without meaning.")] = False,
+) -> None:
+    """Blind cases for discovery: make them, run them, mark them."""
+    from ..discovery_bench.making import make_cases
+    from ..discovery_bench.running import run_cases
+    from ..discovery_bench.scoring import as_markdown, case_table, mark_cases
+
+    if make is None and run is None and score is None:
+        from ...core.errors import BsaError
+
+        raise BsaError("nothing was asked for.", "give --make DIR, --run DIR, --score DIR, or several of them.")
+    if make is not None:
+        make_cases(make, count, seed, print)
+    if run is not None:
+        run_cases(run, workers, backend, hide_names, listener=print)
+    if score is not None:
+        marked = mark_cases(score)
+        print(as_markdown(marked))
+        print(case_table(marked))
