@@ -1,0 +1,41 @@
+"""What the documentation says of hooks and commands is what the code has."""
+
+import inspect
+import re
+from pathlib import Path
+
+import pytest
+from bsa.core.hooks import CatalogueHooks, RunHooks
+
+ROOT = Path(__file__).parents[2]
+
+
+def hooks(owner: type) -> list[tuple[str, str]]:
+    found = []
+    for name, function in inspect.getmembers(owner, inspect.isfunction):
+        names = [parameter for parameter in inspect.signature(function).parameters if parameter != "self"]
+        found.append((name, f"`{name}({', '.join(names)})`"))
+    return found
+
+
+@pytest.mark.parametrize(("name", "signature"), [*hooks(CatalogueHooks), *hooks(RunHooks)])
+def test_every_hook_is_documented_with_its_signature(name: str, signature: str) -> None:
+    assert signature in (ROOT / "docs" / "plugins.md").read_text()
+    owner = CatalogueHooks if hasattr(CatalogueHooks, name) else RunHooks
+    assert getattr(owner, name).__doc__
+
+
+def test_the_ci_script_runs_the_readmes_test_command() -> None:
+    readme = (ROOT / "README.md").read_text()
+    commands = re.findall(r"```sh\n(.*?)```", readme, re.DOTALL)
+    test_command = next(command for command in commands if "pytest" in command)
+    script = (ROOT / ".ci" / "run").read_text()
+    for part in re.findall(r"pip install ([^&\n]*)", test_command):
+        assert part.strip() in script.replace("--quiet ", "")
+    assert "python -m pytest" in script
+
+
+def test_links_in_the_documentation_lead_somewhere() -> None:
+    for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
+        for target in re.findall(r"\]\((?!https?:)([^)#]+)\)", page.read_text()):
+            assert (page.parent / target).exists(), f"{page.name}: {target}"
