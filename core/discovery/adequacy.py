@@ -29,14 +29,14 @@ class Adequacy:
         Probability that noise alone leaves neighbours agreeing this much.
     structured_v : float
         Root mean square of what neighbouring stretches agree on, beyond noise, V.
-    dispersion : float
-        Sum of squares over degrees of freedom, stretched for neighbours that repeat one another; 1 or more.
+    repetition : float
+        How many neighbours say what one would: ``(1 + r) / (1 - r)`` with ``r`` their correlation.
     """
 
     p_size: float
     p_structure: float
     structured_v: float
-    dispersion: float
+    repetition: float
 
     @property
     def adequate(self) -> bool:
@@ -90,5 +90,5 @@ def judge(
         float(stats.chi2.sf(total, freedom)),
         float(stats.chi2.sf(squares, block_freedom)),
         float(np.sqrt(max(np.mean(excess), 0.0))),
-        max(1.0, total / freedom * (1 + correlation) / (1 - correlation)),
+        (1 + correlation) / (1 - correlation),
     )

@@ -118,7 +118,7 @@ class Discovery:
 
     def _effects(self, best: Explanation) -> list[Json]:
         rivals = [list(rival.names) for rival in self.findings.rivals]
-        margin = bic_difference(self.findings.base, best, best.adequacy.dispersion)
+        margin = bic_difference(self.findings.base, best)
         rows = []
         for effect in best.effects:
             nomination = next((n for n in self.findings.nominations if n.effect.key == effect.key), None)
@@ -184,7 +184,7 @@ class Discovery:
             reason = reason or "explains the data less well than the best, or needs more effects for the same"
         return {
             "refit_rmse_mv": 1e3 * explanation.rmse_v,
-            "delta_bic": bic_difference(found.base, explanation, explanation.adequacy.dispersion),
+            "delta_bic": bic_difference(found.base, explanation),
             "holdout_rmse_mv": 1e3 * explanation.held_rmse_v,
             "parameters": {key: [asdict(e) for e in rows] for key, rows in explanation.estimates.items()},
             "converged": explanation.fit.converged,

@@ -12,14 +12,17 @@ from ..trajectory import FloatArray
 from .adequacy import Adequacy, judge
 from .axes import Axis, candidate_of, effect_axes
 from .explanation import Explanation, estimates_of
-from .problem import Problem, expanded
+from .problem import Problem
 from .refit import Refit, refit
 from .rules import believable, bic_difference, rivals
 from .score import Score, score_effect
 
 Listener = Callable[[str], None]
 
-_GOOD_START = 100.0
+_COARSE_V, _MIDDLE_V = 0.03, 0.005
+"""Misfits with which the base fit begins, V."""
+
+_GOOD_START = 3.0
 """Mean residual, in deviations, from which a fit finds its way."""
 
 _HOPELESS = 30.0
@@ -160,10 +163,12 @@ class Engine:
             return Findings("no-missing-effect", base, base, reason=_why_adequate(base), mesh_v=mesh_v)
         self._say(f"a discrepancy of {1e3 * base.adequacy.structured_v:.2f} mV remains; nominating effects")
         calm = self.temper(base)
+        if calm.rmse_v < base.rmse_v:
+            base = calm
         nominations = self.nominate(calm)
         explanations = self._sorted(self.untemper(base, self.confirm(calm, nominations)))
         if self.settings.max_effects > 1 and explanations and not explanations[0].adequacy.adequate:
-            self.problem.temper = _misfit(explanations[0])
+            self.problem.misfit_v = explanations[0].misfit_v
             pairs = self.pair(base, [self._again(e) for e in explanations[:2]], nominations)
             explanations = self._sorted(explanations + self.untemper(base, pairs))
         findings = self.decide(base, explanations)
@@ -176,7 +181,12 @@ class Engine:
         settings = self.settings
         start = np.zeros(len(self.axes))
         residual = self._residual(())
+        # From coarse to fine: first the shape to within 30 mV, then 5 mV, then down to the noise.
+        self.problem.misfit_v = _COARSE_V
         fit = self._fit_from_somewhere(residual, start)
+        self.problem.misfit_v = _MIDDLE_V
+        fit = refit(residual, self.axes, fit.u, None, settings.base_budget // 2, 2e-2) or fit
+        self.problem.misfit_v = 0.0
         mesh_v = self.problem.correct_mesh((), fit.candidate)
         self._say(f"mesh and tolerances: {1e3 * mesh_v:.2f} mV, corrected")
         fit = refit(residual, self.axes, fit.u, None, settings.base_budget) or fit
@@ -200,7 +210,7 @@ class Engine:
         Weighed against noise, a model that lacks something bends its parameters to any length, and hides what it
         lacks; weighed against its own misfit it keeps to what is believed of them.
         """
-        self.problem.temper = _misfit(base)
+        self.problem.misfit_v = base.misfit_v
         return self._again(base, fresh=True)
 
     def untemper(self, base: Explanation, explanations: Sequence[Explanation]) -> list[Explanation]:
@@ -210,18 +220,18 @@ class Engine:
         for explanation in ranked[: self.settings.settled]:
             current = explanation
             for _ in range(3):
-                before = self.problem.temper
-                self.problem.temper = min(_misfit(current), before)
+                before = self.problem.misfit_v
+                self.problem.misfit_v = min(current.misfit_v, before)
                 current = self._again(current, fresh=False)
-                if self.problem.temper > 0.5 * before or current.adequacy.adequate:
+                if self.problem.misfit_v > 0.5 * before or current.adequacy.adequate:
                     break
             self._tell(base, current)
             result.append(current)
-            self.problem.temper = _misfit(base)
+            self.problem.misfit_v = base.misfit_v
         return result
 
     def _again(self, explanation: Explanation, fresh: bool = False) -> Explanation:
-        """The same explanation, fitted on from where it is at the present temper."""
+        """The same explanation, fitted on from where it is with the present misfit."""
         fit = explanation.fit
         budget = self.settings.refit_budget if fresh else self.settings.refit_budget // 2
         again = refit(self._residual(explanation.effects), fit.axes, fit.u, None, budget)
@@ -268,7 +278,9 @@ class Engine:
         nominations.sort(key=lambda n: -(n.score.gain if n.score else -1.0))
         for n in nominations[:6]:
             if n.score:
-                self._say(f"  {n.effect.key}: z {n.score.z:+.1f}, promises {n.score.gain / base.fit.chi2:.0%}")
+                self._say(
+                    f"  {n.effect.key}: z {n.score.z:+.1f}, promises {n.score.gain / max(base.fit.chi2, 1.0):.0%}"
+                )
         return nominations
 
     def mark(self, explanation: Explanation, effect: Effect) -> FloatArray | None:
@@ -371,7 +383,7 @@ class Engine:
         best = believed[0]
         equal = rivals(best, [e for e in ranked if e is not best and not self._needless(e, ranked)])
         verdict = "ambiguous" if equal else "effect-found"
-        margin = bic_difference(base, best, best.adequacy.dispersion)
+        margin = bic_difference(base, best)
         reason = f"{best.label} beats the base model by {margin:.0f} in BIC"
         if equal:
             reason += f"; not to be told from {', '.join(e.label for e in equal)}"
@@ -418,7 +430,9 @@ class Engine:
 
     def _explanation(self, effects: tuple[Effect, ...], fit: Refit, score: Score | None) -> Explanation:
         problem = self.problem
-        raw = expanded(fit.residual * np.sqrt(problem.temper))
+        predictions = problem.predict(effects, fit.candidate)
+        assert predictions is not None, "a fit ends where it could be simulated"
+        raw = problem.weighted(problem.errors(predictions))
         parts, sigmas, groups = [], [], []
         start = 0
         for observed, mask in zip(problem.observations, problem.fitted, strict=True):
@@ -429,11 +443,12 @@ class Engine:
             start += size
         adequacy = judge(parts, sigmas, groups, len(fit.axes))
         counts = np.concatenate([o.count[m] for o, m in zip(problem.observations, problem.fitted, strict=True)])
-        volts = raw * np.concatenate(sigmas)
+        sigma = np.concatenate(sigmas)
+        volts = raw * sigma
         rmse = self._sample_rmse(volts, counts, self._noise())
         held_rmse, held_chi2 = self._held(effects, fit)
-        explanation = Explanation(effects, fit, adequacy, rmse, held_rmse, held_chi2, float(raw @ raw), score)
-        explanation.estimates = estimates_of(effects, fit, max(adequacy.dispersion / problem.temper, 1.0))
+        explanation = Explanation(effects, fit, adequacy, rmse, held_rmse, held_chi2, volts, sigma, score)
+        explanation.estimates = estimates_of(effects, fit, explanation.dispersion(problem.misfit_v))
         return explanation
 
     def _held(self, effects: tuple[Effect, ...], fit: Refit) -> tuple[float, float]:
@@ -461,31 +476,28 @@ class Engine:
     def _sorted(self, explanations: Sequence[Explanation]) -> list[Explanation]:
         if not explanations:
             return []
-        dispersion = min(e.adequacy.dispersion for e in explanations)
-        n = float(np.log(len(explanations[0].fit.residual)))
-        return sorted(explanations, key=lambda e: e.chi2 / dispersion + e.fit.belief + n * len(e.fit.axes))
+        # All on one scale: the misfit of the one that comes nearest to the data.
+        nearest = min(explanations, key=lambda e: e.misfit_v)
+        misfit = nearest.misfit_v
+        c, n = nearest.dispersion(misfit), float(np.log(len(nearest.errors)))
+        return sorted(explanations, key=lambda e: e.chi2(misfit) / c + e.fit.belief + n * len(e.fit.axes))
 
     def _needless(self, explanation: Explanation, others: Sequence[Explanation]) -> bool:
         if len(explanation.effects) < 2:
             return False
         for other in others:
             if len(other.effects) < len(explanation.effects) and set(other.names) < set(explanation.names):
-                if bic_difference(other, explanation, explanation.adequacy.dispersion) <= 10.0:
+                if bic_difference(other, explanation) <= 10.0:
                     return True
                 if other.adequacy.adequate:
                     return True
         return False
 
     def _tell(self, base: Explanation, explanation: Explanation) -> None:
-        margin = bic_difference(base, explanation, explanation.adequacy.dispersion)
+        margin = bic_difference(base, explanation)
         rms, held = 1e3 * explanation.rmse_v, 1e3 * explanation.held_rmse_v
         doubt = " (not converged)" * (not explanation.fit.converged)
         self._say(f"  {explanation.label}: {rms:.2f} mV, held out {held:.2f} mV, BIC {margin:+.0f}{doubt}")
-
-
-def _misfit(explanation: Explanation) -> float:
-    """Mean squared residual in the noise's units, at least 1."""
-    return max(1.0, explanation.chi2 / len(explanation.fit.residual))
 
 
 def _compatible(one: Effect, other: Effect) -> bool:

@@ -57,8 +57,8 @@ class Explanation:
         The same over data not fitted, V.
     held_chi2 : float
         Mean squared held-out error in standard deviations.
-    chi2 : float
-        Sum of squares in the noise's own units, whatever the fit was tempered with.
+    errors, sigma : ndarray of shape (n,)
+        Errors of the fitted stretches and their standard deviations, V, without any misfit.
     score : Score or None
         What nominated it.
     estimates : dict
@@ -71,9 +71,25 @@ class Explanation:
     rmse_v: float
     held_rmse_v: float
     held_chi2: float
-    chi2: float
+    errors: FloatArray
+    sigma: FloatArray
     score: Score | None = None
     estimates: dict[str, tuple[Estimate, ...]] = field(default_factory=dict)
+
+    def chi2(self, misfit_v: float = 0.0) -> float:
+        """Sum of squares with a misfit (V) added in quadrature to the deviations."""
+        return float(np.sum(self.errors**2 / (self.sigma**2 + misfit_v**2)))
+
+    def dispersion(self, misfit_v: float) -> float:
+        """Sum of squares over degrees of freedom, stretched for neighbours that repeat one another; 1 or more."""
+        freedom = max(len(self.errors) - len(self.fit.axes), 1)
+        return max(1.0, self.chi2(misfit_v) / freedom * self.adequacy.repetition)
+
+    @property
+    def misfit_v(self) -> float:
+        """A typical error beyond noise, V: blind to the few averages that are far off."""
+        typical = (1.4826 * float(np.median(np.abs(self.errors)))) ** 2
+        return float(np.sqrt(max(typical - float(np.median(self.sigma**2)), 0.0)))
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -55,9 +55,9 @@ class Problem:
     corrections: dict[str, FloatArray] = field(default_factory=dict)
     mesh_sigma: dict[str, FloatArray] = field(default_factory=dict)
     simulations: int = 0
-    temper: float = 1.0
-    """By which the variances of a fit are multiplied: while no model comes near the data, what is believed of the
-    parameters must count against the misfit, not against the noise."""
+    misfit_v: float = 0.0
+    """Added in quadrature to every deviation of a fit, V. While no model comes near the data, what is believed of the
+    parameters, and the flat parts of a record beside its steep ones, must count against the misfit, not the noise."""
 
     def __post_init__(self) -> None:
         self.fitted = [self._fitted_mask(observed) for observed in self.observations]
@@ -104,20 +104,20 @@ class Problem:
         mesh = self.mesh_sigma.get(observed.name)
         return observed.sigma if mesh is None else np.sqrt(observed.sigma**2 + mesh**2)
 
-    def weighted(self, errors: Sequence[FloatArray], held_out: bool = False) -> FloatArray:
-        """Errors of the fitted (or of the held-out) stretches in standard deviations, one after the other."""
-        parts = []
-        for error, observed, mask in zip(errors, self.observations, self.fitted, strict=True):
-            chosen = ~mask if held_out else mask
-            parts.append((error / self.sigma(observed))[chosen])
+    def weighted(self, errors: Sequence[FloatArray], misfit_v: float = 0.0) -> FloatArray:
+        """Errors of the fitted stretches in standard deviations, one after the other."""
+        parts = [
+            (error / np.sqrt(self.sigma(observed) ** 2 + misfit_v**2))[mask]
+            for error, observed, mask in zip(errors, self.observations, self.fitted, strict=True)
+        ]
         return np.concatenate(parts)
 
     def residual(self, effects: Sequence[Effect], candidate: Candidate) -> FloatArray | None:
-        """Weighted, tempered residuals of the fitted stretches; None if a simulation fails."""
+        """Weighted residuals of the fitted stretches, misfit included; None if a simulation fails."""
         predictions = self.predict(effects, candidate)
         if predictions is None:
             return None
-        return compressed(self.weighted(self.errors(predictions))) / np.sqrt(self.temper)
+        return compressed(self.weighted(self.errors(predictions), misfit_v=self.misfit_v))
 
     def correct_mesh(self, effects: Sequence[Effect], candidate: Candidate) -> float:
         """Measure at one candidate what the mesh and the tolerances do to the voltage, and correct for it.
@@ -222,11 +222,6 @@ def compressed(weighted: FloatArray) -> FloatArray:
     outweigh everything else that a fit could learn.
     """
     return np.asarray(_FAR * np.arcsinh(weighted / _FAR))
-
-
-def expanded(residual: FloatArray) -> FloatArray:
-    """The inverse of `compressed`."""
-    return np.asarray(_FAR * np.sinh(residual / _FAR))
 
 
 def _subset(observed: Observations, mask: NDArray[np.bool_]) -> Observations:

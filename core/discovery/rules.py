@@ -18,19 +18,20 @@ CLOSED_ENOUGH = 0.8
 """Share of the excess variance that a named explanation must close; below it is a partial explanation."""
 
 
-def bic_difference(worse: Explanation, better: Explanation, dispersion: float) -> float:
+def bic_difference(worse: Explanation, better: Explanation) -> float:
     r"""BIC of one explanation minus that of another, by quasi-likelihood.
 
     .. math:: \Delta = (S_1 - S_2) / c + B_1 - B_2 + (k_1 - k_2) \ln n
 
-    with ``S`` the sum of squares, ``B`` the price of departing from beliefs, ``k`` the number of parameters and
-    ``c`` the dispersion of the best explanation, so that neighbours which repeat one another, and whatever no
-    explanation explains, do not count as evidence (Burnham and Anderson 2002, doi:10.1007/b97636, section 2.5).
+    with ``S`` the sum of squares in which the better one's own misfit counts as noise, ``B`` the price of departing
+    from beliefs, ``k`` the number of parameters and ``c`` the better one's dispersion, so that neighbours which
+    repeat one another, and what neither explains, do not count as evidence (Burnham and Anderson 2002,
+    doi:10.1007/b97636, section 2.5).
     """
-    n = len(better.fit.residual)
+    misfit = better.misfit_v
+    squares = (worse.chi2(misfit) - better.chi2(misfit)) / better.dispersion(misfit)
     count = len(worse.fit.axes) - len(better.fit.axes)
-    beliefs = worse.fit.belief - better.fit.belief
-    return (worse.chi2 - better.chi2) / dispersion + beliefs + count * float(np.log(n))
+    return squares + worse.fit.belief - better.fit.belief + count * float(np.log(len(better.errors)))
 
 
 def closed(before_v: float, after_v: float, noise_v: float) -> float:
@@ -41,8 +42,7 @@ def closed(before_v: float, after_v: float, noise_v: float) -> float:
 
 def believable(base: Explanation, found: Explanation, noise_v: float, held_noise_v: float) -> str:
     """Why an explanation may not be named; empty if it may."""
-    dispersion = found.adequacy.dispersion
-    if bic_difference(base, found, dispersion) <= CLEAR_BIC:
+    if bic_difference(base, found) <= CLEAR_BIC:
         return f"does not beat the base model by {CLEAR_BIC:g} in BIC"
     if not found.excludes_null:
         return "a strength's 95 % interval contains its null value, or it ran into a bound"
@@ -69,7 +69,7 @@ def rivals(best: Explanation, others: Sequence[Explanation]) -> list[Explanation
             continue
         if set(best.names) < set(other.names):
             continue  # the best one with an ornament is no rival
-        difference = bic_difference(other, best, best.adequacy.dispersion)
+        difference = bic_difference(other, best)
         predicts_better = other.held_rmse_v < CLEAR_HELD * best.held_rmse_v and not best.adequacy.adequate
         if difference <= CLEAR_BIC or (predicts_better and difference <= 10 * CLEAR_BIC):
             found.append(other)
