@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bsa.backends.bad_advice import AdversarialAdvice, RandomAdvice
 from bsa.backends.rules.backend import RulesBackend
 from bsa.core.errors import BsaError
 from bsa.core.journal import read_events
 from bsa.core.loop import RunResult
-from bsa.core.messages import BackendFailure, JsonSchema, Message, Reply
+from bsa.core.messages import Backend, BackendFailure, JsonSchema, Message, Reply
 from bsa.core.scaffold import Scaffold
 from bsa_toy_cell import CAPACITY, HIDDEN, POLARISATION, RELAXATION, SERIES, toy_scaffold, toy_task
 from hypothesis import HealthCheck, given, settings
@@ -58,13 +59,6 @@ def at_random(schema: JsonSchema, seed: int, call: int) -> dict[str, Any]:
     )
 
 
-def adversarial(schema: JsonSchema, seed: int, call: int) -> dict[str, Any]:
-    """Always asks for the corners, as much of it as it may."""
-    names = list(schema["properties"]["updated_params"]["properties"])
-    corner = {name: "1e9" if (seed >> place) % 2 else "1e-12" for place, name in enumerate(names)}
-    return words("set", simulations=40, updated_params=corner)
-
-
 def spendthrift(schema: JsonSchema, seed: int, call: int) -> dict[str, Any]:
     return words(("jacobian", "restart", "ease")[call % 3], simulations=40, trial=0)
 
@@ -77,7 +71,13 @@ def silent(schema: JsonSchema, seed: int, call: int) -> str:
     raise BackendFailure("nobody there")
 
 
-BACKENDS = {f.__name__: f for f in (at_random, adversarial, spendthrift, nonsense, silent)}
+BACKENDS: dict[str, Callable[[], Backend]] = {
+    "random": RandomAdvice,
+    "adversarial": AdversarialAdvice,
+    "spendthrift": lambda: Speaking(spendthrift),
+    "nonsense": lambda: Speaking(nonsense),
+    "silent": lambda: Speaking(silent),
+}
 
 
 def search(run_toy: RunToy, folder: Path, name: str, budget: int, hidden: dict[str, float], **more: Any) -> RunResult:
@@ -90,7 +90,7 @@ def search(run_toy: RunToy, folder: Path, name: str, budget: int, hidden: dict[s
 def test_no_backend_does_harm(run_toy: RunToy, tmp_path: Path, who: str, budget: int) -> None:
     for number, hidden in enumerate(hidden_cells(2)):
         plain = search(run_toy, tmp_path / f"plain-{number}", "least-squares", int(0.8 * budget), hidden)
-        backend = Speaking(BACKENDS[who])
+        backend = BACKENDS[who]()
         mixed = search(run_toy, tmp_path / f"mixed-{number}", "hybrid", budget, hidden, backend=backend)
         assert mixed.best.objective <= plain.best.objective + 1e-12, number
 
@@ -111,7 +111,7 @@ def hidden_cells(count: int) -> list[dict[str, float]]:
 @pytest.mark.parametrize("who", BACKENDS)
 def test_the_fit_asks_for_the_same_points_whatever_the_agent_says(run_toy: RunToy, tmp_path: Path, who: str) -> None:
     plain = search(run_toy, tmp_path / "plain", "least-squares", 60, HIDDEN)
-    mixed = search(run_toy, tmp_path / "mixed", "hybrid", 60, HIDDEN, backend=Speaking(BACKENDS[who]))
+    mixed = search(run_toy, tmp_path / "mixed", "hybrid", 60, HIDDEN, backend=BACKENDS[who]())
     ours = [dict(trial.candidate) for trial in mixed.trials]
     places = [ours.index(dict(trial.candidate)) for trial in plain.trials]
     assert places == sorted(places)

@@ -1,0 +1,44 @@
+from typing import Any
+
+import pytest
+from bsa.backends.rules.acting import act
+from bsa.backends.rules.reading import Prompt
+
+
+def prompt(**numerics: Any) -> Prompt:
+    return Prompt(
+        parameters={"a": 1.0, "b": 2.0},
+        steps={"a": "*1.1", "b": "*1.1"},
+        feedback={"features": {"discharge_time_s": 100.0}},
+        effects={"a": {"discharge_time_s": 50.0}, "b": {"discharge_time_s": 0.0}},
+        numerics={"you_may_spend": 3, **numerics},
+    )
+
+
+def test_a_fit_that_gets_on_is_left_alone() -> None:
+    answer = act(prompt(status="descending", misfit_by_round=[100.0, 60.0, 30.0, 20.0, 10.0]))
+    assert answer["action"] == "refine"
+    assert "refine_params" not in answer
+
+
+def test_a_fit_that_is_slow_gets_a_hand_and_then_is_left_alone_again() -> None:
+    slow = {"status": "descending", "misfit_by_round": [10.0, 9.9, 9.8, 9.8, 9.8, 9.7]}
+    answer = act(prompt(**slow))
+    assert answer["action"] == "set"
+    assert list(answer["updated_params"]) == ["a"]
+    assert act(prompt(**slow, your_last_actions=[{"action": "set"}]))["action"] == "refine"
+
+
+@pytest.mark.parametrize("status", ["infeasible", "done"])
+def test_trouble_is_eased_first(status: str) -> None:
+    assert act(prompt(status=status))["action"] == "ease"
+
+
+def test_after_the_end_it_tries_in_turn_and_then_gives_up() -> None:
+    tried: list[dict[str, str]] = []
+    for _ in range(8):
+        answer = act(prompt(status="done", misfit_tolerances=20.0, your_last_actions=tried[-5:]))
+        tried.append({"action": answer["action"]})
+    kinds = [entry["action"] for entry in tried]
+    assert kinds[:3] == ["ease", "jacobian", "set"]
+    assert "refine" in kinds
