@@ -122,18 +122,26 @@ class Descent:
         """Whether the candidates asked for are finite differences rather than a step."""
         return self._search is not None and self._search.stage in ("jacobian", "other side")
 
-    def ask(self, limit: int) -> list[Candidate]:
-        """What to simulate next, at most ``limit`` candidates; empty when done."""
-        points = self._points(limit)
+    def ask(self, limit: int, thrift: int | None = None) -> list[Candidate]:
+        """What to simulate next, at most ``limit`` candidates; empty when done.
+
+        Parameters
+        ----------
+        limit : int
+            How many can still be simulated.
+        thrift : int, optional
+            How many to reckon with when the next Jacobian is weighed against more steps; ``limit`` by default.
+        """
+        points = self._points(limit, limit if thrift is None else min(thrift, limit))
         return [self._task.space.from_unit(point) for point in points]
 
-    def _points(self, limit: int) -> list[FloatArray]:
+    def _points(self, limit: int, thrift: int) -> list[FloatArray]:
         if limit <= 0 or self._out_of_ideas:
             return []
         if self._search is None:
             assert self._feasibility is not None
             return self._feasibility.ask()[:limit]
-        points = self._search.ask(limit)
+        points = self._search.ask(thrift)
         if not points and self._may_restart(limit):
             points = self._polled = self._other_starts()
         self._out_of_ideas = not points

@@ -79,7 +79,7 @@ class HybridProposer:
     def propose(self, context: ProposeContext) -> Proposal:
         """See `RunHooks.propose`."""
         main_fit = self._take(context)
-        main = main_fit.ask(context.simulations_left)
+        main = main_fit.ask(context.simulations_left, self._thrift(context))
         left = context.simulations_left - len(main)
         allowance = self._allowance(left, bool(main))
         answer: Answer[Action] | None = None
@@ -156,6 +156,15 @@ class HybridProposer:
                 self._log[-1]["misfit_reached"] = reached if before is None else min(before, reached)
             elif before is None:
                 self._log[-1]["failed"] = True
+
+    def _thrift(self, context: ProposeContext) -> int | None:
+        """What would be left to a fit on its own with the share of the simulations that is the fit's here.
+
+        Near its end such a fit saves a last Jacobian for more steps; so must this one, to be no worse.
+        """
+        total = len(context.trials) + context.simulations_left
+        alone = int((1.0 - self._options.agent_share) * total) - self._main_spent
+        return alone if alone > 0 else None
 
     def _allowance(self, left: int, main_goes_on: bool) -> int:
         """How many simulations the agent may direct now."""
