@@ -20,7 +20,7 @@ import yaml
 
 from ...core.validation import read_yaml
 from .case import SuiteCase
-from .filters import passes
+from .filters import CompiledFilter
 
 SETS = ("Chen2020", "ORegan2022", "Ecker2015", "Prada2013", "Marquis2019")
 RATES = (0.2, 1.0, 2.0)
@@ -114,7 +114,7 @@ def all_cases() -> Iterator[SuiteCase]:
 def generate(
     seed: int = SEED,
     per_set_and_mode: int = PER_SET_AND_MODE,
-    keep: Callable[[SuiteCase], bool] = passes,
+    keep: Callable[[SuiteCase], bool] | None = None,
 ) -> list[SuiteCase]:
     """Draw cases at random and filter them until each base cell and mode has enough.
 
@@ -124,9 +124,10 @@ def generate(
         Order in which the combinations are tried.
     per_set_and_mode : int
         How many to keep.
-    keep : callable
-        The filters.
+    keep : callable, optional
+        The filters, if not the paper's two.
     """
+    test = keep or CompiledFilter(COLUMNS)
     pools: dict[tuple[str, str], list[SuiteCase]] = {}
     for case in all_cases():
         pools.setdefault((case.mode, case.parameter_set), []).append(case)
@@ -137,7 +138,7 @@ def generate(
         for index in order:
             if len(kept) == per_set_and_mode:
                 break
-            if keep(pool[index]):
+            if test(pool[index]):
                 kept.append(pool[index])
         chosen += kept
     return sorted(chosen, key=lambda case: (case.mode, case.number))
@@ -175,9 +176,10 @@ def write(cases: list[SuiteCase], path: Path = CASES_FILE) -> None:
 
 
 if __name__ == "__main__":
+    _passes = CompiledFilter(COLUMNS)
 
     def _reported(case: SuiteCase) -> bool:
-        kept = passes(case)
+        kept = _passes(case)
         print(f"{case.key} {case.parameter_set} {case.rates}: {'kept' if kept else 'dropped'}", file=sys.stderr)
         return kept
 
