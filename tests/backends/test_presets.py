@@ -1,6 +1,7 @@
 import subprocess
 import sys
 import time
+from importlib.util import find_spec
 
 import pytest
 from bsa.backends.catalogue import bsa_backends
@@ -75,7 +76,7 @@ def test_a_machine_without_the_model_says_what_is_missing(monkeypatch, tmp_path)
         open_backend("qwen2.5-14b", registry=_registry())
     for remedy in (
         "https://ollama.com/download",
-        "hf download Qwen/Qwen2.5-14B-Instruct",
+        "hf download Qwen/Qwen2.5-14B-Instruct" if find_spec("transformers") else "battery-sim-agent[local]",
         "export TOGETHERAI_API_KEY=",
         "vllm serve",
     ):
