@@ -89,6 +89,6 @@ def judge(
     return Adequacy(
         float(stats.chi2.sf(total, freedom)),
         float(stats.chi2.sf(squares, block_freedom)),
-        float(np.sqrt(max(np.mean(excess), 0.0))),
+        float(np.sqrt(max(float(np.mean(excess)), 0.0))),
         (1 + correlation) / (1 - correlation),
     )

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 
+from ..trajectory import FloatArray
 from .closure import Closure
 from .engine import Findings, Nomination
 from .explanation import Explanation
@@ -193,9 +193,9 @@ class Discovery:
         }
 
 
-def temperature_errors(predicted: Sequence[Any], measured: Sequence[Any]) -> float:
+def temperature_errors(predicted: FloatArray, measured: FloatArray) -> float:
     """Root mean square difference of two temperature curves, K."""
-    return float(np.sqrt(np.mean((np.asarray(predicted) - np.asarray(measured)) ** 2)))
+    return float(np.sqrt(np.mean((predicted - measured) ** 2)))
 
 
 def _finite(value: Any) -> Any:

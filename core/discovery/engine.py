@@ -19,8 +19,11 @@ from .score import Score, score_effect
 
 Listener = Callable[[str], None]
 
-_COARSE_V, _MIDDLE_V = 0.03, 0.005
-"""Misfits with which the base fit begins, V."""
+_COARSE_V = 0.03
+"""Misfit with which the base fit begins, V."""
+
+_NEAR_V = 2e-3
+"""A typical error below which a fit is near enough to be weighed against the noise, V."""
 
 _GOOD_START = 3.0
 """Mean residual, in deviations, from which a fit finds its way."""
@@ -162,7 +165,7 @@ class Engine:
         if base.adequacy.adequate:
             return Findings("no-missing-effect", base, base, reason=_why_adequate(base), mesh_v=mesh_v)
         self._say(f"a discrepancy of {1e3 * base.adequacy.structured_v:.2f} mV remains; nominating effects")
-        calm = self.temper(base)
+        calm = self.temper(base) if self.problem.misfit_v == 0.0 else base
         if calm.rmse_v < base.rmse_v:
             base = calm
         nominations = self.nominate(calm)
@@ -181,12 +184,19 @@ class Engine:
         settings = self.settings
         start = np.zeros(len(self.axes))
         residual = self._residual(())
-        # From coarse to fine: first the shape to within 30 mV, then 5 mV, then down to the noise.
+        # From coarse to fine: each fit counts as noise what the one before it could not explain, and noise alone is
+        # reached only by a model that comes near it. Started at the finest, a fit loses itself on the steep parts.
         self.problem.misfit_v = _COARSE_V
         fit = self._fit_from_somewhere(residual, start)
-        self.problem.misfit_v = _MIDDLE_V
-        fit = refit(residual, self.axes, fit.u, None, settings.base_budget // 2, 2e-2) or fit
-        self.problem.misfit_v = 0.0
+        for _ in range(3):
+            left = self._explanation((), fit, None).misfit_v
+            left = left if left > _NEAR_V else 0.0
+            if left > 0.7 * self.problem.misfit_v:
+                break
+            self.problem.misfit_v = left
+            fit = refit(residual, self.axes, fit.u, None, settings.base_budget // 2, 1e-2) or fit
+            if left == 0.0:
+                break
         mesh_v = self.problem.correct_mesh((), fit.candidate)
         self._say(f"mesh and tolerances: {1e3 * mesh_v:.2f} mV, corrected")
         fit = refit(residual, self.axes, fit.u, None, settings.base_budget) or fit
@@ -320,7 +330,7 @@ class Engine:
             nomination.screened = self._short_refit(base, nomination)
         alive = [n for n in chosen if n.screened is not None]
         alive.sort(key=lambda n: n.screened.cost if n.screened else np.inf)
-        result = []
+        result: list[Explanation] = []
         for nomination in alive[: self.settings.confirmed]:
             assert nomination.screened is not None
             if result and result[0].adequacy.adequate and nomination.screened.cost > _HOPELESS * result[0].fit.cost:

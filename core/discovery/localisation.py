@@ -139,7 +139,7 @@ def _charge(observed: Observations, capacity: float) -> NDArray[np.str_]:
     drawn = observed.charge - np.min(observed.charge)
     part = np.clip((5 * drawn / max(capacity, 1e-9)).astype(int), 0, 4)
     names = np.array([f"{20 * k}-{20 * (k + 1)} % of the charge drawn" for k in range(5)])
-    return names[part]
+    return np.asarray(names[part], dtype=np.str_)
 
 
 def _since(observed: Observations, capacity: float) -> NDArray[np.str_]:

@@ -26,7 +26,7 @@ def voltage_noise(record: Trajectory) -> float:
     if len(differences) < _FEWEST:
         return max(_FALLBACK_V, _resolution(record.voltage))
     scatter = 1.4826 * float(np.median(np.abs(differences))) / np.sqrt(6.0)
-    return max(scatter, _resolution(record.voltage))
+    return float(max(scatter, _resolution(record.voltage)))
 
 
 def _second_differences(part: Trajectory) -> FloatArray:
@@ -47,4 +47,4 @@ def _resolution(voltage: FloatArray) -> float:
     gaps = np.diff(distinct)
     step = float(np.min(gaps[gaps > 1e-7])) if np.any(gaps > 1e-7) else 1e-7
     # Without rounding the smallest gap among n readings is tiny and so is this.
-    return step / np.sqrt(12.0)
+    return float(step / np.sqrt(12.0))

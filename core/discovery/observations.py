@@ -192,7 +192,7 @@ def _stretches(time: FloatArray, wanted: int) -> list[NDArray[np.intp]]:
 def _neighbour_change(voltage: FloatArray) -> FloatArray:
     change = np.abs(np.diff(voltage))
     padded = np.concatenate([[0.0], change, [0.0]])
-    return np.maximum(padded[:-1], padded[1:])
+    return np.asarray(np.maximum(padded[:-1], padded[1:]), dtype=np.float64)
 
 
 def hours(seconds: float) -> float:

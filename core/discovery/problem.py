@@ -68,7 +68,7 @@ class Problem:
         if self.held_specimens:
             return np.ones(len(observed), dtype=bool)
         place = np.arange(len(observed)) // _BLOCK
-        return place % _EVERY != 2
+        return np.asarray(place % _EVERY != 2, dtype=np.bool_)
 
     def predict(self, effects: Sequence[Effect], candidate: Candidate, fine: bool = False) -> list[Prediction] | None:
         """Predictions for the fitted records, corrected for the mesh; None if one of them fails."""

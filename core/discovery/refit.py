@@ -143,16 +143,18 @@ def refit(
         return None
     fresh = jacobian is None
     if jacobian is None:
-        jacobian, used = differences(residual, axes, u, here)
+        slopes, used = differences(residual, axes, u, here)
         spent += used
+    else:
+        slopes = jacobian
     damping, converged = 1e-3, False
     cost = float(here @ here + np.sum((beliefs * u) ** 2))
     while spent < budget:
-        step, promised = _bounded_step(jacobian, here, beliefs, u, damping, lower, upper)
+        step, promised = _bounded_step(slopes, here, beliefs, u, damping, lower, upper)
         enough = promised > tolerance * cost + 1e-2
         if not enough and fresh:
             # Small steps promise little by being small: what counts is what a full one would.
-            _, in_full = _bounded_step(jacobian, here, beliefs, u, 1e-6, lower, upper)
+            _, in_full = _bounded_step(slopes, here, beliefs, u, 1e-6, lower, upper)
             converged = in_full <= max(5 * tolerance * cost, 1e-2)
             break
         improved = False
@@ -165,7 +167,7 @@ def refit(
                 improved = new_cost < cost
                 # A rejected step's secant would spoil a fresh Jacobian.
                 if norm > 0 and (improved or not fresh):
-                    jacobian = jacobian + np.outer(there - here - jacobian @ step, step) / norm
+                    slopes = slopes + np.outer(there - here - slopes @ step, step) / norm
                 gain = (cost - new_cost) / promised
             if improved:
                 u, here, cost, fresh = u + step, there, new_cost, False
@@ -178,10 +180,10 @@ def refit(
                 continue
             if spent + len(axes) > budget:
                 break
-            jacobian, used = differences(residual, axes, u, here)
+            slopes, used = differences(residual, axes, u, here)
             spent += used
             fresh = True
-    return Refit(axes, u, here, jacobian, converged, spent)
+    return Refit(axes, u, here, slopes, converged, spent)
 
 
 def _bounded_step(
