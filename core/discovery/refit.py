@@ -137,10 +137,11 @@ def refit(
     lower, upper = (np.array(side) for side in zip(*(axis.bounds for axis in axes), strict=True))
     beliefs = _beliefs(axes)
     u = np.clip(np.asarray(start, dtype=np.float64), lower, upper)
-    here = residual(candidate_of(axes, u))
+    first = residual(candidate_of(axes, u))
     spent = 1
-    if here is None:
+    if first is None:
         return None
+    here: FloatArray = first
     fresh = jacobian is None
     if jacobian is None:
         slopes, used = differences(residual, axes, u, here)

@@ -142,7 +142,8 @@ def hide(recipe: Recipe, effects: Sequence[Effect], capacity_ah: float, rng: np.
     """Draw the hidden cell of a case: strengths to the cell's size, shifted parameters, noise of 0.5 to 2 mV."""
     by_key = {effect.key: effect for effect in effects}
     size = capacity_ah / 5.0
-    chosen, strengths = [], {}
+    chosen: list[Effect] = []
+    strengths: dict[str, float] = {}
     for key, strength in zip(recipe.effects, recipe.strengths, strict=False):
         effect = by_key[key]
         unit = effect.strength.unit

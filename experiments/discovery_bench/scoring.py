@@ -120,8 +120,8 @@ def as_markdown(marked: Sequence[Marked]) -> str:
     for m in marked:
         said = " + ".join(m.named) + " (ambiguous)" * (m.verdict == "ambiguous") if m.named else m.verdict
         confusion.setdefault(" + ".join(m.hidden) or "nothing", Counter())[said] += 1
-    for hidden, said in sorted(confusion.items()):
-        lines.append(f"| {hidden} | " + "; ".join(f"{name} ({count})" for name, count in said.most_common()) + " |")
+    for hidden, answers in sorted(confusion.items()):
+        lines.append(f"| {hidden} | " + "; ".join(f"{name} ({count})" for name, count in answers.most_common()) + " |")
     right = [m for m in marked if m.mark == "right" and m.named]
     if right:
         errors = [m.parameter_error for m in right if m.parameter_error is not None]

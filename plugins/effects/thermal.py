@@ -10,9 +10,8 @@ from ..pybamm.augmentation import PyBaMMPart
 
 
 def _self_heating_lacks(evidence: Evidence) -> str:
-    return "the base model has a thermal model already" * (
-        evidence.options.get("thermal", "isothermal") != "isothermal"
-    )
+    isothermal = evidence.options.get("thermal", "isothermal") == "isothermal"
+    return "" if isothermal else "the base model has a thermal model already"
 
 
 def _cooling(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
