@@ -61,6 +61,7 @@ def execute_run(
     backend: Backend,
     resources: Resources | None = None,
     listener: Listener | None = None,
+    report: bool = True,
 ) -> RunResult:
     """Run a task in a folder, or go on where an interrupted run of the same task and configuration stopped.
 
@@ -78,6 +79,8 @@ def execute_run(
         Workers and allowances.
     listener : Listener, optional
         Watches.
+    report : bool
+        Whether ``report.html`` is written; the journal is enough to write it later.
 
     Returns
     -------
@@ -110,9 +113,10 @@ def execute_run(
     finally:
         journal.close()
         backend.close()
-    from .report import build_report
+    if report:
+        from .report import build_report
 
-    build_report(folder)
+        build_report(folder)
     return result
 
 

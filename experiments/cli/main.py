@@ -19,7 +19,10 @@ _CONTEXT = {"help_option_names": ["-h", "--help"]}
 
 def app() -> typer.Typer:
     """The ``bsa`` command with all its subcommands."""
+    from .bench import bench_app
     from .catalogue import doctor, list_app
+    from .discover import discover
+    from .grid import grid, report
     from .run import run
 
     result = typer.Typer(
@@ -31,6 +34,10 @@ def app() -> typer.Typer:
         pretty_exceptions_enable=False,
     )
     result.command("run")(run)
+    result.command("grid")(grid)
+    result.command("report")(report)
+    result.command("discover")(discover)
+    result.add_typer(bench_app, name="bench")
     result.add_typer(list_app, name="list")
     result.command("doctor")(doctor)
     return result

@@ -1,0 +1,153 @@
+"""From a grid file to its cells: the product of the axes, plus what is included, minus what is excluded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from ...core.run_config import RunConfig
+from ..request import Overrides
+from .grid_file import Axis, BackendChoice, Budgets, GridFile
+from .identity import identity_of, without_placement
+from .store import Store
+from .task_sources import Say, TaskLabel, gather
+
+
+@dataclass(frozen=True)
+class GridCell:
+    """One run of a grid.
+
+    Attributes
+    ----------
+    task : TaskLabel
+        What is fitted.
+    scaffold : str
+        Name of the scaffold.
+    backend : BackendChoice
+        The language model, with where it is.
+    config : RunConfig
+        What, with the task and the code, determines the result.
+    identity : str
+        Hash of all that; empty while the task is not made.
+    """
+
+    task: TaskLabel
+    scaffold: str
+    backend: BackendChoice
+    config: RunConfig
+    identity: str = ""
+
+    @property
+    def axes(self) -> dict[Axis, str]:
+        """What a table groups by and an exclusion tests."""
+        return {
+            "task": self.task.key,
+            "mode": self.task.mode,
+            "chemistry": self.task.chemistry,
+            "rates": self.task.rates,
+            "scaffold": self.scaffold,
+            "backend": self.backend.use,
+            "seed": str(self.config.seed),
+        }
+
+
+@dataclass(frozen=True)
+class _Configs:
+    """Configurations that differ in their seed alone are checked once."""
+
+    near: Path
+    known: dict[str, RunConfig] = field(default_factory=dict)
+
+    def get(self, scaffold: str, backend: BackendChoice, seed: int, budgets: Budgets) -> RunConfig:
+        key = f"{scaffold}|{backend.model_dump_json()}|{budgets.model_dump_json()}"
+        if key not in self.known:
+            defaults = RunConfig.model_fields
+            self.known[key] = Overrides(
+                **{
+                    name: defaults[name].default if (value := getattr(budgets, name)) is None else value
+                    for name in ("rounds", "warm_up", "simulations")
+                },
+                seed=seed,
+                settings=budgets.settings,
+            ).config(self._path(scaffold), backend.use, without_placement(backend.options))
+        return self.known[key].model_copy(update={"seed": seed})
+
+    def _path(self, scaffold: str) -> str:
+        beside = self.near / scaffold
+        return str(beside) if beside.suffix in (".yaml", ".yml") and beside.is_file() else scaffold
+
+
+def expand(grid: GridFile, store: Store, near: Path, say: Say = lambda line: None, make: bool = True) -> list[GridCell]:
+    """The cells of a grid, task by task, so that a grid cut short has whole rows.
+
+    Parameters
+    ----------
+    grid : GridFile
+        The grid.
+    store : Store
+        Where tasks are kept.
+    near : Path
+        The grid's folder.
+    say : callable
+        Takes a line of progress.
+    make : bool
+        Whether targets that are not in the store are simulated; without them cells have no identity.
+
+    Raises
+    ------
+    BsaError
+        If a task, scaffold, backend or setting does not exist.
+    """
+    configs = _Configs(near)
+    cells: dict[tuple[str, str], GridCell] = {}
+    for cell in _all(grid, configs, store, near, say, make):
+        if not any(_fits(cell.axes, condition) for condition in grid.exclude):
+            # Without an identity the configuration tells cells apart.
+            cells.setdefault((cell.task.key, cell.identity or cell.config.model_dump_json()), cell)
+    return list(cells.values())
+
+
+def _all(grid: GridFile, configs: _Configs, store: Store, near: Path, say: Say, make: bool) -> Iterator[GridCell]:
+    own = gather(grid.tasks, store, near, say, make)
+    yield from _product(own, grid.scaffolds, grid.backends, grid.seeds, grid, configs)
+    for more in grid.include:
+        budgets = Budgets(
+            rounds=grid.rounds if more.rounds is None else more.rounds,
+            warm_up=grid.warm_up if more.warm_up is None else more.warm_up,
+            simulations=grid.simulations if more.simulations is None else more.simulations,
+            settings={**grid.settings, **more.settings},
+        )
+        tasks = own if more.tasks is None else gather(more.tasks, store, near, say, make)
+        yield from _product(
+            tasks,
+            more.scaffolds or grid.scaffolds,
+            more.backends or grid.backends,
+            more.seeds or grid.seeds,
+            budgets,
+            configs,
+        )
+
+
+def _product(
+    tasks: Sequence[TaskLabel],
+    scaffolds: Sequence[str],
+    backends: Sequence[BackendChoice],
+    seeds: Sequence[int],
+    budgets: Budgets,
+    configs: _Configs,
+) -> Iterator[GridCell]:
+    for task, scaffold, backend, seed in product(tasks, scaffolds, backends, seeds):
+        config = configs.get(scaffold, backend, seed, budgets)
+        identity = identity_of(config, task.digest) if task.digest else ""
+        yield GridCell(task, config.scaffold.name, backend, config, identity)
+
+
+def _fits(axes: Mapping[Axis, str], condition: Mapping[Axis, Any]) -> bool:
+    return bool(condition) and all(
+        any(fnmatchcase(axes[axis], str(pattern)) for pattern in (wanted if isinstance(wanted, list) else [wanted]))
+        for axis, wanted in condition.items()
+    )

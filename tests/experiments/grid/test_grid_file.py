@@ -1,0 +1,76 @@
+"""Grid files: what is refused, and with which words."""
+
+import pytest
+from bsa.core.errors import BsaError
+from bsa.experiments.grid.expansion import expand
+from bsa.experiments.grid.grid_file import load_grid, shipped_names
+from bsa.experiments.grid.store import Store
+from bsa.experiments.suite.case import SuiteCase
+
+from .conftest import write_grid
+
+
+def test_a_wrong_key_is_named_with_the_nearest_one(tmp_path):
+    path = write_grid(tmp_path, scafolds=["full"])
+    with pytest.raises(BsaError, match=r'"scafolds" is not a known key.*did you mean "scaffolds"'):
+        load_grid(str(path))
+
+
+def test_an_unknown_grid_is_named_with_the_shipped_ones():
+    with pytest.raises(BsaError, match="qwen-scaling"):
+        load_grid("qwen-scale")
+
+
+@pytest.mark.parametrize("seeds", [[-1], [], ["x"]])
+def test_seeds_are_checked(tmp_path, seeds):
+    with pytest.raises(BsaError, match="seeds"):
+        load_grid(str(write_grid(tmp_path, seeds=seeds)))
+
+
+def test_set_replaces_any_key(tmp_path):
+    path = write_grid(tmp_path, backends=["rules", {"use": "ollama:x", "at_once": 2}])
+    changes = {
+        "rounds": 7,
+        "seeds": [4, 5],
+        "backends.1.at_once": 3,
+        "tasks.0": "demo",
+        "settings.feedback.use": "scalar",
+        "reference": "no-memory",
+    }
+    grid = load_grid(str(path), changes)
+    assert (grid.rounds, grid.seeds, grid.backends[1].at_once, grid.tasks[0]) == (7, [4, 5], 3, "demo")
+    assert grid.settings == {"simulator.use": "toy-cell", "feedback.use": "scalar"}
+    assert grid.reference == "no-memory"
+
+
+@pytest.mark.parametrize(
+    ("key", "words"), [("round", "rounds"), ("tasks.9", "place in a list"), ("rounds.x", "single value")]
+)
+def test_set_refuses_what_is_not_there(tmp_path, key, words):
+    with pytest.raises(BsaError, match=words):
+        load_grid(str(write_grid(tmp_path)), {key: 1})
+
+
+@pytest.mark.parametrize("name", shipped_names())
+def test_shipped_grids_expand(name, tmp_path, monkeypatch):
+    """Each is valid, and its cells have working configurations; no target is simulated."""
+    changes = {"Negative electrode thickness [m]": 1e-4}
+    sets = ("Chen2020", "ORegan2022")
+    cases = [
+        SuiteCase(mode, number, parameter_set, 1.0, 2.0, changes)
+        for mode in ("regular", "extreme")
+        for parameter_set in sets
+        for number in range(10 * sets.index(parameter_set), 10 * sets.index(parameter_set) + 10)
+    ]
+    monkeypatch.setattr("bsa.experiments.suite.selection.generated_cases", lambda: {case.key: case for case in cases})
+    grid = load_grid(name)
+    cells = expand(grid, Store(tmp_path), tmp_path, make=False)
+    runs = {
+        "main-table": len(cases) * (4 + 7),
+        "qwen-scaling": 8 * 3 * 3,
+        "rules-ablation": 8 * 4 * 3,
+        "scaffold-ablation": 8 * 4 * 3,
+    }
+    assert grid.name == name
+    assert len(cells) == runs[name]
+    assert not list(tmp_path.rglob("*.json"))
