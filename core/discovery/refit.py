@@ -170,7 +170,7 @@ def refit(
                 if norm > 0 and (improved or not fresh):
                     slopes = slopes + np.outer(there - here - slopes @ step, step) / norm
                 gain = (cost - new_cost) / promised
-            if improved:
+            if improved and there is not None:
                 u, here, cost, fresh = u + step, there, new_cost, False
                 damping = max(damping * (0.2 if gain > 0.6 else 1.0 if gain > 0.2 else 4.0), 1e-7)
         if not improved:
