@@ -119,6 +119,20 @@ def evaluation_command(
     print("\n".join(measure_evaluation(task, repeats).lines()))
 
 
+@bench_app.command("tables")
+def tables_command(
+    grid: Annotated[str, typer.Argument(help="A grid that was run, by name, file or folder.")],
+    store: Annotated[Path, typer.Option(help="Folder that the grid was run in.")] = Path("results"),
+    out: Annotated[Path | None, typer.Option(help="Where to write; default: the grid's folder.")] = None,
+    metric: Annotated[str, typer.Option(help="Error that is compared and drawn: mape, rmse or v_rmse_mv.")] = "mape",
+) -> None:
+    """Tables of a grid in the paper's form (Markdown, LaTeX), figures (SVG) and paired statistics."""
+    from ..grid.tables import tables
+
+    for path in tables(grid, store, out, metric):
+        print(path)
+
+
 @bench_app.command("discovery")
 def discovery_command(
     make: Annotated[Path | None, typer.Option(help="Make the blind cases in this folder, answers sealed.")] = None,

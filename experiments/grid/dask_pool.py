@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import queue
+import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -19,6 +21,9 @@ _AHEAD = 2
 """Orders in flight for each worker thread: one that runs and one that waits beside it."""
 
 _CONNECT_S = 30
+
+_COUNT_EVERY_S = 2.0
+"""Asking a scheduler of hundreds of workers for each order would cost more than the order."""
 
 
 class SlurmConfig(BaseModel):
@@ -95,11 +100,16 @@ class DaskPool:
         self._orders: dict[Any, Order] = {}
         self._finished: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._number = 0
+        self._threads, self._counted_at = 0, -math.inf
 
     @property
     def workers(self) -> int:
-        """How many cells run side by side: threads of all workers, now."""
-        return sum(worker["nthreads"] for worker in self._client.scheduler_info(n_workers=-1)["workers"].values())
+        """How many cells run side by side: threads of all workers, not more than a moment ago."""
+        now = time.monotonic()
+        if now - self._counted_at > _COUNT_EVERY_S:
+            workers = self._client.scheduler_info(n_workers=-1)["workers"].values()
+            self._threads, self._counted_at = sum(worker["nthreads"] for worker in workers), now
+        return self._threads
 
     @property
     def free(self) -> int:

@@ -136,7 +136,8 @@ def _backend(order: Order, store: Store) -> Backend:
     backend = open_backend(name, parse_backend_options(order.backend_options))
     if order.places is None:
         return backend
-    return SharedBackend(backend, store.slots(name), order.places)
+    address = str(order.backend_options.get("base_url", ""))
+    return SharedBackend(backend, store.places(name, address), order.places)
 
 
 @lru_cache(maxsize=8)

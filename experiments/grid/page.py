@@ -22,7 +22,7 @@ from .figures import draw_all
 from .results import Row, grid_folder, read_manifest, rows_of
 from .statistics import compare
 from .store import Store, write_text
-from .tables import METRICS, RESULTS, Block, blocks, effort, reference_of
+from .tables import METRICS, RESULTS, Block, blocks, check_metric, effort, reference_of
 
 if TYPE_CHECKING:
     import jinja2
@@ -89,6 +89,7 @@ def build_page(
     BsaError
         If the grid has not been run in this store.
     """
+    check_metric(metric)
     place = Store(store)
     folder = grid_folder(grid, place)
     manifest = read_manifest(folder)

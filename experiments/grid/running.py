@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+from ...core.errors import BsaError
 from ...core.registry import installed
 from .execution import Allowance, Watcher, run_cells
 from .expansion import GridCell, expand
@@ -72,6 +73,8 @@ def plan_grid(
     place = Store(store)
     grid = load_grid(name_or_path, changes)
     cells = expand(grid, place, grid_path(name_or_path).parent, say, make)
+    if not cells:
+        raise BsaError(f'the grid "{grid.name}" has no cells.', "exclude less.")
     _check_plugins(cells)
     return Plan(grid, cells, place)
 

@@ -41,9 +41,9 @@ class Store:
         """The folder of a grid: its manifest, tables, figures and page."""
         return self.root / "grids" / name
 
-    def slots(self, backend: str) -> Path:
-        """The folder of the places at a language model."""
-        return self.root / "slots" / hashlib.sha256(backend.encode()).hexdigest()[:12]
+    def places(self, backend: str, address: str) -> Path:
+        """The folder of the places at a language model; another server has places of its own."""
+        return self.root / "places" / hashlib.sha256(f"{backend} {address}".encode()).hexdigest()[:12]
 
     def result(self, identity: str) -> dict[str, Any] | None:
         """What a finished cell found; None if it is not finished."""

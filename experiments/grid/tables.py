@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from ...core.errors import BsaError, did_you_mean
 from ..studies.table import Statistic, statistic
 from .results import Row, grid_folder, read_manifest, rows_of, write_rows
 from .statistics import Comparison, compare
@@ -69,10 +70,11 @@ def tables(grid: str | Path, store: Path = RESULTS, out: Path | None = None, met
     Raises
     ------
     BsaError
-        If the grid has not been run in this store.
+        If the grid has not been run in this store, or there is no such error.
     """
     from .figures import draw_all
 
+    check_metric(metric)
     place = Store(store)
     folder = grid_folder(grid, place)
     manifest = read_manifest(folder)
@@ -85,6 +87,20 @@ def tables(grid: str | Path, store: Path = RESULTS, out: Path | None = None, met
     for name, svg in draw_all(rows, place, metric).items():
         write_text(out / f"{name}.svg", svg)
     return sorted(path for path in out.iterdir() if path.suffix in (".md", ".tex", ".svg", ".csv", ".parquet"))
+
+
+def check_metric(metric: str) -> None:
+    """Whether an error may be compared and drawn.
+
+    Raises
+    ------
+    BsaError
+        If there is no such error, with the nearest one.
+    """
+    if metric not in METRICS:
+        raise BsaError(
+            f'there is no error "{metric}".', did_you_mean(metric, METRICS) or f"choose one of {', '.join(METRICS)}."
+        )
 
 
 def reference_of(wanted: str | None, methods: Sequence[str]) -> str:

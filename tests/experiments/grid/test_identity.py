@@ -106,6 +106,7 @@ def test_include_and_exclude(make_plan):
         ({"settings": {"simulator.use": "toy-sell"}}, "toy-cell"),
         ({"settings": {"patienc": 1}}, "patienc"),
         ({"exclude": [{"colour": "red"}]}, "colour"),
+        ({"exclude": [{"task": "*"}]}, "no cells"),
     ],
 )
 def test_what_does_not_exist_is_said_before_anything_runs(make_plan, content, words):

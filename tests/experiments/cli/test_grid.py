@@ -1,0 +1,85 @@
+"""bsa grid, bsa report and bsa bench tables, as a person calls them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+from bsa.core.encoding import encode_task
+from bsa.core.errors import BsaError
+from bsa.experiments.cli.main import app
+from bsa_toy_cell import toy_task
+from typer.testing import CliRunner, Result
+
+
+@pytest.fixture
+def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Calls the command in a folder with a small grid."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "toy.json").write_text(json.dumps(encode_task(toy_task())))
+    content = {
+        "name": "toys",
+        "tasks": ["toy.json"],
+        "scaffolds": ["full", "no-memory"],
+        "rounds": 1,
+        "warm_up": 1,
+        "simulations": 3,
+        "settings": {"simulator.use": "toy-cell"},
+    }
+    (tmp_path / "toys.yaml").write_text(yaml.safe_dump(content))
+
+    def run(*arguments: str, code: int = 0) -> Result:
+        result = CliRunner().invoke(app(), arguments)
+        if result.exception is not None and not isinstance(result.exception, SystemExit):
+            raise result.exception
+        assert result.exit_code == code, result.output
+        return result
+
+    return run
+
+
+def test_dry_run_runs_nothing(call):
+    shown = call("grid", "toys.yaml", "--dry-run", "--workers", "2", "--set", "seeds=[1,2,3]").output
+    assert "toys: 6 runs, 0 of them finished" in shown
+    assert "18 simulations" in shown
+    assert "with 2 workers" in shown
+    assert not Path("results/cells").exists()
+
+
+def test_run_report_and_tables(call):
+    shown = call("grid", "toys.yaml", "--workers", "1")
+    assert "2 of 2 cells done (0 were already), 0 failed" in shown.stderr
+    assert "full" in shown.stdout
+    again = call("grid", "toys.yaml", "--workers", "1").stderr
+    assert "2 of 2 cells done (2 were already), 0 failed" in again
+    assert Path(call("report", "toys").stdout.strip()).is_file()
+    assert Path(call("report", "toys.yaml", "--out", "page/toys.html").stdout.strip()).is_file()
+    written = call("bench", "tables", "toys", "--out", "tables").stdout
+    assert "tables/tables.tex" in written
+    (cell, _) = Path("results/cells").iterdir()
+    assert call("report", str(cell)).stdout.strip().endswith("report.html")
+
+
+def test_what_fails_is_said_and_ends_in_an_error(call):
+    shown = call("grid", "toys.yaml", "--workers", "1", "--set", "backends=[rules, 'openai:nothing']", code=1)
+    assert "2 failed" in shown.stderr
+    assert "The same command runs them again." in shown.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("grid", "toy.yaml"), "does not exist"),
+        (("grid", "rules-ablatoin"), "rules-ablation"),
+        (("grid", "toys.yaml", "--set", "rounds"), "key=value"),
+        (("grid", "toys.yaml", "--set", "rounds=many"), "rounds"),
+        (("grid", "toys.yaml", "--cluster", "here"), "tcp://"),
+        (("report", "toys"), "has not been run"),
+        (("bench", "tables", "toys", "--metric", "map"), "mape"),
+    ],
+)
+def test_mistakes(call, arguments, words):
+    with pytest.raises(BsaError, match=words):
+        call(*arguments)
