@@ -23,6 +23,9 @@ from .parameter_sets import FACTOR, INITIAL_SOC, load, pybamm
 
 _LONGEST_SOLVE_STEPS = 30_000
 
+_EMPTY_V, _FULL_V = 0.5, 6.0
+"""What an empty and an overfull cell show for the rest of a record: the widened cut-offs."""
+
 
 @dataclass(frozen=True)
 class Resolution:
@@ -98,9 +101,6 @@ class DrivenCell:
         if temperature_k is not None:
             values.update({"Ambient temperature [K]": temperature_k, "Initial temperature [K]": temperature_k})
         widen_cut_offs(values)
-        # A candidate that empties its cell before the record ends must say how wrong it is, not fail: without events
-        # PyBaMM's clipped potentials carry on at a very low voltage, and a fit finds its way back.
-        model.events = []
         for name in self._searched:
             _multiply(values, name.removesuffix(FACTOR), pybamm.InputParameter(name))
         self._balance = ElectrodeBalance(load(cell.parameter_set, cell.overrides))
@@ -108,7 +108,7 @@ class DrivenCell:
             {p.name: pybamm.InputParameter(effect.full_name(p)) for p in effect.parameters} for effect in effects
         ]
         drive = measured_current(record)
-        self._stops = drive.stops
+        self._stops, self._drive = drive.stops, drive
         current: Any = pybamm.Interpolant(drive.time, drive.current, pybamm.t, interpolator="linear")
         for effect, p in zip(effects, symbols, strict=True):
             current = add_values(values, part_of(effect), p, current)
@@ -120,7 +120,13 @@ class DrivenCell:
         points = dict.fromkeys(("x_n", "x_s", "x_p", "r_n", "r_p"), resolution.points) if resolution.points else {}
         for effect in effects:
             points.update(part_of(effect).points)
-        options: dict[str, Any] = {"max_num_steps": _LONGEST_SOLVE_STEPS, "silence_sundials_errors": True}
+        # A near-singular candidate can spin for minutes and fill the memory with its steps: one that crawls has failed.
+        options: dict[str, Any] = {
+            "max_num_steps": _LONGEST_SOLVE_STEPS,
+            "num_steps_no_progress": 400,
+            "t_no_progress": 10.0,
+            "silence_sundials_errors": True,
+        }
         if drive.finest_s is not None:
             # The integrator must not step over what the record resolves.
             options["dt_max"] = max(10.0, 5.0 * drive.finest_s)
@@ -186,10 +192,14 @@ class DrivenCell:
                 solution = self._solver.solve(self._model, t_eval=self._stops, t_interp=grid, inputs=inputs)
         except (pybamm.SolverError, ValueError, ArithmeticError, RuntimeError):
             return None
-        if solution.t[-1] < self._stops[-1] - JUMP_S:
-            return None
         voltage = np.interp(inside, solution.t, np.asarray(solution["Voltage [V]"].data).ravel())
-        voltage = np.clip(voltage, 0.0, 6.0)  # beyond its limits a cell's model says anything
+        reached = float(solution.t[-1])
+        if reached < self._stops[-1] - JUMP_S:
+            # A candidate that empties (or overfills) its cell before the record ends must say how wrong it is, not
+            # fail: a fit finds its way back from a voltage that stays at the limit, and not from nothing.
+            late = inside > reached
+            drawn = float(np.interp(reached, self._drive.time, self._drive.current))
+            voltage[late] = _EMPTY_V if drawn > 0 else _FULL_V
         temperature = np.interp(
             inside, solution.t, np.asarray(solution["Volume-averaged cell temperature [K]"].data).ravel()
         )
