@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from ...core.parameters import Candidate
-from ...core.task import Experiment, Task
+from ...core.task import CellModel, Experiment, Task
 from ...core.trajectory import StepKind
 from . import drive
 from .compiled import MODELS, REFERENCE
-from .parameter_sets import FACTOR, FILL_FROM, INITIAL_SOC, load, pybamm
+from .parameter_sets import FACTOR, FILL_FROM, INITIAL_SOC, bake, load, pybamm
+from .state_of_charge import InitialState
 from .step_solutions import step_kind
 
 _TEMPLATE = "best_parameters.py.j2"
@@ -65,7 +66,7 @@ def script(task: Task, candidate: Candidate) -> str:
         overrides={name: float(value) for name, value in task.cell.overrides.items()},
         calibrated={name: value for name, value in searched.items() if name in known},
         factors={name.removesuffix(FACTOR): value for name, value in searched.items() if name not in known},
-        records=[_record(experiment, candidate, tables) for experiment in task.experiments],
+        records=[_record(task.cell, experiment, candidate, tables) for experiment in task.experiments],
         tables=tables,
         rtol=REFERENCE.rtol,
         atol=REFERENCE.atol,
@@ -96,7 +97,7 @@ def literal(value: Any, indent: int = 0) -> str:
     return opening + "".join(f"\n{' ' * deeper}{entry}," for entry in entries) + f"\n{' ' * indent}{closing}"
 
 
-def _record(experiment: Experiment, candidate: Candidate, tables: dict[str, str]) -> dict[str, Any]:
+def _record(cell: CellModel, experiment: Experiment, candidate: Candidate, tables: dict[str, str]) -> dict[str, Any]:
     """How one experiment is simulated; current profiles go into ``tables``."""
     names = (f"{INITIAL_SOC}: {experiment.name}", INITIAL_SOC)
     soc = next((candidate[name] for name in names if name in candidate), experiment.initial_soc)
@@ -104,11 +105,19 @@ def _record(experiment: Experiment, candidate: Candidate, tables: dict[str, str]
         "name": experiment.name,
         "temperature_k": None if experiment.temperature_k is None else float(experiment.temperature_k),
         "initial_soc": None if soc is None else float(soc),
+        "initial_concentrations": {} if soc is None else _initial_concentrations(cell, candidate, float(soc)),
     }
     if experiment.protocol is not None:
         return {**content, "protocol": [list(cycle) for cycle in experiment.protocol]}
     steps = drive.steps_of(experiment)[0]
     return {**content, "currents": [_current(step, tables) for step in steps], "dt_max": _longest_solver_step(steps)}
+
+
+def _initial_concentrations(cell: CellModel, candidate: Candidate, soc: float) -> dict[str, float]:
+    """As in `CompiledExperiment`: the state of charge as concentrations, of the calibrated cell."""
+    values = load(cell.parameter_set, cell.overrides)
+    bake(values, candidate)
+    return InitialState(values).concentrations({}, soc)
 
 
 def _current(step: Any, tables: dict[str, str]) -> tuple[float | str, float]:

@@ -69,6 +69,7 @@ def test_shipped_grids_expand(name, tmp_path, monkeypatch):
         "main-table": len(cases) * (4 + 7),
         "qwen-scaling": 8 * 3 * 3,
         "rules-ablation": 8 * 4 * 3,
+        "rules-ablation-cases": 10 * 4,
         "scaffold-ablation": 8 * 4 * 3,
     }
     assert grid.name == name
