@@ -5,12 +5,14 @@ from __future__ import annotations
 import multiprocessing
 import os
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from itertools import product
 from pathlib import Path
 from typing import Any
 
+from ...core.errors import BsaError
 from ...core.scaffold import Scaffold
 from ..suite.case import SuiteCase
 from .cell import CellRecord, StudyCell, finished, run_cell, study_config
@@ -25,6 +27,9 @@ _SLOW_SETS = {"ORegan2022": (4.5, 60.0)}
 
 _SIMULATION_S = 0.4
 _PROPOSAL_S = {"bo": 1.5, "qnehvi": 6.0}
+
+_DEATHS = 3
+"""Deaths of a process in a row, with no cell finished between them, before a study gives up."""
 
 
 def make_cells(
@@ -82,7 +87,7 @@ def run_cells(
 
 def _results(
     cells: Sequence[StudyCell], out: Path, workers: int, keep_runs: bool
-) -> Iterable[tuple[StudyCell, CellRecord]]:
+) -> Iterator[tuple[StudyCell, CellRecord]]:
     if workers <= 1 or len(cells) <= 1:
         for cell in cells:
             yield cell, run_cell(cell, out, 1, keep_runs)
@@ -90,6 +95,27 @@ def _results(
     # One thread each: the parallelism is in the processes.
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
+    deaths = 0
+    while cells:
+        done: set[str] = set()
+        try:
+            for cell, record in _pooled(cells, out, workers, keep_runs):
+                done.add(cell.identity)
+                yield cell, record
+        except BrokenProcessPool:
+            # Killed from outside or out of memory. The cells it held resume from their journals.
+            deaths = 1 if done else deaths + 1
+            if deaths >= _DEATHS:
+                raise BsaError(
+                    f"processes of the study died {deaths} times in a row without finishing a cell.",
+                    "give it more memory or fewer --workers; finished cells are kept.",
+                ) from None
+        cells = [cell for cell in cells if cell.identity not in done]
+
+
+def _pooled(
+    cells: Sequence[StudyCell], out: Path, workers: int, keep_runs: bool
+) -> Iterator[tuple[StudyCell, CellRecord]]:
     pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
     try:
         waiting: dict[Future[CellRecord], StudyCell] = {

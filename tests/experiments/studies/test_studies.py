@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 import math
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 import numpy as np
 import pytest
+from bsa.core.errors import BsaError
 from bsa.core.scaffold import Scaffold
 from bsa.core.simulation import ExperimentRun
 from bsa.core.task import Task
 from bsa.experiments.studies import cell as cell_module
-from bsa.experiments.studies import recovery
+from bsa.experiments.studies import many, recovery
 from bsa.experiments.studies.cell import CellRecord, CellTrial, run_cell
 from bsa.experiments.studies.many import make_cells, run_cells
 from bsa.experiments.studies.recovery import recovery_study, within_case
@@ -99,6 +101,31 @@ def test_an_interrupted_cell_goes_on_from_its_journal(tmp_path: Path, monkeypatc
     assert resumed.best == whole.best
     assert resumed.note
     assert not whole.note
+
+
+def test_a_killed_process_costs_no_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    attempts: list[int] = []
+
+    def pooled(cells, out, workers, keep_runs):
+        attempts.append(len(cells))
+        yield cells[0], run_cell(cells[0], out)
+        if len(cells) > 1:
+            raise BrokenProcessPool
+
+    monkeypatch.setattr(many, "_pooled", pooled)
+    cells = make_cells(CASES, scaffolds("random", "default"), 4, 1)
+    assert [r.method for r in run_cells(cells, tmp_path, 2, quiet)] == ["random", "default"] * 2
+    assert attempts == [4, 3, 2, 1]
+
+
+def test_a_study_whose_processes_only_die_gives_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def pooled(cells, out, workers, keep_runs):
+        raise BrokenProcessPool
+        yield
+
+    monkeypatch.setattr(many, "_pooled", pooled)
+    with pytest.raises(BsaError, match="died 3 times"):
+        run_cells(make_cells(CASES, scaffolds("random"), 4, 1), tmp_path, 2, quiet)
 
 
 @pytest.mark.parametrize("keep", [False, True])
