@@ -17,6 +17,9 @@ CLEAR_HELD = 0.9
 CLOSED_ENOUGH = 0.8
 """Share of the excess variance that a named explanation must close; below it is a partial explanation."""
 
+HELD_ENOUGH = 0.7
+"""The same for data that was not fitted."""
+
 
 def bic_difference(worse: Explanation, better: Explanation) -> float:
     r"""BIC of one explanation minus that of another, by quasi-likelihood.
@@ -46,6 +49,8 @@ def believable(base: Explanation, found: Explanation, noise_v: float, held_noise
         return f"does not beat the base model by {CLEAR_BIC:g} in BIC"
     if not found.excludes_null:
         return "a strength's 95 % interval contains its null value, or it ran into a bound"
+    if not found.fit.converged and not found.adequacy.adequate:
+        return "its fit did not converge"
     share = closed(base.rmse_v, found.rmse_v, noise_v)
     if share < CLOSED_ENOUGH and not found.adequacy.adequate:
         return f"closes {share:.0%} of the gap only"
@@ -53,7 +58,7 @@ def believable(base: Explanation, found: Explanation, noise_v: float, held_noise
         return "does not predict the data not fitted better than the base model"
     held = closed(base.held_rmse_v, found.held_rmse_v, held_noise_v)
     material = base.held_rmse_v > 1.1 * held_noise_v
-    if held < 0.5 and material and not found.adequacy.adequate:
+    if held < HELD_ENOUGH and material and not found.adequacy.adequate:
         return f"closes {held:.0%} of the gap in data not fitted only"
     return ""
 
