@@ -20,12 +20,21 @@ Workers = Annotated[int, typer.Option(min=1, help="Runs side by side.")]
 Seed = Annotated[int, typer.Option(min=0, help="Seed for everything random.")]
 Backend = Annotated[str, typer.Option(help="Language model, as bsa run takes it.")]
 Out = Annotated[Path, typer.Option(help="Folder for tables, figures and finished cells.")]
+NoiseMv = Annotated[float, typer.Option(min=0.0, help="Measurement noise put on the targets' voltage, mV.")]
+Published = Annotated[
+    Path | None,
+    typer.Option(envvar="BSA_PUBLISHED_SUITE", help="Folder of the published task files (they are not shipped)."),
+]
 
 
-def _chosen(suite: str, cases: str | None, seed: int) -> list[SuiteCase]:
+def _chosen(
+    suite: str, cases: str | None, seed: int, published: Path | None = None, noise_mv: float = 0.0
+) -> list[SuiteCase]:
+    from ..suite.case import Noise
     from ..suite.selection import choose, load_suite
 
-    return list(choose(load_suite(suite, seed=seed), cases).values())
+    noise = Noise(voltage_v=noise_mv / 1e3) if noise_mv else None
+    return list(choose(load_suite(suite, published, seed=seed, noise=noise), cases).values())
 
 
 @bench_app.command("suite")
@@ -37,12 +46,16 @@ def suite_command(
     workers: Workers = 2,
     seed: Seed = 1234,
     backend: Backend = "rules",
+    published: Published = None,
+    noise_mv: NoiseMv = 0.0,
     out: Out = Path("results/suite"),
 ) -> None:
     """The paper's main table: errors by mode and chemistry, with the paper's rows beside."""
     from ..studies.suite import suite_study
 
-    suite_study(_chosen(suite, cases, seed), out, scaffolds.split(","), simulations, workers, seed, backend)
+    suite_study(
+        _chosen(suite, cases, seed, published, noise_mv), out, scaffolds.split(","), simulations, workers, seed, backend
+    )
     print(f"{out / 'table.md'}")
 
 
@@ -54,12 +67,13 @@ def runtime_command(
     steps: Annotated[int, typer.Option(min=10, help="Steps of the outer loop.")] = 20,
     seed: Seed = 1234,
     backend: Backend = "rules",
+    published: Published = None,
     out: Out = Path("results/runtime"),
 ) -> None:
     """Matched steps: simulator, model and proposer time, first five against last five."""
     from ..studies.runtime import runtime_study
 
-    (chosen, *_) = _chosen(suite, case if not case.isdigit() else f"regular-{case}", seed)
+    (chosen, *_) = _chosen(suite, case if not case.isdigit() else f"regular-{case}", seed, published)
     runtime_study(chosen, out, scaffolds.split(","), steps, seed, backend)
     print(f"{out / 'runtime.md'}")
 
@@ -73,12 +87,16 @@ def recovery_command(
     workers: Workers = 2,
     seed: Seed = 1234,
     backend: Backend = "rules",
+    published: Published = None,
+    noise_mv: NoiseMv = 0.0,
     out: Out = Path("results/recovery"),
 ) -> None:
     """Whether a better fit means better parameters, and what held-out rates say."""
     from ..studies.recovery import recovery_study
 
-    recovery_study(_chosen(suite, cases, seed), out, scaffolds.split(","), simulations, workers, seed, backend)
+    recovery_study(
+        _chosen(suite, cases, seed, published, noise_mv), out, scaffolds.split(","), simulations, workers, seed, backend
+    )
     print(f"{out}")
 
 
@@ -91,13 +109,15 @@ def warmup_command(
     workers: Workers = 2,
     seed: Seed = 1234,
     backend: Backend = "rules",
+    published: Published = None,
+    noise_mv: NoiseMv = 0.0,
     out: Out = Path("results/warmup"),
 ) -> None:
     """Random against proposed perturbations."""
     from ..studies.warmup import warmup_study
 
     warmup_study(
-        _chosen(suite, cases, seed),
+        _chosen(suite, cases, seed, published, noise_mv),
         out,
         scaffold,
         simulations=simulations,

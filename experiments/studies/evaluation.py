@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from ...backends.rules.backend import RulesBackend
 from ...core.messages import Usage
+from ...core.parameters import Candidate
 from ...core.proposal import Proposal
 from ...core.run_config import RunConfig
 from ...core.scaffold import load_scaffold
@@ -36,6 +37,8 @@ class EvaluationCost:
         The same through a worker process, as runs do it.
     rebuild_s : float
         Building the model for every evaluation, on the standard mesh.
+    two_workers : float
+        How many times as fast two worker processes get through a batch as one does.
     loop_s : float
         What the loop, the memories, the rules and the journal add to a round.
     repeats : int
@@ -46,6 +49,7 @@ class EvaluationCost:
     evaluation_s: float
     worker_s: float
     rebuild_s: float
+    two_workers: float
     loop_s: float
     repeats: int
 
@@ -56,6 +60,7 @@ class EvaluationCost:
             f"evaluation in this process: {self.evaluation_s / self.solver_s:.2f} x",
             f"evaluation in a worker process: {self.worker_s / self.solver_s:.2f} x",
             f"rebuild per evaluation: {self.rebuild_s / self.solver_s:.1f} x",
+            f"two workers, against one: {self.two_workers:.2f} x as fast",
             f"the loop's own cost a round: {1e3 * self.loop_s:.1f} ms",
         ]
 
@@ -77,14 +82,27 @@ def measure_evaluation(task_name: str = "demo", repeats: int = 15) -> Evaluation
     inputs = compiled.inputs(candidate)
     solver_s = _median(lambda: compiled.simulation.solve(inputs=inputs, calc_esoh=False), repeats)
     evaluation_s = _median(lambda: compiled.solve(candidate), repeats)
-    pool = WorkerPool(Assignment(task.cell, (experiment,), task.space.names), 1, 60.0)
+    assignment = Assignment(task.cell, (experiment,), task.space.names)
+    worker_s = _batch_cost(assignment, 1, [candidate], repeats)
+    # Near the start, where candidates of a fit lie; alike for both pools.
+    rng = np.random.default_rng(repeats)
+    batch = [task.space.project({k: v * rng.uniform(0.98, 1.02) for k, v in candidate.items()}) for _ in range(8)]
+    one, two = (_batch_cost(assignment, size, batch, max(repeats // 5, 3)) for size in (1, 2))
+    rebuild_s = _median(lambda: solve_reference(task.cell, experiment, candidate), max(repeats // 5, 2))
+    return EvaluationCost(solver_s, evaluation_s, worker_s, rebuild_s, one / two, _loop_cost(task_name), repeats)
+
+
+def _batch_cost(assignment: Assignment, workers: int, batch: Sequence[Candidate], repeats: int) -> float:
+    pool = WorkerPool(assignment, workers, 60.0)
+
+    def simulate(candidates: Sequence[Candidate]) -> None:
+        pool.simulate(candidates, False, lambda place, outcome: None)
+
     try:
-        pool.simulate([candidate], False, lambda place, outcome: None)
-        worker_s = _median(lambda: pool.simulate([candidate], False, lambda place, outcome: None), repeats)
+        simulate([batch[0]] * workers)  # every worker compiles before the clock runs
+        return _median(lambda: simulate(batch), repeats)
     finally:
         pool.close()
-    rebuild_s = _median(lambda: solve_reference(task.cell, experiment, candidate), max(repeats // 5, 2))
-    return EvaluationCost(solver_s, evaluation_s, worker_s, rebuild_s, _loop_cost(task_name), repeats)
 
 
 def _median(action: Callable[[], object], repeats: int) -> float:

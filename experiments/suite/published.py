@@ -52,7 +52,7 @@ def find_reference_suite(folder: Path | None = None) -> Path:
     if not all((place / name).is_file() for name in FILES.values()):
         raise BsaError(
             f"the published tasks are not in {place}.",
-            f"give the folder that holds {', '.join(FILES.values())}; or use --suite generated.",
+            f"give --published the folder that holds {', '.join(FILES.values())}; or use --suite generated.",
         )
     return place
 
