@@ -27,10 +27,10 @@ _HOPELESS = 0.05
 """Share of the cost that a round of the fit must take off: at less, the budget ends before the fit does."""
 
 _ELSEWHERE = 0.2
-"""How far from the first start another one lies, in units of the box."""
+"""How far from the first start the others lie, in units of the box."""
 
 _STEPS_WORTH = 6
-"""Simulations beyond the start and a Jacobian without which a restart cannot get anywhere."""
+"""Simulations beyond a Jacobian without which a restart cannot get anywhere."""
 
 
 class DescentOptions(BaseModel, extra="forbid"):
@@ -64,8 +64,8 @@ class Descent:
         self._seed = seed
         self._restarts_left = options.restarts
         self._restarting = False
-        self._slopes: FloatArray | None = None
         self._polled: list[FloatArray] = []
+        self._promising: list[Trial] = []
         self._feasibility: Feasibility | None = None
         self._search: LeastSquares | None = None
         self._best: LeastSquares | None = None
@@ -143,7 +143,7 @@ class Descent:
             return self._feasibility.ask()[:limit]
         points = self._search.ask(thrift)
         if not points and self._may_restart(limit):
-            points = self._polled = self._other_starts()
+            points = self._begin_again(thrift)
         self._out_of_ideas = not points
         return points[:limit]
 
@@ -165,9 +165,6 @@ class Descent:
             self._out_of_ideas = True
             return
         self._search.tell([trial.residuals for trial in trials])
-        jacobian, residual = self._search.jacobian, self._search.residual
-        if self._slopes is None and jacobian is not None and residual is not None and self._search.stage == "step":
-            self._slopes = jacobian.T @ residual
         if self._restarting and self._best is not None:
             self._restarting = self._search.cost > self._best.cost
 
@@ -185,33 +182,40 @@ class Descent:
         return LeastSquares(self._task.space.to_unit(candidate), residuals, settings)
 
     def _may_restart(self, limit: int) -> bool:
-        needed = 2 * len(self._task.space) + _STEPS_WORTH
+        polls = 0 if self._promising else 2 * len(self._task.space)
+        needed = polls + len(self._task.space) + _STEPS_WORTH
         return self._restarts_left > 0 and self.misfit > _SUSPICIOUS and limit >= needed
 
-    def _other_starts(self) -> list[FloatArray]:
-        """Points around the first start, one of which the fit goes on from.
+    def _begin_again(self, thrift: int) -> list[FloatArray]:
+        """Go on from elsewhere: each parameter alone goes far to either side of the first start, and the best leads.
 
-        The first time each parameter alone goes far to the side that the first Jacobian called downhill:
-        the fit may have shared among many what one had done. After that they are drawn at random.
+        The fit may have shared among many what one had done; and far from the record a slope may point
+        the wrong way, so both sides are tried. The runners-up serve the restarts after that.
         """
-        space = self._task.space
         self._best = self.best
         self._restarting = True
-        origin = space.to_unit(space.initial)
-        if self._restarts_left == self._options.restarts and self._slopes is not None:
-            steps = np.diag(np.where(self._slopes > 0, -_ELSEWHERE, _ELSEWHERE))
-        else:
-            rng = np.random.default_rng([self._seed, self._restarts_left])
-            steps = _ELSEWHERE * rng.standard_normal((max(len(space) // 2, 1), len(space)))
         self._restarts_left -= 1
-        return [np.clip(origin + step, 0.0, 1.0) for step in steps]
+        if self._promising:
+            return self._search_from_trial(self._promising.pop(0)).ask(thrift)
+        origin = self._task.space.to_unit(self._task.space.initial)
+        far = _ELSEWHERE * np.eye(len(origin))
+        points = [np.clip(origin + step, 0.0, 1.0) for step in (*far, *-far)]
+        self._polled = [point for point in points if not np.array_equal(point, origin)]
+        return self._polled
 
     def _take_starts(self, trials: Sequence[Trial]) -> None:
         self._polled = []
-        good = [trial for trial in trials if trial.residuals is not None]
-        if good:
-            found = min(good, key=lambda trial: rms(trial.residuals))
-            self._search = self._search_from(found.candidate, found.residuals)
+        self._promising = sorted((trial for trial in trials if trial.residuals is not None), key=_misfit)
+        if self._promising:
+            self._search_from_trial(self._promising.pop(0))
+
+    def _search_from_trial(self, trial: Trial) -> LeastSquares:
+        self._search = self._search_from(trial.candidate, trial.residuals)
+        return self._search
+
+
+def _misfit(trial: Trial) -> float:
+    return rms(trial.residuals)
 
 
 def rms(residual: FloatArray | None) -> float:
