@@ -16,8 +16,8 @@ FLOOR_V = 3e-4
 CLOCK_SHARE = 0.05
 """Share of the sampling interval by which the clock of a sample may be off."""
 
-BEFORE_JUMP_S = 2e-3
-"""Where a step's last sample carries the stamp of the next step's first one, it was taken this much earlier."""
+AFTER_JUMP_S = 2e-3
+"""Where a step's first sample carries the stamp of the last one before it, it was taken this much later."""
 
 CHARGE_SHARE = 0.002
 """Share of the charge drawn by which charge is uncertain; it blurs the voltage where that falls steeply."""
@@ -120,14 +120,15 @@ def observe(
         return np.array([float(np.mean(values[group])) for group in groups])
 
     count = np.array([float(len(group)) for group in groups])
-    starts = np.array([record.time[step.start] for step in record.steps])
+    # A step begins where the one before it logged its last sample: its own first sample may come much later.
+    starts = np.array([record.time[max(step.start - 1, 0)] for step in record.steps])
     jitter = CLOCK_SHARE * _neighbour_change(record.voltage)
     # Errors of the clock within a stretch do not average out the way noise does, but a stretch is mostly flat.
     clock = np.array([float(np.sqrt(np.mean(jitter[group] ** 2) / len(group))) for group in groups])
     charge = np.interp(mean(record.time), record.time, record.discharge_capacity)
     voltage = mean(record.voltage)
     knee = CHARGE_SHARE * _steepness(charge, voltage, index) * max(float(np.ptp(charge)), 1e-9)
-    time = np.minimum(mean(_before_jumps(record)), record.time[-1])
+    time = np.minimum(mean(_after_jumps(record)), record.time[-1])
     return Observations(
         name,
         time,
@@ -167,12 +168,12 @@ def _steepness(charge: FloatArray, voltage: FloatArray, steps: NDArray[np.intp])
     return np.maximum(slope - 3 * float(np.median(usual)), 0.0) if usual else slope
 
 
-def _before_jumps(record: Trajectory) -> FloatArray:
-    """The samples' times, with each step's samples before the jump that ends it."""
+def _after_jumps(record: Trajectory) -> FloatArray:
+    """The samples' times, with each step's samples after the jump that begins it."""
     time = record.time.copy()
-    for step, following in zip(record.steps, record.steps[1:], strict=False):
-        end = record.time[following.start] - BEFORE_JUMP_S
-        time[step.start : step.stop] = np.minimum(time[step.start : step.stop], end)
+    for step in record.steps[1:]:
+        own = slice(step.start, step.stop)
+        time[own] = np.maximum(time[own], record.time[step.start - 1] + AFTER_JUMP_S)
     return time
 
 

@@ -17,8 +17,8 @@ from .observations import Observations
 _BLOCK = 6
 """Stretches that are held out together, where no whole record is."""
 
-_FAR = 300.0
-"""Residuals beyond this many deviations, a tenth of a volt or so, are drawn in."""
+_FAR_V = 0.1
+"""Errors beyond this are drawn in."""
 
 _LARGEST_V = 0.02
 """A larger difference between two meshes is not corrected but feared."""
@@ -107,7 +107,7 @@ class Problem:
     def weighted(self, errors: Sequence[FloatArray], misfit_v: float = 0.0) -> FloatArray:
         """Errors of the fitted stretches in standard deviations, one after the other."""
         parts = [
-            (error / np.sqrt(self.sigma(observed) ** 2 + misfit_v**2))[mask]
+            (drawn_in(error) / np.sqrt(self.sigma(observed) ** 2 + misfit_v**2))[mask]
             for error, observed, mask in zip(errors, self.observations, self.fitted, strict=True)
         ]
         return np.concatenate(parts)
@@ -117,7 +117,7 @@ class Problem:
         predictions = self.predict(effects, candidate)
         if predictions is None:
             return None
-        return compressed(self.weighted(self.errors(predictions), misfit_v=self.misfit_v))
+        return self.weighted(self.errors(predictions), misfit_v=self.misfit_v)
 
     def correct_mesh(self, effects: Sequence[Effect], candidate: Candidate) -> float:
         """Measure at one candidate what the mesh and the tolerances do to the voltage, and correct for it.
@@ -215,13 +215,13 @@ class Problem:
         return error
 
 
-def compressed(weighted: FloatArray) -> FloatArray:
-    """Residuals with those beyond a few hundred deviations drawn in: ``s arcsinh(r / s)``.
+def drawn_in(error: FloatArray) -> FloatArray:
+    """Errors (V) with those beyond a tenth of a volt drawn in: ``s arcsinh(e / s)``.
 
     A candidate whose cell is empty before its record ends is volts off, and how many samples it is off by would
     outweigh everything else that a fit could learn.
     """
-    return np.asarray(_FAR * np.arcsinh(weighted / _FAR))
+    return np.asarray(_FAR_V * np.arcsinh(error / _FAR_V))
 
 
 def _subset(observed: Observations, mask: NDArray[np.bool_]) -> Observations:

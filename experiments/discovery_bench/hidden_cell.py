@@ -15,8 +15,8 @@ from ...core.trajectory import FloatArray, Trajectory
 from ...plugins.pybamm.augmentation import augmented_cell, part_of
 from ...plugins.pybamm.compiled import make_model
 from ...plugins.pybamm.driven_cell import add_values, add_voltage
-from ...plugins.pybamm.initial_state import CYCLABLE_LITHIUM, ElectrodeBalance
 from ...plugins.pybamm.parameter_sets import load, pybamm
+from ...plugins.pybamm.state_of_charge import CYCLABLE_LITHIUM, InitialState
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ def measure(
     clock, noise, and readings rounded to 0.1 mV and 0.1 mA.
     """
     values = load(cell.parameter_set, cell.overrides)
-    balance = ElectrodeBalance(values)
+    state = InitialState(values)
     capacity = float(values["Nominal cell capacity [A.h]"])
     leak = sum(hidden.strengths.get(e.full_name(e.strength), 0.0) for e in hidden.effects if e.name == "self-discharge")
     model = make_model(augmented_cell(cell, hidden.effects))
@@ -131,15 +131,8 @@ def measure(
     if hidden.outside:
         extra = OUTSIDE[hidden.outside](model, hidden.outside_strength)
         model.variables["Voltage [V]"] = model.variables["Voltage [V]"] + extra
-    negative, positive = balance.initial_concentrations({**hidden.shifts, "Initial state of charge": soc})
-    values.update(
-        {
-            "Initial concentration in negative electrode [mol.m-3]": negative,
-            "Initial concentration in positive electrode [mol.m-3]": positive,
-            "Lower voltage cut-off [V]": 0.5,
-            "Upper voltage cut-off [V]": 6.0,
-        }
-    )
+    values.update(state.concentrations(hidden.shifts, soc))
+    values.update({"Lower voltage cut-off [V]": 0.5, "Upper voltage cut-off [V]": 6.0})
     if ambient_k is not None:
         values.update({"Ambient temperature [K]": ambient_k, "Initial temperature [K]": ambient_k})
     simulation = pybamm.Simulation(

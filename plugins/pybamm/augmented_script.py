@@ -17,9 +17,9 @@ from ...core.effect import Effect
 from ...core.parameters import Candidate
 from ...core.task import CellModel
 from .augmentation import augmented_cell, part_of
-from .initial_state import ElectrodeBalance
-from .measured_current import measured_current
+from .drive import current_function
 from .parameter_sets import FACTOR, FILL_FROM, load, pybamm
+from .state_of_charge import InitialState, initial_concentration
 
 _TEMPLATE = Path(__file__).with_name("augmented_model.py.j2")
 _LONGEST = 600
@@ -48,20 +48,20 @@ def augmented_script(
         record (columns time_s, voltage_V).
     """
     augmented = augmented_cell(cell, effects)
-    balance = ElectrodeBalance(load(cell.parameter_set, cell.overrides))
+    state = InitialState(load(cell.parameter_set, cell.overrides))
     records = []
     for specimen in specimens:
         own = dict(candidate)
         if specimen.soc_name in own:
             own[INITIAL_SOC] = own[specimen.soc_name]
-        drive = measured_current(specimen.record)
-        negative, positive = balance.initial_concentrations(own)
+        drive = current_function(specimen.record)
+        start = state.concentrations(own, own.get(INITIAL_SOC))
         records.append(
             {
                 "name": specimen.name,
                 "ambient_k": specimen.ambient_k,
-                "negative": negative,
-                "positive": positive,
+                "negative": start[initial_concentration("Negative")],
+                "positive": start[initial_concentration("Positive")],
                 "time": [round(float(t), 4) for t in drive.time],
                 "current": [round(float(i), 6) for i in drive.current],
                 "stops": [round(float(t), 4) for t in drive.stops],

@@ -1,14 +1,15 @@
-"""Protocols and measured currents as PyBaMM experiments."""
+"""Protocols and measured currents, as PyBaMM experiments or as one function of time."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ...core.errors import BsaError
 from ...core.task import Experiment
-from ...core.trajectory import StepKind, Trajectory
+from ...core.trajectory import FloatArray, StepKind, Trajectory
 from .parameter_sets import pybamm
 
 _CONSTANT_WITHIN = 2e-3
@@ -18,6 +19,62 @@ _KNOTS = 50
 """Knots that stand for a smoothly varying current, as during a voltage hold."""
 
 _LOWEST_CUT_OFF_V, _HIGHEST_CUT_OFF_V = 0.5, 6.0
+
+JUMP_S = 1e-3
+"""A step of the current takes this long in a function of time: short against any sampling, long against rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """The current between two of its steps.
+
+    Attributes
+    ----------
+    begin : float
+        When it begins, s on the record's clock.
+    time, current : ndarray of shape (k,)
+        Knots in s since ``begin`` and A, positive on discharge; linear in between. Two knots of one height are a
+        constant current.
+    kind : StepKind
+        What the cycler was doing.
+    """
+
+    begin: float
+    time: FloatArray
+    current: FloatArray
+    kind: StepKind
+
+    @property
+    def duration(self) -> float:
+        """How long it lasts, s."""
+        return float(self.time[-1])
+
+    @property
+    def constant(self) -> bool:
+        """Whether it is one constant current."""
+        return len(self.time) == 2 and self.current[0] == self.current[1]
+
+
+@dataclass(frozen=True, eq=False)
+class CurrentFunction:
+    """A measured current as one piecewise linear function of time.
+
+    Attributes
+    ----------
+    time, current : ndarray of shape (k,)
+        Knots in s on the record's clock and A, positive on discharge. Reaches an hour beyond the record on both
+        sides, so that nothing is ever extrapolated.
+    stops : ndarray of shape (m,)
+        Where the integrator must stop and start afresh: both ends of every step. Without them it would step
+        clean over a pulse after a long rest.
+    finest_s : float or None
+        Typical interval between knots where the current varies all the time (drive cycles), s.
+    """
+
+    time: FloatArray
+    current: FloatArray
+    stops: FloatArray
+    finest_s: float | None
 
 
 def steps_of(experiment: Experiment) -> list[list[Any]]:
@@ -50,43 +107,86 @@ def widen_cut_offs(values: Any) -> None:
 
 
 def _measured_steps(record: Trajectory) -> list[Any]:
-    """One PyBaMM step for each step of the record.
+    """One PyBaMM step for each piece of the record's current.
 
     The integrator restarts at each: as one bare interpolant over the whole record it would step clean
-    over a short pulse that follows a long rest. A step begins where the one before it logged its last
-    sample: cyclers log a sample when a step ends, and the first one of the next step up to a sampling
-    interval late (a minute late, in some records).
+    over a short pulse that follows a long rest.
     """
-    result: list[Any] = []
+    return [_experiment_step(piece) for piece in pieces_of(record)]
+
+
+def _experiment_step(piece: Piece) -> Any:
+    if piece.constant:
+        return pybamm.step.Current(float(piece.current[0]), duration=piece.duration)
+    # One more knot beyond the end, so that the integrator never extrapolates.
+    time, current = np.append(piece.time, piece.duration + 60.0), np.append(piece.current, piece.current[-1])
+    words = f"Measured current of {current[0]:.3g} to {current[-1]:.3g} A for {piece.duration:.0f} s"
+    return pybamm.step.Current(np.column_stack([time, current]), duration=piece.duration, description=words)
+
+
+def current_function(record: Trajectory) -> CurrentFunction:
+    """The measured current of a record, as a function of time that one compiled model can be driven by."""
+    pieces = [piece for piece in pieces_of(record) if piece.duration > 3 * JUMP_S]
+    times: list[FloatArray] = []
+    currents: list[FloatArray] = []
+    stops: list[float] = []
+    for piece in pieces:
+        # The jump lies behind the last sample of the step before, which still shows that step's current.
+        start, end = piece.begin + JUMP_S, piece.begin + piece.duration
+        inside = (piece.time > JUMP_S) & (piece.time < piece.duration)
+        times.append(np.concatenate([[start], piece.begin + piece.time[inside], [end]]))
+        currents.append(np.interp(times[-1] - piece.begin, piece.time, piece.current))
+        stops += [start, end]
+    drives = [float(np.median(np.diff(piece.time))) for piece in pieces if piece.kind is StepKind.DRIVE]
+    time, current = np.concatenate(times), np.concatenate(currents)
+    return CurrentFunction(
+        np.concatenate([[time[0] - 3600.0], time, [time[-1] + 3600.0]]),
+        np.concatenate([[current[0]], current, [current[-1]]]),
+        np.unique([float(record.time[0]), *stops]),
+        min(drives) if drives else None,
+    )
+
+
+def pieces_of(record: Trajectory) -> list[Piece]:
+    """The current of a record that is cut into steps, piece by piece.
+
+    A step begins where the one before it logged its last sample: cyclers log a sample when a step ends, and
+    the first one of the next step up to a sampling interval late (a minute late, in some records).
+    """
+    result: list[Piece] = []
     begin = float(record.time[0])
     for step in record.steps:
         time, current = record.time[step.start : step.stop], record.current[step.start : step.stop]
         if time[0] > begin:
             time, current = np.append(begin, time), np.append(current[0], current)
         if time[-1] > begin:
-            result.append(_constant_or_drive(time - begin, current, step.kind))
+            result.append(Piece(begin, *_knots(time - begin, current, step.kind), step.kind))
         begin = float(time[-1])
     return result
 
 
-def _constant_or_drive(time: np.ndarray, current: np.ndarray, kind: StepKind) -> Any:
-    duration = float(time[-1])
-    mean = float(np.trapezoid(current, time) / duration)
-    if kind is StepKind.REST:
-        return pybamm.step.Current(0.0 if abs(mean) < 1e-6 else mean, duration=duration)
-    if np.ptp(current) <= max(_CONSTANT_WITHIN * abs(mean), 1e-6) or len(time) < 3:
-        return pybamm.step.Current(mean, duration=duration)
+def _knots(time: FloatArray, current: FloatArray, kind: StepKind) -> tuple[FloatArray, FloatArray]:
+    """The fewest knots that say what the samples say."""
+    mean = float(np.trapezoid(current, time) / time[-1])
+    if kind is StepKind.REST and abs(mean) < 1e-6:
+        mean = 0.0
+    steady = np.ptp(current) <= max(_CONSTANT_WITHIN * abs(mean), 1e-6) or len(time) < 3
+    if kind is StepKind.REST or steady or (kind is not StepKind.DRIVE and _only_noise(current)):
+        return time[[0, -1]], np.array([mean, mean])
     keep = np.concatenate([[True], np.diff(time) > 0])
     time, current = time[keep], current[keep]
-    if kind is not StepKind.DRIVE:
-        time, current = _smooth_knots(time, current)
-    # One more knot beyond the end, so that the integrator never extrapolates.
-    time, current = np.append(time, duration + 60.0), np.append(current, current[-1])
-    words = f"Measured current of {current[0]:.3g} to {current[-1]:.3g} A for {duration:.0f} s"
-    return pybamm.step.Current(np.column_stack([time, current]), duration=duration, description=words)
+    return (time, current) if kind is StepKind.DRIVE else _smooth_knots(time, current)
 
 
-def _smooth_knots(time: np.ndarray, current: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _only_noise(current: FloatArray) -> bool:
+    """Whether neighbours differ as much as strangers do: a constant current read by a noisy meter."""
+    middle = current[1:-1]
+    if len(middle) < 8:
+        return False
+    return float(np.std(np.diff(middle))) > 1.1 * float(np.std(middle))
+
+
+def _smooth_knots(time: FloatArray, current: FloatArray) -> tuple[FloatArray, FloatArray]:
     """A decaying current by few knots, dense where it bends, with the charge kept.
 
     Every knot of the interpolant is a kink that costs the integrator a few steps: a tail of 700 samples

@@ -16,15 +16,19 @@ from ...core.task import CellModel
 from ...core.trajectory import FloatArray, Trajectory
 from .augmentation import PyBaMMPart, augmented_cell, part_of
 from .compiled import make_model
-from .drive import widen_cut_offs
-from .initial_state import CYCLABLE_LITHIUM, ElectrodeBalance
-from .measured_current import JUMP_S, measured_current
+from .drive import JUMP_S, current_function, widen_cut_offs
 from .parameter_sets import FACTOR, INITIAL_SOC, load, pybamm
+from .state_of_charge import CYCLABLE_LITHIUM, InitialState, initial_concentration
 
 _LONGEST_SOLVE_STEPS = 30_000
 
 _EMPTY_V, _FULL_V = 0.5, 6.0
-"""What an empty and an overfull cell show for the rest of a record: the widened cut-offs."""
+"""What an empty and an overfull cell show until the current changes: the widened cut-offs."""
+
+_PAUSES = 3
+"""Steps of a record that a candidate may be empty or overfull in before it is given up."""
+
+_NEVER_S = 1e12
 
 
 @dataclass(frozen=True)
@@ -103,18 +107,18 @@ class DrivenCell:
         widen_cut_offs(values)
         for name in self._searched:
             _multiply(values, name.removesuffix(FACTOR), pybamm.InputParameter(name))
-        self._balance = ElectrodeBalance(load(cell.parameter_set, cell.overrides))
+        self._initial = InitialState(load(cell.parameter_set, cell.overrides))
         symbols = [
             {p.name: pybamm.InputParameter(effect.full_name(p)) for p in effect.parameters} for effect in effects
         ]
-        drive = measured_current(record)
+        drive = current_function(record)
         self._stops, self._drive = drive.stops, drive
         current: Any = pybamm.Interpolant(drive.time, drive.current, pybamm.t, interpolator="linear")
         for effect, p in zip(effects, symbols, strict=True):
             current = add_values(values, part_of(effect), p, current)
-        values["Current function [A]"] = current
+        values["Current function [A]"] = current * _gate()
         for which in ("negative", "positive"):
-            values[_CONCENTRATION.format(which)] = "[input]"
+            values[initial_concentration(which)] = "[input]"
         for effect, p in zip(effects, symbols, strict=True):
             add_voltage(model, part_of(effect), p)
         points = dict.fromkeys(("x_n", "x_s", "x_p", "r_n", "r_p"), resolution.points) if resolution.points else {}
@@ -148,7 +152,7 @@ class DrivenCell:
         self._solver = pybamm.IDAKLUSolver(
             rtol=resolution.rtol,
             atol=0.1 * resolution.rtol,
-            output_variables=["Voltage [V]", "Volume-averaged cell temperature [K]"],
+            output_variables=list(_OUTPUTS),
             options=options,
         )
 
@@ -178,38 +182,77 @@ class DrivenCell:
         for effect in self._effects:
             inputs.update({effect.full_name(p): effect.values(candidate)[p.name] for p in effect.parameters})
         try:
-            negative, positive = self._balance.initial_concentrations(candidate)
+            inputs |= self._initial.concentrations(candidate, candidate.get(INITIAL_SOC))
         except ValueError:
             return None
-        inputs[_CONCENTRATION.format("negative")] = negative
-        inputs[_CONCENTRATION.format("positive")] = positive
-        grid = np.unique(np.concatenate([inside, self._stops]))
-        # Stops and samples closer than rounding would make steps of no length.
-        grid = grid[np.concatenate([[True], np.diff(grid) > 1e-2 * JUMP_S])]
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                solution = self._solver.solve(self._model, t_eval=self._stops, t_interp=grid, inputs=inputs)
-        except (pybamm.SolverError, ValueError, ArithmeticError, RuntimeError):
+        solved = self._through_pauses(inputs, inside)
+        if solved is None:
             return None
-        voltage = np.interp(inside, solution.t, np.asarray(solution["Voltage [V]"].data).ravel())
-        reached = float(solution.t[-1])
-        if reached < self._stops[-1] - JUMP_S:
-            # A candidate that empties (or overfills) its cell before the record ends must say how wrong it is, not
-            # fail: a fit finds its way back from a voltage that stays at the limit, and not from nothing.
-            late = inside > reached
-            drawn = float(np.interp(reached, self._drive.time, self._drive.current))
-            voltage[late] = _EMPTY_V if drawn > 0 else _FULL_V
-        temperature = np.interp(
-            inside, solution.t, np.asarray(solution["Volume-averaged cell temperature [K]"].data).ravel()
-        )
+        voltage, temperature = solved
         for effect in self._effects:
             if effect.measurement is not None and effect.measurement.voltage is not None:
                 voltage = effect.measurement.voltage(voltage, current, effect.values(candidate))
         return Curve(voltage, temperature) if np.all(np.isfinite(voltage)) else None
 
+    def _through_pauses(self, inputs: dict[str, float], times: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        """Voltage and temperature at the wanted times, whatever the cell runs into; None if the solver fails.
 
-_CONCENTRATION = "Initial concentration in {} electrode [mol.m-3]"
+        A candidate that empties (or overfills) its cell before a step ends must say how wrong it is, not fail: it
+        shows the limit and passes no current until the step ends, and goes on from there. So the error grows
+        steadily with the charge that is lacking, and a fit finds its way back.
+        """
+        pauses: list[tuple[float, float, float]] = []
+        last = float(self._stops[-1])
+        while True:
+            starts, ends = ([pause[k] for pause in pauses] for k in (0, 1))
+            padding = [_NEVER_S] * (_PAUSES - len(pauses))
+            gate = {_PAUSE_START.format(k): t for k, t in enumerate([*starts, *padding])}
+            gate |= {_PAUSE_END.format(k): t for k, t in enumerate([*ends, *padding])}
+            edges = [edge for t in (*starts, *ends) for edge in (t, t + JUMP_S)]
+            stops = np.unique([*self._stops, *(t for t in edges if t < last)])
+            grid = np.unique(np.concatenate([times, stops]))
+            # Stops and samples closer than rounding would make steps of no length.
+            stops, grid = (t[np.concatenate([[True], np.diff(t) > 1e-2 * JUMP_S])] for t in (stops, grid))
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    solution = self._solver.solve(self._model, t_eval=stops, t_interp=grid, inputs=inputs | gate)
+            except (pybamm.SolverError, ValueError, ArithmeticError, RuntimeError):
+                return None
+            reached = float(solution.t[-1])
+            voltage, kelvin = (
+                np.interp(times, solution.t, np.asarray(solution[name].data).ravel()) for name in _OUTPUTS
+            )
+            if reached >= last - JUMP_S:
+                break
+            drawn = float(np.interp(reached, self._drive.time, self._drive.current))
+            limit = _EMPTY_V if drawn > 0 else _FULL_V
+            if len(pauses) == _PAUSES or (pauses and reached < pauses[-1][1]):
+                voltage[times > reached] = limit
+                break
+            step_end = float(self._stops[self._stops > reached + JUMP_S][0])
+            # A moment earlier, so that the limit is not reached again.
+            pauses.append((max(reached - 2 * JUMP_S, float(self._stops[0])), step_end, limit))
+        for start, end, limit in pauses:
+            voltage[(times > start) & (times <= end)] = limit
+        return voltage, kelvin
+
+
+_OUTPUTS = ("Voltage [V]", "Volume-averaged cell temperature [K]")
+_PAUSE_START, _PAUSE_END = "Pause {} begins [s]", "Pause {} ends [s]"
+
+
+def _gate() -> Any:
+    """1, and 0 during each pause, as a function of time and inputs."""
+
+    def rise(begin: Any) -> Any:
+        return pybamm.minimum(pybamm.maximum((pybamm.t - begin) / JUMP_S, 0), 1)
+
+    gate: Any = pybamm.Scalar(1)
+    for k in range(_PAUSES):
+        start, end = (pybamm.InputParameter(name.format(k)) for name in (_PAUSE_START, _PAUSE_END))
+        gate = gate * (1 - rise(start) + rise(end))
+    return gate
 
 
 def add_values(values: Any, part: PyBaMMPart, p: Mapping[str, Any], current: Any) -> Any:

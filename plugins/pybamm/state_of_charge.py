@@ -48,6 +48,9 @@ def equilibrium_capacity_ah(parameter_set: str, overrides: Mapping[str, float]) 
     return float(negative_ah * (full - empty))
 
 
+CYCLABLE_LITHIUM = "Cyclable lithium factor"
+"""A searchable name that PyBaMM does not know: multiplies the lithium that both electrodes share."""
+
 _ELECTRODES = ("Negative", "Positive")
 _GRID: FloatArray = 1.0 / (1.0 + np.exp(-np.linspace(-9.0, 9.0, 4001)))
 """Stoichiometries, dense towards 0 and 1, where open-circuit potentials bend."""
@@ -95,8 +98,16 @@ class InitialState:
             for percent, side in ((0, "Lower"), (100, "Upper"))
         )
 
-    def concentrations(self, candidate: Candidate, soc: float) -> dict[str, float]:
+    def concentrations(self, candidate: Candidate, soc: float | None) -> dict[str, float]:
         """Initial concentration of both electrodes by PyBaMM's names, mol/m3.
+
+        Parameters
+        ----------
+        candidate : Candidate
+            Replaces values of the set by their names, or multiplies them under their names with the suffix
+            `` factor``; `CYCLABLE_LITHIUM` multiplies the lithium that both electrodes share.
+        soc : float or None
+            State of charge, 0 to 1; None keeps the set's own negative electrode.
 
         Raises
         ------
@@ -108,11 +119,14 @@ class InitialState:
         lithium = 0.0
         for which in _ELECTRODES:
             fraction, thickness, c_max, initial = (
-                float(candidate.get(name, value)) for name, value in self._base.items() if self._is_of(name, which)
+                float(candidate.get(name, value)) * float(candidate.get(name + FACTOR, 1.0))
+                for name, value in self._base.items()
+                if self._is_of(name, which)
             )
             highest[which] = c_max
             held[which] = fraction * thickness * c_max
             lithium += fraction * thickness * initial
+        lithium *= float(candidate.get(CYCLABLE_LITHIUM, 1.0))
         x = _GRID
         y = (lithium - held["Negative"] * x) / held["Positive"]
         possible = (y > _GRID[0]) & (y < _GRID[-1])
@@ -123,7 +137,8 @@ class InitialState:
         positive_v = scale_p * np.interp(y, _GRID, self._potential["Positive"])
         voltage = positive_v - scale_n * self._potential["Negative"][possible]
         empty, full = np.interp(self._limits, np.maximum.accumulate(voltage), x)
-        negative = float(empty + soc * (full - empty))
+        own = self._base[initial_concentration("Negative")] / highest["Negative"]
+        negative = own if soc is None else float(empty + soc * (full - empty))
         positive = (lithium - held["Negative"] * negative) / held["Positive"]
         if not 0.0 < negative < 1.0 or not 0.0 < positive < 1.0:
             raise ValueError(f"stoichiometries {negative:.3f} and {positive:.3f} must lie between 0 and 1")

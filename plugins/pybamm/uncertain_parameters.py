@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from ...core.discovery.axes import Axis
 from ...core.discovery.laboratory import Specimen
 from ...core.parameters import Parameter
-from .initial_state import CYCLABLE_LITHIUM
+from .state_of_charge import CYCLABLE_LITHIUM
 
 _SPREADS = {
     "Negative electrode active material volume fraction factor": (0.15, 0.5, 1.8),

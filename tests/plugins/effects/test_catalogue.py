@@ -6,6 +6,7 @@ from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.effects.catalogue import EFFECTS, entries
 from bsa.plugins.pybamm.augmentation import PyBaMMPart, augmented_cell
+from bsa.plugins.pybamm.drive import current_function
 from bsa.plugins.pybamm.driven_cell import DrivenCell
 
 NAMES = {
@@ -143,3 +144,28 @@ def test_the_measured_current_is_followed_through_a_short_pulse():
     pulse = (driven.time > 1562) & (driven.time < 1578)
     rest = (driven.time > 1500) & (driven.time < 1558)
     assert fast[rest].min() - fast[pulse].max() > 0.1
+
+
+def test_a_step_begins_where_the_one_before_logged_its_last_sample():
+    time = np.array([0.0, 10.0, 60.0, 90.0, 120.0])
+    current = np.array([0.0, 0.0, 2.0, 2.0, 2.0])
+    steps = (Step(StepKind.REST, 0, 2), Step(StepKind.CC_DISCHARGE, 2, 5))
+    function = current_function(Trajectory(time, current, np.full(5, 3.7), None, steps))
+    at = np.interp([9.9, 10.0, 10.1, 59.0], function.time, function.current)
+    assert list(at) == [0.0, 0.0, 2.0, 2.0]
+    assert 10.0 in function.stops
+
+
+def test_a_cell_that_runs_empty_pauses_until_the_current_turns():
+    time = np.concatenate([np.arange(0.0, 6000, 30), np.arange(6000.0, 9000, 30)])
+    current = np.where(time < 6000, 4.0, -2.0)
+    steps = (Step(StepKind.CC_DISCHARGE, 0, 200), Step(StepKind.CC_CHARGE, 200, 300))
+    record = Trajectory(time, current, np.full(300, 3.7), None, steps)
+    driven = DrivenCell(CellModel("Chen2020", "SPM"), (), record, ())
+    curves = [driven.solve({"Initial state of charge": soc}, time, current) for soc in (0.5, 0.501)]
+    assert curves[0] is not None
+    assert curves[1] is not None
+    # Empty for the rest of the discharge, then charged from there; and a little more charge changes a little.
+    assert curves[0].voltage[199] == 0.5
+    assert curves[0].voltage[-1] > 3.0
+    assert np.max(np.abs(curves[1].voltage - curves[0].voltage)[201:]) < 0.03
