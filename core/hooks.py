@@ -20,7 +20,7 @@ from .messages import Backend
 from .parameters import Candidate
 from .proposal import Proposal
 from .simulation import Outcome
-from .task import Task
+from .task import Experiment, Protocol, Task
 from .trial import Trial
 
 if TYPE_CHECKING:
@@ -199,6 +199,36 @@ class RunHooks:
         sequence of Outcome
             One for each candidate, in order. A failed simulation is an outcome, never an exception.
         """
+
+    @hookspec(firstresult=True)
+    def simulate_variant(
+        self,
+        candidates: Sequence[Candidate],
+        experiments: tuple[Experiment, ...],
+        report: Callable[[int, Outcome], None],
+    ) -> Sequence[Outcome] | None:
+        """Simulate candidates of the task's cell under other experiments than the task's.
+
+        Optional: a simulator without it neither eases a task nor says what to measure next.
+
+        Parameters
+        ----------
+        candidates : sequence of Candidate
+            As for `simulate`.
+        experiments : tuple of Experiment
+            What to simulate instead; their targets may be empty.
+        report : callable
+            As for `simulate`.
+
+        Returns
+        -------
+        sequence of Outcome
+            One for each candidate, with one run for each of these experiments.
+        """
+
+    @hookspec(firstresult=True)
+    def next_protocols(self) -> Mapping[str, Protocol] | None:
+        """Protocols by name that a laboratory could run next on a fully charged cell. Optional."""
 
     @hookspec(firstresult=True)
     def build_feedback(self, outcome: Outcome, metrics: Metrics | None, index: int) -> Feedback | None:

@@ -33,6 +33,9 @@ _CORRELATED = 0.9
 _NAMED_WEIGHT = 0.2
 _CONFIDENCE = 0.95
 
+_MOST_ALIKE = 0.98
+"""Correlation of neighbours beyond which it cannot be told from a constant offset (factor 10)."""
+
 
 @dataclass(frozen=True)
 class Interval:
@@ -107,6 +110,11 @@ class Identifiability:
         return tuple(name for name, interval in self.intervals.items() if interval.verdict == "fixed")
 
     @property
+    def loose(self) -> tuple[str, ...]:
+        """The parameters that the records narrow down without fixing them."""
+        return tuple(name for name, interval in self.intervals.items() if interval.verdict == "loose")
+
+    @property
     def open(self) -> tuple[str, ...]:
         """The parameters of which the records say next to nothing."""
         return tuple(name for name, interval in self.intervals.items() if interval.verdict == "open")
@@ -117,6 +125,17 @@ class Identifiability:
         content["combinations"] = [dict(combination) for combination in content["combinations"]]
         content["correlated"] = [list(group) for group in self.correlated]
         return content
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Identifiability:
+        """The inverse of `as_json`."""
+        return cls(
+            {name: Interval(**interval) for name, interval in content["intervals"].items()},
+            tuple(Combination(**combination) for combination in content["combinations"]),
+            tuple(tuple(group) for group in content["correlated"]),
+            content["noise"],
+            content["points"],
+        )
 
 
 def residual_noise(residual: FloatArray, parameters: int, floor: float = 0.0) -> float:
@@ -136,12 +155,39 @@ def residual_noise(residual: FloatArray, parameters: int, floor: float = 0.0) ->
     return max(float(np.sqrt(residual @ residual / freedom)), floor)
 
 
+def effective_noise(residual: FloatArray, parameters: int, floor: float) -> float:
+    """Standard deviation to reckon with where the misfit follows the curve, in tolerances.
+
+    Neighbouring residuals of a model that is not quite right are alike, and ten alike ones say no more than
+    one: their correlation rho widens the standard deviation by ``sqrt((1 + rho) / (1 - rho))``, as that of
+    the mean of a first-order autoregressive series.
+
+    Parameters
+    ----------
+    residual : ndarray of shape (m,)
+        Residuals at the optimum, in the order of time.
+    parameters : int
+        How many were fitted.
+    floor : float
+        What the instrument resolves at best, in tolerances; its noise is taken as independent.
+
+    References
+    ----------
+    Bartlett, J. R. Stat. Soc. 98 (1935) 536. Zieba & Ramza, Metrol. Meas. Syst. 18 (2011) 529.
+    """
+    power = float(residual @ residual)
+    alike = float(residual[:-1] @ residual[1:]) / power if power > 0 else 0.0
+    alike = min(max(alike, 0.0), _MOST_ALIKE)
+    return max(residual_noise(residual, parameters) * float(np.sqrt((1 + alike) / (1 - alike))), floor)
+
+
 def identify(
     jacobian: FloatArray,
     residual: FloatArray,
     space: ParameterSpace,
     candidate: Candidate,
     noise_floor: float = 0.0,
+    noise: float | None = None,
 ) -> Identifiability:
     """Judge a fit by its Jacobian.
 
@@ -157,15 +203,18 @@ def identify(
         The optimum.
     noise_floor : float, optional
         See `residual_noise`.
+    noise : float, optional
+        Standard deviation to reckon with, for example `effective_noise`; by default that of the residuals,
+        taken as independent.
 
     Notes
     -----
     The intervals are linear approximations (delta method) in the unit box, carried to the parameter's
-    unit along its own scale. They take the residuals as independent and the model as right; where a
-    misfit remains that follows the curve, they are too narrow.
+    unit along its own scale. They take the model as right; where it is not, the values are off by more.
     """
     count = len(space)
-    noise = residual_noise(residual, count, noise_floor)
+    if noise is None:
+        noise = residual_noise(residual, count, noise_floor)
     covariance = _covariance(jacobian, noise)
     factor = float(student.ppf(0.5 + _CONFIDENCE / 2, max(len(residual) - count, 1)))
     half = factor * np.sqrt(np.diag(covariance))
@@ -239,6 +288,35 @@ def _correlated(covariance: FloatArray, names: tuple[str, ...]) -> tuple[tuple[s
         if len(group) > 1:
             groups.append(tuple(names[place] for place in sorted(group)))
     return tuple(groups)
+
+
+def unsettled(jacobian: FloatArray, residual: FloatArray, noise: float, names: tuple[str, ...]) -> tuple[str, ...]:
+    """The parameters that one more linear step would move beyond their own interval.
+
+    Around such a place intervals mean nothing: the fit has stopped short of its optimum.
+
+    Parameters
+    ----------
+    jacobian, residual
+        As for `identify`.
+    noise : float
+        Standard deviation of the residuals, in tolerances.
+    names : tuple of str
+        The parameters.
+    """
+    if noise <= 0:
+        return ()
+    covariance = _covariance(jacobian, noise)
+    step = -covariance @ (jacobian.T @ residual) / noise**2
+    half = 1.96 * np.sqrt(np.diag(covariance))
+    return tuple(name for name, moved, width in zip(names, step, half, strict=True) if abs(moved) > width)
+
+
+def open_directions(jacobian: FloatArray, noise: float) -> FloatArray:
+    """The directions of the unit box that the records do not fix, as rows, least known first, shape (q, p)."""
+    singular, rows = _decomposed(jacobian)
+    widths = 1.96 * np.sqrt(_variances(singular, noise))
+    return np.asarray(rows[widths > _FIXED][::-1])
 
 
 def _verdict(half_width: float) -> Verdict:

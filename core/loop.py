@@ -14,6 +14,7 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
+from .appraisal import Appraisal, appraise
 from .encoding import decode_trial, encode_proposal, encode_trial
 from .errors import BsaError
 from .hooks import ProposeContext
@@ -31,6 +32,8 @@ from .task import Task
 from .trial import Phase, Trial
 
 Status = Literal["converged", "finished", "rounds-spent", "simulations-spent", "budget-spent", "interrupted"]
+
+APPRAISAL = "appraisal"
 
 _IMPROVEMENT = 1e-3
 _CURVE_SAMPLES_PER_STEP = 60
@@ -69,7 +72,9 @@ class RunResult:
     llm_calls : int
         Calls of the backend, lost ones included.
     wall_s, simulator_s : float
-        Time of this process from start to end, and of all simulations, in seconds.
+        Time of this process from start to end, and of all simulations of the search, in seconds.
+    appraisal : Appraisal or None
+        What the records fix, where that was asked for and something simulated.
     """
 
     status: Status
@@ -81,6 +86,7 @@ class RunResult:
     llm_calls: int
     wall_s: float
     simulator_s: float
+    appraisal: Appraisal | None = None
 
 
 class Run:
@@ -104,6 +110,9 @@ class Run:
         Events of the interrupted run, if any.
     listener : Listener, optional
         Watches.
+    appraising : bool
+        Whether to look, after the search, at what the records fix. It costs simulations that are not the
+        search's.
     """
 
     def __init__(
@@ -116,6 +125,7 @@ class Run:
         folder: Path,
         earlier: Iterable[Mapping[str, Any]] = (),
         listener: Listener | None = None,
+        appraising: bool = False,
     ) -> None:
         self._task = task
         self._config = config
@@ -128,6 +138,10 @@ class Run:
         self._earlier_trials = {event["index"]: event for event in earlier if event["event"] == "trial"}
         self._earlier_proposals = sum(event["event"] == "proposal" for event in earlier)
         self._earlier_scores = {event["which"]: event for event in earlier if event["event"] == "score"}
+        self._appraising = appraising
+        self._earlier_appraisals = {
+            event["appraisal"]["base"]: event for event in earlier if event["event"] == APPRAISAL
+        }
         self._trials: list[Trial] = []
 
     @property
@@ -257,6 +271,7 @@ class Run:
         scores: dict[str, Metrics | None] = {"initial": self._trials[0].metrics, "best": best.metrics}
         if status != "interrupted":
             scores = self._score(best)
+        appraisal = self._appraise(best) if status != "interrupted" and self._appraising else None
         result = RunResult(
             status=status,
             best=best,
@@ -267,9 +282,26 @@ class Run:
             llm_calls=self._backend.calls,
             wall_s=time.perf_counter() - started,
             simulator_s=sum(trial.seconds for trial in self._trials),
+            appraisal=appraisal,
         )
         self._journal.append("end", status=status, best=best.index)
         return result
+
+    def _appraise(self, best: Trial) -> Appraisal | None:
+        """What the records fix at the best candidate; from the journal if it was found out before."""
+        known = self._earlier_appraisals.get(best.index)
+        if known is not None:
+            return Appraisal.from_json(known["appraisal"])
+        if self._listener and best.ok:
+            self._listener.noted("The search has ended; now what the record fixes, and what to measure next.")
+        try:
+            found = appraise(self._task, self._trials, best, self._plugins)
+        except KeyboardInterrupt:
+            self._note("Stopped before it was known what the record fixes. Resume the run to find out.")
+            return None
+        if found is not None:
+            self._journal.append(APPRAISAL, appraisal=found.as_json())
+        return found
 
     def _score(self, best: Trial) -> dict[str, Metrics | None]:
         """Score the first and the best candidate with the simulator's reference accuracy."""

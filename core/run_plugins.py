@@ -16,6 +16,7 @@ from .proposal import Proposal
 from .registry import Kind, Registry
 from .scaffold import PluginChoice, Scaffold
 from .simulation import Outcome
+from .task import Experiment, Protocol
 from .trial import Trial
 
 _EXACTLY_ONE = ("simulate", "build_feedback", "propose")
@@ -79,6 +80,21 @@ class RunPlugins:
     ) -> Sequence[Outcome]:
         """See `RunHooks.simulate`."""
         return self._hook.simulate(candidates=candidates, exact=exact, report=report)  # type: ignore[no-any-return]
+
+    def simulate_variant(
+        self,
+        candidates: Sequence[Candidate],
+        experiments: tuple[Experiment, ...],
+        report: Callable[[int, Outcome], None],
+    ) -> Sequence[Outcome] | None:
+        """See `RunHooks.simulate_variant`; None where the simulator knows the task alone."""
+        return self._hook.simulate_variant(  # type: ignore[no-any-return]
+            candidates=candidates, experiments=experiments, report=report
+        )
+
+    def next_protocols(self) -> Mapping[str, Protocol]:
+        """See `RunHooks.next_protocols`."""
+        return self._hook.next_protocols() or {}
 
     def build_feedback(self, outcome: Outcome, metrics: Metrics | None, index: int) -> Feedback:
         """See `RunHooks.build_feedback`."""

@@ -62,6 +62,7 @@ def execute_run(
     resources: Resources | None = None,
     listener: Listener | None = None,
     report: bool = True,
+    appraising: bool = False,
 ) -> RunResult:
     """Run a task in a folder, or go on where an interrupted run of the same task and configuration stopped.
 
@@ -81,6 +82,9 @@ def execute_run(
         Watches.
     report : bool
         Whether ``report.html`` is written; the journal is enough to write it later.
+    appraising : bool
+        Whether to find out after the search what the records fix and what to measure next. Studies count
+        simulations and leave it out.
 
     Returns
     -------
@@ -104,7 +108,7 @@ def execute_run(
             if listener:
                 for text in (*task.notes, *journal.warnings):
                     listener.noted(text)
-            result = Run(task, config, plugins, recorder, journal, folder, earlier, listener).execute()
+            result = Run(task, config, plugins, recorder, journal, folder, earlier, listener, appraising).execute()
             write_results(folder, task, config, backend.name, result)
             for name, content in plugins.export(result.best.candidate).items():
                 (folder / name).write_text(content, encoding="utf-8")
@@ -175,6 +179,7 @@ def summary(task: Task, config: RunConfig, backend_name: str, result: RunResult)
         "wall_s": result.wall_s,
         "simulator_s": result.simulator_s,
         "backend_s": result.usage.seconds,
+        "identifiability_simulations": 0 if result.appraisal is None else result.appraisal.simulations,
         "initial": _numbers(result.initial_metrics),
         "best": {
             **_numbers(result.best_metrics),
@@ -183,6 +188,7 @@ def summary(task: Task, config: RunConfig, backend_name: str, result: RunResult)
             "round": result.best.round,
             "parameters": dict(result.best.candidate),
         },
+        "identifiability": None if result.appraisal is None else result.appraisal.as_json(),
         "versions": versions(),
     }
 

@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ..core.appraisal import Appraisal
 from ..core.encoding import decode_task, decode_trial
 from ..core.errors import BsaError
 from ..core.journal import FILE_NAME, read_events
+from ..core.loop import APPRAISAL
 from ..core.messages import Usage
 from ..core.metrics import Metrics
 from ..core.recording import LOST_CALL, REPLY
@@ -148,6 +150,8 @@ class RunRecord:
         What the run had to say, task's assumptions first.
     resumed : int
         How often it was taken up again.
+    appraisal : Appraisal or None
+        What the records fix, if the run looked.
     """
 
     name: str
@@ -162,6 +166,7 @@ class RunRecord:
     scores: Mapping[str, Metrics | None] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     resumed: int = 0
+    appraisal: Appraisal | None = None
 
     @property
     def initial(self) -> Trial:
@@ -259,7 +264,14 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
         scores=_scores(events, {"initial": trials[0].index, "best": best.index}),
         notes=(*task.notes, *(str(event["text"]) for event in events if event["event"] == "note")),
         resumed=sum(event["event"] == "resumed" for event in events),
+        appraisal=_appraisal(events, best.index),
     )
+
+
+def _appraisal(events: Iterable[Mapping[str, Any]], best: int) -> Appraisal | None:
+    """The appraisal of the best trial: a resumed run may have found a better one since."""
+    found = (event["appraisal"] for event in events if event["event"] == APPRAISAL)
+    return next((Appraisal.from_json(content) for content in found if content["base"] == best), None)
 
 
 def _status(events: Iterable[Mapping[str, Any]]) -> str:

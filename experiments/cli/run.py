@@ -76,6 +76,9 @@ def run(
     ] = None,
     votes: Annotated[int, typer.Option(min=1, help="Merge this many independent replies a round.")] = 1,
     review: Annotated[bool, typer.Option(help="Let a person accept, edit or refuse each proposal.")] = False,
+    identifiability: Annotated[
+        bool, typer.Option(help="After the search, simulate what the record fixes and what to measure next.")
+    ] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print result.json to standard output.")] = False,
 ) -> None:
     """Calibrate a model against a target: the packaged demo, a task file, or cycler records."""
@@ -86,7 +89,7 @@ def run(
     resources = Resources(workers or min(os.cpu_count() or 1, 4), max_tokens, max_cost)
     if resume is not None:
         earlier_task, config = read_request(resume)
-        _execute(RunRequest(earlier_task, config, resume), resources, as_json)
+        _execute(RunRequest(earlier_task, config, resume), resources, as_json, identifiability)
         return
     overrides = Overrides(
         rounds=rounds, warm_up=warmup, simulations=simulations, seed=seed, settings=key_values(settings, "--set")
@@ -123,7 +126,7 @@ def run(
 
         chosen = find_task(task or DEMO)
     folder = out or numbered_folder(Path("runs"), f"{chosen.name}-{config.scaffold.name}")
-    _execute(RunRequest(chosen, config, folder), resources, as_json)
+    _execute(RunRequest(chosen, config, folder), resources, as_json, identifiability)
 
 
 def _no_parameter_set() -> NoReturn:
@@ -134,7 +137,7 @@ def _no_parameter_set() -> NoReturn:
     )
 
 
-def _execute(request: RunRequest, resources: Any, as_json: bool) -> None:
+def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability: bool) -> None:
     from ...backends.opening import open_backend
     from ..request import parse_backend_options
     from ..run import execute_run, summary
@@ -155,7 +158,7 @@ def _execute(request: RunRequest, resources: Any, as_json: bool) -> None:
             file=sys.stderr,
         )
     with listener:
-        result = execute_run(task, config, folder, backend, resources, listener)
+        result = execute_run(task, config, folder, backend, resources, listener, appraising=identifiability)
     if as_json:
         print(json.dumps(summary(task, config, backend.name, result), indent=2))
     else:
@@ -178,4 +181,9 @@ def _print_summary(result: RunResult, config: RunConfig, folder: Path) -> None:
         before = "–" if initial is None else f"{getattr(initial, attribute):.4g}"
         after = "–" if best is None else f"{getattr(best, attribute):.4g}"
         print(f"  {label:15s} {before:>10s} → {after} {unit}")
+    if result.appraisal is not None:
+        from ..appraisal_words import caution_line, groups_line, next_line, verdict_line
+
+        lines = [words(result.appraisal) for words in (verdict_line, caution_line, groups_line, next_line)]
+        print(*(f"  {line}" for line in lines if line), "  (see the report)", sep="\n")
     print(f"  report: {folder / 'report.html'}")

@@ -17,6 +17,7 @@ from ...core.parameters import Parameter
 from ...core.reply_parsing import strip_control
 from ..story import UNFINISHED, RunRecord, read_run
 from .figures import convergence, overlays
+from .identifiability import section
 from .rounds import chapters
 from .wording import change, clipped, duration, factor, number, short_name, unit
 
@@ -119,6 +120,7 @@ def render(run: RunRecord) -> str:
         convergence=convergence(run, objective, objective_unit),
         parameters=parameters,
         at_bound=[row for row in parameters if row.bound],
+        fixed=section(run),
         chapters=chapters(run),
         notes=_notes(run),
         config=json.dumps(run.config, indent=2, ensure_ascii=False),

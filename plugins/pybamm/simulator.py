@@ -9,6 +9,8 @@ from pydantic import BaseModel, Field
 from ...core.hooks import RunContext, hookimpl
 from ...core.parameters import Candidate
 from ...core.simulation import Outcome
+from ...core.task import Experiment, Protocol
+from .parameter_sets import INITIAL_SOC
 from .worker import Assignment, WorkerPool
 
 
@@ -32,6 +34,8 @@ class PyBaMMSimulator:
     def __init__(self, options: PyBaMMOptions, context: RunContext) -> None:
         task = context.task
         self._task = task
+        self._options, self._workers = options, context.workers
+        self._variant: tuple[tuple[Experiment, ...], WorkerPool] | None = None
         self._pool = WorkerPool(
             Assignment(task.cell, task.experiments, task.space.names), context.workers, options.time_limit_s
         )
@@ -44,6 +48,47 @@ class PyBaMMSimulator:
         return self._pool.simulate(candidates, exact, report)
 
     @hookimpl
+    def simulate_variant(
+        self,
+        candidates: Sequence[Candidate],
+        experiments: tuple[Experiment, ...],
+        report: Callable[[int, Outcome], None],
+    ) -> list[Outcome]:
+        """Simulate other experiments on the task's cell, with the search's accuracy.
+
+        An experiment that the task does not have begins at its own state of charge, whatever is searched.
+        """
+        own = {experiment.name for experiment in self._task.experiments}
+        if not any(experiment.name in own for experiment in experiments):
+            candidates = [
+                {name: value for name, value in candidate.items() if not name.startswith(INITIAL_SOC)}
+                for candidate in candidates
+            ]
+        return self._variant_pool(experiments).simulate(candidates, False, report)
+
+    def _variant_pool(self, experiments: tuple[Experiment, ...]) -> WorkerPool:
+        """Processes that keep these experiments compiled; one set at a time, for each process takes 300 MB."""
+        if self._variant is not None and self._variant[0] is experiments:
+            return self._variant[1]
+        if self._variant is not None:
+            self._variant[1].close()
+        own = {experiment.name for experiment in self._task.experiments}
+        searched = self._task.space.names
+        if not any(experiment.name in own for experiment in experiments):
+            searched = tuple(name for name in searched if not name.startswith(INITIAL_SOC))
+        limit_s = self._options.time_limit_s * max(1.0, len(experiments) / len(self._task.experiments))
+        pool = WorkerPool(Assignment(self._task.cell, experiments, searched), self._workers, limit_s)
+        self._variant = (experiments, pool)
+        return pool
+
+    @hookimpl
+    def next_protocols(self) -> Mapping[str, Protocol]:
+        """Protocols between the cell's own cut-offs."""
+        from .next_protocols import next_protocols
+
+        return next_protocols(self._task.cell)
+
+    @hookimpl
     def export(self, candidate: Candidate) -> Mapping[str, str]:
         """A script that needs pybamm alone and reproduces the candidate's curves."""
         from .export import script
@@ -54,3 +99,5 @@ class PyBaMMSimulator:
     def close(self) -> None:
         """End the worker processes."""
         self._pool.close()
+        if self._variant is not None:
+            self._variant[1].close()

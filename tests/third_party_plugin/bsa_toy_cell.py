@@ -33,11 +33,11 @@ class ToyOptions(BaseModel, extra="forbid"):
     breaks_above_ohm: float = Field(1.0, description="Series resistance above which the solver gives up.")
 
 
-def record(candidate: Candidate) -> Trajectory:
-    """The cell's record: rest 60 s, discharge at 1 A to 3.2 V, rest 600 s; current positive on discharge."""
-    capacity, series = candidate[CAPACITY], candidate[SERIES]
-    polarisation, relaxation = candidate[POLARISATION], candidate[RELAXATION]
-    slope = (FULL_V - EMPTY_V) / (3600.0 * capacity)
+def record(candidate: Candidate, current_a: float = CURRENT_A) -> Trajectory:
+    """The cell's record: rest 60 s, discharge to 3.2 V, rest 600 s; current positive on discharge."""
+    capacity, series = candidate[CAPACITY], current_a * candidate[SERIES]
+    polarisation, relaxation = current_a * candidate[POLARISATION], candidate[RELAXATION]
+    slope = current_a * (FULL_V - EMPTY_V) / (3600.0 * capacity)
 
     def loaded(t: np.ndarray) -> np.ndarray:
         return FULL_V - slope * t - series - polarisation * (1.0 - np.exp(-t / relaxation))
@@ -50,7 +50,7 @@ def record(candidate: Candidate) -> Trajectory:
     rested = FULL_V - slope * end
     tail = rested - polarisation * (1 - np.exp(-end / relaxation)) * np.exp(-after / relaxation)
     time = np.concatenate([[0.0, 60.0], 60.0 + discharge, 60.0 + end + after])
-    current = np.concatenate([[0.0, 0.0], np.full(200, CURRENT_A), np.zeros(60)])
+    current = np.concatenate([[0.0, 0.0], np.full(200, current_a), np.zeros(60)])
     voltage = np.concatenate([[FULL_V, FULL_V], loaded(discharge), tail])
     steps = (
         Step(StepKind.REST, 0, 2, position=0),
@@ -101,12 +101,46 @@ class ToyCell:
             report(number, outcome)
         return outcomes
 
+    @hookimpl
+    def simulate_variant(
+        self,
+        candidates: Sequence[Candidate],
+        experiments: tuple[Experiment, ...],
+        report: Callable[[int, Outcome], None],
+    ) -> list[Outcome]:
+        """See `RunHooks.simulate_variant`; the discharge's current is read from the protocol."""
+        outcomes = []
+        for number, candidate in enumerate(candidates):
+            runs = [self._run(candidate, discharge_a(experiment)) for experiment in experiments]
+            outcomes.append(Outcome(tuple(runs), 1e-4))
+            report(number, outcomes[-1])
+        return outcomes
+
+    @hookimpl
+    def next_protocols(self) -> dict[str, tuple[tuple[str, ...], ...]]:
+        """See `RunHooks.next_protocols`."""
+        return {
+            f"discharge at {amperes:g} A": (
+                ("Rest for 60 seconds", f"Discharge at {amperes:g} A until 3.2 V", "Rest for 600 seconds"),
+            )
+            for amperes in (0.1, 1.0, 4.0)
+        }
+
     def _simulate(self, candidate: Candidate) -> Outcome:
-        whole = record(candidate)
-        if candidate[SERIES] <= self._breaks_above:
-            return Outcome((ExperimentRun(whole),), 1e-4)
+        return Outcome((self._run(candidate, CURRENT_A),), 1e-4)
+
+    def _run(self, candidate: Candidate, current_a: float) -> ExperimentRun:
+        whole = record(candidate, current_a)
+        if candidate[SERIES] * current_a <= self._breaks_above * CURRENT_A:
+            return ExperimentRun(whole)
         failure = SimulationFailure("the toy solver gave up", "Discharge at 1 A until 3.2 V", 1, 60.0)
-        return Outcome((ExperimentRun(whole.slice(0, 2), failure),), 1e-4)
+        return ExperimentRun(whole.slice(0, 2), failure)
+
+
+def discharge_a(experiment: Experiment) -> float:
+    """The current of an experiment's discharge, A."""
+    assert experiment.protocol is not None
+    return float(experiment.protocol[0][1].split()[2])
 
 
 @hookimpl

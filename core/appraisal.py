@@ -1,0 +1,296 @@
+"""After a fit: what the records fix, and which further record would show most of what they leave open.
+
+Nothing here counts as a simulation of the search: it begins when the search has ended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from .derivatives import DIFFERENCE, beside, known_derivatives
+from .identifiability import (
+    Forecast,
+    Identifiability,
+    effective_noise,
+    identify,
+    open_directions,
+    unsettled,
+    what_to_measure_next,
+)
+from .parameters import Candidate
+from .residuals import residuals
+from .simulation import Outcome
+from .task import Experiment, Task
+from .task import Protocol as StepProtocol
+from .trajectory import FloatArray, Trajectory
+from .trial import Trial
+
+NOISE_FLOOR = 1.0
+"""Noise assumed at least, in the residuals' tolerances: 1 mV, 0.1 % of a duration, about 1 % of a current.
+
+A good cycler's. A target that was simulated has no noise, and its fit would seem to fix everything.
+"""
+
+_ALONG = 0.02
+"""Step along an undetermined direction: longer than a difference, since little happens along it."""
+
+_MOST_DIRECTIONS = 6
+_FULL = 1.0
+
+Report = Callable[[int, Outcome], None]
+
+
+class Simulating(Protocol):
+    """What an appraisal needs of a run's plugins."""
+
+    def simulate(self, candidates: Sequence[Candidate], exact: bool, report: Report) -> Sequence[Outcome]:
+        """See `RunHooks.simulate`."""
+        ...
+
+    def simulate_variant(
+        self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...], report: Report
+    ) -> Sequence[Outcome] | None:
+        """See `RunHooks.simulate_variant`."""
+        ...
+
+    def next_protocols(self) -> Mapping[str, StepProtocol]:
+        """See `RunHooks.next_protocols`."""
+        ...
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """A further record, and what it would do.
+
+    Attributes
+    ----------
+    name : str
+        ``"C/20 discharge"``.
+    protocol : tuple of tuple of str
+        Its cycles of steps, from a fully charged cell.
+    hours : float
+        How long the fitted cell takes for it, h.
+    forecast : Forecast
+        The intervals with it.
+    """
+
+    name: str
+    protocol: StepProtocol
+    hours: float
+    forecast: Forecast
+
+
+@dataclass(frozen=True)
+class Appraisal:
+    """What is known after a fit.
+
+    Attributes
+    ----------
+    base : int
+        Index of the trial that was judged.
+    identifiability : Identifiability
+        What the records fix there.
+    unknown : tuple of str
+        Parameters whose derivative could not be had (their neighbours fail); they count as undetermined.
+    unsettled : tuple of str
+        Parameters that one more step of the fit would move beyond their interval: it had not converged.
+    worst : str
+        The parameter with the widest interval.
+    measure_next : tuple of Suggestion
+        Further records, the one that would shrink the widest interval most first; empty if nothing is left
+        open, or the simulator does not know other protocols.
+    simulations : int
+        Simulations it took, none of which counts for the search; each suggested record is one.
+    reused : int
+        Derivatives that trials of the search had shown already.
+    seconds : float
+        Wall time of these simulations, those that ran side by side added up.
+    """
+
+    base: int
+    identifiability: Identifiability
+    unknown: tuple[str, ...] = ()
+    unsettled: tuple[str, ...] = ()
+    worst: str = ""
+    measure_next: tuple[Suggestion, ...] = ()
+    simulations: int = 0
+    reused: int = 0
+    seconds: float = 0.0
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain dicts, lists, strings and numbers; what the records fix stands at the top level."""
+        found = self.identifiability.as_json()
+        return {
+            **found,
+            "singular_values": [combination["singular_value"] for combination in found["combinations"]],
+            "base": self.base,
+            "unknown": list(self.unknown),
+            "unsettled": list(self.unsettled),
+            "worst": self.worst,
+            "measure_next": [
+                {
+                    "name": suggestion.name,
+                    "protocol": [list(cycle) for cycle in suggestion.protocol],
+                    "hours": suggestion.hours,
+                    "worst": suggestion.forecast.worst,
+                    "worst_share_of_range": suggestion.forecast.worst_share,
+                    "shares_of_range": dict(suggestion.forecast.shares),
+                }
+                for suggestion in self.measure_next
+            ],
+            "simulations": self.simulations,
+            "reused": self.reused,
+            "seconds": self.seconds,
+        }
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Appraisal:
+        """The inverse of `as_json`."""
+        suggestions = tuple(
+            Suggestion(
+                entry["name"],
+                tuple(tuple(cycle) for cycle in entry["protocol"]),
+                entry["hours"],
+                Forecast(entry["name"], entry["worst"], entry["worst_share_of_range"], dict(entry["shares_of_range"])),
+            )
+            for entry in content["measure_next"]
+        )
+        return cls(
+            content["base"],
+            Identifiability.from_json(content),
+            tuple(content["unknown"]),
+            tuple(content["unsettled"]),
+            content["worst"],
+            suggestions,
+            content["simulations"],
+            content["reused"],
+            content["seconds"],
+        )
+
+
+@dataclass
+class _Spent:
+    """Counts simulations as they finish."""
+
+    simulations: int = 0
+    seconds: float = 0.0
+
+    def whole_task(self, place: int, outcome: Outcome) -> None:
+        """A task counts as one simulation however many records it has, as in the search."""
+        self.simulations += 1
+        self.seconds += outcome.seconds
+
+    def each_record(self, place: int, outcome: Outcome) -> None:
+        """Every suggested record counts."""
+        self.simulations += len(outcome.runs)
+        self.seconds += outcome.seconds
+
+
+def appraise(task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulating) -> Appraisal | None:
+    """Judge the fit that a run ended with.
+
+    Parameters
+    ----------
+    task : Task
+        What was matched.
+    trials : sequence of Trial
+        Everything that was tried: finite differences near the best candidate are not simulated again.
+    best : Trial
+        The fit.
+    plugins : Simulating
+        Simulates what is missing, side by side where it can.
+
+    Returns
+    -------
+    Appraisal or None
+        None if the best candidate did not run to its end.
+    """
+    if best.residuals is None:
+        return None
+    spent = _Spent()
+    jacobian, reused, unknown = _jacobian(task, trials, best, plugins, spent)
+    noise = effective_noise(best.residuals, len(task.space), NOISE_FLOOR)
+    found = identify(jacobian, best.residuals, task.space, best.candidate, noise=noise)
+    suggestions = _suggestions(task, best, jacobian, noise, plugins, spent)
+    worst = max(found.intervals, key=lambda name: found.intervals[name].share_of_range)
+    moving = unsettled(jacobian, best.residuals, noise, task.space.names)
+    return Appraisal(best.index, found, unknown, moving, worst, suggestions, spent.simulations, reused, spent.seconds)
+
+
+def _jacobian(
+    task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulating, spent: _Spent
+) -> tuple[FloatArray, int, tuple[str, ...]]:
+    assert best.residuals is not None
+    space = task.space
+    centre = space.to_unit(best.candidate)
+    known = known_derivatives(trials, best, space)
+    columns = dict(known.columns)
+    side = np.where(centre <= 0.5, 1.0, -1.0)
+    for attempt in (1.0, -1.0):
+        # A neighbour that fails on one side may run on the other.
+        missing = [place for place in range(len(space)) if place not in columns]
+        if not missing:
+            break
+        points = []
+        for place in missing:
+            point = centre.copy()
+            point[place] = np.clip(point[place] + attempt * side[place] * DIFFERENCE, 0.0, 1.0)
+            points.append(point)
+        outcomes = plugins.simulate([space.from_unit(point) for point in points], False, spent.whole_task)
+        for place, point, outcome in zip(missing, points, outcomes, strict=True):
+            change = float(point[place] - centre[place])
+            there = residuals(task, outcome)
+            if there is not None and change != 0.0:
+                columns[place] = (there - best.residuals) / change
+    found = replace(known, columns=columns)
+    unknown = tuple(space.names[place] for place in found.missing(len(space)))
+    return found.matrix(len(best.residuals), len(space)), len(known.columns), unknown
+
+
+def _suggestions(
+    task: Task, best: Trial, jacobian: FloatArray, noise: float, plugins: Simulating, spent: _Spent
+) -> tuple[Suggestion, ...]:
+    """Forecasts for the simulator's other protocols.
+
+    What the records fix already is taken as known: a protocol is simulated only along the directions that
+    they leave open, which needs a few simulations instead of one for every parameter.
+    """
+    directions = open_directions(jacobian, noise)[:_MOST_DIRECTIONS]
+    protocols = plugins.next_protocols() if len(directions) else {}
+    if not protocols:
+        return ()
+    temperature = task.experiments[0].temperature_k
+    nothing = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
+    experiments = tuple(
+        Experiment(name, nothing, protocol, None, temperature, _FULL) for name, protocol in protocols.items()
+    )
+    space = task.space
+    points = [beside(space, best.candidate, direction, _ALONG) for direction in directions]
+    candidates = [dict(best.candidate), *(space.from_unit(point) for point in points)]
+    outcomes = plugins.simulate_variant(candidates, experiments, spent.each_record)
+    if outcomes is None:
+        return ()
+    here, *around = outcomes
+    moved = np.array(points) - space.to_unit(best.candidate)
+    rows: dict[str, FloatArray] = {}
+    hours: dict[str, float] = {}
+    for place, experiment in enumerate(experiments):
+        run = here.runs[place]
+        if run.failure is not None or run.trajectory is None:
+            continue
+        alone = replace(task, experiments=(replace(experiment, target=run.trajectory),))
+        changes = [residuals(alone, Outcome((outcome.runs[place],))) for outcome in around]
+        if any(change is None for change in changes):
+            continue
+        # The smallest matrix that maps the steps taken to the changes seen.
+        rows[experiment.name] = np.array(changes).T @ np.linalg.pinv(moved.T)
+        hours[experiment.name] = run.trajectory.duration / 3600.0
+    forecasts = what_to_measure_next(jacobian, rows, space.names, noise)
+    return tuple(
+        Suggestion(forecast.protocol, protocols[forecast.protocol], hours[forecast.protocol], forecast)
+        for forecast in forecasts
+    )

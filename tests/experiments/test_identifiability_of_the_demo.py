@@ -1,0 +1,33 @@
+"""What the demonstration's record fixes: the hidden cell must lie inside the intervals."""
+
+from pathlib import Path
+
+import pytest
+from bsa.backends.rules.backend import RulesBackend
+from bsa.core.run_config import RunConfig
+from bsa.core.scaffold import load_scaffold
+from bsa.experiments.run import execute_run
+from bsa.experiments.tasks.demo_record import HIDDEN
+from bsa.experiments.tasks.find import find_task
+
+
+@pytest.mark.slow
+def test_the_hidden_cell_lies_inside_the_intervals(tmp_path: Path) -> None:
+    task = find_task("demo")
+    config = RunConfig(scaffold=load_scaffold("least-squares"), simulations=60, rounds=60, warm_up=0)
+    appraisal = execute_run(task, config, tmp_path, RulesBackend(), appraising=True).appraisal
+    assert appraisal is not None
+    intervals = appraisal.identifiability.intervals
+    for name, value in {**task.space.initial, **HIDDEN}.items():
+        assert intervals[name].lower <= value <= intervals[name].upper, name
+    # A discharge at 1C hardly shows the separator; a faster one shows it best of what is on offer.
+    assert appraisal.worst == "Separator thickness [m]"
+    assert intervals["Negative electrode thickness [m]"].verdict == "fixed"
+    assert len(appraisal.measure_next) == 5
+    first = appraisal.measure_next[0]
+    assert first.name == "discharge at 2C"
+    assert first.protocol == (("Discharge at 2C until 2.5 V",),)
+    assert first.forecast.worst_share < 0.5 * intervals[appraisal.worst].share_of_range
+    report = (tmp_path / "report.html").read_text()
+    assert "What the record fixes" in report
+    assert "discharge at 2C" in report
