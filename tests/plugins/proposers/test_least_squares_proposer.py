@@ -1,10 +1,13 @@
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from bsa.core.journal import FILE_NAME, read_events
 from bsa.core.loop import RunResult
+from bsa.core.trial import Trial
+from bsa.plugins.proposers.descent import Descent, DescentOptions
 from bsa.plugins.proposers.feasibility import gentle_direction
 from bsa_toy_cell import CAPACITY, HIDDEN, RELAXATION, toy_scaffold, toy_task
 
@@ -75,3 +78,29 @@ def test_a_trap_is_left_by_beginning_elsewhere(run_toy: RunToy) -> None:
     task = toy_task({**HIDDEN, CAPACITY: 2.9, RELAXATION: 900.0})
     result = run_toy(task=task, scaffold=toy_scaffold("least-squares"), simulations=100, rounds=80)
     assert result.best.objective < 0.05
+
+
+def test_after_a_trap_both_sides_of_every_parameter_are_tried(run_toy: RunToy) -> None:
+    task = toy_task()
+    space = task.space
+    origin = space.to_unit(space.initial)
+    first = run_toy(task=task, scaffold=toy_scaffold("default"), warm_up=0).trials[0]
+
+    def trial(candidate: dict[str, float]) -> Trial:
+        away = space.to_unit(candidate) - origin
+        # Downhill at the start points away from the well at +0.25 of the first parameter.
+        wrong_way = 40.0 + 10.0 * np.tanh(20.0 * away[0])
+        well = 100.0 * np.abs(away - 0.25 * np.eye(len(away))[0])
+        values = well if np.linalg.norm(well) < 20.0 else np.append(well[1:], wrong_way)
+        return replace(first, candidate=candidate, residuals=values)
+
+    descent = Descent(task, DescentOptions(), seed=1, start=trial(dict(space.initial)))
+    for _ in range(40):
+        asked = descent.ask(100)
+        if not asked:
+            break
+        descent.tell([trial(dict(candidate)) for candidate in asked])
+    assert descent.base is not None
+    found = space.to_unit(descent.base.candidate) - origin
+    assert found[0] == pytest.approx(0.25, abs=0.01)
+    assert found[1:] == pytest.approx(0.0, abs=0.01)
