@@ -48,12 +48,24 @@ def _last(prompt: Prompt) -> str:
 def _let_it(prompt: Prompt) -> dict[str, Any]:
     reason = "The fit gets on" if _gets_on(prompt) else "The last value set by hand was no help"
     return _reply(
-        f"{reason}; its misfit is {prompt.numerics.get('misfit_tolerances')} tolerances.",
+        f"{reason}; its misfit is {prompt.numerics.get('misfit_tolerances')} tolerances.{_said_by_the_record(prompt)}",
         "The parameters are off together, and the slopes say by how much.",
         "refine",
         "Let it go on.",
         simulations=_PATIENCE,
     )
+
+
+def _said_by_the_record(prompt: Prompt) -> str:
+    """What is fixed, open and moves together, in a sentence; empty while no slopes are known."""
+    record = prompt.numerics.get("the_record")
+    if not isinstance(record, dict):
+        return ""
+    text = f" The record fixes {len(record.get('fixes', ()))} of {len(prompt.parameters)} parameters here"
+    if record.get("leaves_open"):
+        text += f", leaves open {', '.join(map(str, record['leaves_open']))}"
+    groups = [" with ".join(map(str, group)) for group in record.get("only_together", ())]
+    return text + (f", and moves {'; '.join(groups)} only together." if groups else ".")
 
 
 def _after_the_end(prompt: Prompt) -> dict[str, Any]:

@@ -15,6 +15,9 @@ from ..feedback.rounding import rounded
 _RIDGE = 1e-3
 """Damping of the regression, relative: keeps it defined when there are fewer trials than parameters."""
 
+_ALIKE = 0.95
+"""Cosine between the effects of two parameters beyond which no feedback can tell them apart."""
+
 
 class SensitivityMemory:
     """Regresses the change of every feature on the change of every parameter over the warm-up.
@@ -62,6 +65,9 @@ class SensitivityMemory:
                 for name, rows in content["effects"].items()  # type: ignore[attr-defined]
                 if len(rows) > 1
             }
+        alike = {"move_the_features_alike": _alike(effects, self._space.names)}
+        if alike["move_the_features_alike"] and len(json.dumps(content | alike)) <= budget:
+            content |= alike
         return Recollection("Memory: learnt sensitivities", content, priority=3)
 
     def _regress(self, origin: Trial, good: list[Trial]) -> tuple[list[str], FloatArray, FloatArray]:
@@ -103,6 +109,23 @@ def _features(trial: Trial) -> dict[str, float]:
     """What a trial's feedback says in numbers: its features, or its residuals where it has no others."""
     content = trial.feedback.content
     return dict(content.get("features") or content.get("residuals") or {})
+
+
+def _alike(effects: FloatArray, names: tuple[str, ...]) -> list[list[str]]:
+    """Pairs of parameters that do the same to all features, which no feedback can tell apart.
+
+    Each feature counts by the size of its own strongest effect.
+    """
+    strength = np.maximum(np.max(np.abs(effects), axis=1, keepdims=True), 1e-12)
+    columns = effects / strength
+    columns = columns / np.maximum(np.linalg.norm(columns, axis=0, keepdims=True), 1e-12)
+    cosines = np.abs(columns.T @ columns)
+    return [
+        [names[first], names[second]]
+        for first in range(len(names))
+        for second in range(first + 1, len(names))
+        if cosines[first, second] > _ALIKE
+    ]
 
 
 def _without_smallest(effects: dict[str, float]) -> dict[str, float]:

@@ -42,3 +42,10 @@ def test_after_the_end_it_tries_in_turn_and_then_gives_up() -> None:
     kinds = [entry["action"] for entry in tried]
     assert kinds[:3] == ["ease", "jacobian", "set"]
     assert "refine" in kinds
+
+
+def test_it_says_what_the_record_fixes() -> None:
+    record = {"fixes": ["a"], "leaves_open": ["b"], "only_together": [["a", "b"]]}
+    words = act(prompt(status="descending", misfit_by_round=[9.0], the_record=record))["analysis"]
+    assert "The record fixes 1 of 2 parameters here, leaves open b, and moves a with b only together." in words
+    assert "record" not in act(prompt(status="descending", misfit_by_round=[9.0]))["analysis"]

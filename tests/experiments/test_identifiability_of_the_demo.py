@@ -20,14 +20,14 @@ def test_the_hidden_cell_lies_inside_the_intervals(tmp_path: Path) -> None:
     intervals = appraisal.identifiability.intervals
     for name, value in {**task.space.initial, **HIDDEN}.items():
         assert intervals[name].lower <= value <= intervals[name].upper, name
-    # A discharge at 1C hardly shows the separator; a faster one shows it best of what is on offer.
+    # A charge and a discharge at 1C hardly show the separator, and pulses or a faster discharge do.
     assert appraisal.worst == "Separator thickness [m]"
     assert intervals["Negative electrode thickness [m]"].verdict == "fixed"
     assert len(appraisal.measure_next) == 5
-    first = appraisal.measure_next[0]
-    assert first.name == "discharge at 2C"
-    assert first.protocol == (("Discharge at 2C until 2.5 V",),)
-    assert first.forecast.worst_share < 0.5 * intervals[appraisal.worst].share_of_range
+    first, *_, last = appraisal.measure_next
+    assert first.name in ("discharge at 2C", "pulses of 1C with rests")
+    assert last.name == "slow discharge at C/20"
+    assert first.forecast.worst_share < 0.7 * intervals[appraisal.worst].share_of_range
     report = (tmp_path / "report.html").read_text()
     assert "What the record fixes" in report
-    assert "discharge at 2C" in report
+    assert first.name in report

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ....core.identifiability import identify
+from ....core.appraisal import NOISE_FLOOR
+from ....core.identifiability import effective_noise, identify
 from ....core.parameters import Candidate, ParameterSpace
 from ....core.trajectory import FloatArray
 from ....core.trial import Trial
@@ -53,6 +54,19 @@ def open_questions(
     found = identify(jacobian, residual, space, candidate, noise_floor=1.0)
     return {
         "not_determined_by_the_record": list(found.open),
+        "only_together": [list(group) for group in found.correlated],
+    }
+
+
+def settled_questions(
+    jacobian: FloatArray, residual: FloatArray, space: ParameterSpace, candidate: Candidate
+) -> dict[str, list[str] | list[list[str]]]:
+    """What the records say where the fit stands, in three short lists: fixed, open, and told only together."""
+    noise = effective_noise(residual, len(space), NOISE_FLOOR)
+    found = identify(jacobian, residual, space, candidate, noise=noise)
+    return {
+        "fixes": list(found.fixed),
+        "leaves_open": list(found.open),
         "only_together": [list(group) for group in found.correlated],
     }
 

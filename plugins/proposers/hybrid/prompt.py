@@ -21,6 +21,8 @@ hypothesis about the physical cause, one action and your reasons. The actions:
 - "jacobian": measure again what each parameter does at the current values.
 - "restart": go on from the earlier trial with the number "trial".
 - "ease": make the cell gentler first (a failing or vanished step comes back), match what is left, then come back.
+"the_record" under Numerics says which parameters the record fixes, which it leaves open, and which move together: \
+do not look for causes in open ones.
 Let the fit go on while it gets on. Step in when it is stuck, when simulations fail or a step has vanished, or when \
 you see a cause that it cannot see. What you try is kept only if it is better."""
 

@@ -34,7 +34,7 @@ from ..least_squares import action as main_action
 from ..least_squares import numbers, words
 from .actions import Action, action_schema, check_action
 from .excursion import Excursion
-from .learnt import effects, open_questions
+from .learnt import effects, open_questions, settled_questions
 from .prompt import build_messages
 
 _NUDGE = 0.1
@@ -190,13 +190,18 @@ class HybridProposer:
         )
 
     def _numerics(self, main_fit: Descent, allowance: int) -> dict[str, Any]:
-        return {
+        content = {
             "status": main_fit.status,
             "misfit_tolerances": main_fit.misfit,
             "misfit_by_round": self._misfits[-8:],
             "you_may_spend": allowance,
             "your_last_actions": self._log[-_SHOWN_ACTIONS:],
         }
+        best = main_fit.best
+        if best is not None and best.jacobian is not None and best.residual is not None:
+            here = self._space.from_unit(best.point)
+            content["the_record"] = settled_questions(best.jacobian, best.residual, self._space, here)
+        return content
 
     def _begin(self, action: Action, context: ProposeContext, main_fit: Descent, allowance: int) -> list[Candidate]:
         """Start what the agent asked for: candidates to try at once, or an excursion."""

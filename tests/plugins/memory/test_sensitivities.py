@@ -109,3 +109,11 @@ def test_feedback_without_features_still_teaches(context: RunContext) -> None:
     recollection = memory.recall(9000)
     assert recollection is not None
     assert recollection.content["effects"][CAPACITY]["total_mape_pct"] < 0
+
+
+def test_parameters_that_do_the_same_are_named(context: RunContext) -> None:
+    from bsa.plugins.memory.sensitivities import _alike
+
+    effects = np.array([[10.0, 5.0, 1.0], [-2.0, -1.0, 0.4], [0.3, 0.15, -0.9]])
+    assert _alike(effects, ("a", "b", "c")) == [["a", "b"]]
+    assert _alike(np.zeros((3, 2)), ("a", "b")) == []

@@ -180,6 +180,7 @@ def test_the_agent_reads_what_the_jacobian_taught(run_toy: RunToy, tmp_path: Pat
     assert '"effects": {"Capacity [A.h]"' in backend.prompts[0]
     assert "## Numerics" in backend.prompts[0]
     assert '"status": "descending"' in backend.prompts[0]
+    assert '"the_record": {"fixes": ["Capacity [A.h]"' in backend.prompts[0]
     proposals = [event for event in read_events(tmp_path) if event["event"] == "proposal"]
     assert any(event["action"] == "refine" and event["hypothesis"] == "h" for event in proposals)
 
