@@ -138,6 +138,11 @@ class CellRecord:
         """A metric of the best candidate; NaN where nothing could be compared."""
         return float("nan") if self.best is None else self.best[name]
 
+    def best_mape_after(self, simulations: int) -> float:
+        """Least total MAPE among the first simulations, on the search mesh; NaN where none succeeded."""
+        known = [trial.mape for trial in self.trials[:simulations] if trial.mape is not None]
+        return min(known, default=float("nan"))
+
 
 def study_config(
     scaffold: str | Scaffold, simulations: int, seed: int, backend: str, backend_options: dict[str, Any]

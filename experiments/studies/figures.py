@@ -1,4 +1,4 @@
-"""Box plots of errors by method, and curves of time by round."""
+"""Box plots of errors by method, convergence, and time by round."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from .cell import CellRecord
 
@@ -58,6 +60,30 @@ def box_plots(
         panel.grid(axis="y", alpha=0.3)
     panels[0].set_ylabel(label)
     _save(figure, path, title)
+
+
+def convergence(records: Sequence[CellRecord], path: Path) -> None:
+    """Best error so far against simulations: median and quartiles over the cases, a panel a mode, a line a method."""
+    modes = sorted({record.mode for record in records})
+    figure, panels = _panels(len(modes), 10)
+    for panel, mode in zip(panels, modes, strict=True):
+        for place, method in enumerate(dict.fromkeys(record.method for record in records)):
+            own = [r for r in records if (r.mode, r.method) == (mode, method) and r.trials]
+            longest = max((len(record.trials) for record in own), default=0)
+            if not longest:
+                continue
+            counts = np.arange(1, longest + 1)
+            curves = np.array([[record.best_mape_after(int(n)) for n in counts] for record in own])
+            low, middle, high = np.maximum(np.nanpercentile(curves, (25, 50, 75), axis=0), _FLOOR)
+            panel.plot(counts, middle, color=f"C{place % 10}", label=method)
+            panel.fill_between(counts, low, high, color=f"C{place % 10}", alpha=0.15, linewidth=0)
+        panel.set_yscale("log")
+        panel.set_title(mode)
+        panel.set_xlabel("simulations")
+        panel.grid(alpha=0.3)
+    panels[0].set_ylabel("best total MAPE / %")
+    panels[0].legend(fontsize=8)
+    _save(figure, path, "Convergence: median and quartiles")
 
 
 def round_times(records: Sequence[CellRecord], path: Path) -> None:

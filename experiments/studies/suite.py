@@ -10,7 +10,7 @@ from typing import Any
 from ...core.scaffold import Scaffold
 from ..suite.case import SuiteCase
 from .cell import CellRecord
-from .figures import box_plots
+from .figures import box_plots, convergence
 from .many import Say, make_cells, run_cells
 from .table import METRICS, main_table, markdown, rows_of, write_csv, write_json
 
@@ -74,3 +74,4 @@ def write_suite(records: Sequence[CellRecord], out: Path) -> None:
     box_plots(records, lambda record: record.mode, out / "by_mode.png", "Error by mode")
     box_plots(records, lambda record: record.parameter_set, out / "by_set.png", "Error by base cell")
     box_plots(records, lambda record: record.rates, out / "by_rate.png", "Error by rate (charge/discharge)")
+    convergence(records, out / "convergence.png")
