@@ -16,11 +16,14 @@ from .presets import load_presets
 @hookimpl
 def bsa_backends() -> Iterable[Entry]:
     """Everything that answers behind the one method of `Backend`."""
+    from .bad_advice import AdversarialAdvice, RandomAdvice
     from .rules.backend import RulesBackend
 
     yield Entry("rules", RulesBackend, "A deterministic reasoner that reads the prompt; needs no model.")
     for name, preset in load_presets().items():
         yield Entry(name, partial(open_preset, preset), preset.summary, BackendOptions)
+    yield Entry("random-advice", RandomAdvice, "Answers at random, for measuring what bad advice costs.")
+    yield Entry("adversarial-advice", AdversarialAdvice, "Sends the search into corners, for the same purpose.")
     yield Entry("litellm", _litellm, "litellm:PROVIDER/MODEL, any hosted model that litellm knows.", BackendOptions)
     yield Entry(
         "openai",

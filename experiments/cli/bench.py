@@ -128,6 +128,24 @@ def warmup_command(
     print(f"{out / 'warmup.md'}")
 
 
+@bench_app.command("no-harm")
+def no_harm_command(
+    suite: Suite = "published",
+    cases: Cases = "20",
+    simulations: Annotated[
+        int, typer.Option(min=1, help="Simulations of least squares at most; hybrid gets a quarter more.")
+    ] = 100,
+    workers: Workers = 2,
+    seed: Seed = 1234,
+    out: Out = Path("results/no-harm"),
+) -> None:
+    """Hybrid with random, hostile and reasoned advice, against least squares with a fifth fewer simulations."""
+    from ..studies.no_harm import no_harm_study
+
+    no_harm_study(_chosen(suite, cases, seed), out, simulations, workers, seed)
+    print(f"{out / 'no_harm.md'}")
+
+
 @bench_app.command("evaluation")
 def evaluation_command(
     task: Annotated[str, typer.Argument(help="Task to evaluate.")] = "demo",
