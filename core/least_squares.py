@@ -150,6 +150,11 @@ class LeastSquares:
         return self._radius
 
     @property
+    def round_gain(self) -> float:
+        """Share of the cost that the steps since the last Jacobian took off."""
+        return 1.0 - self.cost / self._round_cost if self._residual is not None and self._round_cost > 0 else 0.0
+
+    @property
     def stage(self) -> Stage:
         """What the next batch is for."""
         return self._stage

@@ -26,6 +26,9 @@ _SUSPICIOUS = 3.0
 _HOPELESS = 0.05
 """Share of the cost that a round of the fit must take off: at less, the budget ends before the fit does."""
 
+_CRAWL = 0.5
+"""Share of the cost below which a round far from the record is no descent but a crawl along the floor of a trap."""
+
 _ELSEWHERE = 0.2
 """How far from the first start the others lie, in units of the box."""
 
@@ -69,6 +72,7 @@ class Descent:
         self._feasibility: Feasibility | None = None
         self._search: LeastSquares | None = None
         self._best: LeastSquares | None = None
+        self._left_crawling: LeastSquares | None = None
         self._out_of_ideas = False
         self._told: list[Trial] = [start]
         if start.residuals is not None:
@@ -141,9 +145,16 @@ class Descent:
         if self._search is None:
             assert self._feasibility is not None
             return self._feasibility.ask()[:limit]
+        if self._crawls() and self._may_restart(limit):
+            self._left_crawling = self._search
+            return self._begin_again(thrift)
         points = self._search.ask(thrift)
         if not points and self._may_restart(limit):
             points = self._begin_again(thrift)
+        if not points and self._left_crawling is not None and self._left_crawling is self.best:
+            # Nothing else was better: crawl on.
+            self._search, self._left_crawling = self._left_crawling, None
+            points = self._search.ask(thrift)
         self._out_of_ideas = not points
         return points[:limit]
 
@@ -180,6 +191,12 @@ class Descent:
             difference=self._options.difference, radius=self._options.radius, enough=PERFECT, tolerance=_HOPELESS
         )
         return LeastSquares(self._task.space.to_unit(candidate), residuals, settings)
+
+    def _crawls(self) -> bool:
+        search = self._search
+        if search is None or search.stage != "jacobian" or search.jacobian is None or self._polled:
+            return False
+        return rms(search.residual) > _SUSPICIOUS and search.round_gain < _CRAWL
 
     def _may_restart(self, limit: int) -> bool:
         polls = 0 if self._promising else 2 * len(self._task.space)
