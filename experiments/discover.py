@@ -15,9 +15,10 @@ from pydantic import BaseModel, Field, model_validator
 from ..core.discovery.axes import Axis
 from ..core.discovery.closure import fit_closure
 from ..core.discovery.discovery import Discovery, temperature_errors
-from ..core.discovery.engine import Engine, Nomination, Settings
+from ..core.discovery.engine import Engine
 from ..core.discovery.evidence import gather
 from ..core.discovery.explanation import Explanation
+from ..core.discovery.findings import Nomination, Settings
 from ..core.discovery.laboratory import Specimen
 from ..core.discovery.localisation import in_words, localise
 from ..core.discovery.next_experiment import propose

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..trajectory import FloatArray
 from .closure import Closure
-from .engine import Findings, Nomination
 from .explanation import Explanation
+from .findings import Findings, Nomination
 from .localisation import Place
 from .next_experiment import NextExperiment
 from .ranking import Ranking

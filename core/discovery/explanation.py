@@ -92,6 +92,15 @@ class Explanation:
         return float(np.sqrt(max(typical - float(np.median(self.sigma**2)), 0.0)))
 
     @property
+    def blur_v(self) -> float:
+        """The misfit that one average counts with where neighbours repeat one another, V.
+
+        Averages that all err the same way are one piece of evidence: with each of ``n`` neighbours blurred by
+        ``sqrt(n)``, what is believed of the parameters is weighed against one misfit and not against n.
+        """
+        return self.misfit_v * float(np.sqrt(self.adequacy.repetition))
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Public names of the effects, sorted; variants of one effect share a name."""
         return tuple(sorted({effect.name for effect in self.effects}))

@@ -104,20 +104,18 @@ class Problem:
         mesh = self.mesh_sigma.get(observed.name)
         return observed.sigma if mesh is None else np.sqrt(observed.sigma**2 + mesh**2)
 
-    def weighted(self, errors: Sequence[FloatArray], misfit_v: float = 0.0) -> FloatArray:
-        """Errors of the fitted stretches in standard deviations, one after the other."""
-        parts = [
-            (drawn_in(error) / np.sqrt(self.sigma(observed) ** 2 + misfit_v**2))[mask]
-            for error, observed, mask in zip(errors, self.observations, self.fitted, strict=True)
-        ]
-        return np.concatenate(parts)
+    def deviation(self) -> FloatArray:
+        """What the fitted stretches are weighed by, one after the other: deviations with the misfit, V."""
+        parts = [self.sigma(observed)[mask] for observed, mask in zip(self.observations, self.fitted, strict=True)]
+        return np.asarray(np.sqrt(np.concatenate(parts) ** 2 + self.misfit_v**2))
 
     def residual(self, effects: Sequence[Effect], candidate: Candidate) -> FloatArray | None:
         """Weighted residuals of the fitted stretches, misfit included; None if a simulation fails."""
         predictions = self.predict(effects, candidate)
         if predictions is None:
             return None
-        return self.weighted(self.errors(predictions), misfit_v=self.misfit_v)
+        errors = zip(self.errors(predictions), self.fitted, strict=True)
+        return drawn_in(np.concatenate([error[mask] for error, mask in errors])) / self.deviation()
 
     def correct_mesh(self, effects: Sequence[Effect], candidate: Candidate) -> float:
         """Measure at one candidate what the mesh and the tolerances do to the voltage, and correct for it.

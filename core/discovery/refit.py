@@ -33,6 +33,8 @@ class Refit:
         Whether a fresh Jacobian promised no further gain.
     simulations : int
         Simulations spent.
+    deviation : ndarray of shape (n,) or None
+        The standard deviations that ``residual`` and ``jacobian`` are in, V, where they are known.
     """
 
     axes: tuple[Axis, ...]
@@ -41,6 +43,7 @@ class Refit:
     jacobian: FloatArray
     converged: bool
     simulations: int
+    deviation: FloatArray | None = None
 
     @property
     def candidate(self) -> dict[str, float]:
@@ -185,6 +188,16 @@ def refit(
             spent += used
             fresh = True
     return Refit(axes, u, here, slopes, converged, spent)
+
+
+def bounded_step(
+    jacobian: FloatArray, residual: FloatArray, axes: Sequence[Axis], u: FloatArray, reach: float
+) -> tuple[FloatArray, float]:
+    """The step that a linear picture asks for, ``reach`` in any coordinate at most, and the promised fall in cost."""
+    lower = np.array([max(axis.bounds[0] - value, -reach) for axis, value in zip(axes, u, strict=True)])
+    upper = np.array([min(axis.bounds[1] - value, reach) for axis, value in zip(axes, u, strict=True)])
+    lower, upper = np.minimum(lower, -1e-9), np.maximum(upper, 1e-9)
+    return _bounded_step(jacobian, residual, _beliefs(axes), u, 1e-8, u + lower, u + upper)
 
 
 def _bounded_step(

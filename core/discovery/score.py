@@ -8,7 +8,7 @@ import numpy as np
 
 from ..trajectory import FloatArray
 from .axes import Axis
-from .refit import _beliefs, _bounded_step
+from .refit import _beliefs, _bounded_step, bounded_step
 
 
 @dataclass(frozen=True)
@@ -86,5 +86,5 @@ def score_effect(
         np.append(u + lower, min(bounds[0], -1e-9)),
         np.append(u + upper, max(bounds[1], 1e-9)),
     )
-    _, without = _bounded_step(jacobian, residual, beliefs, u, 1e-8, u + lower, u + upper)
+    _, without = bounded_step(jacobian, residual, axes, u, reach)
     return Score(float(np.clip(step[-1], *bounds)), z, max(gain - without, 0.0), size / whole)

@@ -43,7 +43,7 @@ class Resolution:
         Mesh points in every domain; None keeps PyBaMM's own.
     """
 
-    rtol: float = 1e-6
+    rtol: float = 1e-5
     points: int | None = None
 
 

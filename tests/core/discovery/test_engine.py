@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bsa.core.discovery.engine import Engine, Settings
+from bsa.core.discovery.engine import Engine
+from bsa.core.discovery.findings import Settings
 
 _spec = importlib.util.spec_from_file_location("discovery_toy", Path(__file__).with_name("toy.py"))
 toy = importlib.util.module_from_spec(_spec)

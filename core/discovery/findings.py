@@ -1,0 +1,104 @@
+"""How hard a discovery looks, and what it found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from ..effect import Effect
+from ..trajectory import FloatArray
+from .explanation import Explanation
+from .refit import Refit
+from .score import Score
+
+Listener = Callable[[str], None]
+"""Told in one line what is being done."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How hard to look.
+
+    Attributes
+    ----------
+    max_effects : int
+        Effects in one explanation at most.
+    screened : int
+        Effects that get a short refit.
+    confirmed : int
+        Effects that are fitted until converged.
+    base_budget, refit_budget : int
+        Simulations of the base fit and of each confirmation at most.
+    settled : int
+        Explanations that are fitted on with their own misfit.
+    seed : int
+        For the second start of the base fit.
+    """
+
+    max_effects: int = 2
+    screened: int = 6
+    confirmed: int = 3
+    base_budget: int = 110
+    refit_budget: int = 90
+    settled: int = 2
+    seed: int = 0
+
+
+@dataclass(eq=False)
+class Nomination:
+    """An effect of the catalogue and how far it came.
+
+    Attributes
+    ----------
+    effect : Effect
+        The effect.
+    lacks : str
+        Why it was not considered; empty if it was.
+    score : Score or None
+        Its score test at the base fit.
+    mark : ndarray or None
+        Derivative of the weighted residual by its strength, per probe.
+    deviation : ndarray or None
+        The standard deviations that the mark is in, V.
+    screened : Refit or None
+        A short refit with it.
+    """
+
+    effect: Effect
+    lacks: str = ""
+    score: Score | None = None
+    mark: FloatArray | None = None
+    deviation: FloatArray | None = None
+    screened: Refit | None = None
+
+
+@dataclass(eq=False)
+class Findings:
+    """What the engine found.
+
+    Attributes
+    ----------
+    verdict : str
+        ``"no-missing-effect"``, ``"effect-found"``, ``"ambiguous"`` or ``"unexplained"``.
+    base, best : Explanation
+        The base model and the best explanation (the base model itself if nothing is missing).
+    rivals : list of Explanation
+        What cannot be told from the best.
+    explanations : list of Explanation
+        All that were fitted until converged, best first.
+    nominations : list of Nomination
+        Every effect of the catalogue.
+    reason : str
+        Why the verdict is what it is.
+    mesh_v : float
+        Size of the mesh correction, V.
+    """
+
+    verdict: str
+    base: Explanation
+    best: Explanation
+    rivals: list[Explanation] = field(default_factory=list)
+    explanations: list[Explanation] = field(default_factory=list)
+    nominations: list[Nomination] = field(default_factory=list)
+    reason: str = ""
+    mesh_v: float = 0.0

@@ -1,0 +1,236 @@
+"""Fits the base model and explanations to a problem, from coarse to fine, and judges what they leave."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..effect import Effect
+from ..errors import BsaError
+from ..trajectory import FloatArray
+from .adequacy import judge
+from .axes import Axis, candidate_of
+from .explanation import Explanation, estimates_of
+from .findings import Listener, Settings
+from .problem import Problem
+from .refit import Refit, refit
+from .rules import bic_difference
+from .score import Score
+
+_COARSE_V = 0.03
+"""Misfit with which the base fit begins, V."""
+
+_NEAR_V = 2e-3
+"""A typical error below which a fit is near enough to be weighed against the noise, V."""
+
+_GOOD_START = 3.0
+"""Mean residual, in deviations, from which a fit finds its way."""
+
+
+class Fitter:
+    """Fits and judges explanations.
+
+    Parameters
+    ----------
+    problem : Problem
+        Records and laboratory; its ``misfit_v`` is what the present fits count as noise.
+    axes : tuple of Axis
+        The uncertain parameters of the base model.
+    settings : Settings
+        How hard to look.
+    listener : callable
+        Told in one line what is being done.
+    """
+
+    def __init__(self, problem: Problem, axes: tuple[Axis, ...], settings: Settings, listener: Listener) -> None:
+        self.problem = problem
+        self.axes = axes
+        self.settings = settings
+        self._say = listener
+
+    # --- fits -----------------------------------------------------------------------------------------------
+
+    def residual(self, effects: Sequence[Effect]) -> Callable[[dict[str, float]], FloatArray | None]:
+        """Weighted residuals of a candidate with the effects, at the present misfit."""
+        return lambda candidate: self.problem.residual(effects, candidate)
+
+    def fit(
+        self,
+        effects: Sequence[Effect],
+        axes: tuple[Axis, ...],
+        start: FloatArray,
+        budget: int,
+        tolerance: float = 2e-3,
+        jacobian: FloatArray | None = None,
+    ) -> Refit | None:
+        """Fit at the present misfit; None if the start cannot be simulated."""
+        found = refit(self.residual(effects), axes, start, jacobian, budget, tolerance)
+        return None if found is None else replace(found, deviation=self.problem.deviation())
+
+    def onwards(self, effects: Sequence[Effect], fit: Refit, budget: int, tolerance: float = 2e-3) -> Refit:
+        """Fit on from where a fit ended, whatever misfit it was made with: its Jacobian is weighed anew."""
+        known = None if fit.deviation is None else self.problem.deviation() / fit.deviation
+        jacobian = None if known is None else fit.jacobian / known[:, None]
+        return self.fit(effects, fit.axes, fit.u, budget, tolerance, jacobian) or fit
+
+    def again(self, explanation: Explanation, budget: int) -> Explanation:
+        """The same explanation, fitted on from where it is with the present misfit."""
+        fit = self.onwards(explanation.effects, explanation.fit, budget)
+        return self.explain(explanation.effects, fit, explanation.score)
+
+    def full(
+        self, effects: tuple[Effect, ...], start: Refit, score: Score | None, others: Sequence[Explanation]
+    ) -> Explanation:
+        """Fit until converged; one that lags far behind another after half its budget gets no more."""
+        half = max(self.settings.refit_budget // 2, 3 * len(start.axes))
+        fit = self.fit(effects, start.axes, start.u, half) or start
+        ahead = min((other.fit.cost for other in others), default=np.inf)
+        if not fit.converged and fit.cost < 4.0 * ahead:
+            fit = self.onwards(effects, fit, half)
+        return self.explain(effects, fit, score)
+
+    # --- the base model -------------------------------------------------------------------------------------
+
+    def calibrate(self) -> tuple[Explanation, float]:
+        """Fit the base model until converged, correct for the mesh, and fit again.
+
+        Returns
+        -------
+        Explanation
+            The base model.
+        float
+            Root mean square of the mesh correction, V.
+        """
+        problem, budget = self.problem, self.settings.base_budget
+        # From coarse to fine: each fit counts as noise what the one before it could not explain, and noise alone is
+        # reached only by a model that comes near it. Started at the finest, a fit loses itself on the steep parts.
+        problem.misfit_v = _COARSE_V
+        fit = self._fit_from_somewhere(np.zeros(len(self.axes)))
+        for _ in range(3):
+            left = self.explain((), fit, None).misfit_v
+            left = left if left > _NEAR_V else 0.0
+            if left > 0.7 * problem.misfit_v:
+                break
+            problem.misfit_v = left
+            fit = self.onwards((), fit, budget // 2, 1e-2)
+            if left == 0.0:
+                break
+        mesh_v = problem.correct_mesh((), fit.candidate)
+        self._say(f"mesh and tolerances: {1e3 * mesh_v:.2f} mV, corrected")
+        fit = self.onwards((), fit, budget)
+        base = self.explain((), fit, None)
+        if not base.adequacy.adequate:
+            # A poor fit may be a poor start: try another before calling it missing physics.
+            rng = np.random.default_rng(self.settings.seed)
+            start = np.array([rng.normal() if axis.prior else u for axis, u in zip(self.axes, fit.u, strict=True)])
+            other = self.fit((), self.axes, start, budget // 2)
+            if other is not None and other.cost < 0.98 * fit.cost:
+                base = self.explain((), self.onwards((), other, budget), None)
+        self._say(f"base model: {1e3 * base.rmse_v:.2f} mV" + " (not converged)" * (not base.fit.converged))
+        return base, mesh_v
+
+    def _fit_from_somewhere(self, start: FloatArray) -> Refit:
+        # A cell that is too small, or too slow for its current, is empty before its record ends, and a fit that
+        # starts there is soon lost: start from the best of some roomier, faster and less full ones.
+        residual = self.residual(())
+        best: tuple[float, FloatArray] | None = None
+        for ease in (0.0, 0.5, 1.0, 1.5):
+            for soc_shift in (0.0, 3.0, -4.0):
+                shifted = start + np.array([ease if axis.prior else soc_shift for axis in self.axes])
+                here = residual(candidate_of(self.axes, shifted))
+                if here is not None and (best is None or float(here @ here) < best[0]):
+                    best = (float(here @ here), shifted)
+            if best is not None and best[0] < _GOOD_START**2 * len(self.problem.fitted[0]):
+                break
+        fit = None if best is None else self.fit((), self.axes, best[1], self.settings.base_budget, 2e-2)
+        if fit is None:
+            raise BsaError(
+                "the base model cannot follow the record's current from any initial state of charge.",
+                "check the sign of the current and the capacity of the parameter set.",
+            )
+        return fit
+
+    # --- misfit as noise ------------------------------------------------------------------------------------
+
+    def temper(self, base: Explanation) -> Explanation:
+        """Fit the base model again with its misfit taken for noise.
+
+        Weighed against noise, a model that lacks something bends its parameters to any length, and hides what it
+        lacks; weighed against its own misfit it keeps to what is believed of them.
+        """
+        self.problem.misfit_v = base.blur_v
+        return self.again(base, self.settings.refit_budget)
+
+    def untemper(self, base: Explanation, explanations: Sequence[Explanation]) -> list[Explanation]:
+        """Fit the best explanations with their own misfit instead of the base model's; the others stay as they are."""
+        ranked = sorted(explanations, key=lambda e: e.fit.cost)
+        result = ranked[self.settings.settled :]
+        for explanation in ranked[: self.settings.settled]:
+            current = explanation
+            for _ in range(3):
+                before = self.problem.misfit_v
+                self.problem.misfit_v = min(current.blur_v, before)
+                current = self.again(current, self.settings.refit_budget // 2)
+                if self.problem.misfit_v > 0.5 * before or current.adequacy.adequate:
+                    break
+            self.tell(base, current)
+            result.append(current)
+            self.problem.misfit_v = base.blur_v
+        return result
+
+    # --- judgement ------------------------------------------------------------------------------------------
+
+    def explain(self, effects: tuple[Effect, ...], fit: Refit, score: Score | None) -> Explanation:
+        """A fit with its judgement: adequacy, errors on fitted and held-out data, estimates with intervals."""
+        problem = self.problem
+        predictions = problem.predict(effects, fit.candidate)
+        assert predictions is not None, "a fit ends where it could be simulated"
+        masks = list(zip(problem.observations, problem.errors(predictions), problem.fitted, strict=True))
+        parts = [error[mask] for _, error, mask in masks]
+        sigmas = [problem.sigma(observed)[mask] for observed, _, mask in masks]
+        adequacy = judge(
+            [part / sigma for part, sigma in zip(parts, sigmas, strict=True)],
+            sigmas,
+            [observed.step[mask] for observed, _, mask in masks],
+            len(fit.axes),
+        )
+        counts = np.concatenate([observed.count[mask] for observed, _, mask in masks])
+        volts, sigma = np.concatenate(parts), np.concatenate(sigmas)
+        rmse = _sample_rmse(volts, counts, self.noise())
+        held_rmse, held_chi2 = self._held(effects, fit)
+        explanation = Explanation(effects, fit, adequacy, rmse, held_rmse, held_chi2, volts, sigma, score)
+        explanation.estimates = estimates_of(effects, fit, explanation.dispersion(problem.misfit_v))
+        return explanation
+
+    def _held(self, effects: tuple[Effect, ...], fit: Refit) -> tuple[float, float]:
+        held = self.problem.held_out(effects, fit.candidate)
+        if held is None:
+            return float("inf"), float("inf")
+        errors = np.concatenate([error for _, error in held])
+        counts = np.concatenate([observed.count for observed, _ in held])
+        sigma = np.concatenate([observed.sigma for observed, _ in held])
+        return _sample_rmse(errors, counts, self.held_noise()), float(np.mean((errors / sigma) ** 2))
+
+    def noise(self) -> float:
+        """Noise of one sample of the fitted records, V."""
+        return float(np.sqrt(np.mean([observed.noise**2 for observed in self.problem.observations])))
+
+    def held_noise(self) -> float:
+        """Noise of one sample of the data not fitted, V."""
+        held = self.problem.held_observations or self.problem.observations
+        return float(np.sqrt(np.mean([observed.noise**2 for observed in held])))
+
+    def tell(self, base: Explanation, explanation: Explanation) -> None:
+        """Say in one line how an explanation did."""
+        margin = bic_difference(base, explanation)
+        rms, held = 1e3 * explanation.rmse_v, 1e3 * explanation.held_rmse_v
+        doubt = " (not converged)" * (not explanation.fit.converged)
+        self._say(f"  {explanation.label}: {rms:.2f} mV, held out {held:.2f} mV, BIC {margin:+.0f}{doubt}")
+
+
+def _sample_rmse(errors: FloatArray, counts: FloatArray, noise: float) -> float:
+    """Error over single samples, from errors of averages: averaging n samples hid noise^2 (1 - 1/n)."""
+    squares = errors**2 + noise**2 * (1 - 1 / counts)
+    return float(np.sqrt(np.sum(counts * squares) / np.sum(counts)))

@@ -1,0 +1,140 @@
+"""Which effects of a catalogue are worth a refit: score tests, and short refits from a ladder of strengths."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..effect import Effect, Evidence
+from ..trajectory import FloatArray
+from .axes import candidate_of, effect_axes
+from .explanation import Explanation
+from .findings import Listener, Nomination
+from .fitting import Fitter
+from .refit import Refit, bounded_step
+from .score import Score, score_effect
+
+_REACH = 3.0
+"""How far, in units of belief, base parameters move along with an effect before anything is fitted."""
+
+_RUNGS = (0.5, 1.0, 3.0, 10.0, 32.0, 100.0)
+"""Strengths from which a short refit may start, in probes."""
+
+
+def nominate(
+    fitter: Fitter, base: Explanation, catalogue: Sequence[Effect], evidence: Evidence, listener: Listener
+) -> list[Nomination]:
+    """Score every effect of a catalogue on what the base model leaves, the most promising first."""
+    nominations = []
+    for effect in catalogue:
+        nomination = Nomination(effect, effect.lacks(evidence) if effect.lacks is not None else "")
+        if not nomination.lacks:
+            mark = mark_of(fitter, base, effect)
+            if mark is None:
+                nomination.lacks = "could not be simulated at the base fit"
+            else:
+                nomination.mark, nomination.deviation = mark, fitter.problem.deviation()
+                nomination.score = score_of(base, effect, mark)
+        nominations.append(nomination)
+    nominations.sort(key=lambda n: -(n.score.gain if n.score else -1.0))
+    for n in nominations[:6]:
+        if n.score:
+            share = n.score.gain / max(base.fit.chi2, 1.0)
+            listener(f"  {n.effect.key}: z {n.score.z:+.1f}, promises {share:.0%}")
+    return nominations
+
+
+def nominate_beside(fitter: Fitter, first: Explanation, nominations: Sequence[Nomination]) -> list[Nomination]:
+    """Score every other effect on what an explanation leaves, the most promising first.
+
+    With the marks that were simulated at the base fit: an explanation moves the parameters little, and a mark
+    much less than the residual.
+    """
+    found = []
+    for known in nominations:
+        if known.mark is None or known.deviation is None or known.effect.name in first.names:
+            continue
+        deviation = fitter.problem.deviation()
+        mark = known.mark * known.deviation / deviation
+        score = score_of(first, known.effect, mark)
+        if score.gain > 0:
+            found.append(Nomination(known.effect, "", score, mark, deviation))
+    return sorted(found, key=lambda n: -(n.score.gain if n.score else 0.0))
+
+
+def mark_of(fitter: Fitter, explanation: Explanation, effect: Effect) -> FloatArray | None:
+    """Derivative of the weighted residual by an effect's strength (per probe), given an explanation.
+
+    Against the effect's own null rather than the base model: an option may change the approximation a
+    little even at strength zero, and that is not the effect.
+    """
+    effects = (*explanation.effects, effect)
+    off = explanation.fit.candidate | {effect.full_name(p): p.null for p in effect.parameters}
+    on = explanation.fit.candidate | {effect.full_name(p): p.probe for p in effect.parameters}
+    for p in effect.parameters[1:]:
+        off[effect.full_name(p)] = p.probe
+    lit = fitter.problem.residual(effects, on)
+    if lit is None:
+        return None
+    dark = fitter.problem.residual(effects, off)
+    return lit - (dark if dark is not None else explanation.fit.residual)
+
+
+def score_of(explanation: Explanation, effect: Effect, mark: FloatArray) -> Score:
+    """Score an effect on what an explanation leaves."""
+    fit = explanation.fit
+    return score_effect(fit.residual, fit.jacobian, mark, fit.axes, fit.u, _ends(effect))
+
+
+def short_refit(fitter: Fitter, before: Explanation, nomination: Nomination) -> Refit | None:
+    """A few Broyden steps from a known explanation, with its Jacobian and the effect's mark.
+
+    A strong effect is far from where the linear picture of its probe points: the steps start from the best
+    rung of a ladder of strengths.
+    """
+    assert nomination.mark is not None
+    effects = (*before.effects, nomination.effect)
+    axes = (*before.fit.axes, *effect_axes((nomination.effect,)))
+    others = [0 * nomination.mark] * (len(nomination.effect.parameters) - 1)
+    residual = fitter.residual(effects)
+    best: tuple[float, FloatArray, FloatArray] | None = None
+    worse = 0
+    for strength in _ladder(nomination):
+        # The base parameters move along, as far as the linear picture goes.
+        there = before.fit.residual + strength * nomination.mark
+        step, _ = bounded_step(before.fit.jacobian, there, before.fit.axes, before.fit.u, _REACH)
+        # The strength's coordinate is 0 at the probe and -1 at the null.
+        u = np.concatenate([before.fit.u + step, [strength - 1.0], np.zeros(len(others))])
+        here = residual(candidate_of(axes, u))
+        cost = np.inf if here is None else Refit(axes, u, here, before.fit.jacobian, False, 1).cost
+        if here is not None and (best is None or cost < best[0]):
+            # The secant from the null is a better slope for a strong effect than the tangent at the null.
+            secant = (here - before.fit.residual - before.fit.jacobian @ step) / strength
+            best, worse = (cost, u, secant), 0
+        else:
+            worse += 1
+        if worse == 2:
+            break
+    if best is None:
+        return None
+    _, start, secant = best
+    return fitter.fit(effects, axes, start, 12, jacobian=np.column_stack([before.fit.jacobian, secant, *others]))
+
+
+def _ladder(nomination: Nomination) -> list[float]:
+    """Strengths to start from, in probes from the null, towards the side that the score asks for."""
+    assert nomination.score is not None
+    low, high = _ends(nomination.effect)
+    wanted = nomination.score.amplitude
+    sign = -1.0 if wanted < 0 or high <= 0 else 1.0
+    rungs = {sign * size for size in _RUNGS} | {wanted}
+    return sorted((rung for rung in rungs if 0.95 * low <= rung <= 0.95 * high and rung), key=abs)
+
+
+def _ends(effect: Effect) -> tuple[float, float]:
+    """Bounds of an effect's strength in probes from the null."""
+    strength = effect.strength
+    unit = strength.probe - strength.null
+    low, high = sorted(((strength.lower - strength.null) / unit, (strength.upper - strength.null) / unit))
+    return low, high
