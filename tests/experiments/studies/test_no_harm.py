@@ -57,6 +57,7 @@ def record(method: str, lowest: float | None, score: float | None) -> CellRecord
     ("alone", "advised", "no_worse", "score_no_worse"),
     [
         ((0.5, 0.5), (0.5, 0.54), True, True),
+        ((0.0009, 0.0009), (0.001, 0.001), True, True),
         ((0.5, 0.5), (0.51, 0.56), False, False),
         ((None, None), (None, None), True, True),
         ((None, None), (3.0, 3.0), True, True),
