@@ -34,6 +34,9 @@ def _chosen(
     from ..suite.selection import choose, load_suite
 
     noise = Noise(voltage_v=noise_mv / 1e3) if noise_mv else None
+    if suite == "random" and cases is not None and cases.isdigit() and int(cases):
+        # Its cases are drawn one by one, and each draw simulates: no more of them than are wanted.
+        return list(load_suite(suite, seed=seed, count=int(cases), noise=noise).values())
     return list(choose(load_suite(suite, published, seed=seed, noise=noise), cases).values())
 
 
