@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...core.errors import BsaError, did_you_mean
-from ..studies.table import Statistic, statistic
+from ..studies.table import Statistic, ranks, statistic
 from .results import Row, grid_folder, read_manifest, rows_of, write_rows
 from .statistics import Comparison, compare
 from .store import Store, write_text
@@ -42,9 +42,9 @@ class Block:
 
     def ranks(self, column: int) -> dict[str, int]:
         """Places of the methods in a column, 0 the best; methods without a result have none."""
-        means = [(row[column].mean, method) for method, row in self.rows if row[column] is not None]  # type: ignore[union-attr]
-        ordered = sorted(pair for pair in means if not math.isnan(pair[0]))
-        return {method: place for place, (_, method) in enumerate(ordered)} if len(self.rows) > 1 else {}
+        entries = {method: row[column] for method, row in self.rows}
+        means = {method: entry.mean for method, entry in entries.items() if entry is not None}
+        return ranks(means) if len(self.rows) > 1 else {}
 
 
 def tables(grid: str | Path, store: Path = RESULTS, out: Path | None = None, metric: str = "mape") -> list[Path]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -128,9 +128,9 @@ def markdown(records: Sequence[CellRecord], metric: str = "mape", with_paper: bo
             "| method | " + " | ".join(sets) + " | cases | worst |",
             "|" + " --- |" * (len(sets) + 3),
         ]
-        ranks = {name: _ranks({method: row[name].mean for method, row in rows.items() if name in row}) for name in sets}
+        places = {name: ranks({method: row[name].mean for method, row in rows.items() if name in row}) for name in sets}
         for method, row in rows.items():
-            entries = [_marked(str(row[name]), ranks[name].get(method)) if name in row else "" for name in sets]
+            entries = [_marked(str(row[name]), places[name].get(method)) if name in row else "" for name in sets]
             lines.append(f"| {method} | " + " | ".join(entries) + f" | {_cases(row)} |")
         for method, row in theirs.get(mode, {}).items():
             entries = [str(row[name]) if name in row else "" for name in sets]
@@ -144,8 +144,8 @@ def _cases(row: dict[str, Statistic]) -> str:
     return f"{sum(entry.count for entry in row.values())} | {_short(float(worst))}"
 
 
-def _ranks(means: dict[str, float]) -> dict[str, int]:
-    # Equal means share a place.
+def ranks(means: Mapping[str, float]) -> dict[str, int]:
+    """Places by mean, 0 the smallest; equal means share a place, and NaN has none."""
     known = {method: mean for method, mean in means.items() if not math.isnan(mean)}
     places = sorted(set(known.values()))
     return {method: places.index(mean) for method, mean in known.items()}
