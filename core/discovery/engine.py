@@ -15,11 +15,8 @@ from .nomination import nominate, nominate_beside, short_refit
 from .problem import Problem
 from .rules import CLEAR_BIC, believable, bic_difference, rivals
 
-_HOPELESS = 30.0
-"""A short refit this many times worse than an adequate explanation is not worth a long one."""
-
 _SECONDS = 4
-"""Second effects that get a short refit beside a first one; half of them are fitted until converged."""
+"""Second effects that get a short refit beside a first one."""
 
 
 class Engine:
@@ -72,58 +69,49 @@ class Engine:
         if calm.rmse_v < base.rmse_v:
             base = calm
         nominations = nominate(fitter, calm, self.catalogue, self.evidence, self._say)
-        explanations = _sorted(fitter.untemper(base, self.confirm(calm, nominations)))
+        explanations = _sorted(self.confirm(base, calm, nominations))
         if self.settings.max_effects > 1 and explanations and not explanations[0].adequacy.adequate:
             self.problem.misfit_v = explanations[0].blur_v
             singles = [fitter.again(e, self.settings.refit_budget // 2) for e in explanations[:2]]
-            explanations = _sorted(explanations + fitter.untemper(base, self.pair(base, singles, nominations)))
+            explanations = _sorted(explanations + self.pair(base, singles, nominations))
         findings = self.decide(base, explanations)
         findings.nominations, findings.mesh_v = nominations, mesh_v
         return findings
 
-    def confirm(self, base: Explanation, nominations: Sequence[Nomination]) -> list[Explanation]:
-        """Screen with short refits, then fit the shortlist until converged."""
-        keys = list(self._preferred(base, nominations)) if self._preferred is not None else []
+    def confirm(self, base: Explanation, calm: Explanation, nominations: Sequence[Nomination]) -> list[Explanation]:
+        """Screen with short refits, then fit the shortlist side by side until one is settled."""
+        keys = list(self._preferred(calm, nominations)) if self._preferred is not None else []
         scored = [n for n in nominations if n.score is not None and n.score.gain > 0]
         chosen = scored[: self.settings.screened]
         chosen += [n for n in scored[self.settings.screened :] if n.effect.key in keys]
         self._say(f"screening {len(chosen)} effects")
         for nomination in chosen:
-            nomination.screened = short_refit(self._fitter, base, nomination)
+            nomination.screened = short_refit(self._fitter, calm, nomination)
         alive = [n for n in chosen if n.screened is not None]
         alive.sort(key=lambda n: n.screened.cost if n.screened else np.inf)
-        result: list[Explanation] = []
-        for nomination in alive[: self.settings.confirmed]:
-            assert nomination.screened is not None
-            if result and result[0].adequacy.adequate and nomination.screened.cost > _HOPELESS * result[0].fit.cost:
-                break
-            explanation = self._fitter.full((nomination.effect,), nomination.screened, nomination.score, result)
-            result.append(explanation)
-            result.sort(key=lambda e: e.fit.cost)
-            self._fitter.tell(base, explanation)
-        return result
+        return self._settle(base, [((n.effect,), n) for n in alive[: self.settings.confirmed]])
 
     def pair(
         self, base: Explanation, singles: Sequence[Explanation], nominations: Sequence[Nomination]
     ) -> list[Explanation]:
-        """Add a second effect to the best single ones: re-score on what they leave, screen, confirm."""
-        found: dict[tuple[str, ...], Explanation] = {}
+        """Add a second effect to the best single ones: re-score on what they leave, screen, settle."""
+        screened: dict[tuple[str, ...], tuple[tuple[Effect, ...], Nomination]] = {}
         for first in singles:
-            scored = nominate_beside(self._fitter, first, nominations)
-            screened = []
-            for nomination in scored[:_SECONDS]:
-                if _pair_key(first.effects[0], nomination.effect) not in found:
-                    short = short_refit(self._fitter, first, nomination)
-                    if short is not None:
-                        screened.append((short.cost, nomination, short))
-            screened.sort(key=lambda row: row[0])
-            for _, nomination, short in screened[: _SECONDS // 2]:
+            for nomination in nominate_beside(self._fitter, first, nominations)[:_SECONDS]:
                 effects = (first.effects[0], nomination.effect)
-                others = list(found.values()) or singles
-                explanation = self._fitter.full(effects, short, nomination.score, others)
-                found[_pair_key(*effects)] = explanation
-                self._fitter.tell(base, explanation)
-        return list(found.values())
+                key = tuple(sorted(effect.key for effect in effects))
+                if key not in screened:
+                    nomination.screened = short_refit(self._fitter, first, nomination)
+                    if nomination.screened is not None:
+                        screened[key] = effects, nomination
+        ranked = sorted(screened.values(), key=lambda row: row[1].screened.cost if row[1].screened else np.inf)
+        return self._settle(base, ranked[: self.settings.confirmed])
+
+    def _settle(
+        self, base: Explanation, shortlist: Sequence[tuple[tuple[Effect, ...], Nomination]]
+    ) -> list[Explanation]:
+        explained = [self._fitter.explain(effects, n.screened, n.score) for effects, n in shortlist if n.screened]
+        return self._fitter.contest(base, explained) if explained else []
 
     def decide(self, base: Explanation, explanations: Sequence[Explanation]) -> Findings:
         """Apply the rules to explanations that are sorted, the best first."""
@@ -144,10 +132,6 @@ class Engine:
         if equal:
             reason += f"; not to be told from {', '.join(e.label for e in equal)}"
         return Findings("ambiguous" if equal else "effect-found", base, best, equal, ranked, reason=reason)
-
-
-def _pair_key(*effects: Effect) -> tuple[str, ...]:
-    return tuple(sorted(effect.key for effect in effects))
 
 
 def _sorted(explanations: Sequence[Explanation]) -> list[Explanation]:

@@ -26,21 +26,18 @@ class Settings:
     screened : int
         Effects that get a short refit.
     confirmed : int
-        Effects that are fitted until converged.
+        Explanations that are fitted on, side by side, until one is settled.
     base_budget, refit_budget : int
         Simulations of the base fit and of each confirmation at most.
-    settled : int
-        Explanations that are fitted on with their own misfit.
     seed : int
         For the second start of the base fit.
     """
 
     max_effects: int = 2
     screened: int = 6
-    confirmed: int = 3
+    confirmed: int = 4
     base_budget: int = 110
     refit_budget: int = 90
-    settled: int = 2
     seed: int = 0
 
 

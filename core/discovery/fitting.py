@@ -28,6 +28,12 @@ _NEAR_V = 2e-3
 _GOOD_START = 3.0
 """Mean residual, in deviations, from which a fit finds its way."""
 
+_LAG = 40.0
+"""Cost by which an explanation may lag behind the best one before it is dropped: twice a BIC that is clear."""
+
+_LEVELS = 6
+"""Times that the misfit which counts as noise is lowered at most."""
+
 
 class Fitter:
     """Fits and judges explanations.
@@ -79,17 +85,6 @@ class Fitter:
         """The same explanation, fitted on from where it is with the present misfit."""
         fit = self.onwards(explanation.effects, explanation.fit, budget)
         return self.explain(explanation.effects, fit, explanation.score)
-
-    def full(
-        self, effects: tuple[Effect, ...], start: Refit, score: Score | None, others: Sequence[Explanation]
-    ) -> Explanation:
-        """Fit until converged; one that lags far behind another after half its budget gets no more."""
-        half = max(self.settings.refit_budget // 2, 3 * len(start.axes))
-        fit = self.fit(effects, start.axes, start.u, half) or start
-        ahead = min((other.fit.cost for other in others), default=np.inf)
-        if not fit.converged and fit.cost < 4.0 * ahead:
-            fit = self.onwards(effects, fit, half)
-        return self.explain(effects, fit, score)
 
     # --- the base model -------------------------------------------------------------------------------------
 
@@ -163,21 +158,35 @@ class Fitter:
         self.problem.misfit_v = base.blur_v
         return self.again(base, self.settings.refit_budget)
 
-    def untemper(self, base: Explanation, explanations: Sequence[Explanation]) -> list[Explanation]:
-        """Fit the best explanations with their own misfit instead of the base model's; the others stay as they are."""
-        ranked = sorted(explanations, key=lambda e: e.fit.cost)
-        result = ranked[self.settings.settled :]
-        for explanation in ranked[: self.settings.settled]:
-            current = explanation
-            for _ in range(3):
-                before = self.problem.misfit_v
-                self.problem.misfit_v = min(current.blur_v, before)
-                current = self.again(current, self.settings.refit_budget // 2)
-                if self.problem.misfit_v > 0.5 * before or current.adequacy.adequate:
-                    break
-            self.tell(base, current)
-            result.append(current)
-            self.problem.misfit_v = base.blur_v
+    def contest(self, base: Explanation, explanations: Sequence[Explanation]) -> list[Explanation]:
+        """Fit explanations side by side, from coarse to fine, as long as they keep up with the best one.
+
+        At each level the blur of the best one counts as noise, so that differences in cost are evidence; who lags
+        by more than `_LAG` is dropped, and keeps the fit that it has. The last level, at which the best one is
+        adequate or comes no nearer, is fitted until converged.
+        """
+        running, dropped = list(explanations), []
+        for level in range(_LEVELS):
+            running.sort(key=lambda e: e.fit.cost)
+            best, before = running[0], self.problem.misfit_v
+            left = best.blur_v if best.blur_v > _NEAR_V / 4 else 0.0
+            last = left > 0.6 * before or left == 0.0 or level == _LEVELS - 1
+            self.problem.misfit_v = min(left, before)
+            budget = self.settings.refit_budget if last else self.settings.refit_budget // 3
+            fitted: list[Explanation] = []
+            for explanation in running:
+                again = self.again(explanation, budget)
+                ahead = min((other.fit.cost for other in fitted), default=np.inf)
+                if again.fit.cost > ahead + _LAG:
+                    dropped.append(again)
+                else:
+                    fitted.append(again)
+            running = fitted
+            if last:
+                break
+        result = running + dropped
+        for explanation in result:
+            self.tell(base, explanation)
         return result
 
     # --- judgement ------------------------------------------------------------------------------------------

@@ -14,6 +14,12 @@ from .axes import Axis, candidate_of
 Residual = Callable[[dict[str, float]], FloatArray | None]
 """Weighted residuals (data minus model, in standard deviations) of a candidate; None where it cannot be simulated."""
 
+_VISIBLE = 2.0
+"""Root mean square change of the residuals, in deviations, over which a slope is taken."""
+
+_SMALLEST_STEP = 0.01
+"""The smallest step of a difference as a share of the usual one: below it the integrator's noise shows."""
+
 
 @dataclass(frozen=True, eq=False)
 class Refit:
@@ -76,20 +82,38 @@ def _beliefs(axes: Sequence[Axis]) -> FloatArray:
 
 
 def differences(
-    residual: Residual, axes: Sequence[Axis], u: FloatArray, here: FloatArray, only: Sequence[int] | None = None
+    residual: Residual, axes: Sequence[Axis], u: FloatArray, here: FloatArray, known: FloatArray | None = None
 ) -> tuple[FloatArray, int]:
     """Jacobian by forward differences, turned inwards at a bound, and the simulations it took.
 
+    Parameters
+    ----------
+    residual : callable
+        Weighted residuals of a candidate.
+    axes : sequence of Axis
+        What is varied.
+    u : ndarray of shape (p,)
+        Coordinates at which.
+    here : ndarray of shape (n,)
+        The residuals there.
+    known : ndarray of shape (n, p), optional
+        An older Jacobian: sets the steps, so that each column is taken over a change that the data can see and
+        no further. At a knee a percent of capacity changes the voltage by hundreds of deviations, and a
+        difference over that is a fifth off the slope.
+
+    Notes
+    -----
     Columns that cannot be simulated on either side are zero: the fit then leaves that parameter alone.
     """
-    columns = range(len(axes)) if only is None else only
     jacobian = np.zeros((len(here), len(axes)))
+    visible = _VISIBLE * float(np.sqrt(len(here)))
     spent = 0
-    for column in columns:
-        axis = axes[column]
+    for column, axis in enumerate(axes):
         lower, upper = axis.bounds
-        step = max(axis.step, 0.03 * abs(u[column])) if not axis.prior else axis.step
-        for sign in (1.0, -1.0):
+        widest = axis.step if axis.prior else max(axis.step, 0.03 * abs(u[column]))
+        norm = 0.0 if known is None else float(np.linalg.norm(known[:, column]))
+        step = widest if norm * widest < visible else max(visible / norm, _SMALLEST_STEP * widest)
+        for sign in (1.0, -1.0, 1.0):
             moved = u.copy()
             moved[column] = np.clip(u[column] + sign * step, lower, upper)
             change = moved[column] - u[column]
@@ -97,9 +121,13 @@ def differences(
                 continue
             there = residual(candidate_of(axes, moved))
             spent += 1
-            if there is not None:
-                jacobian[:, column] = (there - here) / change
+            if there is None:
+                continue
+            jacobian[:, column] = (there - here) / change
+            seen = float(np.linalg.norm(there - here))
+            if seen < 5 * visible or step <= _SMALLEST_STEP * widest:
                 break
+            step = max(step * visible / seen, _SMALLEST_STEP * widest)
     return jacobian, spent
 
 
@@ -184,7 +212,7 @@ def refit(
                 continue
             if spent + len(axes) > budget:
                 break
-            slopes, used = differences(residual, axes, u, here)
+            slopes, used = differences(residual, axes, u, here, slopes)
             spent += used
             fresh = True
     return Refit(axes, u, here, slopes, converged, spent)

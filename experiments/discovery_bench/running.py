@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import multiprocessing
+import time
 import traceback
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -108,5 +109,6 @@ def run_case(folder: Path, backend_name: str | None = None, hide_names: bool = F
         "ranking": content["backend_ranking"],
         "simulations": discovery.simulations,
         "wall_s": discovery.wall_s,
+        "cpu_s": time.process_time(),
         "said": said,
     }

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
 
 from ...core.discovery.laboratory import Prediction, Specimen
 from ...core.effect import Effect
@@ -11,10 +14,14 @@ from ...core.errors import BsaError
 from ...core.parameters import Candidate
 from ...core.task import CellModel
 from ...core.trajectory import FloatArray
-from .driven_cell import FINE, SEARCH, DrivenCell, Resolution
+from .augmentation import part_of
+from .driven_cell import FINE, SEARCH, Curve, DrivenCell, Resolution
 
 _KEPT = 80
 """Compiled models that are kept warm; each takes a few megabytes."""
+
+_RECENT = 12
+"""Solved curves that are kept: every effect that is absent asks for the base model's again."""
 
 
 class PyBaMMLaboratory:
@@ -38,6 +45,7 @@ class PyBaMMLaboratory:
         self._resolutions = {False: usual, True: fine}
         self._compiled: OrderedDict[tuple[tuple[str, ...], int, bool], DrivenCell | None] = OrderedDict()
         self._specimens: list[Specimen] = []
+        self._recent: OrderedDict[Any, Curve | None] = OrderedDict()
         self.simulations = 0
         self.refused: dict[str, str] = {}
 
@@ -51,11 +59,19 @@ class PyBaMMLaboratory:
         fine: bool = False,
     ) -> Prediction | None:
         """Simulate; see `Laboratory.predict`."""
-        driven = self._driven(tuple(effects), specimen, fine)
+        present = tuple(effect for effect in effects if not _is_absent(effect, candidate))
+        driven = self._driven(present, specimen, fine)
         if driven is None:
             return None
-        self.simulations += 1
-        curve = driven.solve(candidate, times, current)
+        wanted = frozenset(name for effect in present for name in map(effect.full_name, effect.parameters))
+        own = {name: value for name, value in candidate.items() if ": " not in name or name in wanted}
+        key = (id(driven), tuple(sorted(own.items())), len(times), float(np.sum(times)))
+        if key not in self._recent:
+            self.simulations += 1
+            self._recent[key] = driven.solve(candidate, times, current)
+            while len(self._recent) > _RECENT:
+                self._recent.popitem(last=False)
+        curve = self._recent[key]
         return None if curve is None else Prediction(curve.voltage, curve.temperature)
 
     def _driven(self, effects: tuple[Effect, ...], specimen: Specimen, fine: bool) -> DrivenCell | None:
@@ -80,3 +96,10 @@ class PyBaMMLaboratory:
         while len(self._compiled) > _KEPT:
             self._compiled.popitem(last=False)
         return driven
+
+
+def _is_absent(effect: Effect, candidate: Candidate) -> bool:
+    """Whether an effect at its null leaves the very equations of the base model: no option stays behind."""
+    part = part_of(effect)
+    changes_form = part.options or part.model or part.points
+    return not changes_form and effect.values(candidate)[effect.strength.name] == effect.strength.null
