@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
-from ..core.discovery.axes import Axis
 from ..core.discovery.closure import fit_closure
 from ..core.discovery.discovery import Discovery, temperature_errors
 from ..core.discovery.engine import Engine
@@ -26,12 +25,13 @@ from ..core.discovery.observations import FLOOR_V, observe
 from ..core.discovery.problem import Problem
 from ..core.discovery.ranking import Ranking, ask
 from ..core.effect import Effect
-from ..core.errors import BsaError
+from ..core.errors import BsaError, did_you_mean
 from ..core.messages import Backend
 from ..core.record import ReadOptions
 from ..core.registry import Registry, installed
 from ..core.task import CellModel
 from ..core.trajectory import FloatArray
+from ..core.validation import explain, read_yaml
 
 Listener = Callable[[str], None]
 
@@ -49,6 +49,22 @@ class RecordFile(BaseModel, extra="forbid"):
         return {"path": value} if isinstance(value, (str, Path)) else value
 
 
+class Uncertainty(BaseModel, extra="forbid"):
+    """How far one factor may be off."""
+
+    spread: float = Field(gt=0, description="Standard deviation of its logarithm that is believed.")
+    lower: float = Field(gt=0, lt=1, description="Lower bound.")
+    upper: float = Field(gt=1, description="Upper bound.")
+
+
+class SearchFile(BaseModel, extra="forbid"):
+    """What is uncertain, as a user writes it."""
+
+    factors: dict[str, Uncertainty | None] = Field(
+        min_length=1, description='Factors of parameters, "NAME factor"; without details, the default ones.'
+    )
+
+
 class DiscoverOptions(BaseModel, extra="forbid"):
     """What to look at, and how hard."""
 
@@ -60,8 +76,9 @@ class DiscoverOptions(BaseModel, extra="forbid"):
     overrides: dict[str, float] = Field(default={}, description="Parameter values that are known better.")
     scale: bool = Field(default=True, description="Scale the electrode area to the records' capacity.")
     ambient_c: float | None = Field(default=None, description="Ambient temperature in degC, where records lack it.")
-    search: list[str] | None = Field(
-        default=None, description="Uncertain parameters of the base model, of the default ones; left out, all of them."
+    search: str | dict[str, Uncertainty | None] = Field(
+        default="all",
+        description="Uncertain parameters of the base model: a preset, a YAML file, or factors by name.",
     )
     effects: list[str] | None = Field(default=None, description="Effects to consider; left out, the whole catalogue.")
     backend: str | None = Field(default=None, description="Language model that ranks effects too.")
@@ -206,8 +223,6 @@ def effects_of(names: Sequence[str] | None, registry: Registry | None = None) ->
     known = {effect.name for effect in made} | {effect.key for effect in made}
     for name in names:
         if name not in known:
-            from ..core.errors import did_you_mean
-
             raise BsaError(f'there is no effect "{name}".', did_you_mean(name, known) or "bsa list effects shows them.")
     return tuple(effect for effect in made if effect.name in names or effect.key in names)
 
@@ -227,7 +242,7 @@ def discover_in(
     pybamm.set_logging_level("CRITICAL")
     started = time.perf_counter()
     cell = case.cell
-    axes = _chosen(uncertain_parameters(cell.model, case.specimens, case.initial_soc), options.search)
+    axes = uncertain_parameters(cell.model, case.specimens, case.initial_soc, _spreads(options.search, cell))
     laboratory = PyBaMMLaboratory(cell, [axis.name for axis in axes])
     floor = 1e-3 * options.floor_mv
     problem = Problem(
@@ -295,14 +310,29 @@ def discover_in(
     return discovery
 
 
-def _chosen(axes: tuple[Axis, ...], names: Sequence[str] | None) -> tuple[Axis, ...]:
-    if names is None:
-        return axes
-    known = [axis.name for axis in axes]
-    for name in names:
-        if name not in known:
-            raise BsaError(f'"{name}" is not an uncertain parameter of the base fit.', f"choose of {known}.")
-    return tuple(axis for axis in axes if axis.name in names or not axis.prior)
+def _spreads(search: str | dict[str, Uncertainty | None], cell: CellModel) -> dict[str, tuple[float, float, float]]:
+    """What is uncertain, from a preset, a file or factors by name."""
+    from ..plugins.pybamm.parameter_sets import FACTOR, require
+    from ..plugins.pybamm.uncertain_parameters import CYCLABLE_LITHIUM, PRESETS, default_spread
+
+    if isinstance(search, str):
+        if search in PRESETS:
+            return {name: default_spread(name) for name in PRESETS[search]}
+        if not Path(search).exists():
+            hint = did_you_mean(search, PRESETS) or f"presets: {', '.join(PRESETS)}; or the path of a YAML file."
+            raise BsaError(f'there is no preset or file "{search}" of uncertain parameters.', hint)
+        try:
+            search = SearchFile.model_validate(read_yaml(Path(search))).factors
+        except ValidationError as error:
+            raise explain(error, search, SearchFile) from None
+    spreads = {}
+    for name, own in search.items():
+        if name != CYCLABLE_LITHIUM:
+            require(cell.parameter_set, name.removesuffix(FACTOR))
+        if not name.endswith(FACTOR):
+            raise BsaError(f'"{name}" is not a factor.', f'write "{name}{FACTOR}".')
+        spreads[name] = default_spread(name) if own is None else (own.spread, own.lower, own.upper)
+    return spreads
 
 
 def _errors(problem: Problem, explanation: Explanation) -> list[FloatArray]:

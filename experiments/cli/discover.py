@@ -34,6 +34,9 @@ def discover(
         float | None, typer.Option(help="Ambient temperature in degC, where records lack it.")
     ] = None,
     scale: Annotated[bool, typer.Option(help="Scale the electrode area to the records' capacity.")] = True,
+    search: Annotated[
+        str, typer.Option(help="What is uncertain about the base model: all, capacity, particles, or a YAML file.")
+    ] = "all",
     effect: Annotated[list[str] | None, typer.Option(help="Effect to consider; repeat; left out, all.")] = None,
     backend: Annotated[str | None, typer.Option(help="Language model that ranks effects too.")] = None,
     max_effects: Annotated[int, typer.Option(min=1, max=3, help="Effects in one explanation at most.")] = 2,
@@ -70,6 +73,7 @@ def discover(
                 "overrides": key_values(override, "--override"),
                 "scale": scale,
                 "ambient_c": temperature,
+                "search": search,
                 "effects": effect,
                 "backend": backend,
                 "max_effects": max_effects,

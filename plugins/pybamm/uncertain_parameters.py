@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from ...core.discovery.axes import Axis
 from ...core.discovery.laboratory import Specimen
+from ...core.errors import BsaError, did_you_mean
 from ...core.parameters import Parameter
 from .state_of_charge import CYCLABLE_LITHIUM
 
@@ -31,10 +32,42 @@ thickness through the capacity and the electrolyte's resistance, all of which ar
 _ELECTROLYTE = "Electrolyte"
 
 
+_CAPACITY = (
+    "Negative electrode active material volume fraction factor",
+    "Positive electrode active material volume fraction factor",
+    CYCLABLE_LITHIUM,
+)
+
+PRESETS: dict[str, tuple[str, ...]] = {
+    "all": tuple(_SPREADS),
+    "capacity": _CAPACITY,
+    "particles": tuple(name for name in _SPREADS if not name.startswith(_ELECTROLYTE)),
+}
+"""What may be uncertain, by name: everything; the electrodes' capacities alone, where transport and kinetics were
+measured on the cell; everything but the electrolyte."""
+
+
+def default_spread(name: str) -> tuple[float, float, float]:
+    """Deviation of the logarithm, lower and upper bound of a default parameter.
+
+    Raises
+    ------
+    BsaError
+        If there is no default for it.
+    """
+    if name not in _SPREADS:
+        hint = did_you_mean(name, _SPREADS) or "give it a spread, a lower and an upper bound."
+        raise BsaError(f'"{name}" is not an uncertain parameter by default.', hint)
+    return _SPREADS[name]
+
+
 def uncertain_parameters(
-    model: str, specimens: Sequence[Specimen], soc: Mapping[str, float] | None = None
+    model: str,
+    specimens: Sequence[Specimen],
+    soc: Mapping[str, float] | None = None,
+    spreads: Mapping[str, tuple[float, float, float]] | None = None,
 ) -> tuple[Axis, ...]:
-    """Axes of the base fit: nine factors of 1 (seven without an electrolyte) and each record's initial charge.
+    """Axes of the base fit: factors of 1 and each record's initial charge.
 
     Parameters
     ----------
@@ -44,10 +77,12 @@ def uncertain_parameters(
         The fitted records.
     soc : mapping of str to float, optional
         By record, where the search for its initial state of charge starts; 0.9 for those not named.
+    spreads : mapping of str to tuple, optional
+        Deviation of the logarithm, lower and upper bound of each factor; the nine defaults if left out.
     """
     axes = [
         Axis(Parameter(name, 1.0, lower, upper, "log"), spread, prior=True, step=min(0.1, 0.03 / spread))
-        for name, (spread, lower, upper) in _SPREADS.items()
+        for name, (spread, lower, upper) in (spreads or _SPREADS).items()
         if model != "SPM" or not name.startswith(_ELECTROLYTE)
     ]
     starts = soc or {}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bsa.core.errors import BsaError
 from bsa.core.task import CellModel
-from bsa.experiments.discover import DiscoverOptions, discover, effects_of
+from bsa.experiments.discover import DiscoverOptions, _spreads, discover, effects_of
 from bsa.experiments.discovery_bench.cases import recipes
 from bsa.experiments.discovery_bench.hidden_cell import Hidden, Leg, measure
 from bsa.experiments.discovery_bench.making import _write
@@ -30,6 +30,26 @@ def test_an_unknown_effect_is_an_error_with_a_hint():
 def test_options_refuse_what_they_do_not_know():
     with pytest.raises(ValueError, match="Extra"):
         DiscoverOptions.model_validate({"data": ["a.csv"], "parameters": "Chen2020", "out": "x", "dta": []})
+
+
+def test_what_is_uncertain_comes_from_a_preset_a_file_or_names(tmp_path):
+    cell = CellModel("Chen2020", "SPMe")
+    assert len(_spreads("all", cell)) == 9
+    assert len(_spreads("capacity", cell)) == 3
+    file = tmp_path / "search.yaml"
+    file.write_text(
+        "factors:\n  Cyclable lithium factor:\n  Separator porosity factor: {spread: 0.1, lower: 0.5, upper: 2}"
+    )
+    assert _spreads(str(file), cell) == {
+        "Cyclable lithium factor": (0.08, 0.7, 1.3),
+        "Separator porosity factor": (0.1, 0.5, 2.0),
+    }
+    with pytest.raises(BsaError, match="capcity") as caught:
+        _spreads("capcity", cell)
+    assert "capacity" in caught.value.hint
+    file.write_text("factors:\n  Separator porosty factor: {spread: 0.1, lower: 0.5, upper: 2}")
+    with pytest.raises(BsaError, match="porosty"):
+        _spreads(str(file), cell)
 
 
 @pytest.mark.slow
