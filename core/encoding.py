@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from .easing import Easing
 from .feedback import Feedback
 from .metrics import Metrics
 from .parameters import Parameter, ParameterSpace
@@ -110,6 +111,8 @@ def encode_trial(trial: Trial, folder: Path) -> Json:
         "images": [str(image.relative_to(folder)) for image in trial.feedback.images],
         "curves": [None if curve is None else encode_trajectory(curve) for curve in trial.curves],
         "seconds": trial.seconds,
+        "easing": None if trial.easing is None else asdict(trial.easing),
+        "partial": None if trial.partial is None else encode_array(trial.partial),
     }
 
 
@@ -126,6 +129,9 @@ def decode_trial(record: Mapping[str, Any], folder: Path) -> Trial:
         feedback=Feedback(record["feedback"], tuple(folder / image for image in record["images"])),
         curves=tuple(None if curve is None else decode_trajectory(curve) for curve in record["curves"]),
         seconds=record["seconds"],
+        # Journals of before tasks could be eased have neither.
+        easing=None if record.get("easing") is None else Easing(**record["easing"]),
+        partial=None if record.get("partial") is None else decode_array(record["partial"]),
     )
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import pluggy
 from pydantic import BaseModel
 
+from .easing import Easing
 from .feedback import Feedback
 from .messages import Backend
 from .parameters import Candidate
@@ -224,6 +225,13 @@ class RunHooks:
         -------
         sequence of Outcome
             One for each candidate, with one run for each of these experiments.
+        """
+
+    @hookspec(firstresult=True)
+    def ease(self, easing: Easing) -> tuple[Experiment, ...] | None:
+        """The task's experiments, eased: what `simulate_variant` is then given. Optional.
+
+        The same easing must give the same object, so that what was compiled for it can be kept.
         """
 
     @hookspec(firstresult=True)

@@ -7,16 +7,18 @@ journal. Proposers and memories so rebuild their state by being asked the same q
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
 import numpy as np
 
 from .appraisal import Appraisal, appraise
+from .easing import Easing
 from .encoding import decode_trial, encode_proposal, encode_trial
 from .errors import BsaError
+from .feedback import Feedback
 from .hooks import ProposeContext
 from .journal import Journal
 from .messages import BudgetSpent, Usage
@@ -24,11 +26,12 @@ from .metrics import Metrics, evaluate
 from .parameters import Candidate
 from .proposal import Proposal
 from .recording import RecordingBackend
-from .residuals import residuals
+from .residuals import partial_residuals, residuals
 from .run_config import RunConfig
 from .run_plugins import RunPlugins
-from .simulation import Outcome
+from .simulation import ExperimentRun, Outcome, SimulationFailure
 from .task import Task
+from .trajectory import FloatArray
 from .trial import Phase, Trial
 
 Status = Literal["converged", "finished", "rounds-spent", "simulations-spent", "budget-spent", "interrupted"]
@@ -215,9 +218,17 @@ class Run:
         if self._listener:
             self._listener.proposed(proposal, phase, number)
         candidates = [self._task.space.project(candidate) for candidate in proposal.candidates[:limit]]
-        self._simulate(candidates, phase, number, proposal)
+        self._simulate(candidates, phase, number, proposal, proposal.easings)
 
-    def _simulate(self, candidates: Sequence[Candidate], phase: Phase, number: int, proposal: Proposal | None) -> None:
+    def _simulate(
+        self,
+        candidates: Sequence[Candidate],
+        phase: Phase,
+        number: int,
+        proposal: Proposal | None,
+        easings: Sequence[Easing | None] = (),
+    ) -> None:
+        easings = [*easings[: len(candidates)], *[None] * (len(candidates) - len(easings))]
         first = len(self._trials)
         done: dict[int, Trial] = {}
         todo: list[int] = []
@@ -226,7 +237,8 @@ class Run:
             if earlier is None:
                 todo.append(place)
                 continue
-            if dict(earlier["candidate"]) != dict(candidate):
+            easing = easings[place]
+            if dict(earlier["candidate"]) != dict(candidate) or earlier.get("easing") != (easing and asdict(easing)):
                 raise BsaError(
                     f"the journal does not fit: simulation {first + place} of {self._journal.path} "
                     "was made with other parameters than this version proposes.",
@@ -234,22 +246,43 @@ class Run:
                 )
             done[place] = decode_trial(earlier, self._folder)
 
-        def report(position: int, outcome: Outcome) -> None:
-            place = todo[position]
-            trial = self._trial(first + place, phase, number, candidates[place], outcome)
+        def report(place: int, outcome: Outcome) -> None:
+            trial = self._trial(first + place, phase, number, candidates[place], outcome, easings[place])
             self._journal.append("trial", **encode_trial(trial, self._folder))
             done[place] = trial
 
-        if todo:
-            self._plugins.simulate([candidates[place] for place in todo], False, report)
+        for easing in dict.fromkeys(easings[place] for place in todo):
+            places = [place for place in todo if easings[place] == easing]
+            self._simulate_eased([candidates[place] for place in places], easing, places, report)
         for place in range(len(candidates)):
             self._trials.append(done[place])
             self._plugins.remember(done[place], proposal)
             if self._listener:
                 self._listener.tried(done[place], self.best, self._backend.usage)
 
-    def _trial(self, index: int, phase: Phase, number: int, candidate: Candidate, outcome: Outcome) -> Trial:
-        metrics = evaluate(self._task, outcome)
+    def _simulate_eased(
+        self,
+        candidates: Sequence[Candidate],
+        easing: Easing | None,
+        places: Sequence[int],
+        report: Callable[[int, Outcome], None],
+    ) -> None:
+        def at_its_place(position: int, outcome: Outcome) -> None:
+            report(places[position], outcome)
+
+        if easing is None:
+            self._plugins.simulate(candidates, False, at_its_place)
+            return
+        experiments = self._plugins.ease(easing)
+        if experiments is None or self._plugins.simulate_variant(candidates, experiments, at_its_place) is None:
+            refused = ExperimentRun(None, SimulationFailure("this simulator cannot ease a task"))
+            for position in range(len(candidates)):
+                at_its_place(position, Outcome((refused,) * len(self._task.experiments)))
+
+    def _trial(
+        self, index: int, phase: Phase, number: int, candidate: Candidate, outcome: Outcome, easing: Easing | None
+    ) -> Trial:
+        metrics = None if easing is not None else evaluate(self._task, outcome)
         curves = tuple(
             None if run.trajectory is None else run.trajectory.thinned(_CURVE_SAMPLES_PER_STEP) for run in outcome.runs
         )
@@ -260,11 +293,29 @@ class Run:
             candidate=candidate,
             metrics=metrics,
             failure=outcome.failure,
-            residuals=residuals(self._task, outcome),
-            feedback=self._plugins.build_feedback(outcome, metrics, index),
+            residuals=None if easing is not None else residuals(self._task, outcome),
+            feedback=self._feedback(outcome, metrics, index, easing),
             curves=curves,
             seconds=outcome.seconds,
+            easing=easing,
+            partial=self._partial(outcome, easing),
         )
+
+    def _feedback(self, outcome: Outcome, metrics: Metrics | None, index: int, easing: Easing | None) -> Feedback:
+        if easing is None:
+            return self._plugins.build_feedback(outcome, metrics, index)
+        # What a builder says compares with the record of the task as it is.
+        failure = outcome.failure
+        event = "simulation_success" if failure is None else f"simulation_failed: {failure.cause}"
+        return Feedback({"eased": easing.words, "events": [event]})
+
+    def _partial(self, outcome: Outcome, easing: Easing | None) -> FloatArray | None:
+        if easing is None:
+            return None if outcome.ok else partial_residuals(self._task, outcome)
+        experiments = self._plugins.ease(easing)
+        if easing.rate < 1.0 or experiments is None:
+            return None
+        return partial_residuals(replace(self._task, experiments=experiments), outcome)
 
     def _finish(self, status: Status, started: float) -> RunResult:
         best = self.best

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from .easing import Easing
 from .errors import BsaError
 from .parameters import Candidate
 
@@ -73,6 +74,8 @@ class Proposal:
     advancing : bool
         The proposer knows by its own measure whether it still gets on, and says when it is finished: the
         run's patience does not count this round.
+    easings : tuple of Easing or None
+        How the task is eased for each candidate; empty where it is not.
     """
 
     candidates: tuple[Candidate, ...]
@@ -84,3 +87,4 @@ class Proposal:
     lost: str = ""
     finished: bool = False
     advancing: bool = False
+    easings: tuple[Easing | None, ...] = ()

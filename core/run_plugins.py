@@ -7,6 +7,7 @@ from typing import Any
 
 import pluggy
 
+from .easing import Easing
 from .errors import BsaError
 from .feedback import Feedback
 from .hooks import PROJECT, ProposeContext, Recollection, RunContext, RunHooks
@@ -91,6 +92,10 @@ class RunPlugins:
         return self._hook.simulate_variant(  # type: ignore[no-any-return]
             candidates=candidates, experiments=experiments, report=report
         )
+
+    def ease(self, easing: Easing) -> tuple[Experiment, ...] | None:
+        """See `RunHooks.ease`; None where the simulator cannot."""
+        return self._hook.ease(easing=easing)  # type: ignore[no-any-return]
 
     def next_protocols(self) -> Mapping[str, Protocol]:
         """See `RunHooks.next_protocols`."""

@@ -21,12 +21,19 @@ class SimulationFailure:
         The cycle of that step, counted from 1; 0 if it never started.
     reached_s : float
         Seconds of simulated time before the end.
+    limit : str
+        Which physical limit was near when it stopped, in plain words (a surface empty of lithium, an
+        electrolyte without salt); empty where the simulator cannot tell.
+    unfinished : bool
+        Whether the last step of the trajectory is the one it died in, cut short; else all of them are whole.
     """
 
     cause: str
     step: str = ""
     cycle: int = 0
     reached_s: float = 0.0
+    limit: str = ""
+    unfinished: bool = False
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from .easing import Easing
 from .feedback import Feedback
 from .metrics import Metrics
 from .parameters import Candidate
@@ -40,6 +41,12 @@ class Trial:
         The simulated records, thinned, one for each experiment.
     seconds : float
         Wall time in the simulator.
+    easing : Easing or None
+        How the task was eased for this simulation; it then has no metrics and no residuals of the task.
+    partial : ndarray of shape (k,) or None
+        Of a trial that failed: residuals of all cycles (see `partial_residuals`), NaN for steps that it did
+        not finish. Of an eased one: residuals against the record's first cycles. None where there is no record
+        to compare with, or nothing was reached.
     """
 
     index: int
@@ -52,11 +59,18 @@ class Trial:
     feedback: Feedback
     curves: tuple[Trajectory | None, ...]
     seconds: float
+    easing: Easing | None = None
+    partial: FloatArray | None = None
 
     @property
     def ok(self) -> bool:
-        """Whether the whole task was simulated."""
+        """Whether the whole task was simulated, as it is."""
         return self.failure is None and self.metrics is not None
+
+    @property
+    def failed(self) -> bool:
+        """Whether the simulation did not run to its end, or showed nothing that can be compared."""
+        return self.failure is not None or (self.metrics is None and self.easing is None)
 
     @property
     def objective(self) -> float:

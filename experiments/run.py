@@ -172,7 +172,7 @@ def summary(task: Task, config: RunConfig, backend_name: str, result: RunResult)
         "seed": config.seed,
         "status": result.status,
         "simulations": len(result.trials),
-        "failed_simulations": sum(not trial.ok for trial in result.trials),
+        "failed_simulations": sum(trial.failed for trial in result.trials),
         "llm_calls": result.llm_calls,
         "tokens": result.usage.tokens,
         "cost_usd": result.usage.cost_usd,

@@ -196,7 +196,7 @@ class RunRecord:
     @property
     def failed(self) -> int:
         """How many simulations failed."""
-        return sum(not trial.ok for trial in self.trials)
+        return sum(trial.failed for trial in self.trials)
 
     @property
     def usage(self) -> Usage:

@@ -45,9 +45,13 @@ class PlainProgress:
 
     def tried(self, trial: Trial, best: Trial, usage: Usage) -> None:
         """See `Listener.tried`."""
-        if not trial.ok:
+        eased = "" if trial.easing is None else f" {trial.easing.words}"
+        if trial.failed:
             cause = trial.failure.cause if trial.failure else "nothing to compare"
-            self._say(f"  simulation {trial.index}: failed ({printable(cause, 120)})")
+            limit = f"; {printable(trial.failure.limit, 160)}" if trial.failure and trial.failure.limit else ""
+            self._say(f"  simulation {trial.index}{eased}: failed ({printable(cause, 120)}{limit})")
+        elif eased:
+            self._say(f"  simulation {trial.index}{eased}: ran")
         elif trial.objective < self._best:
             self._best = trial.objective
             cost = f", {usage.tokens} tokens, ${usage.cost_usd:.4f}" if usage.tokens else ""
@@ -100,7 +104,7 @@ class LiveProgress:
     def tried(self, trial: Trial, best: Trial, usage: Usage) -> None:
         """See `Listener.tried`."""
         self._state["count"] = trial.index + 1
-        self._state["failed"] += not trial.ok
+        self._state["failed"] += trial.failed
         if self._first is None and trial.ok:
             self._first = trial.objective
         self._best = best.objective if best.ok else None

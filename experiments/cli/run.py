@@ -171,7 +171,7 @@ def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability
 
 def _print_summary(result: RunResult, config: RunConfig, folder: Path) -> None:
     initial, best = result.initial_metrics, result.best_metrics
-    failed = sum(not trial.ok for trial in result.trials)
+    failed = sum(trial.failed for trial in result.trials)
     print(f"{result.status} after {len(result.trials)} simulations ({failed} failed), {result.wall_s:.0f} s")
     for label, attribute, unit in (
         ("total MAPE", "mape", "%"),

@@ -251,6 +251,9 @@ def _mark(trial: Trial, across: Axis, axis: Axis, unit: str, is_best: bool) -> M
     x = float(across.pixels(float(trial.index)))
     where = "initial" if trial.phase == "initial" else f"{trial.phase} round {trial.round}"
     if not trial.ok:
+        if not trial.failed and trial.easing is not None:
+            words = f"Simulation {trial.index} ({where}) ran {trial.easing.words}"
+            return Mark(x, axis.end + 9.0, trial.phase, words)
         cause = trial.failure.cause if trial.failure else "nothing to compare"
         return Mark(x, axis.end + 9.0, "failed", f"Simulation {trial.index} ({where}) failed: {cause[:200]}")
     style = "champion" if is_best else trial.phase

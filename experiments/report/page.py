@@ -16,6 +16,7 @@ from ...core.metrics import Metrics
 from ...core.parameters import Parameter
 from ...core.reply_parsing import strip_control
 from ..story import UNFINISHED, RunRecord, read_run
+from .failures import failures
 from .figures import convergence, overlays
 from .identifiability import section
 from .rounds import chapters
@@ -121,6 +122,7 @@ def render(run: RunRecord) -> str:
         parameters=parameters,
         at_bound=[row for row in parameters if row.bound],
         fixed=section(run),
+        failures=failures(run),
         chapters=chapters(run),
         notes=_notes(run),
         config=json.dumps(run.config, indent=2, ensure_ascii=False),

@@ -12,6 +12,7 @@ from ...core.parameters import ParameterSpace
 from ...core.reply_parsing import strip_control
 from ...core.trial import Trial
 from ..story import Exchange, Round, RunRecord
+from .failures import failure_words
 from .wording import change, clipped, factor, number, quantity, short_name
 
 _TEXT = 2_500
@@ -48,6 +49,7 @@ class TrialRow:
     changes: Sequence[Change]
     objective: str
     failure: str
+    eased: str = ""
 
 
 @dataclass(frozen=True)
@@ -152,7 +154,7 @@ def _chapter(round_: Round, space: ParameterSpace, library: _Library) -> Chapter
         before=number(round_.base.objective),
         after="" if best is None or not best.ok else number(best.objective),
         effect=change(round_.base.objective, best.objective) if best is not None else "",
-        failure=best.failure.cause if best is not None and best.failure is not None else "",
+        failure=failure_words(best) if best is not None else "",
         simulations=_simulations(round_),
         main=changed[:_SHOWN_CHANGES],
         other=changed[_SHOWN_CHANGES:],
@@ -168,7 +170,7 @@ def _verdict(round_: Round) -> str:
     if round_.best is None:
         return "stop" if round_.finished else "open"
     if not round_.best.ok:
-        return "failed"
+        return "failed" if any(trial.failed for trial in round_.trials) else "explored"
     if round_.phase == "warm-up":
         return "explored"
     return "improved" if round_.improved else "worse"
@@ -182,8 +184,8 @@ def _simulations(round_: Round) -> str:
 
 
 def _row(space: ParameterSpace, base: Trial, trial: Trial) -> TrialRow:
-    failure = "" if trial.ok else (trial.failure.cause if trial.failure else "nothing to compare")
-    return TrialRow(trial.index, changes(space, base, trial)[:4], number(trial.objective), failure)
+    eased = "" if trial.easing is None else f"ran {trial.easing.words}"
+    return TrialRow(trial.index, changes(space, base, trial)[:4], number(trial.objective), failure_words(trial), eased)
 
 
 def _remarks(round_: Round) -> list[str]:

@@ -219,7 +219,7 @@ def run_cell(cell: StudyCell, out: Path, simulators: int = 1, keep_runs: bool = 
         best_candidate=dict(result.best.candidate),
         truth=truth,
         simulations=len(result.trials),
-        failed_simulations=sum(not trial.ok for trial in result.trials),
+        failed_simulations=sum(trial.failed for trial in result.trials),
         llm_calls=result.llm_calls,
         tokens=result.usage.tokens,
         wall_s=result.wall_s,

@@ -46,6 +46,8 @@ def events(task: Task, outcome: Outcome) -> list[str]:
         lines.append(f"simulation_failed: {failure.cause}")
         if failure.step:
             lines.append(f"stopped in cycle {failure.cycle} during: {failure.step}")
+        if failure.limit:
+            lines.append(f"at that moment: {failure.limit}")
         if run.trajectory is not None:
             share = 100.0 * run.trajectory.duration / max(experiment.target.duration, 1e-9)
             lines.append(

@@ -34,7 +34,8 @@ class HistoryMemory:
     @hookimpl
     def remember(self, trial: Trial, proposal: Proposal | None) -> None:
         """See `RunHooks.remember`."""
-        if trial.phase == "warm-up":
+        # An eased simulation has no place in a table of fits.
+        if trial.phase == "warm-up" or trial.easing is not None:
             return
         content = trial.feedback.content
         row: dict[str, Any] = {

@@ -13,6 +13,7 @@ from ...core.parameters import Candidate
 from ...core.task import Task
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial
+from .detours import Easings
 from .feasibility import Feasibility
 
 Status = Literal["infeasible", "descending", "restarting", "done"]
@@ -75,6 +76,7 @@ class Descent:
         self._left_crawling: LeastSquares | None = None
         self._out_of_ideas = False
         self._told: list[Trial] = [start]
+        self._first_start: Candidate = task.space.initial
         if start.residuals is not None:
             self._search = self._search_from(start.candidate, start.residuals)
         else:
@@ -122,6 +124,16 @@ class Descent:
         return rms(self.best.residual) if self.best is not None else float("inf")
 
     @property
+    def easings(self) -> Easings:
+        """How the task is eased for each of the candidates just asked for; empty where it is not."""
+        return self._feasibility.easings if self._search is None and self._feasibility is not None else ()
+
+    @property
+    def way_back(self) -> str:
+        """What is tried to find a cell that can be simulated, in a sentence; empty once there is one."""
+        return self._feasibility.words if self._search is None and self._feasibility is not None else ""
+
+    @property
     def jacobian_next(self) -> bool:
         """Whether the candidates asked for are finite differences rather than a step."""
         return self._search is not None and self._search.stage in ("jacobian", "other side")
@@ -167,6 +179,8 @@ class Descent:
             assert self._feasibility is not None
             found = self._feasibility.tell(trials)
             if found is not None:
+                # Around the start as it was given, most is as infeasible as that.
+                self._first_start = found.candidate
                 self._search = self._search_from(found.candidate, found.residuals)
             return
         if self._polled:
@@ -214,7 +228,7 @@ class Descent:
         self._restarts_left -= 1
         if self._promising:
             return self._search_from_trial(self._promising.pop(0)).ask(thrift)
-        origin = self._task.space.to_unit(self._task.space.initial)
+        origin = self._task.space.to_unit(self._first_start)
         far = _ELSEWHERE * np.eye(len(origin))
         points = [np.clip(origin + step, 0.0, 1.0) for step in (*far, *-far)]
         self._polled = [point for point in points if not np.array_equal(point, origin)]

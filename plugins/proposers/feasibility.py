@@ -1,24 +1,36 @@
-"""A start that cannot be simulated: find a gentler cell that can, before anything is fitted."""
+"""A start that cannot be simulated: find a gentler cell that can, before anything is fitted.
+
+First what is gentle by rule, since it is cheap and mostly works; then detours over easier tasks; then guesses
+around the trial that got farthest.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from ...core.alignment import pair_steps
 from ...core.parameters import ParameterSpace
 from ...core.task import Task
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial
 from ...core.validation import read_yaml
 from ..memory.priors import RULES_FILE
+from .detours import Detour, Easings, ShortenedFit, SlowedClimb
 
 _STRIDES = (0.1, 0.25, 0.45, 0.7)
 """How far along the gentle direction, in units of the box."""
 
 _SPREAD = 0.15
 """Standard deviation of the search around the point that got farthest."""
+
+_NO_LIMIT = 10**6
+
+_TOO_LONG, _SHORT_S = 1.2, 60.0
+"""A step this many times as long as the record's, and as a minute, is too long."""
 
 _HURTS, _HELPS = "raises", "lowers"
 
@@ -39,6 +51,31 @@ def gentle_direction(space: ParameterSpace) -> FloatArray:
     return direction
 
 
+def smaller_direction(space: ParameterSpace) -> FloatArray:
+    """Which way each parameter makes the cell hold less charge and does nothing else, shape (p,): -1 or 0."""
+    rules: list[dict[str, Any]] = read_yaml(RULES_FILE)
+    direction = np.zeros(len(space))
+    for place, name in enumerate(space.names):
+        for rule in rules:
+            polarises = "polarisation" in (*rule[_HELPS], *rule[_HURTS])
+            if name.startswith(rule["parameter"]) and "discharge_time" in rule[_HURTS] and not polarises:
+                direction[place] = -1.0
+    return direction
+
+
+def outlasts(task: Task, trial: Trial) -> bool:
+    """Whether a trial was stopped in a step that had already taken longer than the record's: the cell is too large."""
+    if trial.failure is None or not trial.failure.unfinished:
+        return False
+    for experiment, curve in zip(task.experiments, trial.curves, strict=True):
+        pairs = [pair for pair in pair_steps(curve, replace(experiment, scored_cycle=None)) if pair.simulated]
+        if pairs and curve is not None and curve.steps[-1].kind is pairs[-1].step.kind:
+            measured_s, simulated_s = pairs[-1].duration_s
+            if simulated_s > _TOO_LONG * max(measured_s, _SHORT_S):
+                return True
+    return False
+
+
 def reached(task: Task, trial: Trial) -> float:
     """How far a trial got: the share of the records' time that it simulated, 0 to 1; 1 if it ran to its end."""
     if trial.ok:
@@ -53,8 +90,16 @@ def reached(task: Task, trial: Trial) -> float:
     return min(got / wanted, 0.999) if wanted > 0 else 0.0
 
 
+def progress(task: Task, trial: Trial) -> tuple[float, float]:
+    """An order of failed trials: how far they got, to a hundredth, then how well what they finished matches."""
+    share = round(reached(task, trial), 2)
+    finished = None if trial.partial is None else trial.partial[np.isfinite(trial.partial)]
+    misfit = float(np.sqrt(np.mean(finished**2))) if finished is not None and finished.size else float("inf")
+    return share, -misfit
+
+
 class Feasibility:
-    """Looks for a point that simulates, near the start: first along the gentle direction, then around.
+    """Looks for a point that simulates, near the start: along the gentle direction, by detours, then around.
 
     Parameters
     ----------
@@ -70,17 +115,41 @@ class Feasibility:
         self._task = task
         self._space = task.space
         self._rng = np.random.default_rng(seed)
-        self._gentle = gentle_direction(task.space)
+        self._too_large = too_large = outlasts(task, start)
+        self._gentle = smaller_direction(task.space) if too_large else gentle_direction(task.space)
         self._strides = list(_STRIDES) if np.any(self._gentle) else []
         self._farthest = start
+        # Lower currents do not empty a cell that is too large any sooner.
+        self._detours = (["shortened"] if too_large else ["shortened", "slowed"]) if _has_protocols(task) else []
+        self._detour: Detour | None = None
+        self._asked: Easings = ()
 
     @property
     def guesses(self) -> bool:
-        """Whether the rules of thumb are used up."""
-        return not self._strides
+        """Whether rules of thumb and detours are used up."""
+        return not self._strides and not self._detours and self._detour is None
+
+    @property
+    def easings(self) -> Easings:
+        """How the task is eased for each of the points just asked for; empty where it is not."""
+        return self._asked
+
+    @property
+    def words(self) -> str:
+        """What is being tried, in a sentence."""
+        if self._detour is not None:
+            return self._detour.words
+        if self._too_large:
+            return "The cell holds more charge than its steps have time for: a smaller one first."
+        return "Nothing near the start could be simulated yet: looking for a gentler cell that can."
 
     def ask(self) -> list[FloatArray]:
-        """Two points to try next, in the unit box."""
+        """The points to try next, in the unit box."""
+        self._asked = ()
+        if not self._strides:
+            points = self._by_detour()
+            if points:
+                return points
         origin = self._space.to_unit(self._farthest.candidate)
         if self._strides:
             strides, self._strides = self._strides[:2], self._strides[2:]
@@ -91,13 +160,44 @@ class Feasibility:
         steps[0] = np.where(self._gentle == 0.0, steps[0], np.abs(steps[0]) * self._gentle)
         return [np.clip(origin + step, 0.0, 1.0) for step in steps]
 
+    def _by_detour(self) -> list[FloatArray]:
+        """What a detour asks for, the next one where the last has led nowhere."""
+        while self._detour is not None or self._detours:
+            if self._detour is None:
+                self._detour = self._begin(self._detours.pop(0))
+                continue
+            candidates = self._detour.ask(_NO_LIMIT)
+            if candidates:
+                self._asked = self._detour.easings
+                return [self._space.to_unit(candidate) for candidate in candidates]
+            self._detour = None
+        return []
+
+    def _begin(self, kind: str) -> Detour | None:
+        failure = self._farthest.failure
+        if kind == "slowed":
+            return SlowedClimb(self._space, self._space.to_unit(self._space.initial), self._gentle)
+        if failure is None or failure.cycle < 2:
+            return None
+        return ShortenedFit(self._space, self._space.to_unit(self._farthest.candidate), failure.cycle - 1)
+
     def tell(self, trials: Sequence[Trial]) -> Trial | None:
         """Take in the trials; the one nearest the record, if any ran to its end."""
+        if self._asked and self._detour is not None:
+            self._detour.tell(trials)
+            if self._detour.over:
+                self._detour = None
         good = [trial for trial in trials if trial.residuals is not None]
         if good:
             return min(good, key=lambda trial: _misfit(trial))
-        self._farthest = max([self._farthest, *trials], key=lambda trial: reached(self._task, trial))
+        whole = [trial for trial in trials if trial.easing is None]
+        self._farthest = max([self._farthest, *whole], key=lambda trial: progress(self._task, trial))
         return None
+
+
+def _has_protocols(task: Task) -> bool:
+    """Whether a protocol drives every record: a measured current has no cut-offs that end its steps."""
+    return all(experiment.protocol is not None for experiment in task.experiments)
 
 
 def _misfit(trial: Trial) -> float:

@@ -35,6 +35,7 @@ class LeastSquaresProposer:
             details=numbers(self._descent),
             finished=not candidates,
             advancing=bool(candidates),
+            easings=self._descent.easings[: len(candidates)],
         )
 
 
@@ -48,7 +49,7 @@ def action(descent: Descent) -> str:
 def words(descent: Descent) -> str:
     """Why, in a sentence."""
     if descent.status == "infeasible":
-        return "Nothing near the start could be simulated yet: looking for a gentler cell that can."
+        return descent.way_back
     if descent.status == "done":
         return "Nothing is left to gain by least squares."
     if descent.status == "restarting":

@@ -14,10 +14,11 @@ from ...core.simulation import ExperimentRun, SimulationFailure
 from ...core.task import CellModel, Experiment
 from ...core.trajectory import StepKind
 from . import drive
+from .last_moments import last_moments, nearest_limit
 from .mesh import search_spatial_methods, search_submeshes
 from .parameter_sets import INITIAL_SOC, bake, load, open_to_search, pybamm
 from .state_of_charge import InitialState, initial_concentration
-from .step_solutions import at_samples_of, keep_solver_steps_of_holds, step_kind, to_trajectory
+from .step_solutions import Unfinished, at_samples_of, keep_solver_steps_of_holds, step_kind, to_trajectory
 
 MODELS = {"SPM": "SPM", "SPMe": "SPMe", "DFN": "DFN"}
 
@@ -121,6 +122,7 @@ class CompiledExperiment:
         self._inputs = tuple(name for name in searched if not name.startswith(INITIAL_SOC))
         self._steps = drive.steps_of(experiment)
         by_current = experiment.protocol is None
+        self._window_v = tuple(float(values[f"{side} voltage cut-off [V]"]) for side in ("Lower", "Upper"))
         if by_current:
             drive.widen_cut_offs(values)
         points = dict.fromkeys(("x_n", "x_s", "x_p", "r_n", "r_p"), accuracy.points)
@@ -188,19 +190,39 @@ class CompiledExperiment:
         cause = ""
         self.simulation._solution = None  # a failed solve must not show its predecessor's result
         try:
-            self.simulation.solve(
-                inputs=self.inputs(candidate), calc_esoh=False, callbacks=[watcher], showprogress=False
-            )
+            inputs = self.inputs(candidate)
+            self.simulation.solve(inputs=inputs, calc_esoh=False, callbacks=[watcher], showprogress=False)
         except (pybamm.SolverError, ValueError, ArithmeticError, RuntimeError) as error:
             cause = _first_line(error)
+        cause = cause or watcher.cause
+        if cause:
+            return self._failed(cause, watcher, inputs if watcher.step else {})
         trajectory = to_trajectory(self.simulation._solution, self._steps, self._heats)
         if trajectory is not None and self._experiment.protocol is None:
             trajectory = at_samples_of(self._experiment.target, trajectory)
-        cause = cause or watcher.cause
-        if not cause:
-            return ExperimentRun(trajectory)
-        reached = trajectory.duration if trajectory is not None else 0.0
-        return ExperimentRun(trajectory, SimulationFailure(cause, watcher.step, watcher.cycle, reached))
+        return ExperimentRun(trajectory)
+
+    def _failed(self, cause: str, watcher: _Watcher, inputs: dict[str, float]) -> ExperimentRun:
+        """What was reached, the last moments of the step it died in included where a protocol drives the cell."""
+        solution = self.simulation._solution
+        unfinished, limit, cut_short = None, "", False
+        if solution is not None and self._experiment.protocol is not None:
+            if watcher.gave_up:
+                place = sum(len(cycle) for cycle in self._steps[: watcher.cycle - 1]) + watcher.position
+                found = last_moments(self.simulation, self.simulation.experiment.steps[place], inputs, self._window_v)
+                limit = found.limit
+                if found.part is not None:
+                    unfinished = Unfinished(found.part, watcher.cycle, watcher.position)
+            else:
+                limit = nearest_limit(solution, self._window_v)
+            # A step that took too long, or ended by a foreign event, is part of the solution.
+            cut_short = unfinished is not None or not watcher.gave_up
+        trajectory = to_trajectory(solution, self._steps, self._heats, unfinished)
+        if trajectory is not None and self._experiment.protocol is None:
+            trajectory = at_samples_of(self._experiment.target, trajectory)
+        reached_s = trajectory.duration if trajectory is not None else 0.0
+        failure = SimulationFailure(cause, watcher.step, watcher.cycle, reached_s, limit, cut_short)
+        return ExperimentRun(trajectory, failure)
 
 
 def solve_reference(cell: CellModel, experiment: Experiment, candidate: Candidate) -> ExperimentRun:
@@ -223,17 +245,21 @@ class _Watcher(pybamm.callbacks.Callback):  # type: ignore[misc]
     def __init__(self, on_step: Callable[[str, int], None] | None) -> None:
         self.step = ""
         self.cycle = 0
+        self.position = 0
         self.cause = ""
+        self.gave_up = False
         self._on_step = on_step
 
     def on_step_start(self, logs: dict[str, Any]) -> None:
         self.step = str(logs["step operating conditions"])
         self.cycle = int(logs["cycle number"][0])
+        self.position = int(logs["step number"][0]) - 1
         if self._on_step:
             self._on_step(self.step, self.cycle)
 
     def on_experiment_error(self, logs: dict[str, Any]) -> None:
         self.cause = _first_line(logs["error"])
+        self.gave_up = True
 
     def on_experiment_infeasible_time(self, logs: dict[str, Any]) -> None:
         self.cause = "the step did not reach its end condition within its longest duration"

@@ -6,10 +6,12 @@ from collections.abc import Callable, Mapping, Sequence
 
 from pydantic import BaseModel, Field
 
+from ...core.easing import Easing
 from ...core.hooks import RunContext, hookimpl
 from ...core.parameters import Candidate
 from ...core.simulation import Outcome
 from ...core.task import Experiment, Protocol
+from .eased import eased
 from .parameter_sets import INITIAL_SOC
 from .worker import Assignment, WorkerPool
 
@@ -35,6 +37,7 @@ class PyBaMMSimulator:
         task = context.task
         self._task = task
         self._options, self._workers = options, context.workers
+        self._eased: dict[Easing, tuple[Experiment, ...]] = {}
         self._variant: tuple[tuple[Experiment, ...], WorkerPool] | None = None
         self._pool = WorkerPool(
             Assignment(task.cell, task.experiments, task.space.names), context.workers, options.time_limit_s
@@ -80,6 +83,13 @@ class PyBaMMSimulator:
         pool = WorkerPool(Assignment(self._task.cell, experiments, searched), self._workers, limit_s)
         self._variant = (experiments, pool)
         return pool
+
+    @hookimpl
+    def ease(self, easing: Easing) -> tuple[Experiment, ...]:
+        """The task's experiments at lower currents, or their first cycles."""
+        if easing not in self._eased:
+            self._eased[easing] = tuple(eased(experiment, easing) for experiment in self._task.experiments)
+        return self._eased[easing]
 
     @hookimpl
     def next_protocols(self) -> Mapping[str, Protocol]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -57,8 +57,30 @@ def _sample_times(part: Any, kind: StepKind) -> FloatArray:
     return np.append(stored[0] + np.array(offsets), stored[-1])
 
 
+@dataclass(frozen=True)
+class Unfinished:
+    """What could be solved of the step in which a simulation died.
+
+    Attributes
+    ----------
+    part : pybamm.Solution
+        Its beginning.
+    cycle : int
+        Its cycle, from 1.
+    position : int
+        Its place in the cycle, from 0.
+    """
+
+    part: Any
+    cycle: int
+    position: int
+
+
 def to_trajectory(
-    solution: Any, protocol_steps: Sequence[Sequence[Any]], with_temperature: bool = True
+    solution: Any,
+    protocol_steps: Sequence[Sequence[Any]],
+    with_temperature: bool = True,
+    unfinished: Unfinished | None = None,
 ) -> Trajectory | None:
     """Join the solved steps of an experiment.
 
@@ -71,6 +93,8 @@ def to_trajectory(
     with_temperature : bool
         Whether to read the temperature; of an isothermal cell it says nothing, and reading a variable costs
         a few per cent of a solve.
+    unfinished : Unfinished, optional
+        Comes last, as a step cut short.
 
     Returns
     -------
@@ -101,6 +125,13 @@ def to_trajectory(
             count += len(time)
     if not steps:
         return None
+    if unfinished is not None:
+        step, part = protocol_steps[unfinished.cycle - 1][unfinished.position], unfinished.part
+        times.append(np.asarray(part.t))
+        for name, signal in signals.items():
+            signal.append(part[name].entries)
+        last = Step(step_kind(step), count, count + len(part.t), unfinished.cycle, str(step), unfinished.position)
+        steps.append(last)
     # A step starts an instant after the last one ends; the stamps may differ by rounding only.
     stamps = np.maximum.accumulate(np.concatenate(times))
     return Trajectory(

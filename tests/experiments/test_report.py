@@ -256,7 +256,7 @@ class TestPage:
         page, html = page_of(folder)
         charts = html.count('<svg class="chart"')
         assert charts == html.count("<desc id=") == 2
-        assert html.count("<caption>") == 2
+        assert html.count("<caption>") == 3
         assert "th" in page.tags
 
     def test_everything_untrusted_is_escaped(self, tmp_path):

@@ -7,9 +7,11 @@ resistor-capacitor pair. The record is a rest, a constant-current discharge to a
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from bsa.core.easing import Easing
 from bsa.core.hooks import Entry, RunContext, hookimpl
 from bsa.core.parameters import Candidate, Parameter, ParameterSpace
 from bsa.core.scaffold import Scaffold, load_scaffold
@@ -90,6 +92,7 @@ class ToyCell:
 
     def __init__(self, options: ToyOptions, context: RunContext) -> None:
         self._breaks_above = options.breaks_above_ohm
+        self._experiment = context.task.experiments[0]
 
     @hookimpl
     def simulate(
@@ -115,6 +118,13 @@ class ToyCell:
             outcomes.append(Outcome(tuple(runs), 1e-4))
             report(number, outcomes[-1])
         return outcomes
+
+    @hookimpl
+    def ease(self, easing: Easing) -> tuple[Experiment, ...]:
+        """See `RunHooks.ease`; the toy has a single cycle, so only its current can be lowered."""
+        amperes = CURRENT_A * easing.rate
+        protocol = (("Rest for 60 seconds", f"Discharge at {amperes:g} A until 3.2 V", "Rest for 600 seconds"),)
+        return (replace(self._experiment, protocol=protocol),)
 
     @hookimpl
     def next_protocols(self) -> dict[str, tuple[tuple[str, ...], ...]]:

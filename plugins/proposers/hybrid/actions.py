@@ -19,6 +19,7 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 
 _MOST_SIMULATIONS = 40
 _DEFAULT_SIMULATIONS = 5
+_LOWEST_RATE_PERCENT = 10
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,10 @@ class Action:
         How many simulations the action may take.
     trial : int or None
         For ``restart``: where from.
+    rate : float or None
+        For ``ease``: the share of the currents to come back from; None for a gentler cell at full rate.
+    cycles : int or None
+        For ``ease``: how many of the record's cycles to fit first; None for all.
     analysis, hypothesis, rationale : str
         The agent's words.
     """
@@ -49,6 +54,8 @@ class Action:
     parameters: tuple[str, ...] = ()
     simulations: int = _DEFAULT_SIMULATIONS
     trial: int | None = None
+    rate: float | None = None
+    cycles: int | None = None
     analysis: str = ""
     hypothesis: str = ""
     rationale: str = ""
@@ -78,6 +85,8 @@ def action_schema(space: ParameterSpace) -> JsonSchema:
             },
             "simulations": {"type": "integer", "minimum": 1, "maximum": _MOST_SIMULATIONS},
             "trial": {"type": "integer", "minimum": 0},
+            "ease_rate_percent": {"type": "integer", "minimum": _LOWEST_RATE_PERCENT, "maximum": 100},
+            "ease_cycles": {"type": "integer", "minimum": 1},
             "rationale": properties["rationale"],
         },
         "required": ["analysis", "hypothesis", "action", "rationale"],
@@ -113,6 +122,8 @@ def check_action(reply: Mapping[str, Any], space: ParameterSpace, base: Candidat
         parameters=_parameters(reply.get("refine_params"), space) if kind == "refine" else (),
         simulations=_simulations(reply.get("simulations")),
         trial=trial,
+        rate=_rate(reply.get("ease_rate_percent")) if kind == "ease" else None,
+        cycles=_cycles(reply.get("ease_cycles")) if kind == "ease" else None,
         **words,
     )
 
@@ -133,6 +144,22 @@ def _simulations(asked: Any) -> int:
     if isinstance(asked, bool) or not isinstance(asked, (int, float)) or asked != asked:
         return _DEFAULT_SIMULATIONS
     return int(min(max(asked, 1), _MOST_SIMULATIONS))
+
+
+def _rate(asked: Any) -> float | None:
+    """A share of the currents below 1; None for the full rate or what is no number."""
+    if not _is_number(asked):
+        return None
+    rate = min(max(float(asked), _LOWEST_RATE_PERCENT), 100.0) / 100.0
+    return rate if rate < 1.0 else None
+
+
+def _cycles(asked: Any) -> int | None:
+    return max(int(asked), 1) if _is_number(asked) else None
+
+
+def _is_number(asked: Any) -> bool:
+    return isinstance(asked, (int, float)) and not isinstance(asked, bool) and -1e9 < asked < 1e9
 
 
 def _trial(asked: Any, trials: Sequence[Trial]) -> int:

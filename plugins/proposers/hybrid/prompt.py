@@ -20,7 +20,9 @@ hypothesis about the physical cause, one action and your reasons. The actions:
 - "set": try the values in "updated_params" ("*1.2", "+0.02", or an absolute value; applied to the current values).
 - "jacobian": measure again what each parameter does at the current values.
 - "restart": go on from the earlier trial with the number "trial".
-- "ease": make the cell gentler first (a failing or vanished step comes back), match what is left, then come back.
+- "ease": make the cell gentler first (a failing or vanished step comes back), match what is left, then come back. \
+With "ease_rate_percent" below 100 the currents are lowered until the cell runs, and raised again; with "ease_cycles" \
+only the record's first cycles are fitted before all of it.
 "the_record" under Numerics says which parameters the record fixes, which it leaves open, and which move together: \
 do not look for causes in open ones.
 Let the fit go on while it gets on. Step in when it is stuck, when simulations fail or a step has vanished, or when \

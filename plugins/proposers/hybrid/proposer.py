@@ -29,7 +29,8 @@ from ...agent.conversation import Answer, ask
 from ...agent.proposer import require_backend
 from ...feedback.rounding import rounded
 from ..descent import Descent, DescentOptions, rms
-from ..feasibility import gentle_direction
+from ..detours import LOWERED, Detour, Easings, ShortenedFit, SlowedClimb
+from ..feasibility import gentle_direction, progress
 from ..least_squares import action as main_action
 from ..least_squares import numbers, words
 from .actions import Action, action_schema, check_action
@@ -65,7 +66,7 @@ class HybridProposer:
         self._seed = context.seed
         self._backend = require_backend(context)
         self._main: Descent | None = None
-        self._excursion: Excursion | None = None
+        self._excursion: Excursion | Detour | None = None
         self._agent_best: Trial | None = None
         self._last_attempt: Trial | None = None
         self._log: list[dict[str, Any]] = []
@@ -80,6 +81,7 @@ class HybridProposer:
         """See `RunHooks.propose`."""
         main_fit = self._take(context)
         main = main_fit.ask(context.simulations_left, self._thrift(context))
+        easings = _padded(main_fit.easings, len(main))
         left = context.simulations_left - len(main)
         allowance = self._allowance(left, bool(main))
         answer: Answer[Action] | None = None
@@ -92,9 +94,10 @@ class HybridProposer:
             own = self._excursion.ask(allowance)
             if not own:
                 self._excursion = None
+        easings += _padded(getattr(self._excursion, "easings", ()), len(own))
         self._main_asked = len(main)
         self._seen = len(context.trials)
-        return self._proposal(main_fit, main, own, answer, allowance)
+        return self._proposal(main_fit, main, own, answer, allowance, easings)
 
     @hookimpl
     def recall(self, budget: int) -> Recollection | None:
@@ -143,6 +146,8 @@ class HybridProposer:
             self._excursion.tell(trials)
             if self._excursion.over:
                 self._excursion = None
+        # An eased simulation is no attempt at the task.
+        trials = [trial for trial in trials if trial.easing is None]
         if not trials:
             return
         found = min(trials, key=_cost)
@@ -211,6 +216,8 @@ class HybridProposer:
             self._hold = action.simulations
         elif action.kind == "set":
             return [] if action.candidate is None or _known(action.candidate, context) else [action.candidate]
+        elif action.kind == "ease" and (action.rate is not None or action.cycles is not None):
+            self._excursion = self._detour(action, context, count)
         elif action.kind == "ease":
             start = self._space.to_unit(context.best.candidate) + _NUDGE * gentle_direction(self._space)
             jacobian = None if allowance > len(self._space) + 1 else _jacobian(main_fit)
@@ -235,6 +242,16 @@ class HybridProposer:
                 self._excursion = self._trip(main_fit.base, main_fit, count, allowance)
         return []
 
+    def _detour(self, action: Action, context: ProposeContext, count: int) -> Detour:
+        """Over an easier task, from the best trial or, if none ran, from the one that got farthest."""
+        whole = [trial for trial in context.trials if trial.easing is None]
+        start = context.best if context.best.ok else max(whole, key=lambda trial: progress(context.task, trial))
+        point = self._space.to_unit(start.candidate)
+        if action.cycles is not None:
+            return ShortenedFit(self._space, point, action.cycles, count)
+        assert action.rate is not None
+        return SlowedClimb(self._space, point, gentle_direction(self._space), (action.rate, *_below(action.rate)))
+
     def _trip(self, start: Trial, main_fit: Descent, count: int, allowance: int) -> Excursion:
         """From a trial, with derivatives of its own where the allowance covers them."""
         fresh = allowance > len(self._space) + 1
@@ -250,6 +267,7 @@ class HybridProposer:
         own: list[Candidate],
         answer: Answer[Action] | None,
         allowance: int,
+        easings: Easings,
     ) -> Proposal:
         action = answer.value if answer is not None else None
         details: dict[str, Any] = {
@@ -272,6 +290,7 @@ class HybridProposer:
             lost="; ".join(answer.problems) if answer is not None and action is None and not main else "",
             finished=not main and not own,
             advancing=bool(main),
+            easings=easings if any(easings) else (),
         )
 
 
@@ -283,5 +302,14 @@ def _jacobian(main_fit: Descent) -> Any:
     return main_fit.best.jacobian if main_fit.best is not None else None
 
 
+def _padded(easings: Easings, count: int) -> Easings:
+    return (*easings[:count], *[None] * (count - len(easings)))
+
+
+def _below(rate: float) -> list[float]:
+    """Lower rates to fall back on, should the cell not run at this one either."""
+    return [lower for lower in LOWERED if lower < rate]
+
+
 def _known(candidate: Candidate, context: ProposeContext) -> bool:
-    return any(dict(trial.candidate) == dict(candidate) for trial in context.trials)
+    return any(dict(trial.candidate) == dict(candidate) and trial.easing is None for trial in context.trials)

@@ -54,7 +54,7 @@ def test_a_start_that_fails_is_made_feasible_first(run_toy: RunToy) -> None:
     result = run_toy(scaffold=fragile(0.04), simulations=60, rounds=60)
     assert not result.trials[0].ok
     assert result.best.ok
-    assert result.best.objective < 0.01
+    assert result.best.objective < 0.1
 
 
 def test_a_cell_that_never_simulates_ends_without_an_error(run_toy: RunToy) -> None:

@@ -1,0 +1,126 @@
+"""The report's section on simulations that failed: how far each got, what stopped it, what was done about it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ...core.trial import Trial
+from ..story import Round, RunRecord
+from .wording import clipped, duration, number
+
+_MOST_ROWS = 40
+
+
+@dataclass(frozen=True)
+class FailureRow:
+    """A failed or eased simulation, printed."""
+
+    index: int
+    place: str
+    reached: str
+    step: str
+    limit: str
+
+
+@dataclass(frozen=True)
+class Failures:
+    """Everything the template prints.
+
+    Attributes
+    ----------
+    summary : str
+        How many failed, and which limits they met.
+    remedy : sequence of str
+        What the rounds after a failed start tried, in order.
+    rows : sequence of FailureRow
+        The simulations.
+    left_out : int
+        How many more there were.
+    """
+
+    summary: str
+    remedy: Sequence[str]
+    rows: Sequence[FailureRow]
+    left_out: int
+
+
+def failures(run: RunRecord) -> Failures | None:
+    """What a run's failures amount to; None if nothing failed or was eased."""
+    shown = [trial for trial in run.trials if trial.failed or trial.easing is not None]
+    if not shown:
+        return None
+    return Failures(
+        _summary(run), _remedy(run), [_row(run, trial) for trial in shown[:_MOST_ROWS]], len(shown) - _MOST_ROWS
+    )
+
+
+def failure_words(trial: Trial) -> str:
+    """Why a simulation failed and which limit was near; empty if it did not."""
+    if not trial.failed:
+        return ""
+    if trial.failure is None:
+        return "nothing to compare"
+    limit = f"; {trial.failure.limit}" if trial.failure.limit else ""
+    return clipped(trial.failure.cause + limit, 500)
+
+
+def _summary(run: RunRecord) -> str:
+    failed = [trial for trial in run.trials if trial.failed]
+    eased = sum(trial.easing is not None for trial in run.trials)
+    text = f"{len(failed)} of {len(run.trials)} simulations failed"
+    if eased:
+        text += f"; {eased} were eased, which counts as a simulation but never as a fit"
+    limits = Counter(
+        _without_numbers(part)
+        for trial in failed
+        if trial.failure is not None and trial.failure.limit and not trial.failure.limit.startswith("no limit")
+        for part in trial.failure.limit.split("; ")
+    )
+    if limits:
+        text += ". Near their end: " + ", ".join(f"{limit} ({count} times)" for limit, count in limits.most_common(4))
+    return text + "."
+
+
+def _without_numbers(limit: str) -> str:
+    return limit.partition(" (")[0]
+
+
+def _remedy(run: RunRecord) -> list[str]:
+    """What was tried until something simulated, each sentence once with how many simulations it took."""
+    if not run.initial.failed:
+        return []
+    spent: dict[str, int] = {}
+    for round_ in run.rounds:
+        words = clipped(round_.rationale or round_.hypothesis or round_.action, 300)
+        spent[words] = spent.get(words, 0) + len(round_.trials)
+        good = _first_good(round_)
+        if good is not None:
+            found = f"Simulation {good.index} ran to its end, with {number(good.objective)}."
+            return [*(f"{words} ({count} simulations)" for words, count in spent.items()), found]
+    tried = [f"{words} ({count} simulations)" for words, count in spent.items()]
+    return [*tried, "Nothing was found that runs to its end."]
+
+
+def _first_good(round_: Round) -> Trial | None:
+    return next((trial for trial in round_.trials if trial.ok), None)
+
+
+def _row(run: RunRecord, trial: Trial) -> FailureRow:
+    failure = trial.failure
+    where = "initial" if trial.phase == "initial" else f"{trial.phase} {trial.round}"
+    if trial.easing is not None:
+        where += f", {trial.easing.words}"
+    step = "" if failure is None or not failure.step else f"{failure.step} (cycle {failure.cycle})"
+    return FailureRow(
+        trial.index, where, _reached(run, trial), step, "ran to its end" if failure is None else failure_words(trial)
+    )
+
+
+def _reached(run: RunRecord, trial: Trial) -> str:
+    got = sum(curve.duration for curve in trial.curves if curve is not None)
+    if trial.easing is not None:
+        return duration(got)
+    wanted = sum(experiment.target.duration for experiment in run.task.experiments)
+    return f"{duration(got)} ({number(100.0 * got / wanted, 2)} % of the record)" if wanted > 0 else duration(got)

@@ -1,0 +1,313 @@
+"""Ways back to a cell that runs: lower the currents and raise them again, or fit the first cycles alone.
+
+Continuation, as in Allgower & Georg, Introduction to Numerical Continuation Methods (1990), Ch. 2: an easier problem
+that can be solved is led over into the hard one. Every eased simulation is one of the run's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from ...core.easing import Easing
+from ...core.least_squares import LeastSquares
+from ...core.parameters import Candidate, ParameterSpace
+from ...core.trajectory import FloatArray, Step, StepKind, Trajectory
+from ...core.trial import Trial
+
+Easings = tuple[Easing | None, ...]
+
+LOWERED = (0.5, 0.25)
+"""Shares of the currents at which a cell is tried that does not run at its own."""
+
+_NEARLY_WHOLE = 0.9
+"""A rate above this is as hard as the task itself."""
+
+_DIFFERENCE = 0.05
+"""Step for finding out what eases the cell, in units of the box: only the direction is wanted."""
+
+_STRIDE = 0.15
+_MOST_ROUNDS = 6
+_FIT_BEYOND_JACOBIAN = 8
+"""Simulations that a fit of the first cycles may take beyond its start and a Jacobian."""
+
+_ONSET = 0.2
+"""Share of a step over which its polarisation is judged: later the state of charge decides the voltage."""
+
+_ONSET_POINTS = 20
+
+
+class Detour(Protocol):
+    """Asks for candidates, some of them eased, until one runs as the task is."""
+
+    @property
+    def easings(self) -> Easings:
+        """How the task is eased for each of the candidates just asked for."""
+        ...
+
+    @property
+    def found(self) -> Trial | None:
+        """A trial of the task as it is that ran to its end."""
+        ...
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing more is to come."""
+        ...
+
+    @property
+    def words(self) -> str:
+        """What is being tried, in a sentence."""
+        ...
+
+    def ask(self, limit: int) -> list[Candidate]:
+        """What to simulate next; empty when it is over or cannot go on within the limit."""
+        ...
+
+    def tell(self, trials: Sequence[Trial]) -> None:
+        """Take in the trials of the candidates asked for, in order."""
+        ...
+
+
+class SlowedClimb:
+    """Lowers the currents until the cell runs, finds out there what eases it, and climbs back to the full rate.
+
+    What eases the cell is measured at the rate at which it runs: the direction in which the voltage moves least
+    when a constant current sets in, so that the cell is polarised least.
+
+    Parameters
+    ----------
+    space : ParameterSpace
+        What may move.
+    start : ndarray of shape (p,)
+        The point that fails, in the unit box.
+    gentle : ndarray of shape (p,)
+        A direction to take where none can be measured.
+    rates : tuple of float
+        Shares of the currents to try, largest first.
+    """
+
+    def __init__(
+        self, space: ParameterSpace, start: FloatArray, gentle: FloatArray, rates: tuple[float, ...] = LOWERED
+    ) -> None:
+        self._space = space
+        self._point = np.clip(start, 0.0, 1.0)
+        self._gentle = gentle
+        self._rates = list(rates)
+        self._rate, self._next_rate = 0.0, 0.0
+        self._direction: FloatArray | None = None
+        self._base: Trial | None = None
+        self._rounds = 0
+        self._batch: list[FloatArray] = []
+        self._asked: Easings = ()
+        self._found: Trial | None = None
+        self._over = False
+
+    @property
+    def easings(self) -> Easings:
+        """See `Detour.easings`."""
+        return self._asked
+
+    @property
+    def found(self) -> Trial | None:
+        """See `Detour.found`."""
+        return self._found
+
+    @property
+    def over(self) -> bool:
+        """See `Detour.over`."""
+        return self._over
+
+    @property
+    def words(self) -> str:
+        """See `Detour.words`."""
+        if self._rate == 0.0:
+            return "Nothing runs at the task's own currents: lower ones first."
+        if self._direction is None:
+            return f"The cell runs at {100 * self._rate:.3g} % of the currents: what eases it there?"
+        return f"It runs at {100 * self._rate:.3g} % of the currents: back towards all of them, in a gentler cell."
+
+    def ask(self, limit: int) -> list[Candidate]:
+        """See `Detour.ask`."""
+        if self._over or limit <= 0:
+            return []
+        if self._rate == 0.0:
+            self._batch, self._asked = [self._point], (Easing(self._rates[0]),)
+        elif self._direction is None and limit >= len(self._space):
+            self._batch = [self._beside(place) for place in range(len(self._space))]
+            self._asked = (Easing(self._rate),) * len(self._batch)
+        else:
+            if self._direction is None:
+                self._direction = self._gentle
+            if not np.any(self._direction):
+                self._over = True
+                return []
+            easing = None if self._next_rate == 1.0 else Easing(self._next_rate)
+            self._batch = [self._along(1), self._along(2)][: max(limit, 1)]
+            self._asked = (easing, None)[: len(self._batch)]
+        return [self._space.from_unit(point) for point in self._batch]
+
+    def tell(self, trials: Sequence[Trial]) -> None:
+        """See `Detour.tell`."""
+        if len(trials) < len(self._batch) or not trials:
+            self._over = True
+        elif self._rate == 0.0:
+            self._take_lowered(trials[0])
+        elif self._direction is None:
+            self._take_slopes(trials)
+        else:
+            self._take_climb(trials)
+
+    def _take_lowered(self, trial: Trial) -> None:
+        rate = self._rates.pop(0)
+        if not trial.failed:
+            self._base = trial
+            self._rate, self._next_rate = rate, _towards_one(rate)
+        elif not self._rates:
+            self._over = True
+
+    def _take_slopes(self, trials: Sequence[Trial]) -> None:
+        assert self._base is not None
+        slopes = np.zeros(len(self._space))
+        for place, (point, trial) in enumerate(zip(self._batch, trials, strict=True)):
+            change = point[place] - self._point[place]
+            if not trial.failed and change != 0.0:
+                slopes[place] = -_more_polarised(trial, self._base) / change
+        strongest = float(np.max(np.abs(slopes)))
+        self._direction = slopes / strongest if strongest > 0 else self._gentle
+
+    def _take_climb(self, trials: Sequence[Trial]) -> None:
+        self._rounds += 1
+        whole = [trial for trial in trials if trial.easing is None and trial.residuals is not None]
+        if whole:
+            # The first of two lies nearer the start, and so nearer the record as far as anybody knows.
+            self._found, self._over = whole[0], True
+            return
+        runs = not trials[0].failed
+        self._point = self._along(1)
+        if runs:
+            self._rate, self._next_rate = self._next_rate, _towards_one(self._next_rate)
+        else:
+            self._next_rate = float(np.sqrt(self._rate * self._next_rate))
+        self._over = self._rounds >= _MOST_ROUNDS
+
+    def _along(self, strides: int) -> FloatArray:
+        assert self._direction is not None
+        return np.clip(self._point + strides * _STRIDE * self._direction, 0.0, 1.0)
+
+    def _beside(self, place: int) -> FloatArray:
+        point = self._point.copy()
+        point[place] += _DIFFERENCE if point[place] <= 0.5 else -_DIFFERENCE
+        return point
+
+
+def _towards_one(rate: float) -> float:
+    """Half of the way to the full rate, in powers of it."""
+    higher = float(np.sqrt(rate))
+    return 1.0 if higher > _NEARLY_WHOLE else higher
+
+
+def _more_polarised(trial: Trial, base: Trial) -> float:
+    """Logarithm of a trial's polarisation over another's, each constant-current step on the other's clock."""
+    ours, theirs = 0.0, 0.0
+    for curve, other in zip(trial.curves, base.curves, strict=True):
+        if curve is None or other is None:
+            continue
+        found = {(step.cycle, step.position): step for step in curve.steps}
+        for step in other.steps:
+            same = found.get((step.cycle, step.position))
+            if same is None or step.kind not in (StepKind.CC_CHARGE, StepKind.CC_DISCHARGE):
+                continue
+            horizon_s = _ONSET * (other.time[step.stop - 1] - other.time[step.start])
+            if horizon_s > 0:
+                ours += _voltage_moved(curve, same, horizon_s)
+                theirs += _voltage_moved(other, step, horizon_s)
+    return float(np.log(ours / theirs)) if ours > 0 and theirs > 0 else 0.0
+
+
+def _voltage_moved(curve: Trajectory, step: Step, horizon_s: float) -> float:
+    """How far the voltage moves from where it was before a step, on average over the step's beginning, V."""
+    time = curve.time[step.start : step.stop] - curve.time[step.start]
+    voltage = curve.voltage[step.start : step.stop]
+    before = curve.voltage[max(step.start - 1, 0)]
+    return float(np.mean(np.abs(np.interp(np.linspace(0.0, horizon_s, _ONSET_POINTS), time, voltage) - before)))
+
+
+class ShortenedFit:
+    """Fits the record's first cycles alone, which run, and tries the whole task from every better point.
+
+    Parameters
+    ----------
+    space : ParameterSpace
+        What may move.
+    start : ndarray of shape (p,)
+        Where from, in the unit box.
+    cycles : int
+        How many cycles are fitted.
+    allowance : int, optional
+        Simulations at most; by default what a Jacobian and some steps take.
+    """
+
+    def __init__(self, space: ParameterSpace, start: FloatArray, cycles: int, allowance: int | None = None) -> None:
+        self._space = space
+        self._easing = Easing(cycles=cycles)
+        self._left = allowance or len(space) + _FIT_BEYOND_JACOBIAN
+        self._search = LeastSquares(start)
+        self._tried = np.asarray(start, dtype=np.float64)
+        self._asked: Easings = ()
+        self._found: Trial | None = None
+        self._over = False
+
+    @property
+    def easings(self) -> Easings:
+        """See `Detour.easings`."""
+        return self._asked
+
+    @property
+    def found(self) -> Trial | None:
+        """See `Detour.found`."""
+        return self._found
+
+    @property
+    def over(self) -> bool:
+        """See `Detour.over`."""
+        return self._over
+
+    @property
+    def words(self) -> str:
+        """See `Detour.words`."""
+        return f"The task ends early, but it has a beginning: fit {self._easing.words}, then all of it."
+
+    def ask(self, limit: int) -> list[Candidate]:
+        """See `Detour.ask`."""
+        limit = min(limit, self._left)
+        points = self._search.ask(limit) if not self._over and limit > 0 else []
+        if len(points) > limit:
+            points = []
+        asked: list[Easing | None] = [self._easing] * len(points)
+        better = not np.array_equal(self._search.point, self._tried)
+        # A better point of the first cycles is tried on all of them beside the next step.
+        if better and len(points) < limit and len(points) <= 1:
+            points = [*points, self._search.point]
+            asked.append(None)
+        self._asked = tuple(asked)
+        self._over = self._over or not points
+        return [self._space.from_unit(point) for point in points]
+
+    def tell(self, trials: Sequence[Trial]) -> None:
+        """See `Detour.tell`."""
+        if not trials or len(trials) < len(self._asked):
+            self._over = True
+            return
+        self._left -= len(trials)
+        whole = [trial for trial in trials if trial.easing is None]
+        if whole:
+            self._tried = self._search.point
+        eased = [trial for trial in trials if trial.easing is not None]
+        if eased:
+            self._search.tell([None if trial.failed else trial.partial for trial in eased])
+        good = [trial for trial in whole if trial.residuals is not None]
+        if good:
+            self._found, self._over = good[0], True
