@@ -83,9 +83,8 @@ def main(cells: int) -> None:
         done = sum(row["state"] == "done" for row in rows)
     print(f"{done} of {cells} cells done in {wall_s:.1f} s; the runs themselves took {run_s:.1f} s")
     print(f"overhead: {1e3 * (wall_s - run_s) / cells:.1f} ms a cell")
-    print(
-        f"memory of the worker: {memory.after_mb[min(_EARLY, cells) - 1]:.0f} MB early, {memory.after_mb[-1]:.0f} MB late"
-    )
+    early, late = memory.after_mb[min(_EARLY, cells) - 1], memory.after_mb[-1]
+    print(f"memory of the worker: {early:.0f} MB after {min(_EARLY, cells)} cells, {late:.0f} MB after {cells}")
 
 
 if __name__ == "__main__":
