@@ -9,6 +9,7 @@ import numpy as np
 from ..effect import Effect
 from ..trajectory import FloatArray
 from .adequacy import Adequacy
+from .far_errors import drawn_in
 from .refit import Refit
 from .score import Score
 
@@ -77,8 +78,8 @@ class Explanation:
     estimates: dict[str, tuple[Estimate, ...]] = field(default_factory=dict)
 
     def chi2(self, misfit_v: float = 0.0) -> float:
-        """Sum of squares with a misfit (V) added in quadrature to the deviations."""
-        return float(np.sum(self.errors**2 / (self.sigma**2 + misfit_v**2)))
+        """Sum of squares, as a fit weighs them, with a misfit (V) added in quadrature to the deviations."""
+        return float(np.sum(drawn_in(self.errors) ** 2 / (self.sigma**2 + misfit_v**2)))
 
     def dispersion(self, misfit_v: float) -> float:
         """Sum of squares over degrees of freedom, stretched for neighbours that repeat one another; 1 or more."""

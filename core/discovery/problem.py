@@ -12,13 +12,14 @@ from ..effect import Effect
 from ..parameters import Candidate
 from ..trajectory import FloatArray
 from .laboratory import INITIAL_SOC, Laboratory, Prediction, Specimen
+from .far_errors import drawn_in
 from .observations import Observations
 
 _BLOCK = 6
 """Stretches that are held out together, where no whole record is."""
 
-_FAR_V = 0.1
-"""Errors beyond this are drawn in."""
+_HELD_STEPS = 4
+"""Steps in which the initial state of charge of a hold-out record is found at most."""
 
 _LARGEST_V = 0.02
 """A larger difference between two meshes is not corrected but feared."""
@@ -159,8 +160,8 @@ class Problem:
     def held_out(self, effects: Sequence[Effect], candidate: Candidate) -> list[tuple[Observations, FloatArray]] | None:
         """Errors (V) on data that was not fitted: the hold-out records, or the held-out stretches.
 
-        A hold-out record's initial state of charge is not known either; it is set so that its first stretches
-        (the rest before the first current, where there is one) fit best, and nothing else of it is used.
+        A hold-out record's initial state of charge is not known either. It is fitted to the record, as that of
+        each fitted record is, for every explanation alike; nothing else of the record is used.
         """
         if not self.held_specimens:
             predictions = self.predict(effects, candidate)
@@ -181,45 +182,39 @@ class Problem:
     def _held_error(
         self, effects: Sequence[Effect], candidate: Candidate, specimen: Specimen, observed: Observations
     ) -> FloatArray | None:
-        first = np.flatnonzero(observed.step == observed.step[0])[:8]
         own = {name: value for name, value in candidate.items() if not name.startswith(INITIAL_SOC)}
+        weight = 1 / np.sqrt(observed.sigma**2 + self.misfit_v**2)
 
         def error_at(soc: float) -> FloatArray | None:
             self.simulations += 1
             prediction = self._one(effects, {**own, specimen.soc_name: soc}, specimen, observed, False)
             return None if prediction is None else observed.voltage - prediction.voltage
 
-        soc = self._held_soc.get((specimen.name, "last"), self._first_soc(candidate))
+        key = (specimen.name, " + ".join(effect.key for effect in effects))
+        soc = self._held_soc.get(key, self._held_soc.get((specimen.name, ""), self._first_soc(candidate)))
         error = error_at(soc)
         if error is None:
             soc = 0.9
             error = error_at(soc)
-        for _ in range(8):
+        for _ in range(_HELD_STEPS):
             if error is None:
                 return None
-            bias = float(np.mean(error[first]))
-            if abs(bias) < 5e-5:
-                break
-            step = 0.01 if soc < 0.97 else -0.01
-            moved = error_at(soc + step)
+            nudge = 1e-3 if soc < 1.0 else -1e-3
+            moved = error_at(soc + nudge)
             if moved is None:
-                return None
-            slope = (float(np.mean(moved[first])) - bias) / step
-            if abs(slope) < 1e-3:
                 break
-            soc = float(np.clip(soc - np.clip(bias / slope, -0.1, 0.1), 0.0, 1.1))
-            error = error_at(soc)
-        self._held_soc[specimen.name, "last"] = soc
+            here = weight * drawn_in(error)
+            slope = (weight * drawn_in(moved) - here) / nudge
+            step = -float(here @ slope) / max(float(slope @ slope), 1e-12)
+            wanted = float(np.clip(soc + np.clip(step, -0.05, 0.05), 0.0, 1.08))
+            there = error_at(wanted)
+            if there is None or np.sum((weight * drawn_in(there)) ** 2) >= here @ here:
+                break
+            moved_by, soc, error = abs(wanted - soc), wanted, there
+            if moved_by < 5e-4:
+                break
+        self._held_soc[key] = soc
         return error
-
-
-def drawn_in(error: FloatArray) -> FloatArray:
-    """Errors (V) with those beyond a tenth of a volt drawn in: ``s arcsinh(e / s)``.
-
-    A candidate whose cell is empty before its record ends is volts off, and how many samples it is off by would
-    outweigh everything else that a fit could learn.
-    """
-    return np.asarray(_FAR_V * np.arcsinh(error / _FAR_V))
 
 
 def _subset(observed: Observations, mask: NDArray[np.bool_]) -> Observations:
