@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ..effect import Effect
 from ..parameters import Candidate
 from ..trajectory import FloatArray
-from .laboratory import INITIAL_SOC, Laboratory, Prediction, Specimen
 from .far_errors import drawn_in
+from .laboratory import INITIAL_SOC, Laboratory, Prediction, Specimen
 from .observations import Observations
 
 _BLOCK = 6
