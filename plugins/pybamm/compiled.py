@@ -122,7 +122,7 @@ class CompiledExperiment:
         self._inputs = tuple(name for name in searched if not name.startswith(INITIAL_SOC))
         self._steps = drive.steps_of(experiment)
         by_current = experiment.protocol is None
-        self._window_v = tuple(float(values[f"{side} voltage cut-off [V]"]) for side in ("Lower", "Upper"))
+        self._window_v = (float(values["Lower voltage cut-off [V]"]), float(values["Upper voltage cut-off [V]"]))
         if by_current:
             drive.widen_cut_offs(values)
         points = dict.fromkeys(("x_n", "x_s", "x_p", "r_n", "r_p"), accuracy.points)

@@ -195,7 +195,7 @@ class HybridProposer:
         )
 
     def _numerics(self, main_fit: Descent, allowance: int) -> dict[str, Any]:
-        content = {
+        content: dict[str, Any] = {
             "status": main_fit.status,
             "misfit_tolerances": main_fit.misfit,
             "misfit_by_round": self._misfits[-8:],
