@@ -97,7 +97,8 @@ def _remedy(run: RunRecord) -> list[str]:
         spent[words] = spent.get(words, 0) + len(round_.trials)
         good = _first_good(round_)
         if good is not None:
-            found = f"Simulation {good.index} ran to its end, with {number(good.objective)}."
+            unit = "mV voltage RMSE" if run.by_current else "% total MAPE"
+            found = f"Simulation {good.index} ran to its end, with {number(good.objective)} {unit}."
             return [*(f"{words} ({count} simulations)" for words, count in spent.items()), found]
     tried = [f"{words} ({count} simulations)" for words, count in spent.items()]
     return [*tried, "Nothing was found that runs to its end."]
