@@ -36,8 +36,8 @@ class Marked:
         Share of the gap closed on fitted and on held-out data.
     parameter_error : float or None
         Relative error of the strength, where the name is right.
-    wall_s : float
-        Wall time, s.
+    wall_s, cpu_s : float
+        Wall time and processor time of the case's process, s.
     simulations : int
         Single-record solves.
     """
@@ -52,6 +52,7 @@ class Marked:
     held_closed: float
     parameter_error: float | None
     wall_s: float
+    cpu_s: float
     simulations: int
 
 
@@ -91,6 +92,7 @@ def _mark(row: dict[str, Any], answer: dict[str, Any]) -> Marked:
         gap.get("holdout_closed", float("nan")) or 0.0,
         _parameter_error(row, answer) if mark == "right" and named else None,
         row["wall_s"],
+        row.get("cpu_s", row["wall_s"]),
         row.get("simulations", 0),
     )
 
@@ -106,51 +108,103 @@ def _parameter_error(row: dict[str, Any], answer: dict[str, Any]) -> float | Non
     return max(errors) if errors else None
 
 
+_MARKS = ("right", "ambiguous", "partial", "declined", "wrong", "failed")
+_SETTINGS = ("strong", "weak", "pair", "none", "outside")
+
+
 def as_markdown(marked: Sequence[Marked]) -> str:
-    """The tables of ``docs/discovery.md``."""
-    order = ("right", "ambiguous", "partial", "declined", "wrong", "failed")
-    lines = ["| setting | cases | " + " | ".join(order) + " |", "| --- |" + " ---: |" * (len(order) + 1)]
-    for setting in ("strong", "weak", "pair", "none", "outside"):
+    """The tables of ``docs/discovery.md``: marks by setting, confusion matrix, rates, gap, parameters and cost."""
+    lines = ["| setting | cases | " + " | ".join(_MARKS) + " |", "| --- |" + " ---: |" * (len(_MARKS) + 1)]
+    for setting in _SETTINGS:
         some = [m for m in marked if m.setting == setting]
         counts = Counter(m.mark for m in some)
         if some:
-            lines.append(f"| {setting} | {len(some)} | " + " | ".join(str(counts[k]) for k in order) + " |")
-    lines += ["", "| hidden | named (cases) |", "| --- | --- |"]
-    confusion: dict[str, Counter[str]] = {}
+            lines.append(f"| {setting} | {len(some)} | " + " | ".join(str(counts[k]) for k in _MARKS) + " |")
+    lines += ["", *_confusion(marked), "", *_rates(marked), *_sizes(marked), *_cost(marked)]
+    return "\n".join(lines) + "\n"
+
+
+def _confusion(marked: Sequence[Marked]) -> list[str]:
+    """What was hidden against what was said; the setting is told apart, since weak effects are harder."""
+    table: dict[tuple[str, str], Counter[str]] = {}
     for m in marked:
         said = " + ".join(m.named) + " (ambiguous)" * (m.verdict == "ambiguous") if m.named else m.verdict
-        confusion.setdefault(" + ".join(m.hidden) or "nothing", Counter())[said] += 1
-    for hidden, answers in sorted(confusion.items()):
-        lines.append(f"| {hidden} | " + "; ".join(f"{name} ({count})" for name, count in answers.most_common()) + " |")
+        hidden = " + ".join(m.hidden) or "nothing"
+        table.setdefault((hidden, m.setting), Counter())[said] += 1
+    lines = ["| hidden | setting | said (cases) |", "| --- | --- | --- |"]
+    for (hidden, setting), answers in sorted(table.items()):
+        said = "; ".join(f"{name} ({count})" for name, count in answers.most_common())
+        lines.append(f"| {hidden} | {setting} | {said} |")
+    return lines
+
+
+def _rates(marked: Sequence[Marked]) -> list[str]:
+    lines = []
+    for setting in ("strong", "weak"):
+        some = [m for m in marked if m.setting == setting and m.mark != "failed"]
+        told = [m for m in some if m.verdict != "ambiguous"]
+        right = sum(m.mark == "right" for m in told)
+        if told:
+            lines.append(
+                f"* {setting}: the right name in {right} of {len(told)} cases ({right / len(told):.0%});"
+                f" {len(some) - len(told)} more were declared ambiguous."
+            )
+    nulls = [m for m in marked if m.setting == "none"]
+    outside = [m for m in marked if m.setting == "outside"]
+    for words, some in (("nothing hidden", nulls), ("an effect of no catalogue", outside)):
+        if some:
+            named = sum(bool(m.named) for m in some)
+            lines.append(f"* {words}: a name was given in {named} of {len(some)} cases.")
+    lines.append(f"* wrong names in all: {sum(m.mark == 'wrong' for m in marked)} of {len(marked)} cases.")
+    return lines
+
+
+def _sizes(marked: Sequence[Marked]) -> list[str]:
     right = [m for m in marked if m.mark == "right" and m.named]
-    if right:
-        errors = [m.parameter_error for m in right if m.parameter_error is not None]
-        lines += [
-            "",
-            f"Where the name is right ({len(right)} cases): gap closed, median "
-            f"{np.median([m.closed for m in right]):.3f}"
-            f" (lowest {min(m.closed for m in right):.3f}) on fitted data,"
-            f" {np.median([m.held_closed for m in right]):.3f} (lowest {min(m.held_closed for m in right):.3f})"
-            f" on held-out data; error of the strength, median {np.median(errors):.1%}, largest {max(errors):.1%}.",
-        ]
-    times = [m.wall_s for m in marked]
-    lines += [
-        "",
-        f"{len(marked)} cases; wall time a case: median {np.median(times):.0f} s, 10-90 % "
-        f"{np.quantile(times, 0.1):.0f}-{np.quantile(times, 0.9):.0f} s; single-record solves: median "
-        f"{np.median([m.simulations for m in marked]):.0f}.",
-    ]
-    return "\n".join(lines) + "\n"
+    if not right:
+        return []
+    lines = []
+    for words, values in (
+        ("fitted", [m.closed for m in right]),
+        ("held-out", [m.held_closed for m in right]),
+    ):
+        low, middle, high = np.quantile(values, (0.1, 0.5, 0.9))
+        lines.append(
+            f"* gap closed on {words} data where the name is right: median {middle:.3f}, 10-90 % {low:.3f} "
+            f"to {high:.3f} ({len(right)} cases)."
+        )
+    errors = np.array([m.parameter_error for m in right if m.parameter_error is not None])
+    if len(errors):
+        lines.append(
+            f"* error of the strength: median {np.median(errors):.1%}, largest {np.max(errors):.0%}, "
+            f"within 10 % in {np.sum(errors <= 0.1)} of {len(errors)} cases."
+        )
+    return lines
+
+
+def _cost(marked: Sequence[Marked]) -> list[str]:
+    ran = [m for m in marked if m.mark != "failed"]
+    if not ran:
+        return []
+    lines = []
+    for words, values, unit in (
+        ("single-record solves a case", [float(m.simulations) for m in ran], ""),
+        ("processor time a case, one process", [m.cpu_s for m in ran], " s"),
+        ("wall time a case", [m.wall_s for m in ran], " s"),
+    ):
+        low, middle, high = np.quantile(values, (0.1, 0.5, 0.9))
+        lines.append(f"* {words}: median {middle:.0f}{unit}, 10-90 % {low:.0f} to {high:.0f}{unit}.")
+    return lines
 
 
 def case_table(marked: Sequence[Marked]) -> str:
     """One line a case."""
-    lines = ["| case | setting | hidden | verdict | named | mark | closed | held out | parameter error | s |"]
+    lines = ["| case | setting | hidden | verdict | named | mark | closed | held out | parameter error | processor s |"]
     lines.append("| --- |" * 1 + " --- |" * 5 + " ---: |" * 4)
     for m in marked:
         error = "" if m.parameter_error is None else f"{m.parameter_error:.1%}"
         lines.append(
             f"| {m.case} | {m.setting} | {' + '.join(m.hidden) or 'nothing'} | {m.verdict} | {' + '.join(m.named)} "
-            f"| {m.mark} | {m.closed:.3f} | {m.held_closed:.3f} | {error} | {m.wall_s:.0f} |"
+            f"| {m.mark} | {m.closed:.3f} | {m.held_closed:.3f} | {error} | {m.cpu_s:.0f} |"
         )
     return "\n".join(lines) + "\n"
