@@ -169,7 +169,8 @@ class Fitter:
         for level in range(_LEVELS):
             running.sort(key=lambda e: e.fit.cost)
             best, before = running[0], self.problem.misfit_v
-            left = best.blur_v if best.blur_v > _NEAR_V / 4 else 0.0
+            # One that is near is weighed against the noise, as the base model was: only there is it seen to be adequate.
+            left = best.blur_v if best.misfit_v > _NEAR_V else 0.0
             last = left > 0.6 * before or left == 0.0 or level == _LEVELS - 1
             self.problem.misfit_v = min(left, before)
             budget = self.settings.refit_budget if last else self.settings.refit_budget // 3
