@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from ...core.hooks import ProposeContext, Recollection
@@ -32,7 +33,7 @@ def section(title: str, content: Mapping[str, Any]) -> str:
     return f"## {title}\n```json\n{json.dumps(content, ensure_ascii=False)}\n```"
 
 
-def task_section(task: Task, current: Trial) -> str:
+def _task_section(task: Task, current: Trial) -> str:
     """What is simulated, what was measured, and where the parameters stand."""
     records = []
     for experiment in task.experiments:
@@ -71,14 +72,48 @@ def task_section(task: Task, current: Trial) -> str:
     return section("Task", content)
 
 
-def feedback_section(title: str, trial: Trial, extra: Mapping[str, Any] | None = None) -> str:
+def _feedback_section(title: str, trial: Trial, extra: Mapping[str, Any] | None = None) -> str:
     """The feedback of one trial."""
     return section(title, {"trial": trial.index, **(extra or {}), **trial.feedback.content})
 
 
-def recollection_sections(recollections: Sequence[Recollection]) -> list[str]:
+def _recollection_sections(recollections: Sequence[Recollection]) -> list[str]:
     """One section for each memory, the most important last, where models read best."""
     return [section(part.title, part.content) for part in sorted(recollections, key=lambda part: part.priority)]
+
+
+def situation(
+    context: ProposeContext, base: Trial, last: Trial | None, budget: int
+) -> tuple[list[str], tuple[Path, ...]]:
+    """Where the run stands: the task, what is remembered, the feedback, the latest attempt where it was no better.
+
+    Parameters
+    ----------
+    context, base, last, budget
+        As in `build_messages`.
+
+    Returns
+    -------
+    sections : list of str
+        In the order in which they are read.
+    images : tuple
+        Those of the feedback.
+    """
+    sections = [
+        _task_section(context.task, base),
+        *_recollection_sections(context.recall(budget)),
+        _feedback_section("Feedback", base),
+    ]
+    images = base.feedback.images
+    if last is not None:
+        changes = {
+            name: last.candidate[name] / base.candidate[name]
+            for name in context.task.space.names
+            if base.candidate[name] and last.candidate[name] != base.candidate[name]
+        }
+        sections.append(_feedback_section("Last attempt, no better", last, {"values_over_current": rounded(changes)}))
+        images = (*images, *last.feedback.images)
+    return sections, images
 
 
 def build_messages(
@@ -99,20 +134,7 @@ def build_messages(
     budget : int
         Characters for each memory.
     """
-    sections = [
-        task_section(context.task, base),
-        *recollection_sections(context.recall(budget)),
-        feedback_section("Feedback", base),
-    ]
-    images = base.feedback.images
-    if last is not None:
-        changes = {
-            name: last.candidate[name] / base.candidate[name]
-            for name in context.task.space.names
-            if base.candidate[name] and last.candidate[name] != base.candidate[name]
-        }
-        sections.append(feedback_section("Last attempt, no better", last, {"values_over_current": rounded(changes)}))
-        images = (*images, *last.feedback.images)
+    sections, images = situation(context, base, last, budget)
     instruction = INSTRUCTION
     if step_size < 1.0:
         instruction += f" Recent changes overshot: {100 * step_size:.0f} % of each change will be applied."

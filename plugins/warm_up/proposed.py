@@ -11,7 +11,7 @@ from ...core.messages import JsonSchema, Message
 from ...core.parameters import Candidate, ParameterSpace
 from ...core.proposal import Proposal
 from ..agent.conversation import ask
-from ..agent.prompt import SYSTEM, feedback_section, recollection_sections, task_section
+from ..agent.prompt import SYSTEM, situation
 from ..agent.proposer import require_backend
 from ..agent.reply_schema import apply_updates, updates_schema
 from .random import RandomWarmUp, RandomWarmUpOptions
@@ -30,23 +30,13 @@ class ProposedWarmUp:
     def warm_up(self, context: ProposeContext) -> Proposal:
         """See `RunHooks.warm_up`."""
         space, base, wanted = context.task.space, context.best, context.simulations_left
-        messages = [
-            Message("system", SYSTEM),
-            Message(
-                "user",
-                "\n\n".join(
-                    [
-                        task_section(context.task, base),
-                        *recollection_sections(context.recall(_MEMORY_BUDGET)),
-                        feedback_section("Feedback", base),
-                        f"## What to do\nBefore the search, we learn what each parameter does. Propose {wanted} "
-                        "perturbations of the current values; each will be simulated. Choose them so that every "
-                        'parameter\'s effect can be told from the others. Write changes as "*1.1" or "+0.02".',
-                    ]
-                ),
-                base.feedback.images,
-            ),
-        ]
+        sections, images = situation(context, base, None, _MEMORY_BUDGET)
+        sections.append(
+            f"## What to do\nBefore the search, we learn what each parameter does. Propose {wanted} "
+            "perturbations of the current values; each will be simulated. Choose them so that every "
+            'parameter\'s effect can be told from the others. Write changes as "*1.1" or "+0.02".'
+        )
+        messages = [Message("system", SYSTEM), Message("user", "\n\n".join(sections), images)]
         answer = ask(
             self._backend,
             messages,

@@ -8,7 +8,7 @@ from typing import Any
 from ....core.hooks import ProposeContext
 from ....core.messages import Message
 from ....core.trial import Trial
-from ...agent.prompt import SYSTEM, feedback_section, recollection_sections, section, task_section
+from ...agent.prompt import SYSTEM, section, situation
 from ...feedback.rounding import rounded
 
 NUMERICS = "Numerics"
@@ -47,20 +47,7 @@ def build_messages(
     budget : int
         Characters for each memory.
     """
-    sections = [
-        task_section(context.task, base),
-        *recollection_sections(context.recall(budget)),
-        feedback_section("Feedback", base),
-    ]
-    images = base.feedback.images
-    if last is not None:
-        changes = {
-            name: last.candidate[name] / base.candidate[name]
-            for name in context.task.space.names
-            if base.candidate[name] and last.candidate[name] != base.candidate[name]
-        }
-        sections.append(feedback_section("Last attempt, no better", last, {"values_over_current": rounded(changes)}))
-        images = (*images, *last.feedback.images)
+    sections, images = situation(context, base, last, budget)
     sections.append(section(NUMERICS, rounded(dict(numerics))))
     sections.append(f"## What to do\n{_INSTRUCTION} Simulations left: {context.simulations_left}.")
     return [Message("system", SYSTEM), Message("user", "\n\n".join(sections), images)]
