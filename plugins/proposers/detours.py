@@ -176,6 +176,11 @@ class SlowedClimb:
             if not trial.failed and change != 0.0:
                 slopes[place] = -_more_polarised(trial, self._base) / change
         strongest = float(np.max(np.abs(slopes)))
+        for place, (point, trial) in enumerate(zip(self._batch, trials, strict=True)):
+            if trial.failed:
+                # A neighbour that does not even run at this rate lies on the wrong side.
+                slopes[place] = -np.sign(point[place] - self._point[place]) * (strongest or 1.0)
+        strongest = float(np.max(np.abs(slopes)))
         self._direction = slopes / strongest if strongest > 0 else self._gentle
 
     def _take_climb(self, trials: Sequence[Trial]) -> None:

@@ -92,6 +92,16 @@ def test_the_climb_finds_out_what_eases_the_cell_and_comes_back(strength: float)
     assert len(trials) <= 18
 
 
+def test_a_neighbour_that_fails_shows_the_way_too() -> None:
+    detour = SlowedClimb(SPACE, np.array([0.6, 0.5, 0.5]), np.zeros(3))
+    trials = travel(detour, stiff(2.5))
+    assert trials[0].easing == Easing(0.5)
+    assert not trials[0].failed
+    assert trials[1].failed  # the neighbour on the side of the room has less of what eases the cell
+    assert detour.found is not None
+    assert detour.found.candidate["a"] > 0.7
+
+
 def test_a_cell_that_runs_at_no_rate_is_given_up_soon() -> None:
     detour = SlowedClimb(SPACE, np.full(3, 0.5), np.ones(3))
     trials = travel(detour, stiff(100.0))
