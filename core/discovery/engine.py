@@ -13,7 +13,7 @@ from .findings import Findings, Listener, Nomination, Settings
 from .fitting import Fitter
 from .nomination import nominate, nominate_beside, short_refit
 from .problem import Problem
-from .rules import CLEAR_BIC, believable, bic_difference, rivals
+from .rules import CLEAR_BIC, believable, bic_difference, predicts_warmth, rivals
 
 _SECONDS = 4
 """Second effects that get a short refit beside a first one."""
@@ -127,6 +127,10 @@ class Engine:
             reason = f"{ranked[0].label}: {objections[id(ranked[0])]}"
             return Findings("unexplained", base, ranked[0], explanations=ranked, reason=reason)
         best = believed[0]
+        for other in believed[1:]:
+            # Within what BIC can tell, the temperature that no fit was shown decides.
+            if bic_difference(other, best) <= CLEAR_BIC and predicts_warmth(other, best):
+                best = other
         equal = rivals(best, [e for e in needed if e is not best])
         reason = f"{best.label} beats the base model by {bic_difference(base, best):.0f} in BIC"
         if equal:

@@ -62,6 +62,8 @@ class Explanation:
         Errors of the fitted stretches and their standard deviations, V, without any misfit.
     score : Score or None
         What nominated it.
+    temperature_rms_k : float or None
+        Error of the predicted temperature, K, where the records have one; no fit is shown it.
     estimates : dict
         By effect key, its parameters.
     """
@@ -75,6 +77,7 @@ class Explanation:
     errors: FloatArray
     sigma: FloatArray
     score: Score | None = None
+    temperature_rms_k: float | None = None
     estimates: dict[str, tuple[Estimate, ...]] = field(default_factory=dict)
 
     def chi2(self, misfit_v: float = 0.0) -> float:

@@ -14,6 +14,7 @@ from .adequacy import judge
 from .axes import Axis, candidate_of
 from .explanation import Explanation, estimates_of
 from .findings import Listener, Settings
+from .laboratory import Prediction
 from .problem import Problem
 from .refit import Refit, refit
 from .rules import bic_difference
@@ -169,7 +170,7 @@ class Fitter:
         for level in range(_LEVELS):
             running.sort(key=lambda e: e.fit.cost)
             best, before = running[0], self.problem.misfit_v
-            # One that is near is weighed against the noise, as the base model was: only there is it seen to be adequate.
+            # One that is near is weighed against the noise, as the base model was: only there can it prove adequate.
             left = best.blur_v if best.misfit_v > _NEAR_V else 0.0
             last = left > 0.6 * before or left == 0.0 or level == _LEVELS - 1
             self.problem.misfit_v = min(left, before)
@@ -210,7 +211,8 @@ class Fitter:
         volts, sigma = np.concatenate(parts), np.concatenate(sigmas)
         rmse = _sample_rmse(volts, counts, self.noise())
         held_rmse, held_chi2 = self._held(effects, fit)
-        explanation = Explanation(effects, fit, adequacy, rmse, held_rmse, held_chi2, volts, sigma, score)
+        kelvin = _temperature_error(problem, predictions)
+        explanation = Explanation(effects, fit, adequacy, rmse, held_rmse, held_chi2, volts, sigma, score, kelvin)
         explanation.estimates = estimates_of(effects, fit, explanation.dispersion(problem.misfit_v))
         return explanation
 
@@ -238,6 +240,16 @@ class Fitter:
         rms, held = 1e3 * explanation.rmse_v, 1e3 * explanation.held_rmse_v
         doubt = " (not converged)" * (not explanation.fit.converged)
         self._say(f"  {explanation.label}: {rms:.2f} mV, held out {held:.2f} mV, BIC {margin:+.0f}{doubt}")
+
+
+def _temperature_error(problem: Problem, predictions: Sequence[Prediction]) -> float | None:
+    """Error of the temperature over all fitted records that have one, K; no fit is ever shown it."""
+    squares = [
+        (prediction.temperature - observed.temperature) ** 2
+        for prediction, observed in zip(predictions, problem.observations, strict=True)
+        if prediction.temperature is not None and observed.temperature is not None
+    ]
+    return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else None
 
 
 def _sample_rmse(errors: FloatArray, counts: FloatArray, noise: float) -> float:

@@ -20,6 +20,9 @@ CLOSED_ENOUGH = 0.8
 HELD_ENOUGH = 0.7
 """The same for data that was not fitted."""
 
+CLEAR_K = 1.0
+"""A temperature is predicted clearly better where its error is at most half the other's, and this much smaller, K."""
+
 
 def bic_difference(worse: Explanation, better: Explanation) -> float:
     r"""BIC of one explanation minus that of another, by quasi-likelihood.
@@ -66,7 +69,8 @@ def believable(base: Explanation, found: Explanation, noise_v: float, held_noise
 def rivals(best: Explanation, others: Sequence[Explanation]) -> list[Explanation]:
     """Explanations with other names that cannot be told from the best one.
 
-    Either their BIC is within `CLEAR_BIC`, or they predict the data not fitted clearly better.
+    Either their BIC is within `CLEAR_BIC`, or they predict the data not fitted clearly better. One that predicts
+    a measured temperature clearly worse, which no fit was shown, is no rival.
     """
     found = []
     for other in others:
@@ -74,8 +78,16 @@ def rivals(best: Explanation, others: Sequence[Explanation]) -> list[Explanation
             continue
         if set(best.names) < set(other.names):
             continue  # the best one with an ornament is no rival
+        if predicts_warmth(best, other):
+            continue
         difference = bic_difference(other, best)
         predicts_better = other.held_rmse_v < CLEAR_HELD * best.held_rmse_v and not best.adequacy.adequate
         if difference <= CLEAR_BIC or (predicts_better and difference <= 10 * CLEAR_BIC):
             found.append(other)
     return found
+
+
+def predicts_warmth(better: Explanation, worse: Explanation) -> bool:
+    """Whether one explanation predicts the measured temperature clearly better than another."""
+    ours, theirs = better.temperature_rms_k, worse.temperature_rms_k
+    return ours is not None and theirs is not None and 2 * ours <= theirs and ours + CLEAR_K <= theirs

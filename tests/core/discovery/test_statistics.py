@@ -1,10 +1,13 @@
 import numpy as np
 import pytest
-from bsa.core.discovery.adequacy import FALSE_ALARM, judge
-from bsa.core.discovery.axes import Axis
+from bsa.core.discovery.adequacy import FALSE_ALARM, Adequacy, judge
+from bsa.core.discovery.axes import Axis, effect_axes
+from bsa.core.discovery.explanation import Estimate, Explanation
 from bsa.core.discovery.noise import voltage_noise
-from bsa.core.discovery.refit import refit
+from bsa.core.discovery.refit import Refit, differences, refit
+from bsa.core.discovery.rules import rivals
 from bsa.core.discovery.score import score_effect
+from bsa.core.effect import Effect, EffectParameter
 from bsa.core.parameters import Parameter
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from hypothesis import given, settings
@@ -101,3 +104,35 @@ def test_noise_is_read_off_a_curve(noise, seed):
     voltage = 4.1 - 0.3 * time / 3000 - 0.05 * np.exp(-time / 60) + rng.normal(0, noise, len(time))
     record = Trajectory(time, np.ones_like(time), voltage, None, (Step(StepKind.CC_DISCHARGE, 0, len(time)),))
     assert voltage_noise(record) == pytest.approx(noise, rel=0.2)
+
+
+def test_a_slope_is_taken_over_what_the_data_can_see():
+    # A knee: over the usual step of 0.1 the residual doubles many times, and the difference is far off the slope.
+    def residual(candidate):
+        return 100 * np.exp(30 * candidate["p0"]) * np.ones(50) + candidate["p1"]
+
+    both = tuple(Axis(Parameter(f"p{k}", 0.0, -5.0, 5.0), 1.0, prior=True) for k in range(2))
+    jacobian, spent = differences(residual, both, np.zeros(2), residual({"p0": 0.0, "p1": 0.0}))
+    assert jacobian[0, 0] == pytest.approx(3000, rel=0.05)
+    assert jacobian[0, 1] == pytest.approx(1.0)
+    again, fewer = differences(residual, both, np.zeros(2), residual({"p0": 0.0, "p1": 0.0}), jacobian)
+    assert fewer == 2 < spent
+    assert again[0, 0] == pytest.approx(3000, rel=0.05)
+
+
+def explanation(name, kelvin, rmse=1.0):
+    effect = Effect(name, name, "", (EffectParameter("size", "", 0.0, 0.0, 10.0, 1.0),), "", "")
+    fit = Refit(effect_axes((effect,)), np.zeros(1), np.full(80, rmse), np.ones((80, 1)), True, 1)
+    errors = rmse * np.where(np.arange(80) % 2, 1e-3, -1e-3)
+    sigma = np.full(80, 1e-3)
+    found = Explanation((effect,), fit, Adequacy(0.5, 0.5, 0.0, 1.0), 1e-3, 1e-3, 1.0, errors, sigma, None, kelvin)
+    found.estimates = {effect.key: (Estimate("size", "", 1.0, (0.9, 1.1), 0.0, False),)}
+    return found
+
+
+def test_a_temperature_that_no_fit_was_shown_tells_equals_apart():
+    warm, blind, unknown = explanation("heat", 2.0), explanation("cold", 15.0), explanation("cold", None)
+    assert rivals(warm, [blind]) == []
+    assert rivals(warm, [unknown]) == [unknown]
+    assert rivals(warm, [explanation("other", 2.5)]) != []
+    assert rivals(blind, [warm]) == [warm]
