@@ -10,7 +10,7 @@ from ..effect import Effect, Evidence
 from .axes import Axis
 from .explanation import Explanation
 from .findings import Findings, Listener, Nomination, Settings
-from .fitting import Fitter
+from .fitting import LAG, Fitter
 from .nomination import nominate, nominate_beside, short_refit
 from .problem import Problem
 from .rules import CLEAR_BIC, believable, bic_difference, predicts_warmth, rivals
@@ -89,7 +89,7 @@ class Engine:
             nomination.screened = short_refit(self._fitter, calm, nomination)
         alive = [n for n in chosen if n.screened is not None]
         alive.sort(key=lambda n: n.screened.cost if n.screened else np.inf)
-        return self._settle(base, [((n.effect,), n) for n in alive[: self.settings.confirmed]])
+        return self._settle(base, [((n.effect,), n) for n in alive])
 
     def pair(
         self, base: Explanation, singles: Sequence[Explanation], nominations: Sequence[Nomination]
@@ -105,13 +105,16 @@ class Engine:
                     if nomination.screened is not None:
                         screened[key] = effects, nomination
         ranked = sorted(screened.values(), key=lambda row: row[1].screened.cost if row[1].screened else np.inf)
-        return self._settle(base, ranked[: self.settings.confirmed])
+        return self._settle(base, ranked)
 
     def _settle(
         self, base: Explanation, shortlist: Sequence[tuple[tuple[Effect, ...], Nomination]]
     ) -> list[Explanation]:
-        explained = [self._fitter.explain(effects, n.screened, n.score) for effects, n in shortlist if n.screened]
-        return self._fitter.contest(base, explained) if explained else []
+        """Fit the best of a shortlist, which is sorted, until one is settled; at least two, so that it has a rival."""
+        kept = [(effects, n.screened, n.score) for effects, n in shortlist if n.screened is not None]
+        ahead = kept[0][1].cost + LAG if kept else 0.0
+        running = [row for k, row in enumerate(kept[: self.settings.confirmed]) if k < 2 or row[1].cost < ahead]
+        return self._fitter.contest(base, [self._fitter.explain(*row) for row in running]) if running else []
 
     def decide(self, base: Explanation, explanations: Sequence[Explanation]) -> Findings:
         """Apply the rules to explanations that are sorted, the best first."""

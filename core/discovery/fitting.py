@@ -17,7 +17,7 @@ from .findings import Listener, Settings
 from .laboratory import Prediction
 from .problem import Problem
 from .refit import Refit, refit
-from .rules import bic_difference
+from .rules import CLEAR_BIC, bic_difference
 from .score import Score
 
 _COARSE_V = 0.03
@@ -29,7 +29,7 @@ _NEAR_V = 2e-3
 _GOOD_START = 3.0
 """Mean residual, in deviations, from which a fit finds its way."""
 
-_LAG = 40.0
+LAG = 2 * CLEAR_BIC
 """Cost by which an explanation may lag behind the best one before it is dropped: twice a BIC that is clear."""
 
 _LEVELS = 6
@@ -157,13 +157,13 @@ class Fitter:
         lacks; weighed against its own misfit it keeps to what is believed of them.
         """
         self.problem.misfit_v = base.blur_v
-        return self.again(base, self.settings.refit_budget)
+        return self.again(base, self.settings.refit_budget // 2)
 
     def contest(self, base: Explanation, explanations: Sequence[Explanation]) -> list[Explanation]:
         """Fit explanations side by side, from coarse to fine, as long as they keep up with the best one.
 
         At each level the blur of the best one counts as noise, so that differences in cost are evidence; who lags
-        by more than `_LAG` is dropped, and keeps the fit that it has. The last level, at which the best one is
+        by more than `LAG` is dropped, and keeps the fit that it has. The last level, at which the best one is
         adequate or comes no nearer, is fitted until converged.
         """
         running, dropped = list(explanations), []
@@ -179,7 +179,7 @@ class Fitter:
             for explanation in running:
                 again = self.again(explanation, budget)
                 ahead = min((other.fit.cost for other in fitted), default=np.inf)
-                if again.fit.cost > ahead + _LAG:
+                if again.fit.cost > ahead + LAG:
                     dropped.append(again)
                 else:
                     fitted.append(again)
