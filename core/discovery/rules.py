@@ -54,14 +54,17 @@ def believable(base: Explanation, found: Explanation, noise_v: float, held_noise
         return "a strength's 95 % interval contains its null value, or it ran into a bound"
     if not found.fit.converged and not found.adequacy.adequate:
         return "its fit did not converge"
+    # A base model that bends its parameters beyond belief may come as near to the voltage; BIC counts the bending.
+    # A temperature predicted clearly better, which no fit was shown, then stands for the gap that it hides.
+    seen = found.adequacy.adequate or predicts_warmth(found, base)
     share = closed(base.rmse_v, found.rmse_v, noise_v)
-    if share < CLOSED_ENOUGH and not found.adequacy.adequate:
+    if share < CLOSED_ENOUGH and not seen:
         return f"closes {share:.0%} of the gap only"
     if not found.held_rmse_v < base.held_rmse_v:
         return "does not predict the data not fitted better than the base model"
     held = closed(base.held_rmse_v, found.held_rmse_v, held_noise_v)
     material = base.held_rmse_v > 1.1 * held_noise_v
-    if held < HELD_ENOUGH and material and not found.adequacy.adequate:
+    if held < HELD_ENOUGH and material and not seen:
         return f"closes {held:.0%} of the gap in data not fitted only"
     return ""
 

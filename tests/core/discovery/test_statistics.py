@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bsa.core.discovery.adequacy import FALSE_ALARM, Adequacy, judge
@@ -5,7 +7,7 @@ from bsa.core.discovery.axes import Axis, effect_axes
 from bsa.core.discovery.explanation import Estimate, Explanation
 from bsa.core.discovery.noise import voltage_noise
 from bsa.core.discovery.refit import Refit, differences, refit
-from bsa.core.discovery.rules import rivals
+from bsa.core.discovery.rules import believable, rivals
 from bsa.core.discovery.score import score_effect
 from bsa.core.effect import Effect, EffectParameter
 from bsa.core.parameters import Parameter
@@ -136,3 +138,16 @@ def test_a_temperature_that_no_fit_was_shown_tells_equals_apart():
     assert rivals(warm, [unknown]) == [unknown]
     assert rivals(warm, [explanation("other", 2.5)]) != []
     assert rivals(blind, [warm]) == [warm]
+
+
+def test_a_gap_that_bent_parameters_hide_shows_in_the_temperature():
+    base = explanation("base", 15.0, rmse=5.0)
+    base.fit = replace(base.fit, axes=axes(1), u=np.array([9.0]))
+    base.fit = replace(base.fit, axes=(replace(base.fit.axes[0], prior=True),))
+    base.held_rmse_v = 2e-3
+    base.rmse_v = 1.02e-3
+    blind, warm = explanation("cold", 15.0), explanation("heat", 2.0)
+    for found in (blind, warm):
+        found.adequacy = Adequacy(0.0, 0.0, 1e-3, 1.0)
+    assert "of the gap only" in believable(base, blind, 1e-4, 1e-4)
+    assert believable(base, warm, 1e-4, 1e-4) == ""
