@@ -28,7 +28,7 @@ _HOPELESS = 0.05
 """Share of the cost that a round of the fit must take off: at less, the budget ends before the fit does."""
 
 _CRAWL = 0.5
-"""Share of the cost below which a round far from the record is no descent but a crawl along the floor of a trap."""
+"""Share of the cost, and of the squared score, below which a round far from the record is a crawl within a trap."""
 
 _ELSEWHERE = 0.2
 """How far from the first start the others lie, in units of the box."""
@@ -74,6 +74,7 @@ class Descent:
         self._search: LeastSquares | None = None
         self._best: LeastSquares | None = None
         self._left_crawling: LeastSquares | None = None
+        self._objective_before = float("inf")
         self._out_of_ideas = False
         self._told: list[Trial] = [start]
         self._first_start: Candidate = task.space.initial
@@ -189,7 +190,10 @@ class Descent:
         if len(trials) < len(self._search.ask()):
             self._out_of_ideas = True
             return
+        measured = self.jacobian_next
         self._search.tell([trial.residuals for trial in trials])
+        if measured and self._search.stage == "step":
+            self._objective_before = self._objective(self._search)
         if self._restarting and self._best is not None:
             self._restarting = self._search.cost > self._best.cost
 
@@ -210,7 +214,12 @@ class Descent:
         search = self._search
         if search is None or search.stage != "jacobian" or search.jacobian is None or self._polled:
             return False
-        return rms(search.residual) > _SUSPICIOUS and search.round_gain < _CRAWL
+        # A step that has vanished can drown all else in the residuals: the score must have stalled too.
+        gain = 1.0 - (self._objective(search) / self._objective_before) ** 2 if self._objective_before else 0.0
+        return rms(search.residual) > _SUSPICIOUS and max(search.round_gain, gain) < _CRAWL
+
+    def _objective(self, search: LeastSquares) -> float:
+        return next((trial.objective for trial in self._told if trial.residuals is search.residual), float("inf"))
 
     def _may_restart(self, limit: int) -> bool:
         polls = 0 if self._promising else 2 * len(self._task.space)
@@ -236,7 +245,7 @@ class Descent:
 
     def _take_starts(self, trials: Sequence[Trial]) -> None:
         self._polled = []
-        self._promising = sorted((trial for trial in trials if trial.residuals is not None), key=_misfit)
+        self._promising = sorted((trial for trial in trials if trial.residuals is not None), key=_promise)
         if self._promising:
             self._search_from_trial(self._promising.pop(0))
 
@@ -245,8 +254,9 @@ class Descent:
         return self._search
 
 
-def _misfit(trial: Trial) -> float:
-    return rms(trial.residuals)
+def _promise(trial: Trial) -> float:
+    """Low where residuals and score are both low: what is good by one alone often owes it to a vanished step."""
+    return rms(trial.residuals) * trial.objective
 
 
 def rms(residual: FloatArray | None) -> float:
