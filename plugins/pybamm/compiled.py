@@ -66,7 +66,8 @@ def make_model(cell: CellModel) -> Any:
         return getattr(pybamm.lithium_ion, MODELS[cell.model])(options)
     except pybamm.OptionError as error:
         raise BsaError(
-            f"PyBaMM refuses the model options {options}: {error}.", "see pybamm's BatteryModelOptions."
+            f"PyBaMM refuses the model options {options}: {' '.join(str(error).split())}",
+            "see pybamm's BatteryModelOptions.",
         ) from None
 
 
