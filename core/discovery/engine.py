@@ -70,6 +70,11 @@ class Engine:
             base = calm
         nominations = nominate(fitter, calm, self.catalogue, self.evidence, self._say)
         explanations = _sorted(self.confirm(base, calm, nominations))
+        if explanations:
+            base = fitter.without(base, explanations[0])
+        if base.adequacy.adequate:
+            reason = _why_adequate(base)
+            return Findings("no-missing-effect", base, base, [], explanations, nominations, reason, mesh_v)
         if self.settings.max_effects > 1 and explanations and not explanations[0].adequacy.adequate:
             self.problem.misfit_v = explanations[0].blur_v
             singles = [fitter.again(e, self.settings.refit_budget // 2) for e in explanations[:2]]

@@ -148,6 +148,19 @@ class Fitter:
             )
         return fit
 
+    def without(self, base: Explanation, best: Explanation) -> Explanation:
+        """The base model, fitted once more from where an explanation ended with its effect taken away.
+
+        An explanation that is better for its better start only, its effect next to nothing, is no explanation.
+        """
+        self.problem.misfit_v = best.blur_v if best.misfit_v > _NEAR_V else 0.0
+        budget = self.settings.base_budget // 2
+        fit = self.fit((), self.axes, best.fit.u[: len(self.axes)], budget)
+        if fit is None:
+            return base
+        again = self.explain((), fit if fit.converged else self.onwards((), fit, budget), None)
+        return again if again.adequacy.adequate or bic_difference(base, again) > 0 else base
+
     # --- misfit as noise ------------------------------------------------------------------------------------
 
     def temper(self, base: Explanation) -> Explanation:
