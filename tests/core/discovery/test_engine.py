@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from bsa.core.discovery.engine import Engine
 from bsa.core.discovery.findings import Settings
+from bsa.core.discovery.fitting import Fitter
 
 _spec = importlib.util.spec_from_file_location("discovery_toy", Path(__file__).with_name("toy.py"))
 toy = importlib.util.module_from_spec(_spec)
@@ -89,3 +90,15 @@ def test_an_effect_that_the_records_cannot_show_is_left_out():
     (row,) = [n for n in findings.nominations if n.effect.name == "sign"]
     assert row.lacks == "needs more cycles"
     assert row.score is None
+
+
+def test_a_base_fit_that_stopped_short_is_no_missing_effect(monkeypatch):
+    def stopped_short(self):
+        fit = self.fit((), self.axes, np.array([0.2, 4.9, 4.9]), 4)
+        return self.explain((), fit, None), 0.0
+
+    monkeypatch.setattr(Fitter, "calibrate", stopped_short)
+    monkeypatch.setattr(Fitter, "temper", lambda self, base: base)
+    findings = run({})
+    assert findings.verdict == "no-missing-effect"
+    assert findings.explanations  # it looked like a discrepancy at first
