@@ -30,6 +30,9 @@ _HOPELESS = 0.05
 _CRAWL = 0.5
 """Share of the cost, and of the squared score, below which a round far from the record is a crawl within a trap."""
 
+_FAR = 0.1
+"""Share of the first misfit above which a fit is still far from the record: nearer by, slow is not trapped."""
+
 _ELSEWHERE = 0.2
 """How far from the first start the others lie, in units of the box."""
 
@@ -75,6 +78,7 @@ class Descent:
         self._best: LeastSquares | None = None
         self._left_crawling: LeastSquares | None = None
         self._objective_before = float("inf")
+        self._first_misfit = 0.0
         self._out_of_ideas = False
         self._told: list[Trial] = [start]
         self._first_start: Candidate = task.space.initial
@@ -208,6 +212,7 @@ class Descent:
         settings = Settings(
             difference=self._options.difference, radius=self._options.radius, enough=PERFECT, tolerance=_HOPELESS
         )
+        self._first_misfit = self._first_misfit or rms(residuals)
         return LeastSquares(self._task.space.to_unit(candidate), residuals, settings)
 
     def _crawls(self) -> bool:
@@ -216,7 +221,8 @@ class Descent:
             return False
         # A step that has vanished can drown all else in the residuals: the score must have stalled too.
         gain = 1.0 - (self._objective(search) / self._objective_before) ** 2 if self._objective_before else 0.0
-        return rms(search.residual) > _SUSPICIOUS and max(search.round_gain, gain) < _CRAWL
+        far = rms(search.residual) > max(_SUSPICIOUS, _FAR * self._first_misfit)
+        return far and max(search.round_gain, gain) < _CRAWL
 
     def _objective(self, search: LeastSquares) -> float:
         return next((trial.objective for trial in self._told if trial.residuals is search.residual), float("inf"))
