@@ -186,6 +186,7 @@ class Discovery:
             "refit_rmse_mv": 1e3 * explanation.rmse_v,
             "delta_bic": bic_difference(found.base, explanation),
             "holdout_rmse_mv": 1e3 * explanation.held_rmse_v,
+            "temperature_rms_k": explanation.temperature_rms_k,
             "parameters": {key: [asdict(e) for e in rows] for key, rows in explanation.estimates.items()},
             "converged": explanation.fit.converged,
             "leaves_noise_only": explanation.adequacy.adequate,

@@ -184,6 +184,10 @@ def discovery_command(
     seed: Seed = 2026,
     backend: Annotated[str | None, typer.Option(help="Language model that ranks effects too.")] = None,
     hide_names: Annotated[bool, typer.Option(help="Show the model effects under names without meaning.")] = False,
+    only: Annotated[list[str] | None, typer.Option(help="Case to run, case_07; repeat; left out, all.")] = None,
+    results: Annotated[str, typer.Option(help="File in the folder that results go to and are read from.")] = (
+        "results.jsonl"
+    ),
 ) -> None:
     """Blind cases for discovery: make them, run them, mark them."""
     from ..discovery_bench.making import make_cases
@@ -197,8 +201,8 @@ def discovery_command(
     if make is not None:
         make_cases(make, count, seed, print)
     if run is not None:
-        run_cases(run, workers, backend, hide_names, listener=print)
+        run_cases(run, workers, backend, hide_names, only, results, print)
     if score is not None:
-        marked = mark_cases(score)
+        marked = mark_cases(score, results)
         print(as_markdown(marked))
         print(case_table(marked))
