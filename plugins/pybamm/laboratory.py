@@ -65,7 +65,9 @@ class PyBaMMLaboratory:
             return None
         wanted = frozenset(name for effect in present for name in map(effect.full_name, effect.parameters))
         own = {name: value for name, value in candidate.items() if ": " not in name or name in wanted}
-        key = (id(driven), tuple(sorted(own.items())), len(times), float(np.sum(times)))
+        # Not the identity of the compiled cell: once it is let go, another may have the same.
+        of = (tuple(effect.key for effect in present), id(specimen), fine)
+        key = (of, tuple(sorted(own.items())), len(times), float(np.sum(times)))
         if key not in self._recent:
             self.simulations += 1
             self._recent[key] = driven.solve(candidate, times, current)

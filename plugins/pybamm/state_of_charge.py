@@ -32,8 +32,12 @@ def soc_at_voltage(cell: CellModel, voltage: float) -> float:
         return 0.0
     if voltage >= highest:
         return 1.0
-    empty, full, *_ = pybamm.lithium_ion.get_min_max_stoichiometries(values)
-    x, _ = pybamm.lithium_ion.get_initial_stoichiometries(f"{voltage} V", values)[:2]
+    try:
+        empty, full, *_ = pybamm.lithium_ion.get_min_max_stoichiometries(values)
+        x, _ = pybamm.lithium_ion.get_initial_stoichiometries(f"{voltage} V", values)[:2]
+    except pybamm.SolverError:
+        # PyBaMM's root finder gives up where the curve is flat; on a grid the same answer is certain.
+        return InitialState(values).soc_at(voltage)
     return min(max(float((x - empty) / (full - empty)), 0.0), 1.0)
 
 
@@ -54,6 +58,13 @@ CYCLABLE_LITHIUM = "Cyclable lithium factor"
 _ELECTRODES = ("Negative", "Positive")
 _GRID: FloatArray = 1.0 / (1.0 + np.exp(-np.linspace(-9.0, 9.0, 4001)))
 """Stoichiometries, dense towards 0 and 1, where open-circuit potentials bend."""
+
+
+_SOC_GRID: FloatArray = np.linspace(0.0, 1.0, 401)
+
+
+def _maximum(which: str) -> str:
+    return f"Maximum concentration in {which.lower()} electrode [mol.m-3]"
 
 
 def initial_concentration(which: str) -> str:
@@ -84,7 +95,7 @@ class InitialState:
             for name in (
                 f"{which} electrode active material volume fraction",
                 f"{which} electrode thickness [m]",
-                f"Maximum concentration in {which.lower()} electrode [mol.m-3]",
+                _maximum(which),
                 initial_concentration(which),
             )
         }
@@ -146,6 +157,18 @@ class InitialState:
             initial_concentration("Negative"): negative * highest["Negative"],
             initial_concentration("Positive"): positive * highest["Positive"],
         }
+
+    def soc_at(self, voltage: float) -> float:
+        """The state of charge at an open-circuit voltage, kept within 0 to 1."""
+        at = [self.concentrations({}, soc) for soc in _SOC_GRID]
+        curve = [self._open_circuit_voltage(concentrations) for concentrations in at]
+        return float(np.interp(voltage, np.maximum.accumulate(curve), _SOC_GRID))
+
+    def _open_circuit_voltage(self, concentrations: Mapping[str, float]) -> float:
+        x, y = (concentrations[initial_concentration(which)] / self._base[_maximum(which)] for which in _ELECTRODES)
+        return float(
+            np.interp(y, _GRID, self._potential["Positive"]) - np.interp(x, _GRID, self._potential["Negative"])
+        )
 
     def _is_of(self, name: str, which: str) -> bool:
         return which.lower() in name.lower()

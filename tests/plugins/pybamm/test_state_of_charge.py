@@ -1,0 +1,31 @@
+import pytest
+from bsa.core.task import CellModel
+from bsa.plugins.pybamm import state_of_charge
+from bsa.plugins.pybamm.parameter_sets import load, pybamm
+from bsa.plugins.pybamm.state_of_charge import CYCLABLE_LITHIUM, InitialState, initial_concentration, soc_at_voltage
+
+
+@pytest.mark.parametrize("name", ["Chen2020", "OKane2022"])
+@pytest.mark.parametrize("voltage", [3.4, 3.8, 4.1])
+def test_the_grid_gives_what_the_root_finder_gives_and_stands_in_for_it(monkeypatch, name, voltage):
+    cell = CellModel(name, "SPMe")
+    found = soc_at_voltage(cell, voltage)
+    assert InitialState(load(name)).soc_at(voltage) == pytest.approx(found, abs=5e-4)
+
+    def gives_up(*arguments, **keywords):
+        raise pybamm.SolverError("no acceptable solution")
+
+    monkeypatch.setattr(state_of_charge.pybamm.lithium_ion, "get_initial_stoichiometries", gives_up)
+    assert soc_at_voltage(cell, voltage) == pytest.approx(found, abs=5e-4)
+
+
+def test_factors_multiply_hosts_and_the_lithium_between_them():
+    state = InitialState(load("Chen2020"))
+    negative, positive = (initial_concentration(which) for which in ("Negative", "Positive"))
+    usual = state.concentrations({}, 0.5)
+    roomy = state.concentrations({"Positive electrode active material volume fraction factor": 1.1}, 0.5)
+    richer = state.concentrations({CYCLABLE_LITHIUM: 1.02}, 0.5)
+    assert roomy != pytest.approx(usual, rel=1e-3)
+    # More lithium at one state of charge shows in the positive electrode: less room is left there.
+    assert richer[positive] > usual[positive]
+    assert state.concentrations({}, None)[negative] == pytest.approx(load("Chen2020")[negative])
