@@ -64,7 +64,7 @@ def suite_command(
 
 @bench_app.command("runtime")
 def runtime_command(
-    case: Annotated[str, typer.Option(help="The case to time.")] = "regular-1",
+    case: Annotated[str, typer.Option(help="The case to time.")] = "regular-60",
     suite: Suite = "generated",
     scaffolds: Scaffolds = "full,hybrid,cma-es",
     steps: Annotated[int, typer.Option(min=10, help="Steps of the outer loop.")] = 20,

@@ -146,3 +146,13 @@ def test_noise_is_off_by_default() -> None:
     assert not Noise()
     assert Noise(voltage_v=1e-3)
     assert np.isclose(Noise(1e-3).current, 0.0)
+
+
+def test_the_case_that_runtime_takes_by_default_exists() -> None:
+    from inspect import signature
+
+    from bsa.experiments.cli.bench import runtime_command
+
+    defaults = {name: parameter.default for name, parameter in signature(runtime_command).parameters.items()}
+    (case,) = choose(load_suite(defaults["suite"]), defaults["case"]).values()
+    assert case.parameter_set == "Chen2020"
