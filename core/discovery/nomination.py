@@ -18,6 +18,9 @@ from .score import Score, score_effect
 _REACH = 3.0
 """How far, in units of belief, base parameters move along with an effect before anything is fitted."""
 
+_SHARES = (1.0, 0.3, 0.0)
+"""Shares of that move that are tried."""
+
 _RUNGS = (0.5, 1.0, 3.0, 10.0, 32.0, 100.0)
 """Strengths from which a short refit may start, in probes."""
 
@@ -101,19 +104,25 @@ def short_refit(fitter: Fitter, before: Explanation, nomination: Nomination) -> 
     best: tuple[float, FloatArray, FloatArray] | None = None
     worse = 0
     for strength in _ladder(nomination):
-        # The base parameters move along, as far as the linear picture goes.
+        ahead = before.fit.cost if best is None else best[0]
+        # The base parameters move along, as far as the linear picture goes; less far where it misleads.
         there = before.fit.residual + strength * nomination.mark
-        step, _ = bounded_step(before.fit.jacobian, there, before.fit.axes, before.fit.u, _REACH)
-        # The strength's coordinate is 0 at the probe and -1 at the null.
-        u = np.concatenate([before.fit.u + step, [strength - 1.0], np.zeros(len(others))])
-        here = residual(candidate_of(axes, u))
-        cost = np.inf if here is None else Refit(axes, u, here, before.fit.jacobian, False, 1).cost
-        if here is not None and (best is None or cost < best[0]):
-            # The secant from the null is a better slope for a strong effect than the tangent at the null.
-            secant = (here - before.fit.residual - before.fit.jacobian @ step) / strength
-            best, worse = (cost, u, secant), 0
-        else:
-            worse += 1
+        whole, _ = bounded_step(before.fit.jacobian, there, before.fit.axes, before.fit.u, _REACH)
+        worse += 1
+        for step in (share * whole for share in _SHARES):
+            # The strength's coordinate is 0 at the probe and -1 at the null.
+            u = np.concatenate([before.fit.u + step, [strength - 1.0], np.zeros(len(others))])
+            here = residual(candidate_of(axes, u))
+            if here is None:
+                continue
+            cost = Refit(axes, u, here, before.fit.jacobian, False, 1).cost
+            if best is None or cost < best[0]:
+                # The secant from the null is a better slope for a strong effect than the tangent at the null.
+                secant = (here - before.fit.residual - before.fit.jacobian @ step) / strength
+                best = cost, u, secant
+            if cost < ahead:
+                worse = 0
+                break
         if worse == 2:
             break
     if best is None:
