@@ -16,7 +16,7 @@ from .explanation import Explanation, estimates_of
 from .findings import Listener, Settings
 from .laboratory import Prediction
 from .problem import Problem
-from .refit import Refit, refit
+from .refit import Refit, differences, refit
 from .rules import CLEAR_BIC, bic_difference
 from .score import Score
 
@@ -170,7 +170,13 @@ class Fitter:
         lacks; weighed against its own misfit it keeps to what is believed of them.
         """
         self.problem.misfit_v = base.blur_v
-        return self.again(base, self.settings.refit_budget // 2)
+        calm = self.again(base, self.settings.refit_budget // 2)
+        if not calm.fit.converged:
+            # Scores and short refits stand on this Jacobian: after many updates it is no derivative any more.
+            fit = calm.fit
+            slopes, _ = differences(self.residual(base.effects), fit.axes, fit.u, fit.residual, fit.jacobian)
+            calm.fit = replace(fit, jacobian=slopes)
+        return calm
 
     def contest(self, base: Explanation, explanations: Sequence[Explanation]) -> list[Explanation]:
         """Fit explanations side by side, from coarse to fine, as long as they keep up with the best one.
