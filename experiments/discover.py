@@ -310,10 +310,18 @@ def discover_in(
     return discovery
 
 
+def _read_search(file: str) -> dict[str, Uncertainty | None]:
+    try:
+        return SearchFile.model_validate(read_yaml(Path(file))).factors
+    except ValidationError as error:
+        raise explain(error, file, SearchFile) from None
+
+
 def _spreads(search: str | dict[str, Uncertainty | None], cell: CellModel) -> dict[str, tuple[float, float, float]]:
     """What is uncertain, from a preset, a file or factors by name."""
     from ..plugins.pybamm.parameter_sets import FACTOR, require
-    from ..plugins.pybamm.uncertain_parameters import CYCLABLE_LITHIUM, PRESETS, default_spread
+    from ..plugins.pybamm.state_of_charge import CYCLABLE_LITHIUM
+    from ..plugins.pybamm.uncertain_parameters import PRESETS, default_spread
 
     if isinstance(search, str):
         if search in PRESETS:
@@ -321,10 +329,7 @@ def _spreads(search: str | dict[str, Uncertainty | None], cell: CellModel) -> di
         if not Path(search).exists():
             hint = did_you_mean(search, PRESETS) or f"presets: {', '.join(PRESETS)}; or the path of a YAML file."
             raise BsaError(f'there is no preset or file "{search}" of uncertain parameters.', hint)
-        try:
-            search = SearchFile.model_validate(read_yaml(Path(search))).factors
-        except ValidationError as error:
-            raise explain(error, search, SearchFile) from None
+        search = _read_search(search)
     spreads = {}
     for name, own in search.items():
         if name != CYCLABLE_LITHIUM:
