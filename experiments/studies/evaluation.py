@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -80,38 +81,48 @@ def measure_evaluation(task_name: str = "demo", repeats: int = 15) -> Evaluation
     compiled = CompiledExperiment(task.cell, experiment, task.space.names)
     compiled.solve(candidate)
     inputs = compiled.inputs(candidate)
-    solver_s = _median(lambda: compiled.simulation.solve(inputs=inputs, calc_esoh=False), repeats)
-    evaluation_s = _median(lambda: compiled.solve(candidate), repeats)
-    assignment = Assignment(task.cell, (experiment,), task.space.names)
-    worker_s = _batch_cost(assignment, 1, [candidate], repeats)
-    # Near the start, where candidates of a fit lie; alike for both pools.
+    # Near the start, where candidates of a fit lie; alike for one worker and for two.
     rng = np.random.default_rng(repeats)
     batch = [task.space.project({k: v * rng.uniform(0.98, 1.02) for k, v in candidate.items()}) for _ in range(8)]
-    one, two = (_batch_cost(assignment, size, batch, max(repeats // 5, 3)) for size in (1, 2))
-    rebuild_s = _median(lambda: solve_reference(task.cell, experiment, candidate), max(repeats // 5, 2))
-    return EvaluationCost(solver_s, evaluation_s, worker_s, rebuild_s, one / two, _loop_cost(task_name), repeats)
+    assignment = Assignment(task.cell, (experiment,), task.space.names)
+    with _pool(assignment, 1, candidate) as one, _pool(assignment, 2, candidate) as two:
+        solver_s, evaluation_s, worker_s = _medians(
+            repeats,
+            lambda: compiled.simulation.solve(inputs=inputs, calc_esoh=False),
+            lambda: compiled.solve(candidate),
+            lambda: one([candidate]),
+        )
+        alone_s, together_s = _medians(max(repeats // 5, 3), lambda: one(batch), lambda: two(batch))
+    (rebuild_s,) = _medians(max(repeats // 5, 2), lambda: solve_reference(task.cell, experiment, candidate))
+    return EvaluationCost(
+        solver_s, evaluation_s, worker_s, rebuild_s, alone_s / together_s, _loop_cost(task_name), repeats
+    )
 
 
-def _batch_cost(assignment: Assignment, workers: int, batch: Sequence[Candidate], repeats: int) -> float:
+@contextmanager
+def _pool(assignment: Assignment, workers: int, first: Candidate) -> Iterator[Callable[[Sequence[Candidate]], object]]:
+    """Simulates batches in worker processes that have compiled already."""
     pool = WorkerPool(assignment, workers, 60.0)
 
-    def simulate(candidates: Sequence[Candidate]) -> None:
-        pool.simulate(candidates, False, lambda place, outcome: None)
+    def simulate(candidates: Sequence[Candidate]) -> object:
+        return pool.simulate(candidates, False, lambda place, outcome: None)
 
     try:
-        simulate([batch[0]] * workers)  # every worker compiles before the clock runs
-        return _median(lambda: simulate(batch), repeats)
+        simulate([first] * workers)
+        yield simulate
     finally:
         pool.close()
 
 
-def _median(action: Callable[[], object], repeats: int) -> float:
-    times: list[float] = []
+def _medians(repeats: int, *actions: Callable[[], object]) -> list[float]:
+    """Median time of each action, s. They take turns, so that a machine that slows down slows all of them."""
+    times: list[list[float]] = [[] for _ in actions]
     for _ in range(repeats):
-        started = time.perf_counter()
-        action()
-        times.append(time.perf_counter() - started)
-    return float(np.median(times))
+        for place, action in enumerate(actions):
+            started = time.perf_counter()
+            action()
+            times[place].append(time.perf_counter() - started)
+    return [float(np.median(found)) for found in times]
 
 
 class _RoundTimer:
