@@ -105,8 +105,7 @@ class Descent:
     @property
     def base(self) -> Trial | None:
         """The trial of the best point; None while nothing could be simulated."""
-        best = self.best
-        return next((trial for trial in self._told if best is not None and trial.residuals is best.residual), None)
+        return None if self.best is None else self._trial_of(self.best)
 
     @property
     def cost(self) -> float:
@@ -225,7 +224,12 @@ class Descent:
         return far and max(search.round_gain, gain) < _CRAWL
 
     def _objective(self, search: LeastSquares) -> float:
-        return next((trial.objective for trial in self._told if trial.residuals is search.residual), float("inf"))
+        trial = self._trial_of(search)
+        return float("inf") if trial is None else trial.objective
+
+    def _trial_of(self, search: LeastSquares) -> Trial | None:
+        """The trial of a search's best point."""
+        return next((trial for trial in self._told if trial.residuals is search.residual), None)
 
     def _may_restart(self, limit: int) -> bool:
         polls = 0 if self._promising else 2 * len(self._task.space)

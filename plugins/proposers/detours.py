@@ -6,8 +6,8 @@ that can be solved is led over into the hard one. Every eased simulation is one 
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 
@@ -39,39 +39,39 @@ _ONSET = 0.2
 _ONSET_POINTS = 20
 
 
-class Detour(Protocol):
-    """Asks for candidates, some of them eased, until one runs as the task is."""
+class Detour(ABC):
+    """Asks for candidates, some of them eased, until one runs as the task is.
+
+    Attributes
+    ----------
+    easings : tuple of Easing or None
+        How the task is eased for each of the candidates just asked for.
+    found : Trial or None
+        A trial of the task as it is that ran to its end.
+    over : bool
+        Whether nothing more is to come.
+    """
+
+    def __init__(self) -> None:
+        self.easings: Easings = ()
+        self.found: Trial | None = None
+        self.over = False
 
     @property
-    def easings(self) -> Easings:
-        """How the task is eased for each of the candidates just asked for."""
-        ...
-
-    @property
-    def found(self) -> Trial | None:
-        """A trial of the task as it is that ran to its end."""
-        ...
-
-    @property
-    def over(self) -> bool:
-        """Whether nothing more is to come."""
-        ...
-
-    @property
+    @abstractmethod
     def words(self) -> str:
         """What is being tried, in a sentence."""
-        ...
 
+    @abstractmethod
     def ask(self, limit: int) -> list[Candidate]:
         """What to simulate next; empty when it is over or cannot go on within the limit."""
-        ...
 
+    @abstractmethod
     def tell(self, trials: Sequence[Trial]) -> None:
         """Take in the trials of the candidates asked for, in order."""
-        ...
 
 
-class SlowedClimb:
+class SlowedClimb(Detour):
     """Lowers the currents until the cell runs, finds out there what eases it, and climbs back to the full rate.
 
     What eases the cell is measured at the rate at which it runs: the direction in which the voltage moves least
@@ -92,6 +92,7 @@ class SlowedClimb:
     def __init__(
         self, space: ParameterSpace, start: FloatArray, gentle: FloatArray, rates: tuple[float, ...] = LOWERED
     ) -> None:
+        super().__init__()
         self._space = space
         self._point = np.clip(start, 0.0, 1.0)
         self._gentle = gentle
@@ -101,24 +102,6 @@ class SlowedClimb:
         self._base: Trial | None = None
         self._rounds = 0
         self._batch: list[FloatArray] = []
-        self._asked: Easings = ()
-        self._found: Trial | None = None
-        self._over = False
-
-    @property
-    def easings(self) -> Easings:
-        """See `Detour.easings`."""
-        return self._asked
-
-    @property
-    def found(self) -> Trial | None:
-        """See `Detour.found`."""
-        return self._found
-
-    @property
-    def over(self) -> bool:
-        """See `Detour.over`."""
-        return self._over
 
     @property
     def words(self) -> str:
@@ -131,28 +114,28 @@ class SlowedClimb:
 
     def ask(self, limit: int) -> list[Candidate]:
         """See `Detour.ask`."""
-        if self._over or limit <= 0:
+        if self.over or limit <= 0:
             return []
         if self._rate == 0.0:
-            self._batch, self._asked = [self._point], (Easing(self._rates[0]),)
+            self._batch, self.easings = [self._point], (Easing(self._rates[0]),)
         elif self._direction is None and limit >= len(self._space):
             self._batch = [self._beside(place) for place in range(len(self._space))]
-            self._asked = (Easing(self._rate),) * len(self._batch)
+            self.easings = (Easing(self._rate),) * len(self._batch)
         else:
             if self._direction is None:
                 self._direction = self._gentle
             if not np.any(self._direction):
-                self._over = True
+                self.over = True
                 return []
             easing = None if self._next_rate == 1.0 else Easing(self._next_rate)
             self._batch = [self._along(1), self._along(2)][: max(limit, 1)]
-            self._asked = (easing, None)[: len(self._batch)]
+            self.easings = (easing, None)[: len(self._batch)]
         return [self._space.from_unit(point) for point in self._batch]
 
     def tell(self, trials: Sequence[Trial]) -> None:
         """See `Detour.tell`."""
         if len(trials) < len(self._batch) or not trials:
-            self._over = True
+            self.over = True
         elif self._rate == 0.0:
             self._take_lowered(trials[0])
         elif self._direction is None:
@@ -166,7 +149,7 @@ class SlowedClimb:
             self._base = trial
             self._rate, self._next_rate = rate, _towards_one(rate)
         elif not self._rates:
-            self._over = True
+            self.over = True
 
     def _take_slopes(self, trials: Sequence[Trial]) -> None:
         assert self._base is not None
@@ -188,7 +171,7 @@ class SlowedClimb:
         whole = [trial for trial in trials if trial.easing is None and trial.residuals is not None]
         if whole:
             # The first of two lies nearer the start, and so nearer the record as far as anybody knows.
-            self._found, self._over = whole[0], True
+            self.found, self.over = whole[0], True
             return
         runs = not trials[0].failed
         self._point = self._along(1)
@@ -196,7 +179,7 @@ class SlowedClimb:
             self._rate, self._next_rate = self._next_rate, _towards_one(self._next_rate)
         else:
             self._next_rate = float(np.sqrt(self._rate * self._next_rate))
-        self._over = self._rounds >= _MOST_ROUNDS
+        self.over = self._rounds >= _MOST_ROUNDS
 
     def _along(self, strides: int) -> FloatArray:
         assert self._direction is not None
@@ -240,7 +223,7 @@ def _voltage_moved(curve: Trajectory, step: Step, horizon_s: float) -> float:
     return float(np.mean(np.abs(np.interp(np.linspace(0.0, horizon_s, _ONSET_POINTS), time, voltage) - before)))
 
 
-class ShortenedFit:
+class ShortenedFit(Detour):
     """Fits the record's first cycles alone, which run, and tries the whole task from every better point.
 
     Parameters
@@ -256,29 +239,12 @@ class ShortenedFit:
     """
 
     def __init__(self, space: ParameterSpace, start: FloatArray, cycles: int, allowance: int | None = None) -> None:
+        super().__init__()
         self._space = space
         self._easing = Easing(cycles=cycles)
         self._left = allowance or len(space) + _FIT_BEYOND_JACOBIAN
         self._search = LeastSquares(start)
         self._tried = np.asarray(start, dtype=np.float64)
-        self._asked: Easings = ()
-        self._found: Trial | None = None
-        self._over = False
-
-    @property
-    def easings(self) -> Easings:
-        """See `Detour.easings`."""
-        return self._asked
-
-    @property
-    def found(self) -> Trial | None:
-        """See `Detour.found`."""
-        return self._found
-
-    @property
-    def over(self) -> bool:
-        """See `Detour.over`."""
-        return self._over
 
     @property
     def words(self) -> str:
@@ -288,7 +254,7 @@ class ShortenedFit:
     def ask(self, limit: int) -> list[Candidate]:
         """See `Detour.ask`."""
         limit = min(limit, self._left)
-        points = self._search.ask(limit) if not self._over and limit > 0 else []
+        points = self._search.ask(limit) if not self.over and limit > 0 else []
         if len(points) > limit:
             points = []
         asked: list[Easing | None] = [self._easing] * len(points)
@@ -297,14 +263,14 @@ class ShortenedFit:
         if better and len(points) < limit and len(points) <= 1:
             points = [*points, self._search.point]
             asked.append(None)
-        self._asked = tuple(asked)
-        self._over = self._over or not points
+        self.easings = tuple(asked)
+        self.over = self.over or not points
         return [self._space.from_unit(point) for point in points]
 
     def tell(self, trials: Sequence[Trial]) -> None:
         """See `Detour.tell`."""
-        if not trials or len(trials) < len(self._asked):
-            self._over = True
+        if not trials or len(trials) < len(self.easings):
+            self.over = True
             return
         self._left -= len(trials)
         whole = [trial for trial in trials if trial.easing is None]
@@ -315,4 +281,4 @@ class ShortenedFit:
             self._search.tell([None if trial.failed else trial.partial for trial in eased])
         good = [trial for trial in whole if trial.residuals is not None]
         if good:
-            self._found, self._over = good[0], True
+            self.found, self.over = good[0], True
