@@ -15,7 +15,7 @@ from .findings import Findings, Nomination
 from .localisation import Place
 from .next_experiment import NextExperiment
 from .ranking import Ranking
-from .rules import believable, bic_difference, closed
+from .rules import believable, bic, bic_difference, closed
 
 Json = dict[str, Any]
 
@@ -174,7 +174,8 @@ class Discovery:
                     reason = "the score test promises less than others"
                 else:
                     reason = "a short refit gained less than others"
-            return {"refit_rmse_mv": None, "delta_bic": None, "holdout_rmse_mv": None, "rejected": reason}
+            empty = dict.fromkeys(("refit_rmse_mv", "bic", "delta_bic", "holdout_rmse_mv"))
+            return {**empty, "rejected": reason}
         if explanation is found.best and self.verdict in ("effect-found", "ambiguous"):
             reason = ""
         elif explanation in found.rivals:
@@ -184,6 +185,7 @@ class Discovery:
             reason = reason or "explains the data less well than the best, or needs more effects for the same"
         return {
             "refit_rmse_mv": 1e3 * explanation.rmse_v,
+            "bic": bic(explanation, found.best),
             "delta_bic": bic_difference(found.base, explanation),
             "holdout_rmse_mv": 1e3 * explanation.held_rmse_v,
             "temperature_rms_k": explanation.temperature_rms_k,

@@ -13,10 +13,16 @@ from .findings import Findings, Listener, Nomination, Settings
 from .fitting import LAG, Fitter
 from .nomination import nominate, nominate_beside, short_refit
 from .problem import Problem
-from .rules import CLEAR_BIC, believable, bic_difference, predicts_warmth, rivals
+from .rules import CLEAR_BIC, believable, bic, bic_difference, predicts_warmth, rivals
 
 _SECONDS = 4
 """Second effects that get a short refit beside a first one."""
+
+_MORE = 2
+"""Times that the best explanation's fit is gone on with, where it has not converged."""
+
+_NEARER = 0.98
+"""Share of an error that a fit has to come down to, to be gone on with."""
 
 
 class Engine:
@@ -69,7 +75,7 @@ class Engine:
         if calm.rmse_v < base.rmse_v:
             base = calm
         nominations = nominate(fitter, calm, self.catalogue, self.evidence, self._say)
-        explanations = _sorted(self.confirm(base, calm, nominations))
+        explanations = self.finish(base, _sorted(self.confirm(base, calm, nominations)))
         if explanations:
             base = fitter.without(base, explanations[0])
         if base.adequacy.adequate:
@@ -78,7 +84,8 @@ class Engine:
         if self.settings.max_effects > 1 and explanations and not explanations[0].adequacy.adequate:
             self.problem.misfit_v = explanations[0].blur_v
             singles = [fitter.again(e, self.settings.refit_budget // 2) for e in explanations[:2]]
-            explanations = _sorted(explanations + self.pair(base, singles, nominations))
+            pairs = self.pair(base, singles, nominations)
+            explanations = self.prune(base, self.finish(base, _sorted([*singles, *explanations[2:], *pairs])))
         findings = self.decide(base, explanations)
         findings.nominations, findings.mesh_v = nominations, mesh_v
         return findings
@@ -111,6 +118,31 @@ class Engine:
                         screened[key] = effects, nomination
         ranked = sorted(screened.values(), key=lambda row: row[1].screened.cost if row[1].screened else np.inf)
         return self._settle(base, ranked)
+
+    def finish(self, base: Explanation, explanations: Sequence[Explanation]) -> list[Explanation]:
+        """Fit the best of some sorted explanations until it has converged or comes no nearer."""
+        result = list(explanations)
+        for _ in range(_MORE):
+            if not result or result[0].fit.converged or result[0].adequacy.adequate:
+                break
+            before = result[0].rmse_v
+            result[:1] = self._fitter.contest(base, result[:1])
+            if result[0].rmse_v > _NEARER * before:
+                break
+        return _sorted(result)
+
+    def prune(self, base: Explanation, explanations: Sequence[Explanation]) -> list[Explanation]:
+        """What is left of the best pair without its weaker effect, fitted from where the pair ended.
+
+        A pair has had more simulations than its members, and one that is better for them alone is no pair.
+        """
+        result = list(explanations)
+        single = self._fitter.pruned(result[0]) if len(result[0].effects) > 1 else None
+        if single is not None:
+            self._fitter.tell(base, single)
+            known = [e for e in result if e.label == single.label]
+            result = [e for e in result if e not in known] + _sorted([single, *known])[:1]
+        return _sorted(result)
 
     def _settle(
         self, base: Explanation, shortlist: Sequence[tuple[tuple[Effect, ...], Nomination]]
@@ -151,9 +183,7 @@ def _sorted(explanations: Sequence[Explanation]) -> list[Explanation]:
     if not explanations:
         return []
     nearest = min(explanations, key=lambda e: e.misfit_v)
-    misfit = nearest.misfit_v
-    c, n = nearest.dispersion(misfit), float(np.log(len(nearest.errors)))
-    return sorted(explanations, key=lambda e: e.chi2(misfit) / c + e.fit.belief + n * len(e.fit.axes))
+    return sorted(explanations, key=lambda e: bic(e, nearest))
 
 
 def _needless(explanation: Explanation, others: Sequence[Explanation]) -> bool:

@@ -124,6 +124,12 @@ class Explanation:
                 return False
         return True
 
+    def prominence(self, effect: Effect) -> float:
+        """How many of its standard deviations an effect's strength lies from its null value."""
+        strength = self.estimates[effect.key][0]
+        low, high = strength.ci95
+        return abs(strength.value - strength.null) / max((high - low) / (2 * 1.96), 1e-300)
+
 
 def estimates_of(effects: tuple[Effect, ...], fit: Refit, dispersion: float) -> dict[str, tuple[Estimate, ...]]:
     """The effects' parameters with their intervals.

@@ -161,6 +161,18 @@ class Fitter:
         again = self.explain((), fit if fit.converged else self.onwards((), fit, budget), None)
         return again if again.adequacy.adequate or bic_difference(base, again) > 0 else base
 
+    def pruned(self, explanation: Explanation) -> Explanation | None:
+        """The same without the effect whose strength stands out least, fitted from there; None if it cannot be."""
+        effects, fit = explanation.effects, explanation.fit
+        weakest = min(effects, key=explanation.prominence)
+        gone = {weakest.full_name(p) for p in weakest.parameters}
+        kept = [number for number, axis in enumerate(fit.axes) if axis.name not in gone]
+        rest = tuple(effect for effect in effects if effect is not weakest)
+        axes = tuple(fit.axes[number] for number in kept)
+        start = replace(fit, axes=axes, u=fit.u[kept], jacobian=fit.jacobian[:, kept])
+        found = self.onwards(rest, start, self.settings.refit_budget)
+        return None if found is start else self.explain(rest, found, None)
+
     # --- misfit as noise ------------------------------------------------------------------------------------
 
     def temper(self, base: Explanation) -> Explanation:

@@ -23,21 +23,30 @@ HELD_ENOUGH = 0.7
 CLEAR_K = 1.0
 """A temperature is predicted clearly better where its error is at most half the other's, and this much smaller, K."""
 
+WARMTH_K = 2.0
+"""How well a lumped model's temperature can be expected to agree with a sensor on the can, K."""
+
+
+def bic(explanation: Explanation, scale: Explanation) -> float:
+    r"""BIC of an explanation by quasi-likelihood, on the scale that another one sets.
+
+    .. math:: S / c + W + B + k \ln n
+
+    with ``S`` the sum of squares in which the misfit of ``scale`` counts as noise, and ``c`` its dispersion, so that
+    neighbours which repeat one another, and what neither explains, do not count as evidence (Burnham and Anderson
+    2002, doi:10.1007/b97636, section 2.5); ``W`` the squared error of the temperature, which no fit is shown, as one
+    observation with a deviation of `WARMTH_K`; ``B`` the price of departing from beliefs; ``k`` the number of
+    parameters and ``n`` that of observations.
+    """
+    misfit = scale.misfit_v
+    squares = explanation.chi2(misfit) / scale.dispersion(misfit)
+    warmth = ((explanation.temperature_rms_k or 0.0) / WARMTH_K) ** 2
+    return squares + warmth + explanation.fit.belief + len(explanation.fit.axes) * float(np.log(len(scale.errors)))
+
 
 def bic_difference(worse: Explanation, better: Explanation) -> float:
-    r"""BIC of one explanation minus that of another, by quasi-likelihood.
-
-    .. math:: \Delta = (S_1 - S_2) / c + B_1 - B_2 + (k_1 - k_2) \ln n
-
-    with ``S`` the sum of squares in which the better one's own misfit counts as noise, ``B`` the price of departing
-    from beliefs, ``k`` the number of parameters and ``c`` the better one's dispersion, so that neighbours which
-    repeat one another, and what neither explains, do not count as evidence (Burnham and Anderson 2002,
-    doi:10.1007/b97636, section 2.5).
-    """
-    misfit = better.misfit_v
-    squares = (worse.chi2(misfit) - better.chi2(misfit)) / better.dispersion(misfit)
-    count = len(worse.fit.axes) - len(better.fit.axes)
-    return squares + worse.fit.belief - better.fit.belief + count * float(np.log(len(better.errors)))
+    """BIC of one explanation minus that of another, on the scale of the better one."""
+    return bic(worse, better) - bic(better, better)
 
 
 def closed(before_v: float, after_v: float, noise_v: float) -> float:

@@ -53,13 +53,21 @@ def run_cases(
     names = sorted(p.name for p in folder.glob("case_*") if (p / DESCRIPTION).exists())
     names = [name for name in names if name not in done and (only is None or name in only)]
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, max_tasks_per_child=1) as pool:
+    pool = ProcessPoolExecutor(workers, mp_context=context, max_tasks_per_child=1)
+    try:
         jobs = {pool.submit(run_case, folder / name, backend, hide_names): name for name in names}
         for job in as_completed(jobs):
             row = job.result()
             with path.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(row) + "\n")
             listener(f"{row['case']}: {row['verdict']} {row['names']} {row['wall_s']:.0f} s")
+    except KeyboardInterrupt:
+        # A case keeps nothing until it ends: to wait for the running ones would be to wait for minutes.
+        for process in multiprocessing.active_children():
+            process.terminate()
+        raise
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
     return path
 
 

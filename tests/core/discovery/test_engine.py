@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bsa.core.discovery.axes import effect_axes
 from bsa.core.discovery.engine import Engine
 from bsa.core.discovery.findings import Settings
 from bsa.core.discovery.fitting import Fitter
@@ -102,3 +103,35 @@ def test_a_base_fit_that_stopped_short_is_no_missing_effect(monkeypatch):
     findings = run({})
     assert findings.verdict == "no-missing-effect"
     assert findings.explanations  # it looked like a discrepancy at first
+
+
+def fitted(fitter, effects, budget):
+    axes = (*fitter.axes, *effect_axes(effects))
+    fit = fitter.fit(effects, axes, np.concatenate([[0.2], np.zeros(len(axes) - 1)]), budget)
+    return fitter.explain(effects, fit, None)
+
+
+def test_a_pair_that_had_more_simulations_than_its_member_is_pruned():
+    problem, axes = toy.problem(np.random.default_rng(0), {"sign": 0.01})
+    engine = Engine(problem, axes, CATALOGUE, toy.EVIDENCE)
+    fitter = Fitter(problem, axes, Settings(), print)
+    base = fitted(fitter, (), 100)
+    single, pair = fitted(fitter, (toy.HYSTERESIS,), 5), fitted(fitter, (toy.HYSTERESIS, toy.QUADRATIC), 100)
+    assert pair.adequacy.adequate
+    assert not single.adequacy.adequate
+    before = engine.decide(base, [pair, single])
+    assert before.verdict != "effect-found" or before.best.names != ("sign",)
+    after = engine.decide(base, engine.prune(base, [pair, single]))
+    assert after.verdict == "effect-found", after.reason
+    assert after.best.names == ("sign",)
+    assert [e.label for e in after.explanations].count("sign") == 1
+
+
+def test_the_best_fit_is_gone_on_with_until_it_has_converged():
+    problem, axes = toy.problem(np.random.default_rng(0), {"sign": 0.01})
+    engine = Engine(problem, axes, CATALOGUE, toy.EVIDENCE)
+    fitter = Fitter(problem, axes, Settings(), print)
+    stopped = fitted(fitter, (toy.HYSTERESIS,), 5)
+    assert not stopped.fit.converged
+    (finished,) = engine.finish(fitted(fitter, (), 100), [stopped])
+    assert finished.adequacy.adequate

@@ -7,7 +7,7 @@ from bsa.core.discovery.axes import Axis, effect_axes
 from bsa.core.discovery.explanation import Estimate, Explanation
 from bsa.core.discovery.noise import voltage_noise
 from bsa.core.discovery.refit import Refit, differences, refit
-from bsa.core.discovery.rules import believable, rivals
+from bsa.core.discovery.rules import WARMTH_K, believable, bic_difference, rivals
 from bsa.core.discovery.score import score_effect
 from bsa.core.effect import Effect, EffectParameter
 from bsa.core.parameters import Parameter
@@ -138,6 +138,18 @@ def test_a_temperature_that_no_fit_was_shown_tells_equals_apart():
     assert rivals(warm, [unknown]) == [unknown]
     assert rivals(warm, [explanation("other", 2.5)]) != []
     assert rivals(blind, [warm]) == [warm]
+
+
+def test_a_temperature_counts_as_one_observation():
+    warm, blind, unknown = explanation("heat", 2.0), explanation("cold", 10.0), explanation("cold", None)
+    assert bic_difference(blind, warm) == pytest.approx((10.0**2 - 2.0**2) / WARMTH_K**2)
+    assert bic_difference(warm, blind) == pytest.approx(-bic_difference(blind, warm))
+    assert bic_difference(unknown, untold(warm)) == pytest.approx(0.0)
+
+
+def untold(found):
+    found.temperature_rms_k = None
+    return found
 
 
 def test_a_gap_that_bent_parameters_hide_shows_in_the_temperature():
