@@ -10,6 +10,7 @@ from typing import Any
 from ...core.hooks import NoOptions
 from ...core.messages import JsonSchema, Message, Reply, Usage
 from .acting import act
+from .ranking import rank
 from .reading import read_prompt
 from .reasoner import perturbations, propose
 
@@ -30,14 +31,15 @@ class RulesBackend:
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
         """See `Backend.complete`."""
         started = time.perf_counter()
-        prompt = read_prompt(messages)
         properties: dict[str, Any] = dict(schema.get("properties", {}))
-        if "perturbations" in properties:
-            answer = perturbations(prompt, int(properties["perturbations"].get("maxItems", 1)))
+        if "ranking" in properties:
+            answer = rank(messages, int(properties["ranking"].get("maxItems", 1)))
+        elif "perturbations" in properties:
+            answer = perturbations(read_prompt(messages), int(properties["perturbations"].get("maxItems", 1)))
         elif "action" in properties:
-            answer = act(prompt)
+            answer = act(read_prompt(messages))
         else:
-            answer = propose(prompt)
+            answer = propose(read_prompt(messages))
         usage = Usage(seconds=time.perf_counter() - started)
         return Reply(json.dumps(answer), usage, model="rules", structured_by="schema")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,6 +21,12 @@ _REACH = 3.0
 
 _SHARES = (1.0, 0.3, 0.0)
 """Shares of that move that are tried."""
+
+_SHORT = 12
+"""Simulations of a short refit."""
+
+_BENT = 10.0
+"""Price of departing from beliefs above which the parameters count as bent."""
 
 _RUNGS = (0.5, 1.0, 3.0, 10.0, 32.0, 100.0)
 """Strengths from which a short refit may start, in probes."""
@@ -94,41 +101,54 @@ def short_refit(fitter: Fitter, before: Explanation, nomination: Nomination) -> 
     """A few Broyden steps from a known explanation, with its Jacobian and the effect's mark.
 
     A strong effect is far from where the linear picture of its probe points: the steps start from the best
-    rung of a ladder of strengths.
+    rung of a ladder of strengths. And a model that lacks a strong effect bends its parameters to hide that: where
+    it has bent them beyond belief, they may start as they are believed, on slopes taken there.
     """
     assert nomination.mark is not None
     effects = (*before.effects, nomination.effect)
     axes = (*before.fit.axes, *effect_axes((nomination.effect,)))
     others = [0 * nomination.mark] * (len(nomination.effect.parameters) - 1)
     residual = fitter.residual(effects)
-    best: tuple[float, FloatArray, FloatArray] | None = None
+    best: Refit | None = None
+    unbent: Refit | None = None
     worse = 0
+
+    def at(u: FloatArray, strength: float, slopes: FloatArray) -> Refit | None:
+        # The strength's coordinate is 0 at the probe and -1 at the null.
+        there = np.concatenate([u, [strength - 1.0], np.zeros(len(others))])
+        here = residual(candidate_of(axes, there))
+        return None if here is None else Refit(axes, there, here, slopes, False, 1)
+
     for strength in _ladder(nomination):
-        ahead = before.fit.cost if best is None else best[0]
+        ahead = before.fit.cost if best is None else best.cost
+        if before.fit.belief > _BENT:
+            believed = np.where([axis.prior for axis in before.fit.axes], 0.0, before.fit.u)
+            unbent = _cheaper(unbent, at(believed, strength, before.fit.jacobian))
         # The base parameters move along, as far as the linear picture goes; less far where it misleads.
         there = before.fit.residual + strength * nomination.mark
         whole, _ = bounded_step(before.fit.jacobian, there, before.fit.axes, before.fit.u, _REACH)
         worse += 1
         for step in (share * whole for share in _SHARES):
-            # The strength's coordinate is 0 at the probe and -1 at the null.
-            u = np.concatenate([before.fit.u + step, [strength - 1.0], np.zeros(len(others))])
-            here = residual(candidate_of(axes, u))
-            if here is None:
+            found = at(before.fit.u + step, strength, before.fit.jacobian)
+            if found is None:
                 continue
-            cost = Refit(axes, u, here, before.fit.jacobian, False, 1).cost
-            if best is None or cost < best[0]:
-                # The secant from the null is a better slope for a strong effect than the tangent at the null.
-                secant = (here - before.fit.residual - before.fit.jacobian @ step) / strength
-                best = cost, u, secant
-            if cost < ahead:
+            # The secant from the null is a better slope for a strong effect than the tangent at the null.
+            secant = (found.residual - before.fit.residual - before.fit.jacobian @ step) / strength
+            best = _cheaper(best, replace(found, jacobian=np.column_stack([before.fit.jacobian, secant, *others])))
+            if found.cost < ahead:
                 worse = 0
                 break
         if worse == 2:
             break
-    if best is None:
-        return None
-    _, start, secant = best
-    return fitter.fit(effects, axes, start, 12, jacobian=np.column_stack([before.fit.jacobian, secant, *others]))
+    if unbent is not None and (best is None or unbent.cost < best.cost):
+        return fitter.fit(effects, axes, unbent.u, _SHORT + len(axes))
+    return None if best is None else fitter.fit(effects, axes, best.u, _SHORT, jacobian=best.jacobian)
+
+
+def _cheaper(known: Refit | None, found: Refit | None) -> Refit | None:
+    if known is None or found is None:
+        return known or found
+    return found if found.cost < known.cost else known
 
 
 def _ladder(nomination: Nomination) -> list[float]:

@@ -193,8 +193,10 @@ def _step(leg: Leg, capacity: float, leak: float) -> Any:
     assert leg.rate is not None
     profile = np.asarray(leg.rate, dtype=np.float64) * capacity + leak
     clock = np.arange(len(profile), dtype=np.float64)
+    # Of a current that changes sign PyBaMM cannot tell from which side the voltage comes.
+    below = [f"< {end}" for end in ends]
     return pybamm.step.current(
-        np.column_stack([clock, profile]), duration=clock[-1], period=leg.period, termination=ends or None
+        np.column_stack([clock, profile]), duration=clock[-1], period=leg.period, termination=below or None
     )
 
 

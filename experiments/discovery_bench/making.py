@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ...core.errors import BsaError
 from ...core.segmentation import segment
 from ...core.trajectory import Trajectory
 from .cases import Recipe, base_cell, hide, recipes
@@ -19,6 +20,9 @@ from .profiles import legs
 
 SEALED = "answers.sealed"
 DESCRIPTION = "case.json"
+
+_DRAWS = 4
+"""Draws of a hidden cell's base parameters before a case is given up."""
 
 
 def make_cases(
@@ -40,16 +44,18 @@ def make_cases(
     made = []
     for number, recipe in enumerate(list(recipes())[:count], start=1):
         name = f"case_{number:02d}"
-        for attempt in range(4):
+        for attempt in range(_DRAWS):
             rng = np.random.default_rng([seed, number, attempt])
             try:
                 answers[name] = _make(folder / name, recipe, effects, rng)
-            except (pybamm.SolverError, ValueError, IndexError) as error:
+            except (pybamm.SolverError, BsaError, ValueError, IndexError) as error:
                 listener(f"{name}: draw {attempt + 1} failed ({type(error).__name__})")
                 continue
             made.append(folder / name)
             listener(f"{name} made")
             break
+        else:
+            raise BsaError(f"{name} could not be simulated in {_DRAWS} draws.", "another --seed may do.")
     (folder / SEALED).write_bytes(base64.b64encode(zlib.compress(json.dumps(answers).encode())))
     return made
 
