@@ -128,7 +128,7 @@ def observe(
     charge = np.interp(mean(record.time), record.time, record.discharge_capacity)
     voltage = mean(record.voltage)
     knee = CHARGE_SHARE * _steepness(charge, voltage, index) * max(float(np.ptp(charge)), 1e-9)
-    time = np.minimum(mean(_after_jumps(record)), record.time[-1])
+    time = np.minimum(mean(after_jumps(record)), record.time[-1])
     return Observations(
         name,
         time,
@@ -168,7 +168,7 @@ def _steepness(charge: FloatArray, voltage: FloatArray, steps: NDArray[np.intp])
     return np.maximum(slope - 3 * float(np.median(usual)), 0.0) if usual else slope
 
 
-def _after_jumps(record: Trajectory) -> FloatArray:
+def after_jumps(record: Trajectory) -> FloatArray:
     """The samples' times, with each step's samples after the jump that begins it."""
     time = record.time.copy()
     for step in record.steps[1:]:

@@ -11,18 +11,22 @@ from typing import Any
 
 import jinja2
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.discovery.laboratory import INITIAL_SOC, Specimen
+from ...core.discovery.observations import after_jumps
 from ...core.effect import Effect
 from ...core.parameters import Candidate
 from ...core.task import CellModel
 from .augmentation import augmented_cell, part_of
 from .drive import current_function
+from .driven_cell import FINE
 from .parameter_sets import FACTOR, FILL_FROM, load, pybamm
 from .state_of_charge import InitialState, initial_concentration
 
 _TEMPLATE = Path(__file__).with_name("augmented_model.py.j2")
-_LONGEST = 600
+_LONGEST = 4000
+"""Samples of a record that the script carries at most."""
 
 
 def augmented_script(
@@ -44,8 +48,8 @@ def augmented_script(
     Returns
     -------
     str
-        Runs without arguments, prints the simulated voltage of each record; ``--compare FILE.csv`` compares with a
-        record (columns time_s, voltage_V).
+        Runs without arguments: simulates each record and says how far it is from what was measured. With the mesh
+        and the tolerance that the discovery measured its discretisation with, so that its curve is the report's.
     """
     augmented = augmented_cell(cell, effects)
     state = InitialState(load(cell.parameter_set, cell.overrides))
@@ -56,6 +60,7 @@ def augmented_script(
             own[INITIAL_SOC] = own[specimen.soc_name]
         drive = current_function(specimen.record)
         start = state.concentrations(own, own.get(INITIAL_SOC))
+        kept = _thinned(len(specimen.record.time))
         records.append(
             {
                 "name": specimen.name,
@@ -65,7 +70,8 @@ def augmented_script(
                 "time": [round(float(t), 4) for t in drive.time],
                 "current": [round(float(i), 6) for i in drive.current],
                 "stops": [round(float(t), 4) for t in drive.stops],
-                "sample": [round(float(t), 3) for t in _thinned(specimen.record.time)],
+                "sample": [round(float(t), 4) for t in after_jumps(specimen.record)[kept]],
+                "measured": [round(float(v), 5) for v in specimen.record.voltage[kept]],
             }
         )
     environment = jinja2.Environment(
@@ -87,11 +93,12 @@ def augmented_script(
         },
         effects=[_quoted(number, effect, candidate) for number, effect in enumerate(effects, start=1)],
         records=records,
+        resolution=FINE,
     )
 
 
-def _thinned(time: Any) -> Any:
-    return time[np.unique(np.linspace(0, len(time) - 1, min(len(time), _LONGEST)).round().astype(int))]
+def _thinned(count: int) -> NDArray[np.intp]:
+    return np.unique(np.linspace(0, count - 1, min(count, _LONGEST)).round().astype(np.intp))
 
 
 def _quoted(number: int, effect: Effect, candidate: Candidate) -> dict[str, Any]:

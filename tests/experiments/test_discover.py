@@ -1,4 +1,6 @@
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -97,4 +99,7 @@ def test_a_hidden_resistance_is_found_from_files(tmp_path):
     assert "contact-resistance" in page
     assert "<svg" in page
     assert "<script" not in page
-    compile((tmp_path / "out" / "augmented_model.py").read_text(), "augmented_model.py", "exec")
+    script = [sys.executable, tmp_path / "out" / "augmented_model.py"]
+    said = subprocess.run(script, capture_output=True, text=True, timeout=300, check=True).stdout
+    rms_mv = float(said.split("rms error ")[1].split(" mV")[0])
+    assert rms_mv == pytest.approx(found.gap["final_rmse_mv"], rel=0.05)

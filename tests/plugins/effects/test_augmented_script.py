@@ -8,7 +8,7 @@ from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.effects.catalogue import EFFECTS
 from bsa.plugins.pybamm.augmented_script import augmented_script
-from bsa.plugins.pybamm.driven_cell import DrivenCell
+from bsa.plugins.pybamm.driven_cell import FINE, DrivenCell
 
 
 def record():
@@ -41,7 +41,7 @@ def test_the_script_needs_pybamm_alone_and_gives_the_same_curve(tmp_path, keys):
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr[-2000:]
-    expected = DrivenCell(cell, effects, driven, [name], 298.15).solve(
+    expected = DrivenCell(cell, effects, driven, [name], 298.15, FINE).solve(
         candidate | {"Initial state of charge": 0.9}, driven.time, driven.current
     )
     assert expected is not None
