@@ -25,10 +25,11 @@ _LONGEST_SOLVE_STEPS = 30_000
 _EMPTY_V, _FULL_V = 0.5, 6.0
 """What an empty and an overfull cell show until the current changes: the widened cut-offs."""
 
-_PAUSES = 3
-"""Steps of a record that a candidate may be empty or overfull in before it is given up."""
+_NEVER = (1e12, 1e12)
+"""A pause that never comes, s."""
 
-_NEVER_S = 1e12
+_STUCK = 3
+"""Times that the limit may be reached again within one pause."""
 
 
 @dataclass(frozen=True)
@@ -201,58 +202,75 @@ class DrivenCell:
         shows the limit and passes no current until the step ends, and goes on from there. So the error grows
         steadily with the charge that is lacking, and a fit finds its way back.
         """
-        pauses: list[tuple[float, float, float]] = []
         last = float(self._stops[-1])
+        parts: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+        shown: list[tuple[float, float, float]] = []
+        state = self._advance(None, inputs, _NEVER, times)
+        pause, stuck = _NEVER, 0
+        if state is None:
+            return None
         while True:
-            starts, ends = ([pause[k] for pause in pauses] for k in (0, 1))
-            padding = [_NEVER_S] * (_PAUSES - len(pauses))
-            gate = {_PAUSE_START.format(k): t for k, t in enumerate([*starts, *padding])}
-            gate |= {_PAUSE_END.format(k): t for k, t in enumerate([*ends, *padding])}
-            edges = [edge for t in (*starts, *ends) for edge in (t, t + JUMP_S)]
-            stops = np.unique([*self._stops, *(t for t in edges if t < last)])
-            grid = np.unique(np.concatenate([times, stops]))
-            # Stops and samples closer than rounding would make steps of no length.
-            stops, grid = (t[np.concatenate([[True], np.diff(t) > 1e-2 * JUMP_S])] for t in (stops, grid))
-            try:
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore")
-                    solution = self._solver.solve(self._model, t_eval=stops, t_interp=grid, inputs=inputs | gate)
-            except (pybamm.SolverError, ValueError, ArithmeticError, RuntimeError):
-                return None
-            reached = float(solution.t[-1])
-            voltage, kelvin = (
-                np.interp(times, solution.t, np.asarray(solution[name].data).ravel()) for name in _OUTPUTS
-            )
+            parts.append((state.t, *(np.asarray(state[name].data).ravel() for name in _OUTPUTS)))
+            reached = float(state.t[-1])
             if reached >= last - JUMP_S:
                 break
-            drawn = float(np.interp(reached, self._drive.time, self._drive.current))
-            limit = _EMPTY_V if drawn > 0 else _FULL_V
-            if len(pauses) == _PAUSES or (pauses and reached < pauses[-1][1]):
-                voltage[times > reached] = limit
+            if reached < pause[1] and pause is not _NEVER:
+                stuck += 1
+            else:
+                drawn = float(np.interp(reached, self._drive.time, self._drive.current))
+                step_end = float(self._stops[self._stops > reached + JUMP_S][0])
+                shown.append((reached, step_end, _EMPTY_V if drawn > 0 else _FULL_V))
+                # Already over when the integrator goes on, so that the limit is not reached at once again.
+                pause, stuck = (reached - 2 * JUMP_S, step_end), 0
+            state = self._advance(state, inputs, pause, times) if stuck < _STUCK else None
+            if state is None:
+                shown.append((reached, np.inf, shown[-1][2]))
                 break
-            step_end = float(self._stops[self._stops > reached + JUMP_S][0])
-            # A moment earlier, so that the limit is not reached again.
-            pauses.append((max(reached - 2 * JUMP_S, float(self._stops[0])), step_end, limit))
-        for start, end, limit in pauses:
+        clock, voltage, kelvin = (np.concatenate(series) for series in zip(*parts, strict=True))
+        voltage, kelvin = np.interp(times, clock, voltage), np.interp(times, clock, kelvin)
+        for start, end, limit in shown:
             voltage[(times > start) & (times <= end)] = limit
         return voltage, kelvin
 
+    def _advance(
+        self, before: Any, inputs: dict[str, float], pause: tuple[float, float], times: FloatArray
+    ) -> Any | None:
+        """Solve on from a solution (from the start, where it is None) until the record or the cell ends."""
+        start = float(self._stops[0] if before is None else before.t[-1])
+        edges = [edge + after for edge in pause for after in (0.0, JUMP_S) if start < edge + after < self._stops[-1]]
+        stops = np.unique([start, *self._stops[self._stops > start], *edges])
+        grid = np.unique(np.concatenate([times[times > start], stops]))
+        # Stops and samples closer than rounding would make steps of no length.
+        stops, grid = (t[np.concatenate([[True], np.diff(t) > 1e-2 * JUMP_S])] for t in (stops, grid))
+        inputs = inputs | dict(zip(_PAUSE, pause, strict=True))
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                if before is None:
+                    return self._solver.solve(self._model, t_eval=stops, t_interp=grid, inputs=inputs)
+                # PyBaMM does not go on from an event unless it is told that none was met.
+                state = before.last_state
+                state.termination = "final time"
+                clock, wanted = stops - start, grid - start
+                return self._solver.step(
+                    state, self._model, clock[-1], t_eval=clock, t_interp=wanted, inputs=inputs, save=False
+                )
+        except (pybamm.SolverError, ValueError, ArithmeticError, RuntimeError):
+            return None
+
 
 _OUTPUTS = ("Voltage [V]", "Volume-averaged cell temperature [K]")
-_PAUSE_START, _PAUSE_END = "Pause {} begins [s]", "Pause {} ends [s]"
+_PAUSE = ("Pause begins [s]", "Pause ends [s]")
 
 
 def _gate() -> Any:
-    """1, and 0 during each pause, as a function of time and inputs."""
+    """1, and 0 during a pause, as a function of time and inputs."""
 
     def rise(begin: Any) -> Any:
         return pybamm.minimum(pybamm.maximum((pybamm.t - begin) / JUMP_S, 0), 1)
 
-    gate: Any = pybamm.Scalar(1)
-    for k in range(_PAUSES):
-        start, end = (pybamm.InputParameter(name.format(k)) for name in (_PAUSE_START, _PAUSE_END))
-        gate = gate * (1 - rise(start) + rise(end))
-    return gate
+    start, end = (pybamm.InputParameter(name) for name in _PAUSE)
+    return 1 - rise(start) + rise(end)
 
 
 def add_values(values: Any, part: PyBaMMPart, p: Mapping[str, Any], current: Any) -> Any:

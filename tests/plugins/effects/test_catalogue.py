@@ -169,3 +169,20 @@ def test_a_cell_that_runs_empty_pauses_until_the_current_turns():
     assert curves[0].voltage[199] == 0.5
     assert curves[0].voltage[-1] > 3.0
     assert np.max(np.abs(curves[1].voltage - curves[0].voltage)[201:]) < 0.03
+
+
+def test_a_cell_that_runs_empty_in_every_cycle_is_followed_to_the_end():
+    # Each of six cycles draws more than the cell holds.
+    one = np.concatenate([np.full(100, 5.0), np.full(100, -4.0)])
+    current, time = np.tile(one, 6), 35.0 * np.arange(1200)
+    kinds = (StepKind.CC_DISCHARGE, StepKind.CC_CHARGE) * 6
+    steps = tuple(Step(kind, 100 * k, 100 * (k + 1)) for k, kind in enumerate(kinds))
+    record = Trajectory(time, current, np.full(1200, 3.7), None, steps)
+    driven = DrivenCell(CellModel("Chen2020", "SPM"), (), record, ())
+    curves = [driven.solve({"Initial state of charge": soc}, time, current) for soc in (0.5, 0.501)]
+    assert all(curve is not None for curve in curves)
+    for cycle in range(6):
+        discharge = curves[0].voltage[200 * cycle : 200 * cycle + 100]
+        assert discharge[5] > 3.0
+        assert discharge[-1] == 0.5
+    assert np.mean(np.abs(curves[1].voltage - curves[0].voltage)) < 0.02
