@@ -17,8 +17,9 @@ CLEAR_HELD = 0.9
 CLOSED_ENOUGH = 0.8
 """Share of the excess variance that a named explanation must close; below it is a partial explanation."""
 
-HELD_ENOUGH = 0.7
-"""The same for data that was not fitted."""
+CLOSED_FITTED = 0.5
+"""The same on fitted data, where data that was not fitted shows the gap too. A base model bends its parameters to what
+it is fitted to and hides part of its gap there, so that what an effect closes of it is understated."""
 
 CLEAR_K = 1.0
 """A temperature is predicted clearly better where its error is at most half the other's, and this much smaller, K."""
@@ -65,16 +66,16 @@ def believable(base: Explanation, found: Explanation, noise_v: float, held_noise
         return "its fit did not converge"
     # A base model that bends its parameters beyond belief may come as near to the voltage; BIC counts the bending.
     # A temperature predicted clearly better, which no fit was shown, then stands for the gap that it hides.
-    seen = found.adequacy.adequate or predicts_warmth(found, base)
-    share = closed(base.rmse_v, found.rmse_v, noise_v)
-    if share < CLOSED_ENOUGH and not seen:
-        return f"closes {share:.0%} of the gap only"
+    if not (found.adequacy.adequate or predicts_warmth(found, base)):
+        material = base.held_rmse_v > 1.1 * held_noise_v
+        share = closed(base.rmse_v, found.rmse_v, noise_v)
+        if share < (CLOSED_FITTED if material else CLOSED_ENOUGH):
+            return f"closes {share:.0%} of the gap only"
+        held = closed(base.held_rmse_v, found.held_rmse_v, held_noise_v)
+        if material and held < CLOSED_ENOUGH:
+            return f"closes {held:.0%} of the gap in data not fitted only"
     if not found.held_rmse_v < base.held_rmse_v:
         return "does not predict the data not fitted better than the base model"
-    held = closed(base.held_rmse_v, found.held_rmse_v, held_noise_v)
-    material = base.held_rmse_v > 1.1 * held_noise_v
-    if held < HELD_ENOUGH and material and not seen:
-        return f"closes {held:.0%} of the gap in data not fitted only"
     return ""
 
 
@@ -90,7 +91,7 @@ def rivals(best: Explanation, others: Sequence[Explanation]) -> list[Explanation
             continue
         if set(best.names) < set(other.names):
             continue  # the best one with an ornament is no rival
-        if predicts_warmth(best, other):
+        if predicts_warmth(best, other) or best.held_rmse_v < CLEAR_HELD * other.held_rmse_v:
             continue
         difference = bic_difference(other, best)
         predicts_better = other.held_rmse_v < CLEAR_HELD * best.held_rmse_v and not best.adequacy.adequate

@@ -163,3 +163,32 @@ def test_a_gap_that_bent_parameters_hide_shows_in_the_temperature():
         found.adequacy = Adequacy(0.0, 0.0, 1e-3, 1.0)
     assert "of the gap only" in believable(base, blind, 1e-4, 1e-4)
     assert believable(base, warm, 1e-4, 1e-4) == ""
+
+
+@pytest.mark.parametrize(
+    ("fitted_mv", "held_mv", "base_held_mv", "words"),
+    [
+        (5.0, 3.0, 10.0, ""),
+        (5.0, 6.0, 10.0, "in data not fitted only"),
+        (8.0, 3.0, 10.0, "of the gap only"),
+        (5.0, 1.0, 1.05, "of the gap only"),
+        (3.0, 1.0, 1.05, ""),
+    ],
+)
+def test_data_that_was_not_fitted_decides_what_is_closed_where_it_shows_the_gap(
+    fitted_mv, held_mv, base_held_mv, words
+):
+    base, found = explanation("base", None, rmse=10.0), explanation("effect", None, rmse=2.0)
+    found.adequacy = Adequacy(0.0, 0.0, 1e-3, 1.0)
+    base.rmse_v, base.held_rmse_v = 10e-3, 1e-3 * base_held_mv
+    found.rmse_v, found.held_rmse_v = 1e-3 * fitted_mv, 1e-3 * held_mv
+    reason = believable(base, found, 1e-3, 1e-3)
+    assert words in reason
+    assert bool(words) == bool(reason)
+
+
+def test_who_predicts_data_not_fitted_clearly_worse_is_no_rival():
+    best, other = explanation("one", None), explanation("other", None)
+    assert rivals(best, [other]) == [other]
+    other.held_rmse_v = 1.2 * best.held_rmse_v
+    assert rivals(best, [other]) == []
