@@ -10,7 +10,7 @@ from ..effect import Effect, Evidence
 from .axes import Axis
 from .explanation import Explanation
 from .findings import Findings, Listener, Nomination, Settings
-from .fitting import Fitter
+from .fitting import LAG, Fitter
 from .nomination import nominate, nominate_beside, short_refit
 from .problem import Problem
 from .rules import CLEAR_BIC, believable, bic, bic_difference, predicts_warmth, rivals
@@ -147,10 +147,11 @@ class Engine:
     def _settle(
         self, base: Explanation, shortlist: Sequence[tuple[tuple[Effect, ...], Nomination]]
     ) -> list[Explanation]:
-        """Fit the best of a shortlist, which is sorted, side by side until one is settled."""
+        """Fit the best of a shortlist, which is sorted, until one is settled; at least two, so that it has a rival."""
         kept = [(effects, n.screened, n.score) for effects, n in shortlist if n.screened is not None]
-        running = [self._fitter.explain(*row) for row in kept[: self.settings.confirmed]]
-        return self._fitter.contest(base, running) if running else []
+        ahead = kept[0][1].cost + LAG if kept else 0.0
+        running = [row for k, row in enumerate(kept[: self.settings.confirmed]) if k < 2 or row[1].cost < ahead]
+        return self._fitter.contest(base, [self._fitter.explain(*row) for row in running]) if running else []
 
     def decide(self, base: Explanation, explanations: Sequence[Explanation]) -> Findings:
         """Apply the rules to explanations that are sorted, the best first."""

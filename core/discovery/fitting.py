@@ -32,9 +32,6 @@ _GOOD_START = 3.0
 LAG = 2 * CLEAR_BIC
 """Cost by which an explanation may lag behind the best one before it is dropped: twice a BIC that is clear."""
 
-_FALLING = 0.7
-"""A fit whose cost fell below this share of what it was is on its way, however far behind it is."""
-
 _LEVELS = 6
 """Times that the misfit which counts as noise is lowered at most."""
 
@@ -197,8 +194,8 @@ class Fitter:
         """Fit explanations side by side, from coarse to fine, as long as they keep up with the best one.
 
         At each level the blur of the best one counts as noise, so that differences in cost are evidence; who lags
-        by more than `LAG`, and is not falling fast, is dropped and keeps the fit that it has. The last level, at which
-        the best one is adequate or comes no nearer, is fitted until converged.
+        by more than `LAG` is dropped, and keeps the fit that it has. The last level, at which the best one is
+        adequate or comes no nearer, is fitted until converged.
         """
         running, dropped = list(explanations), []
         for level in range(_LEVELS):
@@ -213,9 +210,7 @@ class Fitter:
             for explanation in running:
                 again = self.again(explanation, budget)
                 ahead = min((other.fit.cost for other in fitted), default=np.inf)
-                start = explanation.chi2(self.problem.misfit_v) + explanation.fit.belief
-                falling = not again.fit.converged and again.fit.cost < _FALLING * start
-                if again.fit.cost > ahead + LAG and not falling:
+                if again.fit.cost > ahead + LAG:
                     dropped.append(again)
                 else:
                     fitted.append(again)

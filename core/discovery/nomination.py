@@ -25,8 +25,8 @@ _SHARES = (1.0, 0.3, 0.0)
 _SHORT = 12
 """Simulations of a short refit."""
 
-_BENT = 4.0
-"""Price of departing from beliefs above which the parameters count as bent: two deviations of one of them."""
+_BENT = 10.0
+"""Price of departing from beliefs above which the parameters count as bent."""
 
 _RUNGS = (0.5, 1.0, 3.0, 10.0, 32.0, 100.0)
 """Strengths from which a short refit may start, in probes."""
