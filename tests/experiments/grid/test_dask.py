@@ -46,7 +46,11 @@ def once(plan) -> None:
         result = plan.store.result(cell.identity)
         assert result is not None
         assert trials == Counter(range(result["simulations"]))
-        assert sum(event["event"] == "end" for event in events) == 1
+        # A worker that dies between a run's last word and its result leaves that word behind; who takes the run up
+        # again says so, and has the last one.
+        kinds = [event["event"] for event in events if event["event"] in ("resumed", "end")]
+        assert kinds[-1] == "end"
+        assert ["end", "end"] not in [kinds[k : k + 2] for k in range(len(kinds))]
 
 
 @pytest.mark.slow
