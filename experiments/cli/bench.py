@@ -140,12 +140,13 @@ def no_harm_command(
     ] = 100,
     workers: Workers = 2,
     seed: Seed = 1234,
+    published: Published = None,
     out: Out = Path("results/no-harm"),
 ) -> None:
     """Hybrid with random, hostile and reasoned advice, against least squares with a fifth fewer simulations."""
     from ..studies.no_harm import no_harm_study
 
-    no_harm_study(_chosen(suite, cases, seed), out, simulations, workers, seed)
+    no_harm_study(_chosen(suite, cases, seed, published), out, simulations, workers, seed)
     print(f"{out / 'no_harm.md'}")
 
 
