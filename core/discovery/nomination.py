@@ -113,23 +113,24 @@ def short_refit(fitter: Fitter, before: Explanation, nomination: Nomination) -> 
     unbent: Refit | None = None
     worse = 0
 
-    def at(u: FloatArray, strength: float, slopes: FloatArray) -> Refit | None:
+    believed = np.where([axis.prior for axis in before.fit.axes], 0.0, before.fit.u)
+
+    def at(u: FloatArray, strength: float) -> Refit | None:
         # The strength's coordinate is 0 at the probe and -1 at the null.
         there = np.concatenate([u, [strength - 1.0], np.zeros(len(others))])
         here = residual(candidate_of(axes, there))
-        return None if here is None else Refit(axes, there, here, slopes, False, 1)
+        return None if here is None else Refit(axes, there, here, before.fit.jacobian, False, 1)
 
     for strength in _ladder(nomination):
         ahead = before.fit.cost if best is None else best.cost
         if before.fit.belief > _BENT:
-            believed = np.where([axis.prior for axis in before.fit.axes], 0.0, before.fit.u)
-            unbent = _cheaper(unbent, at(believed, strength, before.fit.jacobian))
+            unbent = _cheaper(unbent, at(believed, strength))
         # The base parameters move along, as far as the linear picture goes; less far where it misleads.
         there = before.fit.residual + strength * nomination.mark
         whole, _ = bounded_step(before.fit.jacobian, there, before.fit.axes, before.fit.u, _REACH)
         worse += 1
         for step in (share * whole for share in _SHARES):
-            found = at(before.fit.u + step, strength, before.fit.jacobian)
+            found = at(before.fit.u + step, strength)
             if found is None:
                 continue
             # The secant from the null is a better slope for a strong effect than the tangent at the null.

@@ -1,6 +1,6 @@
 """Measured cells: a right name or no name, never a wrong one. Slow: minutes each.
 
-What comes out today, and why it is not the name that is expected, stands in docs/discovery.md.
+What comes out today, and why it is not always the name that is expected, stands in docs/discovery.md.
 """
 
 from pathlib import Path
