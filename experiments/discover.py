@@ -149,12 +149,7 @@ def discover(options: DiscoverOptions, listener: Listener = lambda text: None) -
     options.out.mkdir(parents=True, exist_ok=True)
     text = json.dumps(discovery.to_json(), indent=1, allow_nan=False)
     (options.out / "discovery.json").write_text(text, encoding="utf-8")
-    from ..plugins.pybamm.augmented_script import augmented_script
-
-    best = discovery.findings.best
-    (options.out / "augmented_model.py").write_text(
-        augmented_script(case.cell, best.effects, best.fit.candidate, case.specimens), encoding="utf-8"
-    )
+    (options.out / "augmented_model.py").write_text(discovery.script, encoding="utf-8")
     write_page(options.out / "report.html", discovery, discovery_problem(discovery))
     return discovery
 
@@ -235,15 +230,22 @@ def discover_in(
     settings: Settings | None = None,
 ) -> Discovery:
     """Find what is missing in a case that has been read; writes nothing."""
+    from ..plugins.pybamm.augmented_script import augmented_script
     from ..plugins.pybamm.laboratory import PyBaMMLaboratory
     from ..plugins.pybamm.parameter_sets import load, pybamm
+    from ..plugins.pybamm.radial_mesh import radial_resolutions
     from ..plugins.pybamm.uncertain_parameters import uncertain_parameters
 
     pybamm.set_logging_level("CRITICAL")
     started = time.perf_counter()
     cell = case.cell
+    usual, fine = radial_resolutions(cell, [*case.specimens, *case.held], case.initial_soc)
+    notes = list(case.notes)
+    if usual.radial_points is not None:
+        notes.append(f"{usual.radial_points} mesh points resolve each particle: PyBaMM's own number does not")
+        listener(notes[-1])
     axes = uncertain_parameters(cell.model, case.specimens, case.initial_soc, _spreads(options.search, cell))
-    laboratory = PyBaMMLaboratory(cell, [axis.name for axis in axes])
+    laboratory = PyBaMMLaboratory(cell, [axis.name for axis in axes], usual, fine)
     floor = 1e-3 * options.floor_mv
     problem = Problem(
         laboratory,
@@ -293,7 +295,7 @@ def discover_in(
         localise(problem.observations, after, capacity),
         in_words(places, noise),
         ranking=asked[-1] if asked else None,
-        notes=[*case.notes, *(f"not built: {name}: {why}" for name, why in laboratory.refused.items())],
+        notes=[*notes, *(f"not built: {name}: {why}" for name, why in laboratory.refused.items())],
     )
     rival = findings.rivals[0] if findings.rivals else _second(findings.explanations, findings.best)
     if findings.verdict == "ambiguous" and rival is not None:
@@ -303,6 +305,8 @@ def discover_in(
     if findings.verdict == "unexplained":
         discovery.closure = fit_closure(problem.observations, before, capacity)
     discovery.temperature_rms_k = _temperatures(problem, findings.best)
+    found = findings.best
+    discovery.script = augmented_script(cell, found.effects, found.fit.candidate, case.specimens, fine)
     discovery.simulations = laboratory.simulations
     discovery.wall_s = time.perf_counter() - started
     _PROBLEMS.clear()

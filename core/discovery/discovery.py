@@ -48,6 +48,8 @@ class Discovery:
         Wall time, s.
     notes : list of str
         What was assumed.
+    script : str
+        Source of ``augmented_model.py``: the best explanation, in the simulator's own language.
     """
 
     findings: Findings
@@ -63,6 +65,7 @@ class Discovery:
     simulations: int = 0
     wall_s: float = 0.0
     notes: list[str] = field(default_factory=list)
+    script: str = ""
 
     @property
     def verdict(self) -> str:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
-
 from ..effect import Effect, Evidence
 from .axes import Axis
 from .explanation import Explanation
 from .findings import Findings, Listener, Nomination, Settings
 from .fitting import LAG, Fitter
-from .nomination import nominate, nominate_beside, short_refit
+from .nomination import nominate, nominate_beside, screen
 from .problem import Problem
 from .rules import CLEAR_BIC, believable, bic, bic_difference, predicts_warmth, rivals
 
@@ -98,10 +96,9 @@ class Engine:
         chosen += [n for n in scored[self.settings.screened :] if n.effect.key in keys]
         self._say(f"screening {len(chosen)} effects")
         for nomination in chosen:
-            nomination.screened = short_refit(self._fitter, calm, nomination)
-        alive = [n for n in chosen if n.screened is not None]
-        alive.sort(key=lambda n: n.screened.cost if n.screened else np.inf)
-        return self._settle(base, [((n.effect,), n) for n in alive])
+            screen(self._fitter, calm, nomination)
+        ranked = sorted(chosen, key=lambda n: n.promise)
+        return self._settle(base, [((n.effect,), n) for n in ranked])
 
     def pair(
         self, base: Explanation, singles: Sequence[Explanation], nominations: Sequence[Nomination]
@@ -113,14 +110,30 @@ class Engine:
                 effects = (first.effects[0], nomination.effect)
                 key = tuple(sorted(effect.key for effect in effects))
                 if key not in screened:
-                    nomination.screened = short_refit(self._fitter, first, nomination)
-                    if nomination.screened is not None:
-                        screened[key] = effects, nomination
-        ranked = sorted(screened.values(), key=lambda row: row[1].screened.cost if row[1].screened else np.inf)
+                    screen(self._fitter, first, nomination)
+                    screened[key] = effects, nomination
+        ranked = sorted(screened.values(), key=lambda row: row[1].promise)
         return self._settle(base, ranked)
 
     def finish(self, base: Explanation, explanations: Sequence[Explanation]) -> list[Explanation]:
-        """Fit the best of some sorted explanations until it has converged or comes no nearer."""
+        """Fit the best of some sorted explanations until it has converged or comes no nearer.
+
+        Then those that lost their way and might yet be better are fitted from where it ended; if one overtakes it,
+        that one is gone on with.
+        """
+        result = self._converge(base, explanations)
+        if not result or result[0].adequacy.adequate:
+            return result
+        leader = result[0]
+        for number, other in enumerate(result[1:], start=1):
+            if len(other.effects) == 1 and not other.fit.converged and _may_yet_lead(other, leader):
+                result[number] = self._fitter.from_beside(other, leader)
+                if result[number] is not other:
+                    self._fitter.tell(base, result[number])
+        result = _sorted(result)
+        return result if result[0] is leader else self._converge(base, result)
+
+    def _converge(self, base: Explanation, explanations: Sequence[Explanation]) -> list[Explanation]:
         result = list(explanations)
         for _ in range(_MORE):
             if not result or result[0].fit.converged or result[0].adequacy.adequate:
@@ -148,10 +161,14 @@ class Engine:
         self, base: Explanation, shortlist: Sequence[tuple[tuple[Effect, ...], Nomination]]
     ) -> list[Explanation]:
         """Fit the best of a shortlist, which is sorted, until one is settled; at least two, so that it has a rival."""
-        kept = [(effects, n.screened, n.score) for effects, n in shortlist if n.screened is not None]
-        ahead = kept[0][1].cost + LAG if kept else 0.0
-        running = [row for k, row in enumerate(kept[: self.settings.confirmed]) if k < 2 or row[1].cost < ahead]
-        return self._fitter.contest(base, [self._fitter.explain(*row) for row in running]) if running else []
+        kept = [row for row in shortlist if row[1].screened is not None][: self.settings.confirmed]
+        ahead = kept[0][1].promise + LAG if kept else 0.0
+        running = [
+            self._fitter.explain(effects, n.screened, n.score)
+            for place, (effects, n) in enumerate(kept)
+            if n.screened is not None and (place < 2 or n.promise < ahead)
+        ]
+        return self._fitter.contest(base, running) if running else []
 
     def decide(self, base: Explanation, explanations: Sequence[Explanation]) -> Findings:
         """Apply the rules to explanations that are sorted, the best first."""
@@ -184,6 +201,11 @@ def _sorted(explanations: Sequence[Explanation]) -> list[Explanation]:
         return []
     nearest = min(explanations, key=lambda e: e.misfit_v)
     return sorted(explanations, key=lambda e: bic(e, nearest))
+
+
+def _may_yet_lead(other: Explanation, leader: Explanation) -> bool:
+    """Whether an explanation predicts data not fitted better than the best one, or is near it."""
+    return other.held_rmse_v < leader.held_rmse_v or bic_difference(other, leader) <= 10 * CLEAR_BIC
 
 
 def _needless(explanation: Explanation, others: Sequence[Explanation]) -> bool:

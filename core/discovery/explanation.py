@@ -13,6 +13,9 @@ from .far_errors import drawn_in
 from .refit import Refit
 from .score import Score
 
+WARMTH_K = 2.0
+"""How well a lumped model's temperature can be expected to agree with a sensor on the can, K."""
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -105,6 +108,16 @@ class Explanation:
         return self.misfit_v * float(np.sqrt(self.adequacy.repetition))
 
     @property
+    def warmth(self) -> float:
+        """Squared error of the temperature, which no fit is shown, in units of `WARMTH_K`."""
+        return warmth(self.temperature_rms_k)
+
+    @property
+    def cost(self) -> float:
+        """What its fit left, with the temperature: by this explanations that are fitted side by side are compared."""
+        return self.fit.cost + self.warmth
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Public names of the effects, sorted; variants of one effect share a name."""
         return tuple(sorted({effect.name for effect in self.effects}))
@@ -129,6 +142,11 @@ class Explanation:
         strength = self.estimates[effect.key][0]
         low, high = strength.ci95
         return abs(strength.value - strength.null) / max((high - low) / (2 * 1.96), 1e-300)
+
+
+def warmth(temperature_rms_k: float | None) -> float:
+    """Squared error of a temperature (K), as one observation; 0 where none was measured."""
+    return ((temperature_rms_k or 0.0) / WARMTH_K) ** 2
 
 
 def estimates_of(effects: tuple[Effect, ...], fit: Refit, dispersion: float) -> dict[str, tuple[Estimate, ...]]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from ..effect import Effect
 from ..trajectory import FloatArray
 from .explanation import Explanation
@@ -59,6 +61,8 @@ class Nomination:
         The standard deviations that the mark is in, V.
     screened : Refit or None
         A short refit with it.
+    warmth : float
+        What the temperature adds to that refit's cost.
     """
 
     effect: Effect
@@ -67,6 +71,12 @@ class Nomination:
     mark: FloatArray | None = None
     deviation: FloatArray | None = None
     screened: Refit | None = None
+    warmth: float = 0.0
+
+    @property
+    def promise(self) -> float:
+        """Cost that it is ranked by after its short refit; infinite if that could not be made."""
+        return np.inf if self.screened is None else self.screened.cost + self.warmth
 
 
 @dataclass(eq=False)

@@ -12,7 +12,7 @@ from ..errors import BsaError
 from ..trajectory import FloatArray
 from .adequacy import judge
 from .axes import Axis, candidate_of
-from .explanation import Explanation, estimates_of
+from .explanation import Explanation, estimates_of, warmth
 from .findings import Listener, Settings
 from .laboratory import Prediction
 from .problem import Problem
@@ -31,6 +31,9 @@ _GOOD_START = 3.0
 
 LAG = 2 * CLEAR_BIC
 """Cost by which an explanation may lag behind the best one before it is dropped: twice a BIC that is clear."""
+
+_SHARES_OF_STRENGTH = (1.0, 0.7, 1.4, 0.5, 2.0, 0.25, 4.0)
+"""Of a strength fitted elsewhere, what it may be beside another's base parameters."""
 
 _LEVELS = 6
 """Times that the misfit which counts as noise is lowered at most."""
@@ -173,6 +176,27 @@ class Fitter:
         found = self.onwards(rest, start, self.settings.refit_budget)
         return None if found is start else self.explain(rest, found, None)
 
+    def from_beside(self, explanation: Explanation, leader: Explanation) -> Explanation:
+        """An explanation fitted once more from the leader's base parameters; itself, where that comes no nearer.
+
+        What is true of the base model is true whatever is added to it, and effects of one kind (all that cost
+        lithium) hide behind one another: one that found its way shows the others theirs.
+        """
+        effects, axes, count = explanation.effects, explanation.fit.axes, len(self.axes)
+        residual, best = self.residual(effects), None
+        for share in _SHARES_OF_STRENGTH:
+            start = np.concatenate([leader.fit.u[:count], explanation.fit.u[count:]])
+            # The strength's coordinate is -1 at its null.
+            start[count] = np.clip(share * (start[count] + 1.0) - 1.0, *axes[count].bounds)
+            here = residual(candidate_of(axes, start))
+            if here is not None and (best is None or float(here @ here) < best[0]):
+                best = float(here @ here), start
+        fit = None if best is None else self.fit(effects, axes, best[1], self.settings.refit_budget)
+        if fit is None:
+            return explanation
+        again = self.explain(effects, fit, explanation.score)
+        return again if bic_difference(explanation, again) > 0 else explanation
+
     # --- misfit as noise ------------------------------------------------------------------------------------
 
     def temper(self, base: Explanation) -> Explanation:
@@ -199,7 +223,7 @@ class Fitter:
         """
         running, dropped = list(explanations), []
         for level in range(_LEVELS):
-            running.sort(key=lambda e: e.fit.cost)
+            running.sort(key=lambda e: e.cost)
             best, before = running[0], self.problem.misfit_v
             # One that is near is weighed against the noise, as the base model was: only there can it prove adequate.
             left = best.blur_v if best.misfit_v > _NEAR_V else 0.0
@@ -209,8 +233,8 @@ class Fitter:
             fitted: list[Explanation] = []
             for explanation in running:
                 again = self.again(explanation, budget)
-                ahead = min((other.fit.cost for other in fitted), default=np.inf)
-                if again.fit.cost > ahead + LAG:
+                ahead = min((other.cost for other in fitted), default=np.inf)
+                if again.cost > ahead + LAG:
                     dropped.append(again)
                 else:
                     fitted.append(again)
@@ -246,6 +270,13 @@ class Fitter:
         explanation = Explanation(effects, fit, adequacy, rmse, held_rmse, held_chi2, volts, sigma, score, kelvin)
         explanation.estimates = estimates_of(effects, fit, explanation.dispersion(problem.misfit_v))
         return explanation
+
+    def warmth(self, effects: Sequence[Effect], candidate: dict[str, float]) -> float:
+        """What a measured temperature says against a candidate; 0 where none was measured."""
+        if all(observed.temperature is None for observed in self.problem.observations):
+            return 0.0
+        predictions = self.problem.predict(effects, candidate)
+        return 0.0 if predictions is None else warmth(_temperature_error(self.problem, predictions))
 
     def _held(self, effects: tuple[Effect, ...], fit: Refit) -> tuple[float, float]:
         held = self.problem.held_out(effects, fit.candidate)

@@ -14,6 +14,7 @@ from .explanation import Explanation
 from .findings import Listener, Nomination
 from .fitting import Fitter
 from .refit import Refit, bounded_step
+from .rules import CLEAR_BIC
 from .score import Score, score_effect
 
 _REACH = 3.0
@@ -24,6 +25,9 @@ _SHARES = (1.0, 0.3, 0.0)
 
 _SHORT = 12
 """Simulations of a short refit."""
+
+_LITTLE = 0.1
+"""Share of what a score promises below which a short refit has failed."""
 
 _BENT = 10.0
 """Price of departing from beliefs above which the parameters count as bent."""
@@ -97,6 +101,14 @@ def score_of(explanation: Explanation, effect: Effect, mark: FloatArray) -> Scor
     return score_effect(fit.residual, fit.jacobian, mark, fit.axes, fit.u, _ends(effect))
 
 
+def screen(fitter: Fitter, before: Explanation, nomination: Nomination) -> None:
+    """Give a nomination a short refit beside what is known, and note what the temperature says of it."""
+    nomination.screened = short_refit(fitter, before, nomination)
+    if nomination.screened is not None:
+        effects = (*before.effects, nomination.effect)
+        nomination.warmth = fitter.warmth(effects, nomination.screened.candidate)
+
+
 def short_refit(fitter: Fitter, before: Explanation, nomination: Nomination) -> Refit | None:
     """A few Broyden steps from a known explanation, with its Jacobian and the effect's mark.
 
@@ -143,7 +155,14 @@ def short_refit(fitter: Fitter, before: Explanation, nomination: Nomination) -> 
             break
     if unbent is not None and (best is None or unbent.cost < best.cost):
         return fitter.fit(effects, axes, unbent.u, _SHORT + len(axes))
-    return None if best is None else fitter.fit(effects, axes, best.u, _SHORT, jacobian=best.jacobian)
+    if best is None:
+        return None
+    found = fitter.fit(effects, axes, best.u, _SHORT, jacobian=best.jacobian)
+    promised = 0.0 if nomination.score is None else nomination.score.gain
+    if found is not None and promised > CLEAR_BIC and before.fit.cost - found.cost < _LITTLE * promised:
+        # Much was promised and next to nothing came of it: the slopes were wrong.
+        found = _cheaper(found, fitter.fit(effects, axes, found.u, _SHORT + len(axes)))
+    return found
 
 
 def _cheaper(known: Refit | None, found: Refit | None) -> Refit | None:

@@ -24,9 +24,6 @@ it is fitted to and hides part of its gap there, so that what an effect closes o
 CLEAR_K = 1.0
 """A temperature is predicted clearly better where its error is at most half the other's, and this much smaller, K."""
 
-WARMTH_K = 2.0
-"""How well a lumped model's temperature can be expected to agree with a sensor on the can, K."""
-
 
 def bic(explanation: Explanation, scale: Explanation) -> float:
     r"""BIC of an explanation by quasi-likelihood, on the scale that another one sets.
@@ -41,8 +38,8 @@ def bic(explanation: Explanation, scale: Explanation) -> float:
     """
     misfit = scale.misfit_v
     squares = explanation.chi2(misfit) / scale.dispersion(misfit)
-    warmth = ((explanation.temperature_rms_k or 0.0) / WARMTH_K) ** 2
-    return squares + warmth + explanation.fit.belief + len(explanation.fit.axes) * float(np.log(len(scale.errors)))
+    size = len(explanation.fit.axes) * float(np.log(len(scale.errors)))
+    return squares + explanation.warmth + explanation.fit.belief + size
 
 
 def bic_difference(worse: Explanation, better: Explanation) -> float:

@@ -20,7 +20,7 @@ from ...core.parameters import Candidate
 from ...core.task import CellModel
 from .augmentation import augmented_cell, part_of
 from .drive import current_function
-from .driven_cell import FINE
+from .driven_cell import FINE, Resolution
 from .parameter_sets import FACTOR, FILL_FROM, load, pybamm
 from .state_of_charge import InitialState, initial_concentration
 
@@ -30,7 +30,11 @@ _LONGEST = 4000
 
 
 def augmented_script(
-    cell: CellModel, effects: Sequence[Effect], candidate: Candidate, specimens: Sequence[Specimen]
+    cell: CellModel,
+    effects: Sequence[Effect],
+    candidate: Candidate,
+    specimens: Sequence[Specimen],
+    resolution: Resolution = FINE,
 ) -> str:
     """Source text of ``augmented_model.py``.
 
@@ -44,12 +48,14 @@ def augmented_script(
         Fitted parameters, base and effects'.
     specimens : sequence of Specimen
         The fitted records; their currents are written into the script.
+    resolution : Resolution
+        Mesh and tolerance: those that the discovery measured its discretisation with, so that the script's curve is
+        the report's.
 
     Returns
     -------
     str
-        Runs without arguments: simulates each record and says how far it is from what was measured. With the mesh
-        and the tolerance that the discovery measured its discretisation with, so that its curve is the report's.
+        Runs without arguments: simulates each record and says how far it is from what was measured.
     """
     augmented = augmented_cell(cell, effects)
     state = InitialState(load(cell.parameter_set, cell.overrides))
@@ -93,7 +99,7 @@ def augmented_script(
         },
         effects=[_quoted(number, effect, candidate) for number, effect in enumerate(effects, start=1)],
         records=records,
-        resolution=FINE,
+        resolution=resolution,
     )
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.effect import Effect
 from ...core.errors import BsaError
@@ -42,10 +43,19 @@ class Resolution:
         Relative tolerance; the absolute one is a tenth of it.
     points : int or None
         Mesh points in every domain; None keeps PyBaMM's own.
+    radial_points : int or None
+        Mesh points in a particle, where it needs others.
     """
 
     rtol: float = 1e-5
     points: int | None = None
+    radial_points: int | None = None
+
+    def mesh(self) -> dict[str, int]:
+        """Mesh points by the name of the coordinate, as PyBaMM's ``var_pts`` has them."""
+        radial = self.radial_points or self.points
+        chosen = {"x_n": self.points, "x_s": self.points, "x_p": self.points, "r_n": radial, "r_p": radial}
+        return {name: count for name, count in chosen.items() if count is not None}
 
 
 SEARCH = Resolution()
@@ -66,6 +76,11 @@ class Curve:
 
     voltage: FloatArray
     temperature: FloatArray
+
+
+def within_limits(voltage: FloatArray) -> NDArray[np.bool_]:
+    """Which samples show a cell that neither ran empty nor overfull."""
+    return np.asarray((voltage > _EMPTY_V) & (voltage < _FULL_V), dtype=np.bool_)
 
 
 class DrivenCell:
@@ -122,7 +137,7 @@ class DrivenCell:
             values[initial_concentration(which)] = "[input]"
         for effect, p in zip(effects, symbols, strict=True):
             add_voltage(model, part_of(effect), p)
-        points = dict.fromkeys(("x_n", "x_s", "x_p", "r_n", "r_p"), resolution.points) if resolution.points else {}
+        points = resolution.mesh()
         for effect in effects:
             points.update(part_of(effect).points)
         # A near-singular candidate can spin for minutes and fill the memory with its steps: one that crawls has failed.

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from bsa.core.discovery.adequacy import FALSE_ALARM, Adequacy, judge
 from bsa.core.discovery.axes import Axis, effect_axes
-from bsa.core.discovery.explanation import Estimate, Explanation
+from bsa.core.discovery.explanation import WARMTH_K, Estimate, Explanation
 from bsa.core.discovery.noise import voltage_noise
 from bsa.core.discovery.refit import Refit, differences, refit
-from bsa.core.discovery.rules import WARMTH_K, believable, bic_difference, rivals
+from bsa.core.discovery.rules import believable, bic_difference, rivals
 from bsa.core.discovery.score import score_effect
 from bsa.core.effect import Effect, EffectParameter
 from bsa.core.parameters import Parameter

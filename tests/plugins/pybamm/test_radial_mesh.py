@@ -1,0 +1,55 @@
+import numpy as np
+import pytest
+from bsa.core.discovery.laboratory import INITIAL_SOC, Specimen
+from bsa.core.task import CellModel
+from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.plugins.pybamm.driven_cell import FINE, SEARCH, DrivenCell, Resolution
+from bsa.plugins.pybamm.radial_mesh import radial_resolutions
+
+
+def discharge(current, duration):
+    time = np.concatenate([np.arange(0.0, 60, 10), 60 + np.linspace(0, duration, 100)])
+    amperes = np.concatenate([np.zeros(6), np.full(100, current)])
+    steps = (Step(StepKind.REST, 0, 6), Step(StepKind.CC_DISCHARGE, 6, 106))
+    return Specimen("a", Trajectory(time, amperes, np.full(106, 4.0), None, steps), 298.15)
+
+
+def voltage(cell, specimen, points):
+    driven = DrivenCell(cell, (), specimen.record, (), specimen.ambient_k, Resolution(radial_points=points))
+    curve = driven.solve({INITIAL_SOC: 0.95}, specimen.record.time, specimen.record.current)
+    assert curve is not None
+    return curve.voltage
+
+
+def test_where_diffusivity_is_a_constant_the_usual_mesh_is_enough():
+    assert radial_resolutions(CellModel("Chen2020", "SPMe"), [discharge(10.0, 1200.0)]) == (SEARCH, FINE)
+
+
+@pytest.fixture(scope="module")
+def hindered():
+    return CellModel("ORegan2022", "SPMe"), discharge(10.0, 900.0)
+
+
+def test_where_it_varies_by_decades_particles_get_the_points_they_need(hindered):
+    cell, specimen = hindered
+    usual, fine = radial_resolutions(cell, [specimen], {"a": 0.95})
+    assert usual.radial_points > 20
+    assert fine.radial_points == 2 * usual.radial_points
+    assert fine.rtol == FINE.rtol
+    best = voltage(cell, specimen, 320)
+    # The point of it all: 20 points are tenths of a volt off, and nothing would say so.
+    assert np.max(np.abs(voltage(cell, specimen, 20) - best)) > 0.1
+    assert np.sqrt(np.mean((voltage(cell, specimen, usual.radial_points) - best) ** 2)) < 0.02
+
+
+def test_the_record_with_the_strongest_current_decides(hindered):
+    cell, fast = hindered
+    slow = discharge(0.25, 900.0)
+    assert radial_resolutions(cell, [slow], {"a": 0.95})[0] == SEARCH
+    assert radial_resolutions(cell, [slow, fast], {"a": 0.95})[0].radial_points > 20
+
+
+def test_radial_points_leave_the_other_coordinates_alone():
+    assert Resolution().mesh() == {}
+    assert Resolution(radial_points=80).mesh() == {"r_n": 80, "r_p": 80}
+    assert Resolution(points=40, radial_points=160).mesh() == {"x_n": 40, "x_s": 40, "x_p": 40, "r_n": 160, "r_p": 160}
