@@ -233,19 +233,19 @@ def discover_in(
     from ..plugins.pybamm.augmented_script import augmented_script
     from ..plugins.pybamm.laboratory import PyBaMMLaboratory
     from ..plugins.pybamm.parameter_sets import load, pybamm
-    from ..plugins.pybamm.radial_mesh import radial_resolutions
+    from ..plugins.pybamm.radial_mesh import radial_mesh
     from ..plugins.pybamm.uncertain_parameters import uncertain_parameters
 
     pybamm.set_logging_level("CRITICAL")
     started = time.perf_counter()
     cell = case.cell
-    usual, fine = radial_resolutions(cell, [*case.specimens, *case.held], case.initial_soc)
+    mesh = radial_mesh(cell, [*case.specimens, *case.held], case.initial_soc)
     notes = list(case.notes)
-    if usual.radial_points is not None:
-        notes.append(f"{usual.radial_points} mesh points resolve each particle: PyBaMM's own number does not")
-        listener(notes[-1])
+    if mesh.note:
+        notes.append(mesh.note)
+        listener(mesh.note)
     axes = uncertain_parameters(cell.model, case.specimens, case.initial_soc, _spreads(options.search, cell))
-    laboratory = PyBaMMLaboratory(cell, [axis.name for axis in axes], usual, fine)
+    laboratory = PyBaMMLaboratory(cell, [axis.name for axis in axes], mesh.usual, mesh.fine)
     floor = 1e-3 * options.floor_mv
     problem = Problem(
         laboratory,
@@ -306,7 +306,7 @@ def discover_in(
         discovery.closure = fit_closure(problem.observations, before, capacity)
     discovery.temperature_rms_k = _temperatures(problem, findings.best)
     found = findings.best
-    discovery.script = augmented_script(cell, found.effects, found.fit.candidate, case.specimens, fine)
+    discovery.script = augmented_script(cell, found.effects, found.fit.candidate, case.specimens, mesh.fine)
     discovery.simulations = laboratory.simulations
     discovery.wall_s = time.perf_counter() - started
     _PROBLEMS.clear()

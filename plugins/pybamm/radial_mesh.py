@@ -9,7 +9,7 @@ is settled before anything is fitted.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,10 +27,35 @@ _SAMPLES = 400
 _UNKNOWN_SOC = 0.9
 
 
-def radial_resolutions(
-    cell: CellModel, specimens: Sequence[Specimen], soc: Mapping[str, float] | None = None
-) -> tuple[Resolution, Resolution]:
-    """Mesh and tolerances for a search, and for the check on it, that resolve the particles.
+@dataclass(frozen=True)
+class RadialMesh:
+    """Mesh and tolerances that resolve the particles.
+
+    Attributes
+    ----------
+    usual, fine : Resolution
+        For a search, and for the check on it. PyBaMM's own radial mesh, and one of twice the points, where that is
+        enough.
+    shift_v : float
+        What twice PyBaMM's points change, V (root mean square); infinite if it could not be simulated.
+    """
+
+    usual: Resolution
+    fine: Resolution
+    shift_v: float
+
+    @property
+    def note(self) -> str:
+        """In words, what was chosen; empty where PyBaMM's own mesh is enough."""
+        if self.usual.radial_points is None:
+            return ""
+        first, second = _POINTS[:2]
+        moved = f"from PyBaMM's {first} to {second} the voltage moves by {1e3 * self.shift_v:.0f} mV"
+        return f"{self.usual.radial_points} mesh points resolve each particle: {moved}"
+
+
+def radial_mesh(cell: CellModel, specimens: Sequence[Specimen], soc: Mapping[str, float] | None = None) -> RadialMesh:
+    """Measure how many points the particles need.
 
     The record with the strongest current is driven on the base model as it is believed, with twice as many radial
     points each time until the voltage moves by less than 10 mV (root mean square).
@@ -43,11 +68,6 @@ def radial_resolutions(
         The records.
     soc : mapping of str to float, optional
         By record, its initial state of charge; 0.9 for those not named.
-
-    Returns
-    -------
-    usual, fine : Resolution
-        PyBaMM's own radial mesh, and one of twice the points, where that is enough.
     """
     hardest = max(specimens, key=lambda specimen: float(np.max(np.abs(specimen.record.current))))
     count = len(hardest.record.time)
@@ -60,15 +80,17 @@ def radial_resolutions(
         curve = DrivenCell(cell, (), hardest.record, (), hardest.ambient_k, resolution).solve(candidate, times, current)
         return None if curve is None else curve.voltage
 
-    chosen, coarse = _POINTS[0], voltage(_POINTS[0])
+    chosen, coarse, shifts = _POINTS[0], voltage(_POINTS[0]), [np.inf]
     for finer in _POINTS[1:]:
         fine = voltage(finer)
         if coarse is None or fine is None:
             break
         both = within_limits(coarse) & within_limits(fine)
-        if both.any() and np.sqrt(np.mean((fine - coarse)[both] ** 2)) < _SHIFT_V:
+        shifts.append(float(np.sqrt(np.mean((fine - coarse)[both] ** 2))) if both.any() else np.inf)
+        if shifts[-1] < _SHIFT_V:
             break
         chosen, coarse = finer, fine
+    shift_v = shifts[:2][-1]
     if chosen == _POINTS[0]:
-        return SEARCH, FINE
-    return replace(SEARCH, radial_points=chosen), replace(FINE, radial_points=2 * chosen)
+        return RadialMesh(SEARCH, FINE, shift_v)
+    return RadialMesh(replace(SEARCH, radial_points=chosen), replace(FINE, radial_points=2 * chosen), shift_v)

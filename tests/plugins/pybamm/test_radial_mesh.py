@@ -4,7 +4,7 @@ from bsa.core.discovery.laboratory import INITIAL_SOC, Specimen
 from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.pybamm.driven_cell import FINE, SEARCH, DrivenCell, Resolution
-from bsa.plugins.pybamm.radial_mesh import radial_resolutions
+from bsa.plugins.pybamm.radial_mesh import radial_mesh
 
 
 def discharge(current, duration):
@@ -22,7 +22,9 @@ def voltage(cell, specimen, points):
 
 
 def test_where_diffusivity_is_a_constant_the_usual_mesh_is_enough():
-    assert radial_resolutions(CellModel("Chen2020", "SPMe"), [discharge(10.0, 1200.0)]) == (SEARCH, FINE)
+    mesh = radial_mesh(CellModel("Chen2020", "SPMe"), [discharge(10.0, 1200.0)])
+    assert (mesh.usual, mesh.fine, mesh.note) == (SEARCH, FINE, "")
+    assert mesh.shift_v < 0.01
 
 
 @pytest.fixture(scope="module")
@@ -32,21 +34,24 @@ def hindered():
 
 def test_where_it_varies_by_decades_particles_get_the_points_they_need(hindered):
     cell, specimen = hindered
-    usual, fine = radial_resolutions(cell, [specimen], {"a": 0.95})
-    assert usual.radial_points > 20
-    assert fine.radial_points == 2 * usual.radial_points
-    assert fine.rtol == FINE.rtol
+    mesh = radial_mesh(cell, [specimen], {"a": 0.95})
+    points = mesh.usual.radial_points
+    assert points > 20
+    assert mesh.fine.radial_points == 2 * points
+    assert mesh.fine.rtol == FINE.rtol
+    assert f"{points} mesh points resolve each particle" in mesh.note
+    assert f"{1e3 * mesh.shift_v:.0f} mV" in mesh.note
     best = voltage(cell, specimen, 320)
     # The point of it all: 20 points are tenths of a volt off, and nothing would say so.
     assert np.max(np.abs(voltage(cell, specimen, 20) - best)) > 0.1
-    assert np.sqrt(np.mean((voltage(cell, specimen, usual.radial_points) - best) ** 2)) < 0.02
+    assert np.sqrt(np.mean((voltage(cell, specimen, points) - best) ** 2)) < 0.02
 
 
 def test_the_record_with_the_strongest_current_decides(hindered):
     cell, fast = hindered
     slow = discharge(0.25, 900.0)
-    assert radial_resolutions(cell, [slow], {"a": 0.95})[0] == SEARCH
-    assert radial_resolutions(cell, [slow, fast], {"a": 0.95})[0].radial_points > 20
+    assert radial_mesh(cell, [slow], {"a": 0.95}).usual == SEARCH
+    assert radial_mesh(cell, [slow, fast], {"a": 0.95}).usual.radial_points > 20
 
 
 def test_radial_points_leave_the_other_coordinates_alone():
