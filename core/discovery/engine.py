@@ -131,7 +131,10 @@ class Engine:
                 if result[number] is not other:
                     self._fitter.tell(base, result[number])
         result = _sorted(result)
-        return result if result[0] is leader else self._converge(base, result)
+        if result[0] is leader:
+            return result
+        # It comes nearer than anything before it, so that less misfit counts as noise.
+        return self._converge(base, [*self._fitter.contest(base, result[:1]), *result[1:]])
 
     def _converge(self, base: Explanation, explanations: Sequence[Explanation]) -> list[Explanation]:
         result = list(explanations)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -113,62 +113,96 @@ def short_refit(fitter: Fitter, before: Explanation, nomination: Nomination) -> 
     """A few Broyden steps from a known explanation, with its Jacobian and the effect's mark.
 
     A strong effect is far from where the linear picture of its probe points: the steps start from the best
-    rung of a ladder of strengths. And a model that lacks a strong effect bends its parameters to hide that: where
-    it has bent them beyond belief, they may start as they are believed, on slopes taken there.
+    rung of a ladder of strengths. And a model that lacks a strong effect bends its parameters to hide that, or is lost
+    on the way: where it has bent them beyond belief or has not converged, they may start as they are believed, on
+    slopes taken there.
     """
-    assert nomination.mark is not None
     effects = (*before.effects, nomination.effect)
     axes = (*before.fit.axes, *effect_axes((nomination.effect,)))
-    others = [0 * nomination.mark] * (len(nomination.effect.parameters) - 1)
-    residual = fitter.residual(effects)
-    best: Refit | None = None
-    unbent: Refit | None = None
-    worse = 0
-
-    believed = np.where([axis.prior for axis in before.fit.axes], 0.0, before.fit.u)
-
-    def at(u: FloatArray, strength: float) -> Refit | None:
-        # The strength's coordinate is 0 at the probe and -1 at the null.
-        there = np.concatenate([u, [strength - 1.0], np.zeros(len(others))])
-        here = residual(candidate_of(axes, there))
-        return None if here is None else Refit(axes, there, here, before.fit.jacobian, False, 1)
-
-    for strength in _ladder(nomination):
-        ahead = before.fit.cost if best is None else best.cost
-        if before.fit.belief > _BENT:
-            unbent = _cheaper(unbent, at(believed, strength))
-        # The base parameters move along, as far as the linear picture goes; less far where it misleads.
-        there = before.fit.residual + strength * nomination.mark
-        whole, _ = bounded_step(before.fit.jacobian, there, before.fit.axes, before.fit.u, _REACH)
-        worse += 1
-        for step in (share * whole for share in _SHARES):
-            found = at(before.fit.u + step, strength)
-            if found is None:
-                continue
-            # The secant from the null is a better slope for a strong effect than the tangent at the null.
-            secant = (found.residual - before.fit.residual - before.fit.jacobian @ step) / strength
-            best = _cheaper(best, replace(found, jacobian=np.column_stack([before.fit.jacobian, secant, *others])))
-            if found.cost < ahead:
-                worse = 0
-                break
-        if worse == 2:
-            break
-    if unbent is not None and (best is None or unbent.cost < best.cost):
-        return fitter.fit(effects, axes, unbent.u, _SHORT + len(axes))
+    ladder = _ladder(nomination)
+    best = _climb(ladder, lambda strength: _moved_along(fitter, before, nomination, strength), before.cost)
+    lost = before.fit.belief > _BENT or not before.fit.converged
+    unbent = _climb(ladder, lambda strength: _believed(fitter, before, nomination, strength)) if lost else None
+    if unbent is not None and (best is None or unbent.price < best.price):
+        return fitter.fit(effects, axes, unbent.refit.u, _SHORT + len(axes))
     if best is None:
         return None
-    found = fitter.fit(effects, axes, best.u, _SHORT, jacobian=best.jacobian)
+    found = fitter.fit(effects, axes, best.refit.u, _SHORT, jacobian=best.refit.jacobian)
     promised = 0.0 if nomination.score is None else nomination.score.gain
     if found is not None and promised > CLEAR_BIC and before.fit.cost - found.cost < _LITTLE * promised:
         # Much was promised and next to nothing came of it: the slopes were wrong.
-        found = _cheaper(found, fitter.fit(effects, axes, found.u, _SHORT + len(axes)))
+        again = fitter.fit(effects, axes, found.u, _SHORT + len(axes))
+        found = found if again is None or found.cost < again.cost else again
     return found
 
 
-def _cheaper(known: Refit | None, found: Refit | None) -> Refit | None:
-    if known is None or found is None:
-        return known or found
-    return found if found.cost < known.cost else known
+@dataclass(frozen=True, eq=False)
+class _Start:
+    """Where a short refit may begin; ``price`` is its cost with what the temperature says."""
+
+    price: float
+    refit: Refit
+
+
+def _climb(
+    ladder: Sequence[float], start_at: Callable[[float], _Start | None], ahead: float = float("inf")
+) -> _Start | None:
+    """The best rung, given up after two in a row that come no nearer."""
+    best: _Start | None = None
+    worse = 0
+    for strength in ladder:
+        found = start_at(strength)
+        worse += 1
+        if found is not None and found.price < (ahead if best is None else min(ahead, best.price)):
+            worse = 0
+        if found is not None and (best is None or found.price < best.price):
+            best = found
+        if worse == 2:
+            break
+    return best
+
+
+def _moved_along(fitter: Fitter, before: Explanation, nomination: Nomination, strength: float) -> _Start | None:
+    """With the base parameters moved along, as far as the linear picture goes; less far where it misleads."""
+    assert nomination.mark is not None
+    known = before.fit
+    others = [0 * nomination.mark] * (len(nomination.effect.parameters) - 1)
+    there = known.residual + strength * nomination.mark
+    whole, _ = bounded_step(known.jacobian, there, known.axes, known.u, _REACH)
+    best: _Start | None = None
+    for step in (share * whole for share in _SHARES):
+        found = _start(fitter, before, nomination, known.u + step, strength)
+        if found is None:
+            continue
+        # The secant from the null is a better slope for a strong effect than the tangent at the null.
+        secant = (found.refit.residual - known.residual - known.jacobian @ step) / strength
+        jacobian = np.column_stack([known.jacobian, secant, *others])
+        if best is None or found.price < best.price:
+            best = _Start(found.price, replace(found.refit, jacobian=jacobian))
+        if found.price < before.cost:
+            break
+    return best
+
+
+def _believed(fitter: Fitter, before: Explanation, nomination: Nomination, strength: float) -> _Start | None:
+    """With the base parameters as they are believed, whatever the fit before has made of them."""
+    u = np.where([axis.prior for axis in before.fit.axes], 0.0, before.fit.u)
+    return _start(fitter, before, nomination, u, strength)
+
+
+def _start(
+    fitter: Fitter, before: Explanation, nomination: Nomination, u: FloatArray, strength: float
+) -> _Start | None:
+    effects = (*before.effects, nomination.effect)
+    axes = (*before.fit.axes, *effect_axes((nomination.effect,)))
+    # The strength's coordinate is 0 at the probe and -1 at the null.
+    there = np.concatenate([u, [strength - 1.0], np.zeros(len(nomination.effect.parameters) - 1)])
+    candidate = candidate_of(axes, there)
+    here = fitter.residual(effects)(candidate)
+    if here is None:
+        return None
+    found = Refit(axes, there, here, before.fit.jacobian, False, 1)
+    return _Start(found.cost + fitter.warmth(effects, candidate), found)
 
 
 def _ladder(nomination: Nomination) -> list[float]:

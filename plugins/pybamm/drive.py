@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from ...core.errors import BsaError
 from ...core.task import Experiment
@@ -14,6 +15,9 @@ from .parameter_sets import pybamm
 
 _CONSTANT_WITHIN = 2e-3
 """A step whose current stays this close to its mean (relative) is driven by the mean, which keeps the charge."""
+
+_BETWEEN = 4
+"""Parts that an interval between two samples of a voltage hold is cut into."""
 
 _KNOTS = 50
 """Knots that stand for a smoothly varying current, as during a voltage hold."""
@@ -151,17 +155,19 @@ def pieces_of(record: Trajectory) -> list[Piece]:
     """The current of a record that is cut into steps, piece by piece.
 
     A step begins where the one before it logged its last sample: cyclers log a sample when a step ends, and
-    the first one of the next step up to a sampling interval late (a minute late, in some records).
+    the first one of the next step up to a sampling interval late (a minute late, in some records). Until then a step
+    of constant current had its own; a voltage hold began with that of the charge before it.
     """
     result: list[Piece] = []
-    begin = float(record.time[0])
+    begin, before = float(record.time[0]), 0.0
     for step in record.steps:
         time, current = record.time[step.start : step.stop], record.current[step.start : step.stop]
         if time[0] > begin:
-            time, current = np.append(begin, time), np.append(current[0], current)
+            decays = step.kind is StepKind.CV_HOLD and before * current[0] > 0 and abs(before) > abs(current[0])
+            time, current = np.append(begin, time), np.append(before if decays else current[0], current)
         if time[-1] > begin:
             result.append(Piece(begin, *_knots(time - begin, current, step.kind), step.kind))
-        begin = float(time[-1])
+        begin, before = float(time[-1]), float(current[-1])
     return result
 
 
@@ -175,7 +181,23 @@ def _knots(time: FloatArray, current: FloatArray, kind: StepKind) -> tuple[Float
         return time[[0, -1]], np.array([mean, mean])
     keep = np.concatenate([[True], np.diff(time) > 0])
     time, current = time[keep], current[keep]
-    return (time, current) if kind is StepKind.DRIVE else _smooth_knots(time, current)
+    if kind is StepKind.DRIVE:
+        return time, current
+    return _smooth_knots(*(_between_samples(time, current) if kind is StepKind.CV_HOLD else (time, current)))
+
+
+def _between_samples(time: FloatArray, current: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A hold's current with knots between its samples, where it decays much as an exponential does.
+
+    Straight lines between samples a minute apart overstate the charge of a hold by a few thousandths, always in one
+    direction: after twenty cycles the cell would be half a percent fuller than it was.
+    """
+    share = np.arange(_BETWEEN) / _BETWEEN
+    knots = np.append((time[:-1, None] + np.diff(time)[:, None] * share).ravel(), time[-1])
+    if np.any(current * current[0] <= 0):
+        return knots, np.interp(knots, time, current)
+    decay = PchipInterpolator(time, np.log(np.abs(current)))
+    return knots, np.sign(current[0]) * np.exp(decay(knots))
 
 
 def _only_noise(current: FloatArray) -> bool:
