@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bsa.core.discovery.axes import effect_axes
 from bsa.core.discovery.engine import Engine
-from bsa.core.discovery.findings import Settings
+from bsa.core.discovery.findings import Nomination, Settings
 from bsa.core.discovery.fitting import Fitter
 
 _spec = importlib.util.spec_from_file_location("discovery_toy", Path(__file__).with_name("toy.py"))
@@ -135,3 +135,29 @@ def test_the_best_fit_is_gone_on_with_until_it_has_converged():
     assert not stopped.fit.converged
     (finished,) = engine.finish(fitted(fitter, (), 100), [stopped])
     assert finished.adequacy.adequate
+
+
+def test_an_effect_that_lost_its_way_is_fitted_from_where_the_best_one_ended():
+    problem, axes = toy.problem(np.random.default_rng(0), {"sign": 0.01})
+    engine = Engine(problem, axes, CATALOGUE, toy.EVIDENCE)
+    fitter = Fitter(problem, axes, Settings(), print)
+    base = fitted(fitter, (), 100)
+    problem.misfit_v = 0.01  # as when neither has come near yet
+    leader, lost = fitted(fitter, (toy.QUADRATIC,), 100), fitted(fitter, (toy.HYSTERESIS,), 5)
+    assert leader.fit.converged
+    assert not lost.fit.converged
+    assert lost.rmse_v > leader.rmse_v
+    lost.held_rmse_v = 0.5 * leader.held_rmse_v  # it predicts better than it fits, so it may yet lead
+    first, second = engine.finish(base, [leader, lost])
+    assert first.names == ("sign",)
+    assert first.adequacy.adequate
+    assert second is leader
+
+
+def test_a_temperature_has_its_say_in_who_is_fitted_on():
+    cold, warm = Nomination(toy.QUADRATIC), Nomination(toy.HYSTERESIS, warmth=1.0)
+    assert cold.promise == np.inf
+    problem, axes = toy.problem(np.random.default_rng(0), {})
+    fit = fitted(Fitter(problem, axes, Settings(), print), (), 100).fit
+    cold.screened, cold.warmth, warm.screened = fit, 25.0, fit
+    assert cold.promise - warm.promise == pytest.approx(24.0)

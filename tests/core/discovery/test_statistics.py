@@ -166,7 +166,7 @@ def test_a_gap_that_bent_parameters_hide_shows_in_the_temperature():
         (5.0, 3.0, 10.0, ""),
         (5.0, 6.0, 10.0, "in data not fitted only"),
         (8.0, 3.0, 10.0, "of the gap only"),
-        (5.0, 1.0, 1.05, "of the gap only"),
+        (6.0, 1.0, 1.05, "of the gap only"),
         (3.0, 1.0, 1.05, ""),
     ],
 )
