@@ -15,8 +15,8 @@ CLEAR_HELD = 0.9
 """An explanation predicts data not fitted clearly better where its error is below this share of the other's."""
 
 CLOSED_ENOUGH = 0.75
-"""Share of the excess variance that a named explanation must close: the error beyond noise is halved, as a temperature's
-must be. Below it is a partial explanation."""
+"""Share of the excess variance that a named explanation must close: the error beyond noise is halved, as that of a
+temperature must be. Below it is a partial explanation."""
 
 CLOSED_FITTED = 0.5
 """The same on fitted data, where data that was not fitted shows the gap too. A base model bends its parameters to what
