@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
 from ..effect import Effect, Evidence
 from .axes import Axis
 from .explanation import Explanation
@@ -18,6 +20,9 @@ _SECONDS = 4
 
 _MORE = 2
 """Times that the best explanation's fit is gone on with, where it has not converged."""
+
+_KINDRED = 0.5
+"""Share of the highest promise from which an effect is not given up after a short refit alone."""
 
 _NEARER = 0.98
 """Share of an error that a fit has to come down to, to be gone on with."""
@@ -73,7 +78,8 @@ class Engine:
         if calm.rmse_v < base.rmse_v:
             base = calm
         nominations = nominate(fitter, calm, self.catalogue, self.evidence, self._say)
-        explanations = self.finish(base, _sorted(self.confirm(base, calm, nominations)))
+        confirmed = self.confirm(base, calm, nominations)
+        explanations = self.finish(base, _sorted(confirmed), self._kin(confirmed, nominations))
         if explanations:
             base = fitter.without(base, explanations[0])
         if base.adequacy.adequate:
@@ -115,11 +121,13 @@ class Engine:
         ranked = sorted(screened.values(), key=lambda row: row[1].promise)
         return self._settle(base, ranked)
 
-    def finish(self, base: Explanation, explanations: Sequence[Explanation]) -> list[Explanation]:
+    def finish(
+        self, base: Explanation, explanations: Sequence[Explanation], kin: Sequence[Nomination] = ()
+    ) -> list[Explanation]:
         """Fit the best of some sorted explanations until it has converged or comes no nearer.
 
-        Then those that lost their way and might yet be better are fitted from where it ended; if one overtakes it,
-        that one is gone on with.
+        Then those that lost their way and might yet be better, and its kin that never came so far, are fitted from
+        where it ended; if one overtakes it, that one is gone on with.
         """
         result = self._converge(base, explanations)
         if not result or result[0].adequacy.adequate:
@@ -127,14 +135,31 @@ class Engine:
         leader = result[0]
         for number, other in enumerate(result[1:], start=1):
             if len(other.effects) == 1 and not other.fit.converged and _may_yet_lead(other, leader):
-                result[number] = self._fitter.from_beside(other, leader)
-                if result[number] is not other:
-                    self._fitter.tell(base, result[number])
+                again = self._fitter.from_beside(other.effects, other.fit, leader, other.score)
+                if again is not None and bic_difference(other, again) > 0:
+                    self._fitter.tell(base, again)
+                    result[number] = again
+        for nomination in kin:
+            if nomination.screened is not None:
+                found = self._fitter.from_beside((nomination.effect,), nomination.screened, leader, nomination.score)
+                if found is not None:
+                    self._fitter.tell(base, found)
+                    result.append(found)
         result = _sorted(result)
         if result[0] is leader:
             return result
         # It comes nearer than anything before it, so that less misfit counts as noise.
         return self._converge(base, [*self._fitter.contest(base, result[:1]), *result[1:]])
+
+    def _kin(self, confirmed: Sequence[Explanation], nominations: Sequence[Nomination]) -> list[Nomination]:
+        """Effects that promise nearly as much as the most promising one and were dropped after their short refits.
+
+        Marks as alike as those of all that costs lithium promise alike; which of them a short refit favours is chance.
+        """
+        scored = [n for n in nominations[: self.settings.screened] if n.score is not None]
+        least = _KINDRED * max((n.score.gain for n in scored if n.score is not None), default=np.inf)
+        known = {explanation.label for explanation in confirmed}
+        return [n for n in scored if n.score is not None and n.score.gain > least and n.effect.key not in known]
 
     def _converge(self, base: Explanation, explanations: Sequence[Explanation]) -> list[Explanation]:
         result = list(explanations)

@@ -176,26 +176,28 @@ class Fitter:
         found = self.onwards(rest, start, self.settings.refit_budget)
         return None if found is start else self.explain(rest, found, None)
 
-    def from_beside(self, explanation: Explanation, leader: Explanation) -> Explanation:
-        """An explanation fitted once more from the leader's base parameters; itself, where that comes no nearer.
+    def from_beside(
+        self, effects: tuple[Effect, ...], known: Refit, leader: Explanation, score: Score | None
+    ) -> Explanation | None:
+        """Effects fitted once more from the leader's base parameters; None where that leads nowhere near it.
 
         What is true of the base model is true whatever is added to it, and effects of one kind (all that cost
         lithium) hide behind one another: one that found its way shows the others theirs.
         """
-        effects, axes, count = explanation.effects, explanation.fit.axes, len(self.axes)
+        axes, count = known.axes, len(self.axes)
         residual, best = self.residual(effects), None
         for share in _SHARES_OF_STRENGTH:
-            start = np.concatenate([leader.fit.u[:count], explanation.fit.u[count:]])
+            start = np.concatenate([leader.fit.u[:count], known.u[count:]])
             # The strength's coordinate is -1 at its null.
             start[count] = np.clip(share * (start[count] + 1.0) - 1.0, *axes[count].bounds)
             here = residual(candidate_of(axes, start))
             if here is not None and (best is None or float(here @ here) < best[0]):
                 best = float(here @ here), start
-        fit = None if best is None else self.fit(effects, axes, best[1], self.settings.refit_budget)
-        if fit is None:
-            return explanation
-        again = self.explain(effects, fit, explanation.score)
-        return again if bic_difference(explanation, again) > 0 else explanation
+        budget = self.settings.refit_budget
+        fit = None if best is None else self.fit(effects, axes, best[1], budget // 3)
+        if fit is None or fit.cost > leader.fit.cost + LAG:
+            return None
+        return self.explain(effects, fit if fit.converged else self.onwards(effects, fit, budget), score)
 
     # --- misfit as noise ------------------------------------------------------------------------------------
 
