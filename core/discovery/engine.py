@@ -13,7 +13,7 @@ from .findings import Findings, Listener, Nomination, Settings
 from .fitting import LAG, Fitter
 from .nomination import nominate, nominate_beside, screen
 from .problem import Problem
-from .rules import CLEAR_BIC, believable, bic, bic_difference, predicts_warmth, rivals
+from .rules import CLEAR_BIC, CLEAR_HELD, believable, bic, bic_difference, predicts_warmth, rivals
 
 _SECONDS = 4
 """Second effects that get a short refit beside a first one."""
@@ -205,7 +205,7 @@ class Engine:
             return Findings("unexplained", base, base, reason="no effect of the catalogue points the right way")
         noise, held_noise = self._fitter.noise(), self._fitter.held_noise()
         objections = {id(e): believable(base, e, noise, held_noise) for e in ranked}
-        # A pair must beat each of its members clearly, or the simpler one stands.
+        # A pair must beat each of its members clearly, on data not fitted too, or the simpler one stands.
         needed = [e for e in ranked if not _needless(e, ranked)]
         believed = [e for e in needed if not objections[id(e)]]
         if not believed:
@@ -237,9 +237,14 @@ def _may_yet_lead(other: Explanation, leader: Explanation) -> bool:
 
 
 def _needless(explanation: Explanation, others: Sequence[Explanation]) -> bool:
-    """Whether some of its effects explain as much as all of them."""
+    """Whether some of its effects explain as much as all of them, or predict data not fitted as well."""
     parts = [other for other in others if set(other.names) < set(explanation.names)]
-    return any(other.adequacy.adequate or bic_difference(other, explanation) <= CLEAR_BIC for other in parts)
+    return any(
+        other.adequacy.adequate
+        or bic_difference(other, explanation) <= CLEAR_BIC
+        or explanation.held_rmse_v > CLEAR_HELD * other.held_rmse_v
+        for other in parts
+    )
 
 
 def _why_adequate(base: Explanation) -> str:

@@ -161,3 +161,15 @@ def test_a_temperature_has_its_say_in_who_is_fitted_on():
     fit = fitted(Fitter(problem, axes, Settings(), print), (), 100).fit
     cold.screened, cold.warmth, warm.screened = fit, 25.0, fit
     assert cold.promise - warm.promise == pytest.approx(24.0)
+
+
+def test_a_pair_that_predicts_data_not_fitted_no_better_than_one_of_its_members_is_not_named():
+    problem, axes = toy.problem(np.random.default_rng(0), {"sign": 0.01, "quadratic": 0.01})
+    engine = Engine(problem, axes, CATALOGUE, toy.EVIDENCE)
+    fitter = Fitter(problem, axes, Settings(), print)
+    base = fitted(fitter, (), 100)
+    single, pair = fitted(fitter, (toy.HYSTERESIS,), 100), fitted(fitter, (toy.HYSTERESIS, toy.QUADRATIC), 100)
+    assert engine.decide(base, [pair, single]).best.names == ("quadratic", "sign")
+    pair.held_rmse_v = single.held_rmse_v
+    found = engine.decide(base, [pair, single])
+    assert found.verdict == "unexplained" or found.best is single
