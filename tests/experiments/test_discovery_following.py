@@ -1,4 +1,4 @@
-"""The hidden cell's records and the driver that follows them share no solver code: at the true parameters they agree."""
+"""Records of the hidden cell and the driver that follows them share no solver code: at the truth they agree."""
 
 import numpy as np
 from bsa.core.discovery.laboratory import INITIAL_SOC
