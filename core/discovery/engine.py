@@ -162,6 +162,7 @@ class Engine:
         return [n for n in scored if n.score is not None and n.score.gain > least and n.effect.key not in known]
 
     def _converge(self, base: Explanation, explanations: Sequence[Explanation]) -> list[Explanation]:
+        """Go on with the first one until it has converged or comes no nearer; sorted anew."""
         result = list(explanations)
         for _ in range(_MORE):
             if not result or result[0].fit.converged or result[0].adequacy.adequate:
