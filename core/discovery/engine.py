@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
-
 from ..effect import Effect, Evidence
 from .axes import Axis
 from .explanation import Explanation
@@ -97,7 +95,7 @@ class Engine:
     def confirm(self, base: Explanation, calm: Explanation, nominations: Sequence[Nomination]) -> list[Explanation]:
         """Screen with short refits, then fit the shortlist side by side until one is settled."""
         keys = list(self._preferred(calm, nominations)) if self._preferred is not None else []
-        scored = [n for n in nominations if n.score is not None and n.score.gain > 0]
+        scored = [n for n in nominations if n.gain > 0]
         chosen = scored[: self.settings.screened]
         chosen += [n for n in scored[self.settings.screened :] if n.effect.key in keys]
         self._say(f"screening {len(chosen)} effects")
@@ -156,10 +154,10 @@ class Engine:
 
         Marks as alike as those of all that costs lithium promise alike; which of them a short refit favours is chance.
         """
-        scored = [n for n in nominations[: self.settings.screened] if n.score is not None]
-        least = _KINDRED * max((n.score.gain for n in scored if n.score is not None), default=np.inf)
+        first = nominations[: self.settings.screened]
+        least = _KINDRED * max((n.gain for n in first), default=0.0)
         known = {explanation.label for explanation in confirmed}
-        return [n for n in scored if n.score is not None and n.score.gain > least and n.effect.key not in known]
+        return [n for n in first if n.gain > least and n.effect.key not in known]
 
     def _converge(self, base: Explanation, explanations: Sequence[Explanation]) -> list[Explanation]:
         """Go on with the first one until it has converged or comes no nearer; sorted anew."""

@@ -74,6 +74,11 @@ class Nomination:
     warmth: float = 0.0
 
     @property
+    def gain(self) -> float:
+        """What its score test promises; 0 without one."""
+        return 0.0 if self.score is None else self.score.gain
+
+    @property
     def promise(self) -> float:
         """Cost that it is ranked by after its short refit; infinite if that could not be made."""
         return np.inf if self.screened is None else self.screened.cost + self.warmth

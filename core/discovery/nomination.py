@@ -74,7 +74,7 @@ def nominate_beside(fitter: Fitter, first: Explanation, nominations: Sequence[No
         score = score_of(first, known.effect, mark)
         if score.gain > 0:
             found.append(Nomination(known.effect, "", score, mark, deviation))
-    return sorted(found, key=lambda n: -(n.score.gain if n.score else 0.0))
+    return sorted(found, key=lambda n: -n.gain)
 
 
 def mark_of(fitter: Fitter, explanation: Explanation, effect: Effect) -> FloatArray | None:
@@ -128,7 +128,7 @@ def short_refit(fitter: Fitter, before: Explanation, nomination: Nomination) -> 
     if best is None:
         return None
     found = fitter.fit(effects, axes, best.refit.u, _SHORT, jacobian=best.refit.jacobian)
-    promised = 0.0 if nomination.score is None else nomination.score.gain
+    promised = nomination.gain
     if found is not None and promised > CLEAR_BIC and before.fit.cost - found.cost < _LITTLE * promised:
         # Much was promised and next to nothing came of it: the slopes were wrong.
         again = fitter.fit(effects, axes, found.u, _SHORT + len(axes))

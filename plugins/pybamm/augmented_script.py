@@ -10,11 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
-import numpy as np
-from numpy.typing import NDArray
 
 from ...core.discovery.laboratory import INITIAL_SOC, Specimen
-from ...core.discovery.observations import after_jumps
+from ...core.discovery.observations import after_jumps, evenly
 from ...core.effect import Effect
 from ...core.parameters import Candidate
 from ...core.task import CellModel
@@ -66,7 +64,7 @@ def augmented_script(
             own[INITIAL_SOC] = own[specimen.soc_name]
         drive = current_function(specimen.record)
         start = state.concentrations(own, own.get(INITIAL_SOC))
-        kept = _thinned(len(specimen.record.time))
+        kept = evenly(len(specimen.record.time), _LONGEST)
         records.append(
             {
                 "name": specimen.name,
@@ -101,10 +99,6 @@ def augmented_script(
         records=records,
         resolution=resolution,
     )
-
-
-def _thinned(count: int) -> NDArray[np.intp]:
-    return np.unique(np.linspace(0, count - 1, min(count, _LONGEST)).round().astype(np.intp))
 
 
 def _quoted(number: int, effect: Effect, candidate: Candidate) -> dict[str, Any]:

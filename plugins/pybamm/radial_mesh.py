@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...core.discovery.laboratory import INITIAL_SOC, Specimen
-from ...core.discovery.observations import after_jumps
+from ...core.discovery.observations import after_jumps, evenly
 from ...core.task import CellModel
 from ...core.trajectory import FloatArray
 from .driven_cell import FINE, SEARCH, DrivenCell, Resolution, within_limits
@@ -70,8 +70,7 @@ def radial_mesh(cell: CellModel, specimens: Sequence[Specimen], soc: Mapping[str
         By record, its initial state of charge; 0.9 for those not named.
     """
     hardest = max(specimens, key=lambda specimen: float(np.max(np.abs(specimen.record.current))))
-    count = len(hardest.record.time)
-    kept = np.unique(np.linspace(0, count - 1, min(count, _SAMPLES)).round().astype(np.intp))
+    kept = evenly(len(hardest.record.time), _SAMPLES)
     times, current = after_jumps(hardest.record)[kept], hardest.record.current[kept]
     candidate = {INITIAL_SOC: (soc or {}).get(hardest.name, _UNKNOWN_SOC)}
 
@@ -80,7 +79,8 @@ def radial_mesh(cell: CellModel, specimens: Sequence[Specimen], soc: Mapping[str
         curve = DrivenCell(cell, (), hardest.record, (), hardest.ambient_k, resolution).solve(candidate, times, current)
         return None if curve is None else curve.voltage
 
-    chosen, coarse, shifts = _POINTS[0], voltage(_POINTS[0]), [np.inf]
+    chosen, coarse = _POINTS[0], voltage(_POINTS[0])
+    shifts: list[float] = []
     for finer in _POINTS[1:]:
         fine = voltage(finer)
         if coarse is None or fine is None:
@@ -90,7 +90,7 @@ def radial_mesh(cell: CellModel, specimens: Sequence[Specimen], soc: Mapping[str
         if shifts[-1] < _SHIFT_V:
             break
         chosen, coarse = finer, fine
-    shift_v = shifts[:2][-1]
+    shift_v = shifts[0] if shifts else np.inf
     if chosen == _POINTS[0]:
         return RadialMesh(SEARCH, FINE, shift_v)
     return RadialMesh(replace(SEARCH, radial_points=chosen), replace(FINE, radial_points=2 * chosen), shift_v)
