@@ -22,6 +22,9 @@ _MORE = 2
 _KINDRED = 0.5
 """Share of the highest promise from which an effect is not given up after a short refit alone."""
 
+_HOPELESS = 3.0
+"""Times the best one's BIC from which a single effect is no start for a pair."""
+
 _NEARER = 0.98
 """Share of an error that a fit has to come down to, to be gone on with."""
 
@@ -72,11 +75,12 @@ class Engine:
         if base.adequacy.adequate:
             return Findings("no-missing-effect", base, base, reason=_why_adequate(base), mesh_v=mesh_v)
         self._say(f"a discrepancy of {1e3 * base.adequacy.structured_v:.2f} mV remains; nominating effects")
-        calm = fitter.temper(base) if self.problem.misfit_v == 0.0 or base.blur_v > self.problem.misfit_v else base
-        if calm.rmse_v < base.rmse_v:
+        near = fitter.near_new()
+        scout, calm = near or (fitter, fitter.temper(base) if self._bent(base) else base)
+        if scout is fitter and calm.rmse_v < base.rmse_v:
             base = calm
-        nominations = nominate(fitter, calm, self.catalogue, self.evidence, self._say)
-        confirmed = self.confirm(base, calm, nominations)
+        nominations = nominate(scout, calm, self.catalogue, self.evidence, self._say)
+        confirmed = self.confirm(base, scout, calm, nominations)
         explanations = self.finish(base, _sorted(confirmed), self._kin(confirmed, nominations))
         if explanations:
             base = fitter.without(base, explanations[0])
@@ -84,25 +88,44 @@ class Engine:
             reason = _why_adequate(base)
             return Findings("no-missing-effect", base, base, [], explanations, nominations, reason, mesh_v)
         if self.settings.max_effects > 1 and explanations and not explanations[0].adequacy.adequate:
-            self.problem.misfit_v = explanations[0].blur_v
-            singles = [fitter.again(e, self.settings.refit_budget // 2) for e in explanations[:2]]
-            pairs = self.pair(base, singles, nominations)
-            explanations = self.prune(base, self.finish(base, _sorted([*singles, *explanations[2:], *pairs])))
+            explanations = self.add_second(base, explanations, nominations)
         findings = self.decide(base, explanations)
         findings.nominations, findings.mesh_v = nominations, mesh_v
         return findings
 
-    def confirm(self, base: Explanation, calm: Explanation, nominations: Sequence[Nomination]) -> list[Explanation]:
-        """Screen with short refits, then fit the shortlist side by side until one is settled."""
+    def _bent(self, base: Explanation) -> bool:
+        """Whether the base model was fitted with less counted as noise than what it leaves."""
+        return self.problem.misfit_v == 0.0 or base.blur_v > self.problem.misfit_v
+
+    def confirm(
+        self, base: Explanation, scout: Fitter, calm: Explanation, nominations: Sequence[Nomination]
+    ) -> list[Explanation]:
+        """Screen with short refits, then fit the shortlist side by side until one is settled.
+
+        Screening stands on what a scout knows, ``calm``: of the whole records, or of their first cycles.
+        """
         keys = list(self._preferred(calm, nominations)) if self._preferred is not None else []
         scored = [n for n in nominations if n.gain > 0]
         chosen = scored[: self.settings.screened]
         chosen += [n for n in scored[self.settings.screened :] if n.effect.key in keys]
         self._say(f"screening {len(chosen)} effects")
         for nomination in chosen:
-            screen(self._fitter, calm, nomination)
+            screen(scout, calm, nomination)
         ranked = sorted(chosen, key=lambda n: n.promise)
-        return self._settle(base, [((n.effect,), n) for n in ranked])
+        return self._settle(base, [((n.effect,), n) for n in ranked], scout)
+
+    def add_second(
+        self, base: Explanation, singles: Sequence[Explanation], nominations: Sequence[Nomination]
+    ) -> list[Explanation]:
+        """Fit the best single effects on with their own misfit as noise, and try a second one beside each."""
+        self.problem.misfit_v = singles[0].blur_v
+        near = [e for e in singles[:2] if bic(e, singles[0]) < _HOPELESS * bic(singles[0], singles[0])]
+        nearer = _sorted([self._fitter.again(e, self.settings.refit_budget // 2) for e in near])
+        ranked = [*nearer, *singles[len(near) :]]
+        if CLEAR_HELD * nearer[0].held_rmse_v < self._fitter.held_noise():
+            return self._converge(base, _sorted(ranked))  # no pair could predict data not fitted clearly better
+        pairs = self.pair(base, nearer, nominations)
+        return self.prune(base, self.finish(base, _sorted([*ranked, *pairs])))
 
     def pair(
         self, base: Explanation, singles: Sequence[Explanation], nominations: Sequence[Nomination]
@@ -185,16 +208,19 @@ class Engine:
         return _sorted(result)
 
     def _settle(
-        self, base: Explanation, shortlist: Sequence[tuple[tuple[Effect, ...], Nomination]]
+        self, base: Explanation, shortlist: Sequence[tuple[tuple[Effect, ...], Nomination]], scout: Fitter | None = None
     ) -> list[Explanation]:
         """Fit the best of a shortlist, which is sorted, until one is settled; at least two, so that it has a rival."""
-        kept = [row for row in shortlist if row[1].screened is not None][: self.settings.confirmed]
+        kept = [(effects, n, n.screened) for effects, n in shortlist if n.screened is not None]
+        kept = kept[: self.settings.confirmed]
         ahead = kept[0][1].promise + LAG if kept else 0.0
-        running = [
-            self._fitter.explain(effects, n.screened, n.score)
-            for place, (effects, n) in enumerate(kept)
-            if n.screened is not None and (place < 2 or n.promise < ahead)
-        ]
+        fits = [(effects, n, fit) for place, (effects, n, fit) in enumerate(kept) if place < 2 or n.promise < ahead]
+        if scout in (None, self._fitter):
+            running = [self._fitter.explain(effects, fit, n.score) for effects, n, fit in fits]
+        else:
+            # Fitted to a part of the records only: on the whole of them the fit goes on from there.
+            found = [self._fitter.at(effects, fit.axes, fit.u, n.score) for effects, n, fit in fits]
+            running = [explanation for explanation in found if explanation is not None]
         return self._fitter.contest(base, running) if running else []
 
     def decide(self, base: Explanation, explanations: Sequence[Explanation]) -> Findings:

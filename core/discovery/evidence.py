@@ -28,13 +28,13 @@ def gather(model: str, options: Mapping[str, Any], specimens: Sequence[Specimen]
     return Evidence(
         model,
         options,
-        max(_full_cycles(specimen) for specimen in specimens),
+        max(full_cycles(specimen) for specimen in specimens),
         max(temperatures) - min(temperatures) if temperatures else 0.0,
         min(sampling) if sampling else float("inf"),
     )
 
 
-def _full_cycles(specimen: Specimen) -> int:
+def full_cycles(specimen: Specimen) -> int:
     """Cycles that contain both a charge and a discharge of some length; pulses and drives make no cycle."""
     kinds: dict[int, set[StepKind]] = {}
     for step in specimen.record.steps:

@@ -14,6 +14,7 @@ from .adequacy import judge
 from .axes import Axis, candidate_of
 from .explanation import Explanation, estimates_of, warmth
 from .findings import Listener, Settings
+from .first_cycles import first_cycle, near_cycles
 from .laboratory import Prediction
 from .problem import Problem
 from .refit import Refit, differences, refit
@@ -58,6 +59,8 @@ class Fitter:
         self.problem = problem
         self.axes = axes
         self.settings = settings
+        self.as_new: FloatArray | None = None
+        """Base parameters before the cell aged, shape (p,), where records of many cycles tell them."""
         self._say = listener
 
     # --- fits -----------------------------------------------------------------------------------------------
@@ -90,6 +93,15 @@ class Fitter:
         fit = self.onwards(explanation.effects, explanation.fit, budget)
         return self.explain(explanation.effects, fit, explanation.score)
 
+    def at(
+        self, effects: tuple[Effect, ...], axes: tuple[Axis, ...], u: FloatArray, score: Score | None = None
+    ) -> Explanation | None:
+        """What is explained at given coordinates, without a fit; None if they cannot be simulated."""
+        here = self.residual(effects)(candidate_of(axes, u))
+        if here is None:
+            return None
+        return self.explain(effects, Refit(axes, u, here, np.zeros((len(here), len(axes))), False, 1), score)
+
     # --- the base model -------------------------------------------------------------------------------------
 
     def calibrate(self) -> tuple[Explanation, float]:
@@ -103,10 +115,16 @@ class Fitter:
             Root mean square of the mesh correction, V.
         """
         problem, budget = self.problem, self.settings.base_budget
+        new = first_cycle(problem)
+        if new is not None:
+            self._say("first cycle alone:")
+            scout = Fitter(new, self.axes, self.settings, self._say)
+            first, _ = scout.calibrate()
+            self.as_new = (first if first.adequacy.adequate else scout.temper(first)).fit.u
         # From coarse to fine: each fit counts as noise what the one before it could not explain, and noise alone is
         # reached only by a model that comes near it. Started at the finest, a fit loses itself on the steep parts.
         problem.misfit_v = _COARSE_V
-        fit = self._fit_from_somewhere(np.zeros(len(self.axes)))
+        fit = self._fit_from_somewhere(np.zeros(len(self.axes)) if self.as_new is None else self.as_new)
         for _ in range(3):
             left = self.explain((), fit, None).misfit_v
             left = left if left > _NEAR_V else 0.0
@@ -120,7 +138,7 @@ class Fitter:
         self._say(f"mesh and tolerances: {1e3 * mesh_v:.2f} mV, corrected")
         fit = self.onwards((), fit, budget)
         base = self.explain((), fit, None)
-        if not base.adequacy.adequate:
+        if not base.adequacy.adequate and self.as_new is None:
             # A poor fit may be a poor start: try another before calling it missing physics.
             rng = np.random.default_rng(self.settings.seed)
             start = np.array([rng.normal() if axis.prior else u for axis, u in zip(self.axes, fit.u, strict=True)])
@@ -215,6 +233,29 @@ class Fitter:
             slopes, _ = differences(self.residual(base.effects), fit.axes, fit.u, fit.residual, fit.jacobian)
             calm.fit = replace(fit, jacobian=slopes)
         return calm
+
+    def near_new(self) -> tuple[Fitter, Explanation] | None:
+        """Records of many cycles up to where the cell as it was new has drifted far, and the base model there.
+
+        What costs a fifth of the lithium is beyond what a score test, which is linear, can see, and a base model that
+        is fitted to it is lost. None where no record drifts far.
+        """
+        unaged = None if self.as_new is None else self.at((), self.axes, self.as_new)
+        if unaged is None:
+            return None
+        predictions = self.problem.predict((), unaged.fit.candidate)
+        assert predictions is not None, "it was simulated a moment ago"
+        cut = near_cycles(self.problem, self.problem.errors(predictions))
+        if cut is None:
+            return None
+        near = Fitter(cut, self.axes, self.settings, self._say)
+        here = near.at((), self.axes, unaged.fit.u)
+        if here is None:
+            return None
+        near.as_new = self.as_new
+        near.problem.misfit_v = here.blur_v
+        fit = near.fit((), self.axes, unaged.fit.u, 1 + len(self.axes))
+        return None if fit is None else (near, near.explain((), fit, None))
 
     def contest(self, base: Explanation, explanations: Sequence[Explanation]) -> list[Explanation]:
         """Fit explanations side by side, from coarse to fine, as long as they keep up with the best one.

@@ -32,7 +32,7 @@ _LITTLE = 0.1
 _BENT = 10.0
 """Price of departing from beliefs above which the parameters count as bent."""
 
-_RUNGS = (0.5, 1.0, 3.0, 10.0, 32.0, 100.0)
+_RUNGS = (0.5, 1.0, 3.0, 10.0, 32.0, 100.0, 320.0)
 """Strengths from which a short refit may start, in probes."""
 
 
@@ -63,14 +63,19 @@ def nominate_beside(fitter: Fitter, first: Explanation, nominations: Sequence[No
     """Score every other effect on what an explanation leaves, the most promising first.
 
     With the marks that were simulated at the base fit: an explanation moves the parameters little, and a mark
-    much less than the residual.
+    much less than the residual. Marks on a part of the record only are simulated anew.
     """
     found = []
+    deviation = fitter.problem.deviation()
     for known in nominations:
         if known.mark is None or known.deviation is None or known.effect.name in first.names:
             continue
-        deviation = fitter.problem.deviation()
-        mark = known.mark * known.deviation / deviation
+        if len(known.deviation) == len(deviation):
+            mark: FloatArray | None = known.mark * known.deviation / deviation
+        else:
+            mark = mark_of(fitter, first, known.effect)
+        if mark is None:
+            continue
         score = score_of(first, known.effect, mark)
         if score.gain > 0:
             found.append(Nomination(known.effect, "", score, mark, deviation))
@@ -120,18 +125,20 @@ def short_refit(fitter: Fitter, before: Explanation, nomination: Nomination) -> 
     effects = (*before.effects, nomination.effect)
     axes = (*before.fit.axes, *effect_axes((nomination.effect,)))
     ladder = _ladder(nomination)
-    best = _climb(ladder, lambda strength: _moved_along(fitter, before, nomination, strength), before.cost)
-    lost = before.fit.belief > _BENT or not before.fit.converged
+    new = fitter.as_new is not None and not before.effects
+    shares, budget = ((0.0,), 2 * _SHORT) if new else (_SHARES, _SHORT)
+    best = _climb(ladder, lambda strength: _moved_along(fitter, before, nomination, strength, shares), before.cost)
+    lost = fitter.as_new is None and (before.fit.belief > _BENT or not before.fit.converged)
     unbent = _climb(ladder, lambda strength: _believed(fitter, before, nomination, strength)) if lost else None
     if unbent is not None and (best is None or unbent.price < best.price):
         return fitter.fit(effects, axes, unbent.refit.u, _SHORT + len(axes))
     if best is None:
         return None
-    found = fitter.fit(effects, axes, best.refit.u, _SHORT, jacobian=best.refit.jacobian)
+    found = fitter.fit(effects, axes, best.refit.u, budget, jacobian=best.refit.jacobian)
     promised = nomination.gain
     if found is not None and promised > CLEAR_BIC and before.fit.cost - found.cost < _LITTLE * promised:
         # Much was promised and next to nothing came of it: the slopes were wrong.
-        again = fitter.fit(effects, axes, found.u, _SHORT + len(axes))
+        again = fitter.fit(effects, axes, found.u, budget + len(axes))
         found = found if again is None or found.cost < again.cost else again
     return found
 
@@ -162,7 +169,9 @@ def _climb(
     return best
 
 
-def _moved_along(fitter: Fitter, before: Explanation, nomination: Nomination, strength: float) -> _Start | None:
+def _moved_along(
+    fitter: Fitter, before: Explanation, nomination: Nomination, strength: float, shares: Sequence[float]
+) -> _Start | None:
     """With the base parameters moved along, as far as the linear picture goes; less far where it misleads."""
     assert nomination.mark is not None
     known = before.fit
@@ -170,7 +179,7 @@ def _moved_along(fitter: Fitter, before: Explanation, nomination: Nomination, st
     there = known.residual + strength * nomination.mark
     whole, _ = bounded_step(known.jacobian, there, known.axes, known.u, _REACH)
     best: _Start | None = None
-    for step in (share * whole for share in _SHARES):
+    for step in (share * whole for share in shares):
         found = _start(fitter, before, nomination, known.u + step, strength)
         if found is None:
             continue

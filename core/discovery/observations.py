@@ -201,6 +201,23 @@ def _neighbour_change(voltage: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(padded[:-1], padded[1:]), dtype=np.float64)
 
 
+def subset(observed: Observations, mask: NDArray[np.bool_]) -> Observations:
+    """The stretches that a mask of shape (n,) picks."""
+    picked = {
+        name: getattr(observed, name)[mask]
+        for name in ("time", "current", "voltage", "sigma", "count", "step", "cycle", "since", "charge")
+    }
+    temperature = None if observed.temperature is None else observed.temperature[mask]
+    return Observations(
+        name=observed.name,
+        kinds=observed.kinds,
+        temperature=temperature,
+        ambient_k=observed.ambient_k,
+        noise=observed.noise,
+        **picked,
+    )
+
+
 def hours(seconds: float) -> float:
     """Seconds as hours."""
     return seconds / SECONDS_PER_HOUR

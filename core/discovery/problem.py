@@ -13,7 +13,7 @@ from ..parameters import Candidate
 from ..trajectory import FloatArray
 from .far_errors import drawn_in
 from .laboratory import INITIAL_SOC, Laboratory, Prediction, Specimen
-from .observations import Observations
+from .observations import Observations, subset
 
 _BLOCK = 6
 """Stretches that are held out together, where no whole record is."""
@@ -168,7 +168,7 @@ class Problem:
             if predictions is None:
                 return None
             return [
-                (_subset(observed, ~mask), error[~mask])
+                (subset(observed, ~mask), error[~mask])
                 for observed, mask, error in zip(self.observations, self.fitted, self.errors(predictions), strict=True)
             ]
         result = []
@@ -215,19 +215,3 @@ class Problem:
                 break
         self._held_soc[key] = soc
         return error
-
-
-def _subset(observed: Observations, mask: NDArray[np.bool_]) -> Observations:
-    picked = {
-        name: getattr(observed, name)[mask]
-        for name in ("time", "current", "voltage", "sigma", "count", "step", "cycle", "since", "charge")
-    }
-    temperature = None if observed.temperature is None else observed.temperature[mask]
-    return Observations(
-        name=observed.name,
-        kinds=observed.kinds,
-        temperature=temperature,
-        ambient_k=observed.ambient_k,
-        noise=observed.noise,
-        **picked,
-    )

@@ -1,18 +1,10 @@
-import importlib.util
-import sys
-from pathlib import Path
-
+import discovery_toy as toy
 import numpy as np
 import pytest
 from bsa.core.discovery.axes import effect_axes
 from bsa.core.discovery.engine import Engine
 from bsa.core.discovery.findings import Nomination, Settings
 from bsa.core.discovery.fitting import Fitter
-
-_spec = importlib.util.spec_from_file_location("discovery_toy", Path(__file__).with_name("toy.py"))
-toy = importlib.util.module_from_spec(_spec)
-sys.modules["discovery_toy"] = toy
-_spec.loader.exec_module(toy)
 
 CATALOGUE = (toy.QUADRATIC, toy.HYSTERESIS, toy.SLOW)
 

@@ -22,6 +22,7 @@ QUADRATIC = effect("quadratic")
 HYSTERESIS = effect("sign")
 SLOW = effect("slow")
 IMITATED = effect("second-resistance")
+FADE = effect("fade", upper=0.1, probe=1e-3)
 
 
 def marks(current, time):
@@ -29,7 +30,9 @@ def marks(current, time):
     for k in range(1, len(current)):
         keep = np.exp(-(time[k] - time[k - 1]) / 200.0)
         slow[k] = slow[k - 1] * keep + current[k - 1] * (1 - keep)
+    throughput = np.concatenate([[0.0], np.cumsum(np.abs(current[1:]) * np.diff(time))]) / 3600.0
     return {
+        "fade": -current * throughput,
         "quadratic": -current * np.abs(current),
         "sign": -np.sign(current),
         "slow": -slow,
@@ -54,17 +57,22 @@ class ToyLaboratory:
         return Prediction(voltage)
 
 
-def specimen(name: str, rng, truth: dict[str, float], resistance=1.2, noise=1e-3) -> Specimen:
+CHECK = ((0, 60), (1, 600), (0, 400), (2.5, 300), (0, 400), (-1, 500), (0, 300), (1.8, 200), (0, 200))
+CYCLE = ((1, 600), (0, 200), (-1, 600), (0, 200))
+
+
+def specimen(name: str, rng, truth: dict[str, float], resistance=1.2, noise=1e-3, program=CHECK, cycles=1) -> Specimen:
     time, current, steps = [], [], []
     start = count = 0
-    for rate, seconds in ((0, 60), (1, 600), (0, 400), (2.5, 300), (0, 400), (-1, 500), (0, 300), (1.8, 200), (0, 200)):
-        clock = start + np.arange(0.0, seconds, 4.0)
-        kind = StepKind.REST if rate == 0 else StepKind.CC_DISCHARGE if rate > 0 else StepKind.CC_CHARGE
-        time.append(clock)
-        current.append(np.full(len(clock), float(rate)))
-        steps.append(Step(kind, count, count + len(clock)))
-        count += len(clock)
-        start += seconds
+    for number in range(1, cycles + 1):
+        for rate, seconds in program:
+            clock = start + np.arange(0.0, seconds, 4.0)
+            kind = StepKind.REST if rate == 0 else StepKind.CC_DISCHARGE if rate > 0 else StepKind.CC_CHARGE
+            time.append(clock)
+            current.append(np.full(len(clock), float(rate)))
+            steps.append(Step(kind, count, count + len(clock), number))
+            count += len(clock)
+            start += seconds
     time, current = np.concatenate(time), np.concatenate(current)
     record = Trajectory(time, current, np.zeros_like(time), None, tuple(steps))
     voltage = 3.6 + 0.2 * 0.9 - 0.2 * record.discharge_capacity - resistance * 0.05 * current
@@ -76,7 +84,10 @@ def specimen(name: str, rng, truth: dict[str, float], resistance=1.2, noise=1e-3
 
 def problem(rng, truth: dict[str, float], held: bool = True, noise=1e-3) -> tuple[Problem, tuple[Axis, ...]]:
     fitted = [specimen("a", rng, truth, noise=noise), specimen("b", rng, truth, noise=noise)]
-    kept = [specimen("held", rng, truth, noise=noise)] if held else []
+    return problem_of(fitted, [specimen("held", rng, truth, noise=noise)] if held else [])
+
+
+def problem_of(fitted: list[Specimen], kept: list[Specimen]) -> tuple[Problem, tuple[Axis, ...]]:
     axes = (
         Axis(Parameter("resistance factor", 1.0, 0.2, 5.0, "log"), 0.5, prior=True),
         *(Axis(Parameter(s.soc_name, 0.8, 0.0, 1.0), 0.02, prior=False) for s in fitted),

@@ -1,0 +1,83 @@
+"""A cell that is cycled many times is calibrated on its first cycle, before it has aged, and looked at from there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..trajectory import FloatArray
+from .evidence import full_cycles
+from .laboratory import Specimen
+from .observations import Observations, subset
+from .problem import Problem
+
+_MANY = 6
+"""Cycles from which a record may show a cell that ages."""
+
+_NEW = 1
+"""Cycles in which a cell is as good as new: a strong SEI costs a percent in each."""
+
+_FEWEST = 3
+"""Cycles below which ageing cannot be seen."""
+
+_DRIFT_V = 0.01
+"""Typical error of a cycle up to which what ageing does to the voltage is nearly linear, V."""
+
+
+def first_cycle(problem: Problem) -> Problem | None:
+    """The same problem with long records cut after their first cycle; None where no record is long.
+
+    What a base model bends itself to over many cycles is mostly that it does not age. Over the first one an ageing
+    cell is still the cell that the base model describes, and it is simulated in a fraction of the time. Parameters
+    found there are where a fit of the whole record starts, and what ageing is added to.
+    """
+    long = [full_cycles(specimen) >= _MANY for specimen in problem.specimens]
+    return _cut(problem, [_NEW if there else None for there in long]) if any(long) else None
+
+
+def near_cycles(problem: Problem, errors: Sequence[FloatArray]) -> Problem | None:
+    """The same problem with records cut where the cell as it was new has drifted far from them; None if it never does.
+
+    Parameters
+    ----------
+    problem : Problem
+        The records.
+    errors : sequence of ndarray
+        By record: measured minus predicted voltage with the parameters of the first cycle, V.
+    """
+    counts = [_undrifted(observed, error) for observed, error in zip(problem.observations, errors, strict=True)]
+    return None if all(count is None for count in counts) else _cut(problem, counts)
+
+
+def _undrifted(observed: Observations, error: FloatArray) -> int | None:
+    """How many cycles there are before the drift is large; None if it never is."""
+    typical = [float(np.median(np.abs(error[observed.cycle == number]))) for number in np.unique(observed.cycle)]
+    far = np.flatnonzero(np.array(typical) > _DRIFT_V)
+    return max(_FEWEST, int(far[0])) if len(far) else None
+
+
+def _cut(problem: Problem, counts: Sequence[int | None]) -> Problem:
+    pairs = zip(problem.specimens, problem.observations, counts, strict=True)
+    specimens, observations = zip(*(_first(*pair) for pair in pairs), strict=True)
+    sizes = {observed.name: len(observed) for observed in (*observations, *problem.held_observations)}
+    return Problem(
+        problem.laboratory,
+        specimens,
+        observations,
+        problem.held_specimens,
+        problem.held_observations,
+        {name: change[: sizes[name]] for name, change in problem.corrections.items()},
+        {name: sigma[: sizes[name]] for name, sigma in problem.mesh_sigma.items()},
+    )
+
+
+def _first(specimen: Specimen, observed: Observations, count: int | None) -> tuple[Specimen, Observations]:
+    """One record and its averages, cut after so many cycles."""
+    record = specimen.record
+    if count is None or count >= len(record.cycles):
+        return specimen, observed
+    last = record.cycles[count - 1]
+    stop = max(step.stop for step in record.steps if step.cycle <= last)
+    return replace(specimen, record=record.slice(0, stop)), subset(observed, observed.cycle <= last)

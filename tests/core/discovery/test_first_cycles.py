@@ -1,0 +1,85 @@
+import discovery_toy as toy
+import numpy as np
+import pytest
+from bsa.core.discovery.engine import Engine
+from bsa.core.discovery.findings import Settings
+from bsa.core.discovery.first_cycles import first_cycle, near_cycles
+from bsa.core.discovery.fitting import Fitter
+from hypothesis import given
+from hypothesis import strategies as st
+
+
+def cycled(truth, cycles=12, held=True):
+    rng = np.random.default_rng(5)
+    fitted = [toy.specimen("cycled", rng, truth, program=toy.CYCLE, cycles=cycles)]
+    return toy.problem_of(fitted, [toy.specimen("held", rng, truth)] if held else [])
+
+
+def test_a_long_record_is_cut_after_its_first_cycle():
+    problem, _ = cycled({})
+    new = first_cycle(problem)
+    assert set(new.observations[0].cycle) == {1}
+    assert new.specimens[0].record.cycles == (1,)
+    assert new.specimens[0].soc_name == problem.specimens[0].soc_name
+    assert np.array_equal(new.observations[0].voltage, problem.observations[0].voltage[: len(new.observations[0])])
+    assert new.held_specimens == problem.held_specimens
+
+
+def test_without_a_hold_out_record_the_same_stretches_are_kept_back():
+    problem, _ = cycled({}, held=False)
+    new = first_cycle(problem)
+    assert np.array_equal(new.fitted[0], problem.fitted[0][: len(new.fitted[0])])
+
+
+def test_a_short_record_is_not_cut():
+    problem, _ = cycled({}, cycles=5)
+    assert first_cycle(problem) is None
+
+
+def test_what_is_known_of_the_mesh_is_cut_too():
+    problem, _ = cycled({})
+    count = len(problem.observations[0])
+    problem.corrections["cycled"] = np.arange(float(count))
+    problem.mesh_sigma["cycled"] = np.arange(float(count))
+    new = first_cycle(problem)
+    assert len(new.corrections["cycled"]) == len(new.mesh_sigma["cycled"]) == len(new.observations[0])
+    assert len(problem.corrections["cycled"]) == count
+
+
+@given(st.integers(1, 12), st.floats(0.011, 1.0))
+def test_records_are_cut_where_they_have_drifted_far(first_far, size):
+    problem, _ = cycled({})
+    observed = problem.observations[0]
+    errors = np.where(observed.cycle >= first_far, size, 0.001)
+    near = near_cycles(problem, [errors])
+    assert max(near.observations[0].cycle) == max(3, first_far - 1)
+
+
+def test_what_does_not_drift_is_not_cut():
+    problem, _ = cycled({})
+    assert near_cycles(problem, [np.full(len(problem.observations[0]), 0.005)]) is None
+
+
+@pytest.mark.parametrize("size", [1e-3, 0.05])
+def test_ageing_is_added_to_the_cell_as_it_was_new(size):
+    # The strong one adds as much resistance in twelve cycles as ten cells have: a base fit of all cycles is no start.
+    problem, axes = cycled({"fade": size})
+    findings = Engine(problem, axes, (toy.FADE, toy.QUADRATIC, toy.HYSTERESIS), toy.EVIDENCE, Settings()).run()
+    assert findings.verdict == "effect-found", findings.reason
+    assert findings.best.names == ("fade",)
+    assert findings.best.estimates["fade"][0].value == pytest.approx(size, rel=0.05)
+    assert findings.best.fit.candidate["resistance factor"] == pytest.approx(1.2, rel=0.02)
+
+
+def test_parameters_of_the_first_cycle_are_those_of_the_cell_as_it_was_new():
+    problem, axes = cycled({"fade": 0.02})
+    fitter = Fitter(problem, axes, Settings(), lambda text: None)
+    base, _ = fitter.calibrate()
+    bent = base.fit.candidate["resistance factor"]
+    assert axes[0].value(float(fitter.as_new[0])) == pytest.approx(1.2, rel=0.1)
+    assert bent > 1.5
+
+
+def test_a_cell_that_does_not_age_lacks_nothing():
+    problem, axes = cycled({})
+    assert Engine(problem, axes, (toy.FADE,), toy.EVIDENCE).run().verdict == "no-missing-effect"
