@@ -25,6 +25,10 @@ _KINDRED = 0.5
 _HOPELESS = 3.0
 """Times the best one's BIC from which a single effect is no start for a pair."""
 
+_WORTHWHILE = CLEAR_HELD**2
+"""Share of a single effect's cost that a pair has to come down to in a short refit, to be fitted on: squares of errors
+that are clearly smaller. True second effects come to less than half; ornaments take a few percent."""
+
 _NEARER = 0.98
 """Share of an error that a fit has to come down to, to be gone on with."""
 
@@ -81,7 +85,9 @@ class Engine:
             base = calm
         nominations = nominate(scout, calm, self.catalogue, self.evidence, self._say)
         confirmed = self.confirm(base, scout, calm, nominations)
-        explanations = self.finish(base, _sorted(confirmed), self._kin(confirmed, nominations))
+        # From parameters of a new cell no effect loses its way in a short refit, and none needs a second chance.
+        kin = self._kin(confirmed, nominations) if scout is fitter else []
+        explanations = self.finish(base, _sorted(confirmed), kin)
         if explanations:
             base = fitter.without(base, explanations[0])
         if base.adequacy.adequate:
@@ -138,7 +144,10 @@ class Engine:
                 key = tuple(sorted(effect.key for effect in effects))
                 if key not in screened:
                     screen(self._fitter, first, nomination)
-                    screened[key] = effects, nomination
+                    left = nomination.promise / first.cost
+                    self._say(f"  {first.label} + {nomination.effect.key}: leaves {left:.0%} of what one effect does")
+                    if left < _WORTHWHILE:
+                        screened[key] = effects, nomination
         ranked = sorted(screened.values(), key=lambda row: row[1].promise)
         return self._settle(base, ranked)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..trajectory import SECONDS_PER_HOUR, FloatArray, StepKind, Trajectory
+from ..trajectory import FloatArray, StepKind, Trajectory
 from .noise import voltage_noise
 
 FLOOR_V = 3e-4
@@ -216,8 +216,3 @@ def subset(observed: Observations, mask: NDArray[np.bool_]) -> Observations:
         noise=observed.noise,
         **picked,
     )
-
-
-def hours(seconds: float) -> float:
-    """Seconds as hours."""
-    return seconds / SECONDS_PER_HOUR
