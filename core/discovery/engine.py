@@ -29,6 +29,9 @@ _WORTHWHILE = CLEAR_HELD**2
 """Share of a single effect's cost that a pair has to come down to in a short refit, to be fitted on: squares of errors
 that are clearly smaller. True second effects come to less than half; ornaments take a few percent."""
 
+_HINT = 0.05
+"""Share of a single effect's cost that the score test of a second one must promise to be worth a short refit."""
+
 _NEARER = 0.98
 """Share of an error that a fit has to come down to, to be gone on with."""
 
@@ -131,7 +134,10 @@ class Engine:
         if CLEAR_HELD * nearer[0].held_rmse_v < self._fitter.held_noise():
             return self._converge(base, _sorted(ranked))  # no pair could predict data not fitted clearly better
         pairs = self.pair(base, nearer, nominations)
-        return self.prune(base, self.finish(base, _sorted([*ranked, *pairs])))
+        result = self.prune(base, self.finish(base, _sorted([*ranked, *pairs])))
+        # Where the pair is an ornament, what stands is its better half, and that was not the one fitted to the end.
+        standing = next((e for e in result if not _needless(e, result)), result[0])
+        return self._converge(base, [standing, *(e for e in result if e is not standing)])
 
     def pair(
         self, base: Explanation, singles: Sequence[Explanation], nominations: Sequence[Nomination]
@@ -142,7 +148,7 @@ class Engine:
             for nomination in nominate_beside(self._fitter, first, nominations)[:_SECONDS]:
                 effects = (first.effects[0], nomination.effect)
                 key = tuple(sorted(effect.key for effect in effects))
-                if key not in screened:
+                if key not in screened and nomination.gain > _HINT * first.cost:
                     screen(self._fitter, first, nomination)
                     left = nomination.promise / first.cost
                     self._say(f"  {first.label} + {nomination.effect.key}: leaves {left:.0%} of what one effect does")
@@ -224,12 +230,10 @@ class Engine:
         kept = kept[: self.settings.confirmed]
         ahead = kept[0][1].promise + LAG if kept else 0.0
         fits = [(effects, n, fit) for place, (effects, n, fit) in enumerate(kept) if place < 2 or n.promise < ahead]
-        if scout in (None, self._fitter):
-            running = [self._fitter.explain(effects, fit, n.score) for effects, n, fit in fits]
-        else:
-            # Fitted to a part of the records only: on the whole of them the fit goes on from there.
-            found = [self._fitter.at(effects, fit.axes, fit.u, n.score) for effects, n, fit in fits]
-            running = [explanation for explanation in found if explanation is not None]
+        scout = scout or self._fitter
+        running = [scout.explain(effects, fit, n.score) for effects, n, fit in fits]
+        if scout is not self._fitter:
+            running = self._fitter.lengthened(scout, running)
         return self._fitter.contest(base, running) if running else []
 
     def decide(self, base: Explanation, explanations: Sequence[Explanation]) -> Findings:
@@ -243,8 +247,9 @@ class Engine:
         needed = [e for e in ranked if not _needless(e, ranked)]
         believed = [e for e in needed if not objections[id(e)]]
         if not believed:
-            reason = f"{ranked[0].label}: {objections[id(ranked[0])]}"
-            return Findings("unexplained", base, ranked[0], explanations=ranked, reason=reason)
+            first = needed[0]
+            reason = f"{first.label}: {objections[id(first)]}"
+            return Findings("unexplained", base, first, explanations=ranked, reason=reason)
         best = believed[0]
         for other in believed[1:]:
             # Within what BIC can tell, the temperature that no fit was shown decides.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -49,6 +49,18 @@ def near_cycles(problem: Problem, errors: Sequence[FloatArray]) -> Problem | Non
     """
     counts = [_undrifted(observed, error) for observed, error in zip(problem.observations, errors, strict=True)]
     return None if all(count is None for count in counts) else _cut(problem, counts)
+
+
+def longer(problem: Problem, near: Problem) -> Iterator[Problem]:
+    """The same problem on twice as many cycles as ``near``, and twice as many again, as long as that is not the whole.
+
+    A fit that is right to a twentieth on three cycles is off by a knee on twenty, and near enough on six.
+    """
+    whole = [len(specimen.record.cycles) for specimen in problem.specimens]
+    counts = [2 * len(specimen.record.cycles) for specimen in near.specimens]
+    while any(count < total for count, total in zip(counts, whole, strict=True)):
+        yield _cut(problem, counts)
+        counts = [2 * count for count in counts]
 
 
 def _undrifted(observed: Observations, error: FloatArray) -> int | None:

@@ -14,7 +14,7 @@ from .adequacy import judge
 from .axes import Axis, candidate_of
 from .explanation import Explanation, estimates_of, warmth
 from .findings import Listener, Settings
-from .first_cycles import first_cycle, near_cycles
+from .first_cycles import first_cycle, longer, near_cycles
 from .laboratory import Prediction
 from .problem import Problem
 from .refit import Refit, differences, refit
@@ -35,6 +35,9 @@ LAG = 2 * CLEAR_BIC
 
 _SHARES_OF_STRENGTH = (1.0, 0.7, 1.4, 0.5, 2.0, 0.25, 4.0)
 """Of a strength fitted elsewhere, what it may be beside another's base parameters."""
+
+_STAGE = 40
+"""Simulations of a fit to part of the cycles, from a fit to half as many."""
 
 _LEVELS = 6
 """Times that the misfit which counts as noise is lowered at most."""
@@ -257,12 +260,45 @@ class Fitter:
         fit = near.fit((), self.axes, unaged.fit.u, 1 + len(self.axes))
         return None if fit is None else (near, near.explain((), fit, None))
 
+    def lengthened(self, near: Fitter, explanations: Sequence[Explanation]) -> list[Explanation]:
+        """Explanations of the first cycles, fitted on over more and more of them; those that keep up, on all of them.
+
+        Far ahead of where it was fitted, a model runs empty in the wrong minute of every cycle, and slopes say nothing.
+        """
+        running = list(explanations)
+        for problem in longer(self.problem, near.problem):
+            stage = Fitter(problem, self.axes, self.settings, self._say)
+            running = stage.moved(running)
+            if running:
+                problem.misfit_v = max(_NEAR_V, min(explanation.blur_v for explanation in running))
+                running, _ = stage.race(running, _STAGE)
+        return self.moved(running)
+
+    def moved(self, explanations: Sequence[Explanation]) -> list[Explanation]:
+        """Explanations of part of the records on these, not fitted yet; without those that cannot be simulated."""
+        found = [self.at(e.effects, e.fit.axes, e.fit.u, e.score) for e in explanations]
+        return [explanation for explanation in found if explanation is not None]
+
     def contest(self, base: Explanation, explanations: Sequence[Explanation]) -> list[Explanation]:
+        """Fit explanations side by side until the best one has converged, and tell how each did; see `race`."""
+        running, dropped = self.race(explanations, self.settings.refit_budget)
+        for explanation in (*running, *dropped):
+            self.tell(base, explanation)
+        return [*running, *dropped]
+
+    def race(self, explanations: Sequence[Explanation], budget: int) -> tuple[list[Explanation], list[Explanation]]:
         """Fit explanations side by side, from coarse to fine, as long as they keep up with the best one.
 
         At each level the blur of the best one counts as noise, so that differences in cost are evidence; who lags
         by more than `LAG` is dropped, and keeps the fit that it has. The last level, at which the best one is
-        adequate or comes no nearer, is fitted until converged.
+        adequate or comes no nearer, gets the whole budget; those before it a third.
+
+        Returns
+        -------
+        list of Explanation
+            Those that kept up.
+        list of Explanation
+            Those that were dropped.
         """
         running, dropped = list(explanations), []
         for level in range(_LEVELS):
@@ -272,10 +308,9 @@ class Fitter:
             left = best.blur_v if best.misfit_v > _NEAR_V else 0.0
             last = left > 0.6 * before or left == 0.0 or level == _LEVELS - 1
             self.problem.misfit_v = min(left, before)
-            budget = self.settings.refit_budget if last else self.settings.refit_budget // 3
             fitted: list[Explanation] = []
             for explanation in running:
-                again = self.again(explanation, budget)
+                again = self.again(explanation, budget if last else budget // 3)
                 ahead = min((other.cost for other in fitted), default=np.inf)
                 if again.cost > ahead + LAG:
                     dropped.append(again)
@@ -284,10 +319,7 @@ class Fitter:
             running = fitted
             if last:
                 break
-        result = running + dropped
-        for explanation in result:
-            self.tell(base, explanation)
-        return result
+        return running, dropped
 
     # --- judgement ------------------------------------------------------------------------------------------
 

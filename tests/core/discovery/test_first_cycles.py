@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from bsa.core.discovery.engine import Engine
 from bsa.core.discovery.findings import Settings
-from bsa.core.discovery.first_cycles import first_cycle, near_cycles
+from bsa.core.discovery.first_cycles import first_cycle, longer, near_cycles
 from bsa.core.discovery.fitting import Fitter
 from hypothesis import given
 from hypothesis import strategies as st
@@ -83,3 +83,9 @@ def test_parameters_of_the_first_cycle_are_those_of_the_cell_as_it_was_new():
 def test_a_cell_that_does_not_age_lacks_nothing():
     problem, axes = cycled({})
     assert Engine(problem, axes, (toy.FADE,), toy.EVIDENCE).run().verdict == "no-missing-effect"
+
+
+def test_a_horizon_is_doubled_until_the_whole_is_reached():
+    problem, _ = cycled({}, cycles=20)
+    near = near_cycles(problem, [np.where(problem.observations[0].cycle > 3, 1.0, 0.0)])
+    assert [len(stage.specimens[0].record.cycles) for stage in longer(problem, near)] == [6, 12]
