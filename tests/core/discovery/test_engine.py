@@ -165,3 +165,30 @@ def test_a_pair_that_predicts_data_not_fitted_no_better_than_one_of_its_members_
     pair.held_rmse_v = single.held_rmse_v
     found = engine.decide(base, [pair, single])
     assert found.verdict == "unexplained" or found.best is single
+
+
+def test_the_better_half_of_an_ornamented_pair_is_fitted_until_it_has_converged(monkeypatch):
+    problem, axes = toy.problem(np.random.default_rng(0), {"sign": 0.01})
+    engine = Engine(problem, axes, CATALOGUE, toy.EVIDENCE, Settings(refit_budget=8))
+    fitter = Fitter(problem, axes, Settings(), print)
+    base = fitted(fitter, (), 100)
+    single, pair = fitted(fitter, (toy.HYSTERESIS,), 5), fitted(fitter, (toy.HYSTERESIS, toy.QUADRATIC), 100)
+    single.held_rmse_v = pair.held_rmse_v = 2 * engine._fitter.held_noise()  # so that a pair is tried, and no better
+    monkeypatch.setattr(engine._fitter, "again", lambda explanation, budget: explanation)
+    monkeypatch.setattr(engine, "pair", lambda *_: [pair])
+    monkeypatch.setattr(engine, "prune", lambda base, explanations: list(explanations))
+    monkeypatch.setattr(engine, "finish", lambda base, explanations: list(explanations))
+    went_on = []
+    monkeypatch.setattr(engine, "_converge", lambda base, explanations: went_on.append(explanations[0]) or explanations)
+    engine.add_second(base, [single], [])
+    assert went_on == [single]
+
+
+def test_a_pair_is_not_tried_where_none_could_predict_better(monkeypatch):
+    problem, axes = toy.problem(np.random.default_rng(0), {"sign": 0.01})
+    engine = Engine(problem, axes, CATALOGUE, toy.EVIDENCE)
+    fitter = Fitter(problem, axes, Settings(), print)
+    base, single = fitted(fitter, (), 100), fitted(fitter, (toy.HYSTERESIS,), 100)
+    monkeypatch.setattr(engine, "pair", lambda *_: pytest.fail("a pair was tried"))
+    assert single.held_rmse_v < 1.1 * engine._fitter.held_noise()
+    assert [e.names for e in engine.add_second(base, [single], [])] == [("sign",)]
