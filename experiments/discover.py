@@ -284,13 +284,12 @@ def discover_in(
     findings = engine.run()
     before = _errors(problem, findings.base)
     after = _errors(problem, findings.best)
-    noise = float(np.sqrt(np.mean([o.noise**2 for o in problem.observations])))
-    held = problem.held_observations or problem.observations
+    noise = problem.noise_v
     places = localise(problem.observations, before, capacity)
     discovery = Discovery(
         findings,
         noise,
-        float(np.sqrt(np.mean([o.noise**2 for o in held]))),
+        problem.held_noise_v,
         places,
         localise(problem.observations, after, capacity),
         in_words(places, noise),

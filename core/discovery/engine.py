@@ -131,7 +131,7 @@ class Engine:
         near = [e for e in singles[:2] if bic(e, singles[0]) < _HOPELESS * bic(singles[0], singles[0])]
         nearer = _sorted([self._fitter.again(e, self.settings.refit_budget // 2) for e in near])
         ranked = [*nearer, *singles[len(near) :]]
-        if CLEAR_HELD * nearer[0].held_rmse_v < self._fitter.held_noise():
+        if CLEAR_HELD * nearer[0].held_rmse_v < self.problem.held_noise_v:
             return self._converge(base, _sorted(ranked))  # no pair could predict data not fitted clearly better
         pairs = self.pair(base, nearer, nominations)
         result = self.prune(base, self.finish(base, _sorted([*ranked, *pairs])))
@@ -241,7 +241,7 @@ class Engine:
         ranked = list(explanations)
         if not ranked:
             return Findings("unexplained", base, base, reason="no effect of the catalogue points the right way")
-        noise, held_noise = self._fitter.noise(), self._fitter.held_noise()
+        noise, held_noise = self.problem.noise_v, self.problem.held_noise_v
         objections = {id(e): believable(base, e, noise, held_noise) for e in ranked}
         # A pair must beat each of its members clearly, on data not fitted too, or the simpler one stands.
         needed = [e for e in ranked if not _needless(e, ranked)]

@@ -34,6 +34,15 @@ def gather(model: str, options: Mapping[str, Any], specimens: Sequence[Specimen]
     )
 
 
+_MANY = 6
+"""Cycles from which a record may show a cell that ages."""
+
+
+def is_long(specimen: Specimen) -> bool:
+    """Whether a record has so many cycles that the cell may have aged on the way."""
+    return full_cycles(specimen) >= _MANY
+
+
 def full_cycles(specimen: Specimen) -> int:
     """Cycles that contain both a charge and a discharge of some length; pulses and drives make no cycle."""
     kinds: dict[int, set[StepKind]] = {}

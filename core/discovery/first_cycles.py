@@ -8,13 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from ..trajectory import FloatArray
-from .evidence import full_cycles
+from .evidence import is_long
 from .laboratory import Specimen
 from .observations import Observations, subset
 from .problem import Problem
-
-_MANY = 6
-"""Cycles from which a record may show a cell that ages."""
 
 _NEW = 1
 """Cycles in which a cell is as good as new: a strong SEI costs a percent in each."""
@@ -33,7 +30,7 @@ def first_cycle(problem: Problem) -> Problem | None:
     cell is still the cell that the base model describes, and it is simulated in a fraction of the time. Parameters
     found there are where a fit of the whole record starts, and what ageing is added to.
     """
-    long = [full_cycles(specimen) >= _MANY for specimen in problem.specimens]
+    long = [is_long(specimen) for specimen in problem.specimens]
     return _cut(problem, [_NEW if there else None for there in long]) if any(long) else None
 
 
@@ -82,6 +79,7 @@ def _cut(problem: Problem, counts: Sequence[int | None]) -> Problem:
         problem.held_observations,
         {name: change[: sizes[name]] for name, change in problem.corrections.items()},
         {name: sigma[: sizes[name]] for name, sigma in problem.mesh_sigma.items()},
+        masks=[mask[: len(observed)] for mask, observed in zip(problem.fitted, observations, strict=True)],
     )
 
 

@@ -339,7 +339,7 @@ class Fitter:
         )
         counts = np.concatenate([observed.count[mask] for observed, _, mask in masks])
         volts, sigma = np.concatenate(parts), np.concatenate(sigmas)
-        rmse = _sample_rmse(volts, counts, self.noise())
+        rmse = _sample_rmse(volts, counts, self.problem.noise_v)
         held_rmse, held_chi2 = self._held(effects, fit)
         kelvin = _temperature_error(problem, predictions)
         explanation = Explanation(effects, fit, adequacy, rmse, held_rmse, held_chi2, volts, sigma, score, kelvin)
@@ -360,16 +360,7 @@ class Fitter:
         errors = np.concatenate([error for _, error in held])
         counts = np.concatenate([observed.count for observed, _ in held])
         sigma = np.concatenate([observed.sigma for observed, _ in held])
-        return _sample_rmse(errors, counts, self.held_noise()), float(np.mean((errors / sigma) ** 2))
-
-    def noise(self) -> float:
-        """Noise of one sample of the fitted records, V."""
-        return float(np.sqrt(np.mean([observed.noise**2 for observed in self.problem.observations])))
-
-    def held_noise(self) -> float:
-        """Noise of one sample of the data not fitted, V."""
-        held = self.problem.held_observations or self.problem.observations
-        return float(np.sqrt(np.mean([observed.noise**2 for observed in held])))
+        return _sample_rmse(errors, counts, self.problem.held_noise_v), float(np.mean((errors / sigma) ** 2))
 
     def tell(self, base: Explanation, explanation: Explanation) -> None:
         """Say in one line how an explanation did."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..effect import Effect
 from ..parameters import Candidate
 from ..trajectory import FloatArray
+from .evidence import is_long
 from .far_errors import drawn_in
 from .laboratory import INITIAL_SOC, Laboratory, Prediction, Specimen
 from .observations import Observations, subset
@@ -46,6 +47,9 @@ class Problem:
         By record: what the finer mesh adds to the prediction, V. Applied to every prediction.
     simulations : int
         Candidates simulated so far; one counts however many records it has.
+    masks : sequence of ndarray of bool, optional
+        By record: which stretches are fitted. Left out, all are where there is a hold-out record; but of records of
+        many cycles every fifth block is held out in any case: a hold-out record of a cycle or two shows no ageing.
     """
 
     laboratory: Laboratory
@@ -56,20 +60,33 @@ class Problem:
     corrections: dict[str, FloatArray] = field(default_factory=dict)
     mesh_sigma: dict[str, FloatArray] = field(default_factory=dict)
     simulations: int = 0
+    masks: Sequence[NDArray[np.bool_]] | None = None
     misfit_v: float = 0.0
     """Added in quadrature to every deviation of a fit, V. While no model comes near the data, what is believed of the
     parameters, and the flat parts of a record beside its steep ones, must count against the misfit, not the noise."""
 
     def __post_init__(self) -> None:
-        self.fitted = [self._fitted_mask(observed) for observed in self.observations]
+        pairs = zip(self.specimens, self.observations, strict=True)
+        self.fitted = list(self.masks) if self.masks is not None else [self._fitted_mask(*pair) for pair in pairs]
         """By record: which stretches are fitted."""
         self._held_soc: dict[tuple[str, str], float] = {}
 
-    def _fitted_mask(self, observed: Observations) -> NDArray[np.bool_]:
-        if self.held_specimens:
+    def _fitted_mask(self, specimen: Specimen, observed: Observations) -> NDArray[np.bool_]:
+        if self.held_specimens and not is_long(specimen):
             return np.ones(len(observed), dtype=bool)
         place = np.arange(len(observed)) // _BLOCK
         return np.asarray(place % _EVERY != 2, dtype=np.bool_)
+
+    @property
+    def noise_v(self) -> float:
+        """Noise of one sample of the fitted records, V."""
+        return _together(self.observations)
+
+    @property
+    def held_noise_v(self) -> float:
+        """Noise of one sample of the data not fitted, V."""
+        kept_back = [o for o, mask in zip(self.observations, self.fitted, strict=True) if not np.all(mask)]
+        return _together([*kept_back, *self.held_observations])
 
     def predict(self, effects: Sequence[Effect], candidate: Candidate, fine: bool = False) -> list[Prediction] | None:
         """Predictions for the fitted records, corrected for the mesh; None if one of them fails."""
@@ -158,26 +175,32 @@ class Problem:
         return next((value for name, value in candidate.items() if name.startswith(INITIAL_SOC)), 0.5)
 
     def held_out(self, effects: Sequence[Effect], candidate: Candidate) -> list[tuple[Observations, FloatArray]] | None:
-        """Errors (V) on data that was not fitted: the hold-out records, or the held-out stretches.
+        """Errors (V) on data that was not fitted: the held-out stretches and the hold-out records.
 
         A hold-out record's initial state of charge is not known either. It is fitted to the record, as that of
         each fitted record is, for every explanation alike; nothing else of the record is used.
         """
-        if not self.held_specimens:
-            predictions = self.predict(effects, candidate)
-            if predictions is None:
-                return None
-            return [
-                (subset(observed, ~mask), error[~mask])
-                for observed, mask, error in zip(self.observations, self.fitted, self.errors(predictions), strict=True)
-            ]
-        result = []
+        result = self._kept_back(effects, candidate)
+        if result is None:
+            return None
         for specimen, observed in zip(self.held_specimens, self.held_observations, strict=True):
             error = self._held_error(effects, candidate, specimen, observed)
             if error is None:
                 return None
             result.append((observed, error))
         return result
+
+    def _kept_back(
+        self, effects: Sequence[Effect], candidate: Candidate
+    ) -> list[tuple[Observations, FloatArray]] | None:
+        """Errors (V) on the stretches of fitted records that are held out; None if a simulation fails."""
+        if all(np.all(mask) for mask in self.fitted):
+            return []
+        predictions = self.predict(effects, candidate)
+        if predictions is None:
+            return None
+        rows = zip(self.observations, self.fitted, self.errors(predictions), strict=True)
+        return [(subset(observed, ~mask), error[~mask]) for observed, mask, error in rows if not np.all(mask)]
 
     def _held_error(
         self, effects: Sequence[Effect], candidate: Candidate, specimen: Specimen, observed: Observations
@@ -215,3 +238,8 @@ class Problem:
                 break
         self._held_soc[key] = soc
         return error
+
+
+def _together(observations: Sequence[Observations]) -> float:
+    """Noise of one sample over some records, V."""
+    return float(np.sqrt(np.mean([observed.noise**2 for observed in observations])))

@@ -173,7 +173,7 @@ def test_the_better_half_of_an_ornamented_pair_is_fitted_until_it_has_converged(
     fitter = Fitter(problem, axes, Settings(), print)
     base = fitted(fitter, (), 100)
     single, pair = fitted(fitter, (toy.HYSTERESIS,), 5), fitted(fitter, (toy.HYSTERESIS, toy.QUADRATIC), 100)
-    single.held_rmse_v = pair.held_rmse_v = 2 * engine._fitter.held_noise()  # so that a pair is tried, and no better
+    single.held_rmse_v = pair.held_rmse_v = 2 * problem.held_noise_v  # so that a pair is tried, and no better
     monkeypatch.setattr(engine._fitter, "again", lambda explanation, budget: explanation)
     monkeypatch.setattr(engine, "pair", lambda *_: [pair])
     monkeypatch.setattr(engine, "prune", lambda base, explanations: list(explanations))
@@ -190,5 +190,5 @@ def test_a_pair_is_not_tried_where_none_could_predict_better(monkeypatch):
     fitter = Fitter(problem, axes, Settings(), print)
     base, single = fitted(fitter, (), 100), fitted(fitter, (toy.HYSTERESIS,), 100)
     monkeypatch.setattr(engine, "pair", lambda *_: pytest.fail("a pair was tried"))
-    assert single.held_rmse_v < 1.1 * engine._fitter.held_noise()
+    assert single.held_rmse_v < 1.1 * problem.held_noise_v
     assert [e.names for e in engine.add_second(base, [single], [])] == [("sign",)]

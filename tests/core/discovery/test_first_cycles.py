@@ -25,10 +25,23 @@ def test_a_long_record_is_cut_after_its_first_cycle():
     assert new.held_specimens == problem.held_specimens
 
 
-def test_without_a_hold_out_record_the_same_stretches_are_kept_back():
-    problem, _ = cycled({}, held=False)
+@pytest.mark.parametrize("held", [True, False])
+def test_the_same_stretches_are_kept_back(held):
+    problem, _ = cycled({}, held=held)
     new = first_cycle(problem)
+    assert not np.all(problem.fitted[0])
     assert np.array_equal(new.fitted[0], problem.fitted[0][: len(new.fitted[0])])
+
+
+def test_data_not_fitted_can_show_ageing_that_a_hold_out_record_of_one_cycle_cannot():
+    problem, _ = cycled({"fade": 0.02})
+    as_new = {"resistance factor": 1.2, problem.specimens[0].soc_name: 0.9}
+    (kept_back, drifted), (held, flat) = problem.held_out((), as_new)
+    assert (kept_back.name, held.name) == ("cycled", "held")
+    assert len(kept_back) == np.sum(~problem.fitted[0])
+    assert np.std(drifted) > 10 * problem.noise_v
+    assert np.std(drifted) > 3 * np.std(flat)
+    assert problem.held_noise_v == pytest.approx(1e-3, rel=0.2)
 
 
 def test_a_short_record_is_not_cut():
