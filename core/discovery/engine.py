@@ -119,7 +119,7 @@ class Engine:
         chosen += [n for n in scored[self.settings.screened :] if n.effect.key in keys]
         self._say(f"screening {len(chosen)} effects")
         for nomination in chosen:
-            screen(scout, calm, nomination)
+            screen(scout, calm, nomination, as_new=scout is not self._fitter)
         ranked = sorted(chosen, key=lambda n: n.promise)
         return self._settle(base, [((n.effect,), n) for n in ranked], scout)
 

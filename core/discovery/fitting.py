@@ -255,7 +255,6 @@ class Fitter:
         here = near.at((), self.axes, unaged.fit.u)
         if here is None:
             return None
-        near.as_new = self.as_new
         near.problem.misfit_v = here.blur_v
         fit = near.fit((), self.axes, unaged.fit.u, 1 + len(self.axes))
         return None if fit is None else (near, near.explain((), fit, None))

@@ -106,29 +106,40 @@ def score_of(explanation: Explanation, effect: Effect, mark: FloatArray) -> Scor
     return score_effect(fit.residual, fit.jacobian, mark, fit.axes, fit.u, _ends(effect))
 
 
-def screen(fitter: Fitter, before: Explanation, nomination: Nomination) -> None:
-    """Give a nomination a short refit beside what is known, and note what the temperature says of it."""
-    nomination.screened = short_refit(fitter, before, nomination)
+def screen(fitter: Fitter, before: Explanation, nomination: Nomination, as_new: bool = False) -> None:
+    """Give a nomination a short refit beside what is known, and note what the temperature says of it.
+
+    Parameters
+    ----------
+    fitter : Fitter
+        Of the records that it is fitted to.
+    before : Explanation
+        What is known.
+    nomination : Nomination
+        What is added to it.
+    as_new : bool
+        Whether the base parameters are those of the cell before it aged, and only its ageing is to be found.
+    """
+    nomination.screened = _short_refit(fitter, before, nomination, as_new)
     if nomination.screened is not None:
         effects = (*before.effects, nomination.effect)
         nomination.warmth = fitter.warmth(effects, nomination.screened.candidate)
 
 
-def short_refit(fitter: Fitter, before: Explanation, nomination: Nomination) -> Refit | None:
+def _short_refit(fitter: Fitter, before: Explanation, nomination: Nomination, as_new: bool) -> Refit | None:
     """A few Broyden steps from a known explanation, with its Jacobian and the effect's mark.
 
     A strong effect is far from where the linear picture of its probe points: the steps start from the best
     rung of a ladder of strengths. And a model that lacks a strong effect bends its parameters to hide that, or is lost
     on the way: where it has bent them beyond belief or has not converged, they may start as they are believed, on
-    slopes taken there.
+    slopes taken there. Parameters of a new cell are neither bent nor lost, and stay where they are at first.
     """
     effects = (*before.effects, nomination.effect)
     axes = (*before.fit.axes, *effect_axes((nomination.effect,)))
     ladder = _ladder(nomination)
-    new = fitter.as_new is not None and not before.effects
-    shares, budget = ((0.0,), 2 * _SHORT) if new else (_SHARES, _SHORT)
+    shares, budget = ((0.0,), 2 * _SHORT) if as_new else (_SHARES, _SHORT)
     best = _climb(ladder, lambda strength: _moved_along(fitter, before, nomination, strength, shares), before.cost)
-    lost = fitter.as_new is None and (before.fit.belief > _BENT or not before.fit.converged)
+    lost = not as_new and (before.fit.belief > _BENT or not before.fit.converged)
     unbent = _climb(ladder, lambda strength: _believed(fitter, before, nomination, strength)) if lost else None
     if unbent is not None and (best is None or unbent.price < best.price):
         return fitter.fit(effects, axes, unbent.refit.u, _SHORT + len(axes))
@@ -194,8 +205,10 @@ def _moved_along(
 
 
 def _believed(fitter: Fitter, before: Explanation, nomination: Nomination, strength: float) -> _Start | None:
-    """With the base parameters as they are believed, whatever the fit before has made of them."""
+    """With the base parameters as they are believed, or as a new cell has them, whatever the fit made of them."""
     u = np.where([axis.prior for axis in before.fit.axes], 0.0, before.fit.u)
+    if fitter.as_new is not None:
+        u[: len(fitter.as_new)] = fitter.as_new
     return _start(fitter, before, nomination, u, strength)
 
 
