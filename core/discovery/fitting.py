@@ -39,6 +39,9 @@ _SHARES_OF_STRENGTH = (1.0, 0.7, 1.4, 0.5, 2.0, 0.25, 4.0)
 _STAGE = 40
 """Simulations of a fit to part of the cycles, from a fit to half as many."""
 
+_STARTS = 6
+"""Places that the fit of a first cycle may start from: it takes seconds, and everything stands on it."""
+
 _LEVELS = 6
 """Times that the misfit which counts as noise is lowered at most."""
 
@@ -107,8 +110,13 @@ class Fitter:
 
     # --- the base model -------------------------------------------------------------------------------------
 
-    def calibrate(self) -> tuple[Explanation, float]:
+    def calibrate(self, starts: int = 2) -> tuple[Explanation, float]:
         """Fit the base model until converged, correct for the mesh, and fit again.
+
+        Parameters
+        ----------
+        starts : int
+            Places to start from at most: a second one where noise is left, more while the fit is not even near.
 
         Returns
         -------
@@ -122,7 +130,7 @@ class Fitter:
         if new is not None:
             self._say("first cycle alone:")
             scout = Fitter(new, self.axes, self.settings, self._say)
-            first, _ = scout.calibrate()
+            first, _ = scout.calibrate(_STARTS)
             self.as_new = (first if first.adequacy.adequate else scout.temper(first)).fit.u
         # From coarse to fine: each fit counts as noise what the one before it could not explain, and noise alone is
         # reached only by a model that comes near it. Started at the finest, a fit loses itself on the steep parts.
@@ -141,13 +149,16 @@ class Fitter:
         self._say(f"mesh and tolerances: {1e3 * mesh_v:.2f} mV, corrected")
         fit = self.onwards((), fit, budget)
         base = self.explain((), fit, None)
-        if not base.adequacy.adequate and self.as_new is None:
+        rng = np.random.default_rng(self.settings.seed)
+        for number in range(1, starts if self.as_new is None else 1):
+            if base.adequacy.adequate or (number > 1 and base.misfit_v < _NEAR_V):
+                break
             # A poor fit may be a poor start: try another before calling it missing physics.
-            rng = np.random.default_rng(self.settings.seed)
             start = np.array([rng.normal() if axis.prior else u for axis, u in zip(self.axes, fit.u, strict=True)])
             other = self.fit((), self.axes, start, budget // 2)
             if other is not None and other.cost < 0.98 * fit.cost:
-                base = self.explain((), self.onwards((), other, budget), None)
+                fit = self.onwards((), other, budget)
+                base = self.explain((), fit, None)
         self._say(f"base model: {1e3 * base.rmse_v:.2f} mV" + " (not converged)" * (not base.fit.converged))
         return base, mesh_v
 
