@@ -102,3 +102,10 @@ def test_a_horizon_is_doubled_until_the_whole_is_reached():
     problem, _ = cycled({}, cycles=20)
     near = near_cycles(problem, [np.where(problem.observations[0].cycle > 3, 1.0, 0.0)])
     assert [len(stage.specimens[0].record.cycles) for stage in longer(problem, near)] == [6, 12]
+
+
+def test_no_second_effect_is_sought_over_many_cycles(monkeypatch):
+    problem, axes = cycled({"fade": 0.02, "sign": 0.002})
+    engine = Engine(problem, axes, (toy.FADE, toy.HYSTERESIS), toy.EVIDENCE, Settings(max_effects=2))
+    monkeypatch.setattr(engine, "add_second", lambda *_: pytest.fail("a second effect was sought"))
+    assert len(engine.run().best.effects) <= 1
