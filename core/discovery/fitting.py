@@ -254,20 +254,18 @@ class Fitter:
         What costs a fifth of the lithium is beyond what a score test, which is linear, can see, and a base model that
         is fitted to it is lost. None where no record drifts far.
         """
-        unaged = None if self.as_new is None else self.at((), self.axes, self.as_new)
-        if unaged is None:
+        if self.as_new is None:
             return None
-        predictions = self.problem.predict((), unaged.fit.candidate)
-        assert predictions is not None, "it was simulated a moment ago"
-        cut = near_cycles(self.problem, self.problem.errors(predictions))
+        predictions = self.problem.predict((), candidate_of(self.axes, self.as_new))
+        cut = None if predictions is None else near_cycles(self.problem, self.problem.errors(predictions))
         if cut is None:
             return None
         near = Fitter(cut, self.axes, self.settings, self._say)
-        here = near.at((), self.axes, unaged.fit.u)
+        here = near.at((), self.axes, self.as_new)
         if here is None:
             return None
         near.problem.misfit_v = here.blur_v
-        fit = near.fit((), self.axes, unaged.fit.u, 1 + len(self.axes))
+        fit = near.fit((), self.axes, self.as_new, 1 + len(self.axes))
         return None if fit is None else (near, near.explain((), fit, None))
 
     def lengthened(self, near: Fitter, explanations: Sequence[Explanation]) -> list[Explanation]:

@@ -63,19 +63,14 @@ def nominate_beside(fitter: Fitter, first: Explanation, nominations: Sequence[No
     """Score every other effect on what an explanation leaves, the most promising first.
 
     With the marks that were simulated at the base fit: an explanation moves the parameters little, and a mark
-    much less than the residual. Marks on a part of the record only are simulated anew.
+    much less than the residual.
     """
     found = []
     deviation = fitter.problem.deviation()
     for known in nominations:
         if known.mark is None or known.deviation is None or known.effect.name in first.names:
             continue
-        if len(known.deviation) == len(deviation):
-            mark: FloatArray | None = known.mark * known.deviation / deviation
-        else:
-            mark = mark_of(fitter, first, known.effect)
-        if mark is None:
-            continue
+        mark = known.mark * known.deviation / deviation
         score = score_of(first, known.effect, mark)
         if score.gain > 0:
             found.append(Nomination(known.effect, "", score, mark, deviation))
