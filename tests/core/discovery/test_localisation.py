@@ -1,16 +1,10 @@
-import importlib.util
-from pathlib import Path
-
+import discovery_toy as toy
 import numpy as np
 import pytest
 from bsa.core.discovery.closure import fit_closure
 from bsa.core.discovery.localisation import in_words, localise
 from bsa.core.discovery.observations import observe
 from bsa.core.trajectory import Step, StepKind, Trajectory
-
-_spec = importlib.util.spec_from_file_location("discovery_toy", Path(__file__).with_name("toy.py"))
-toy = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(toy)
 
 
 def observed():
