@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
+from ...core.interrupts import interrupts_wait
 from .one_cell import Order, Report, carry_out
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
@@ -94,11 +95,11 @@ class LocalPool:
     def _start(self) -> _Worker:
         context = multiprocessing.get_context("spawn")
         ours, theirs = context.Pipe()
-        process = context.Process(target=_serve, args=(theirs,), name="bsa-grid-worker")
-        process.start()
-        theirs.close()
-        worker = _Worker(process, ours)
-        self._workers.append(worker)
+        worker = _Worker(context.Process(target=_serve, args=(theirs,), name="bsa-grid-worker"), ours)
+        with interrupts_wait():
+            worker.process.start()
+            theirs.close()
+            self._workers.append(worker)
         return worker
 
     def collect(self, patience_s: float) -> list[Report]:

@@ -14,6 +14,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from ...core.errors import BsaError
+from ...core.interrupts import interrupts_wait
 from ...core.parameters import Candidate
 from ...core.simulation import ExperimentRun, Outcome, SimulationFailure
 from ...core.task import CellModel, Experiment
@@ -117,11 +118,11 @@ class Worker:
             return
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
-        with _single_threaded():
+        with interrupts_wait(), _single_threaded():
             self._process = context.Process(target=serve, args=(theirs, self._assignment), daemon=True)
             self._process.start()
-        theirs.close()
-        self._ready = False
+            theirs.close()
+            self._ready = False
 
     def submit(self, candidate: Candidate, exact: bool) -> None:
         """Hand over a candidate; the answer comes through `receive`."""

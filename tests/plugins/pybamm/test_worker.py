@@ -1,4 +1,6 @@
+import signal
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -80,3 +82,19 @@ def test_a_task_that_cannot_be_built_is_the_users_error() -> None:
             pool.simulate([{"Nonsense [m]": 1.0}], False, lambda place, outcome: None)
     finally:
         pool.close()
+
+
+def test_ctrl_c_while_a_worker_starts_leaves_one_that_can_be_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    @contextmanager
+    def pressed() -> Iterator[None]:
+        signal.raise_signal(signal.SIGINT)
+        yield
+
+    monkeypatch.setattr(worker, "_single_threaded", pressed)
+    pool = WorkerPool(assignment("Discharge at 1C for 1 minute"), 1, 30.0)
+    with pytest.raises(KeyboardInterrupt):
+        simulate(pool, 5e-6)
+    process = pool._workers[0]._process
+    assert process.is_alive()
+    pool.close()
+    assert not process.is_alive()
