@@ -97,12 +97,8 @@ class Engine:
             reason = _why_adequate(base)
             return Findings("no-missing-effect", base, base, [], explanations, nominations, reason, mesh_v)
         unfinished = bool(explanations) and not explanations[0].adequacy.adequate
-        # Over many cycles what sampling hides of the current adds up to millivolts, which a second effect would fit.
         if unfinished and self.settings.max_effects > 1:
-            if fitter.as_new is None:
-                explanations = self.add_second(base, explanations, nominations)
-            else:
-                self._say("no second effect is sought on records of many cycles")
+            explanations = self.add_second(base, explanations, nominations)
         findings = self.decide(base, explanations)
         findings.nominations, findings.mesh_v = nominations, mesh_v
         return findings

@@ -105,10 +105,14 @@ class Problem:
         own = {name: value for name, value in candidate.items() if not name.startswith(INITIAL_SOC)}
         if specimen.soc_name in candidate:
             own[INITIAL_SOC] = candidate[specimen.soc_name]
-        prediction = self.laboratory.predict(effects, own, specimen, observed.time, observed.current, fine)
-        if prediction is None or fine or specimen.name not in self.corrections:
-            return prediction
-        return Prediction(prediction.voltage + self.corrections[specimen.name], prediction.temperature)
+        moments = observed.moments
+        simulated = self.laboratory.predict(effects, own, specimen, moments.time, moments.current, fine)
+        if simulated is None:
+            return None
+        voltage, kelvin = observed.averaged(simulated.voltage), simulated.temperature
+        if not fine and specimen.name in self.corrections:
+            voltage = voltage + self.corrections[specimen.name]
+        return Prediction(voltage, None if kelvin is None else observed.averaged(kelvin))
 
     def errors(self, predictions: Sequence[Prediction]) -> list[FloatArray]:
         """Measured minus predicted voltage by record, V."""
