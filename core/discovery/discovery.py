@@ -193,7 +193,7 @@ class Discovery:
             "holdout_rmse_mv": 1e3 * explanation.held_rmse_v,
             "temperature_rms_k": explanation.temperature_rms_k,
             "parameters": {key: [asdict(e) for e in rows] for key, rows in explanation.estimates.items()},
-            "converged": explanation.fit.converged,
+            "converged": explanation.settled,
             "leaves_noise_only": explanation.adequacy.adequate,
             "rejected": reason,
         }

@@ -91,7 +91,8 @@ class Engine:
         # From parameters of a new cell no effect loses its way in a short refit, and none needs a second chance.
         kin = self._kin(confirmed, nominations) if scout is fitter else []
         explanations = self.finish(base, _sorted(confirmed), kin)
-        if explanations:
+        # A base model that started from the parameters of a new cell had the start that its explanations had.
+        if explanations and fitter.as_new is None:
             base = fitter.without(base, explanations[0])
         if base.adequacy.adequate:
             reason = _why_adequate(base)
@@ -171,7 +172,7 @@ class Engine:
             return result
         leader = result[0]
         for number, other in enumerate(result[1:], start=1):
-            if len(other.effects) == 1 and not other.fit.converged and _may_yet_lead(other, leader):
+            if len(other.effects) == 1 and not other.settled and _may_yet_lead(other, leader):
                 again = self._fitter.from_beside(other.effects, other.fit, leader, other.score)
                 if again is not None and bic_difference(other, again) > 0:
                     self._fitter.tell(base, again)
@@ -202,7 +203,7 @@ class Engine:
         """Go on with the first one until it has converged or comes no nearer; sorted anew."""
         result = list(explanations)
         for _ in range(_MORE):
-            if not result or result[0].fit.converged or result[0].adequacy.adequate:
+            if not result or result[0].settled or result[0].adequacy.adequate:
                 break
             before = result[0].rmse_v
             result[:1] = self._fitter.contest(base, result[:1])

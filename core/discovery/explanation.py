@@ -16,6 +16,9 @@ from .score import Score
 WARMTH_K = 2.0
 """How well a lumped model's temperature can be expected to agree with a sensor on the can, K."""
 
+_WITHIN_INTERVAL = 4.0
+"""What a step of two standard deviations costs: the half-width of a 95 % interval, squared."""
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -91,6 +94,17 @@ class Explanation:
         """Sum of squares over degrees of freedom, stretched for neighbours that repeat one another; 1 or more."""
         freedom = max(len(self.errors) - len(self.fit.axes), 1)
         return max(1.0, self.chi2(misfit_v) / freedom * self.adequacy.repetition)
+
+    @property
+    def settled(self) -> bool:
+        """Whether its fit has converged, or ended where all that slopes promise lies inside the parameters' intervals.
+
+        Where a model does not come down to the noise, costs are counted in units of their dispersion: a promise
+        of a few such units moves no parameter beyond what is uncertain about it.
+        """
+        freedom = max(len(self.fit.residual) - len(self.fit.axes), 1)
+        unit = max(1.0, self.fit.chi2 / freedom * self.adequacy.repetition)
+        return self.fit.converged or self.fit.promised <= _WITHIN_INTERVAL * unit
 
     @property
     def misfit_v(self) -> float:

@@ -159,7 +159,7 @@ class Fitter:
             if other is not None and other.cost < 0.98 * fit.cost:
                 fit = self.onwards((), other, budget)
                 base = self.explain((), fit, None)
-        self._say(f"base model: {1e3 * base.rmse_v:.2f} mV" + " (not converged)" * (not base.fit.converged))
+        self._say(f"base model: {1e3 * base.rmse_v:.2f} mV" + " (not converged)" * (not base.settled))
         return base, mesh_v
 
     def _fit_from_somewhere(self, start: FloatArray) -> Refit:
@@ -374,7 +374,7 @@ class Fitter:
         """Say in one line how an explanation did."""
         margin = bic_difference(base, explanation)
         rms, held = 1e3 * explanation.rmse_v, 1e3 * explanation.held_rmse_v
-        doubt = " (not converged)" * (not explanation.fit.converged)
+        doubt = " (not converged)" * (not explanation.settled)
         self._say(f"  {explanation.label}: {rms:.2f} mV, held out {held:.2f} mV, BIC {margin:+.0f}{doubt}")
 
 

@@ -41,6 +41,8 @@ class Refit:
         Simulations spent.
     deviation : ndarray of shape (n,) or None
         The standard deviations that ``residual`` and ``jacobian`` are in, V, where they are known.
+    promised : float
+        Fall in cost that a full step promised on the fresh Jacobian the fit ended with; infinite if it had none.
     """
 
     axes: tuple[Axis, ...]
@@ -50,6 +52,7 @@ class Refit:
     converged: bool
     simulations: int
     deviation: FloatArray | None = None
+    promised: float = np.inf
 
     @property
     def candidate(self) -> dict[str, float]:
@@ -179,15 +182,12 @@ def refit(
         spent += used
     else:
         slopes = jacobian
-    damping, converged = 1e-3, False
+    damping = 1e-3
     cost = float(here @ here + np.sum((beliefs * u) ** 2))
     while spent < budget:
         step, promised = _bounded_step(slopes, here, beliefs, u, damping, lower, upper)
         enough = promised > tolerance * cost + 1e-2
         if not enough and fresh:
-            # Small steps promise little by being small: what counts is what a full one would.
-            _, in_full = _bounded_step(slopes, here, beliefs, u, 1e-6, lower, upper)
-            converged = in_full <= max(5 * tolerance * cost, 1e-2)
             break
         improved = False
         if enough:
@@ -215,7 +215,10 @@ def refit(
             slopes, used = differences(residual, axes, u, here, slopes)
             spent += used
             fresh = True
-    return Refit(axes, u, here, slopes, converged, spent)
+    # Small steps promise little by being small: what counts is what a full one would.
+    _, in_full = _bounded_step(slopes, here, beliefs, u, 1e-6, lower, upper)
+    promised = in_full if fresh else np.inf
+    return Refit(axes, u, here, slopes, promised <= max(5 * tolerance * cost, 1e-2), spent, promised=promised)
 
 
 def bounded_step(

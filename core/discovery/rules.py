@@ -60,7 +60,7 @@ def believable(base: Explanation, found: Explanation, noise_v: float, held_noise
         return f"does not beat the base model by {CLEAR_BIC:g} in BIC"
     if not found.excludes_null:
         return "a strength's 95 % interval contains its null value, or it ran into a bound"
-    if not found.fit.converged and not found.adequacy.adequate:
+    if not found.settled and not found.adequacy.adequate:
         return "its fit did not converge"
     # A base model that bends its parameters beyond belief may come as near to the voltage; BIC counts the bending.
     # A temperature predicted clearly better, which no fit was shown, then stands for the gap that it hides.

@@ -25,7 +25,7 @@ _KEPT = 80
 _RECENT = 12
 """Solved curves that are kept: every effect that is absent asks for the base model's again."""
 
-_RTOL_OF_MANY_CYCLES = 1e-6
+_RTOL_OF_MANY_CYCLES = 3e-6
 """Relative tolerance for records of many cycles. Errors of the charge add up: at 1e-5 the voltage after the twentieth
 discharge jumps by ten millivolts from one candidate to the next, and no slope can be taken."""
 

@@ -187,3 +187,35 @@ def test_who_predicts_data_not_fitted_clearly_worse_is_no_rival():
     assert rivals(best, [other]) == [other]
     other.held_rmse_v = 1.2 * best.held_rmse_v
     assert rivals(best, [other]) == []
+
+
+@pytest.mark.parametrize(
+    ("left", "repetition", "promised", "settled"),
+    [
+        (1.0, 1.0, 3.0, True),
+        (1.0, 1.0, 6.0, False),
+        (3.0, 1.0, 30.0, True),
+        (1.0, 9.0, 30.0, True),
+        (3.0, 9.0, 900.0, False),
+    ],
+)
+def test_a_fit_is_settled_where_its_promise_lies_inside_its_intervals(left, repetition, promised, settled):
+    base, found = explanation("base", None, rmse=10.0), explanation("effect", None)
+    found.adequacy = Adequacy(0.0, 0.0, 1e-3, repetition)
+    found.fit = replace(found.fit, residual=np.full(80, left), converged=False, promised=promised)
+    assert found.settled is settled
+    assert ("did not converge" in believable(base, found, 1e-4, 1e-4)) is not settled
+
+
+def test_a_fit_without_a_fresh_jacobian_promises_anything():
+    def residual(candidate):
+        return np.array([candidate["p0"] - 1.0, 10 * (candidate["p1"] - candidate["p0"] ** 2)])
+
+    short = refit(residual, axes(2), np.array([-1.0, 1.0]), np.eye(2), budget=2)
+    assert short is not None
+    assert short.promised == np.inf
+    assert not short.converged
+    whole = refit(residual, axes(2), np.array([-1.0, 1.0]), budget=200)
+    assert whole is not None
+    assert whole.promised < 1e-2
+    assert whole.converged
