@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from ..effect import Effect, Evidence
 from .axes import Axis
@@ -34,6 +35,31 @@ _HINT = 0.05
 
 _NEARER = 0.98
 """Share of an error that a fit has to come down to, to be gone on with."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shortlist:
+    """What is known before any effect is fitted.
+
+    Attributes
+    ----------
+    base : Explanation
+        The base model.
+    mesh_v : float
+        Root mean square of the mesh correction, V.
+    scout : Fitter
+        Of the records, or of their first cycles, that the scores are of.
+    calm : Explanation
+        The base model that they are of: with its misfit as noise, or as the cell was new.
+    nominations : list of Nomination
+        Every effect, the most promising first; none where the base model leaves noise only.
+    """
+
+    base: Explanation
+    mesh_v: float
+    scout: Fitter
+    calm: Explanation
+    nominations: list[Nomination]
 
 
 class Engine:
@@ -75,19 +101,26 @@ class Engine:
         self._say = listener
         self._preferred = preferred
 
-    def run(self) -> Findings:
-        """Carry out the whole workflow."""
+    def shortlist(self) -> Shortlist:
+        """Calibrate the base model, and score every effect on what it leaves."""
         fitter = self._fitter
         base, mesh_v = fitter.calibrate()
         if base.adequacy.adequate:
-            return Findings("no-missing-effect", base, base, reason=_why_adequate(base), mesh_v=mesh_v)
+            return Shortlist(base, mesh_v, fitter, base, [])
         self._say(f"a discrepancy of {1e3 * base.adequacy.structured_v:.2f} mV remains; nominating effects")
         near = fitter.near_new()
         scout, calm = near or (fitter, fitter.temper(base) if self._bent(base) else base)
         if scout is fitter and calm.rmse_v < base.rmse_v:
             base = calm
-        nominations = nominate(scout, calm, self.catalogue, self.evidence, self._say)
-        confirmed = self.confirm(base, scout, calm, nominations)
+        return Shortlist(base, mesh_v, scout, calm, nominate(scout, calm, self.catalogue, self.evidence, self._say))
+
+    def run(self) -> Findings:
+        """Carry out the whole workflow."""
+        fitter, known = self._fitter, self.shortlist()
+        base, mesh_v, scout, nominations = known.base, known.mesh_v, known.scout, known.nominations
+        if base.adequacy.adequate:
+            return Findings("no-missing-effect", base, base, reason=_why_adequate(base), mesh_v=mesh_v)
+        confirmed = self.confirm(base, scout, known.calm, nominations)
         # From parameters of a new cell no effect loses its way in a short refit, and none needs a second chance.
         kin = self._kin(confirmed, nominations) if scout is fitter else []
         explanations = self.finish(base, _sorted(confirmed), kin)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -180,6 +181,10 @@ def discovery_command(
     make: Annotated[Path | None, typer.Option(help="Make the blind cases in this folder, answers sealed.")] = None,
     run: Annotated[Path | None, typer.Option(help="Run the cases of this folder that have no result yet.")] = None,
     score: Annotated[Path | None, typer.Option(help="Open the answers of this folder and mark the results.")] = None,
+    shortlist: Annotated[
+        Path | None,
+        typer.Option(help="Rank the effects of this folder's cases, by score and by the backend; fit none of them."),
+    ] = None,
     count: Annotated[int | None, typer.Option(min=1, help="How many cases to make; left out, all.")] = None,
     workers: Workers = 2,
     seed: Seed = 2026,
@@ -190,20 +195,25 @@ def discovery_command(
         "results.jsonl"
     ),
 ) -> None:
-    """Blind cases for discovery: make them, run them, mark them."""
+    """Blind cases for discovery: make them, run them, mark them; or ask who finds the hidden effect without a fit."""
     from ..discovery_bench.making import make_cases
-    from ..discovery_bench.running import run_cases
+    from ..discovery_bench.running import run_case, run_cases
     from ..discovery_bench.scoring import as_markdown, case_table, mark_cases
+    from ..discovery_bench.shortlists import SHORTLISTS, shortlist_case, shortlist_table
 
-    if make is None and run is None and score is None:
+    if make is None and run is None and score is None and shortlist is None:
         from ...core.errors import BsaError
 
-        raise BsaError("nothing was asked for.", "give --make DIR, --run DIR, --score DIR, or several of them.")
+        raise BsaError("nothing was asked for.", "give --make, --run, --score or --shortlist DIR, or several of them.")
     if make is not None:
         make_cases(make, count, seed, print)
     if run is not None:
-        run_cases(run, workers, backend, hide_names, only, results, print)
+        work = partial(run_case, backend_name=backend, hide_names=hide_names)
+        run_cases(run, work, workers, only, results, print)
     if score is not None:
         marked = mark_cases(score, results)
         print(as_markdown(marked))
         print(case_table(marked))
+    if shortlist is not None:
+        run_cases(shortlist, partial(shortlist_case, backend_name=backend), workers, only, SHORTLISTS, print)
+        print(shortlist_table(shortlist))

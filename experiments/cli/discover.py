@@ -44,8 +44,8 @@ def discover(
 ) -> None:
     """Find where a model and measured records disagree, name the missing effect, add it, show the gap shrink."""
     from ...core.validation import explain
-    from ..discover import DiscoverOptions
     from ..discover import discover as find
+    from ..discovery_case import DiscoverOptions
     from ..request import key_values, read_options
 
     read = read_options(

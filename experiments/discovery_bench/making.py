@@ -35,7 +35,7 @@ def make_cases(
     its base parameters is tried.
     """
     from ...plugins.pybamm.parameter_sets import pybamm
-    from ..discover import effects_of
+    from ..discovery_case import effects_of
 
     pybamm.set_logging_level("CRITICAL")
     effects = effects_of(None)

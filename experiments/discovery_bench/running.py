@@ -11,7 +11,9 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
-from ..discover import Case, DiscoverOptions, discover_in, read_case
+from ..discover import discover_on
+from ..discovery_case import DiscoverOptions, read_case
+from ..discovery_workbench import set_up
 from .making import DESCRIPTION
 
 RESULTS = "results.jsonl"
@@ -19,29 +21,29 @@ RESULTS = "results.jsonl"
 
 def run_cases(
     folder: Path,
+    work: Callable[[Path], dict[str, Any]],
     workers: int = 2,
-    backend: str | None = None,
-    hide_names: bool = False,
     only: list[str] | None = None,
     results: str = RESULTS,
     listener: Callable[[str], None] = lambda text: None,
 ) -> Path:
-    """Run every case of a folder that has no result yet.
+    """Work on every case of a folder that has no result yet.
 
     Parameters
     ----------
     folder : Path
         Made by `make_cases`. The sealed answers are not opened.
+    work : callable
+        Given a case's folder, returns its row, with ``case`` and what to say of it in ``summary``; `run_case`, for one.
+        It must be picklable.
     workers : int
-        Processes side by side.
-    backend : str, optional
-        Language model that ranks too.
-    hide_names : bool
-        Show it effects under names without meaning.
+        Processes side by side, a fresh one for each case.
     only : list of str, optional
         Names of cases; all by default.
     results : str
         File in the folder to which one line a case is appended.
+    listener : callable
+        Told in one line how each case ended.
 
     Returns
     -------
@@ -55,12 +57,12 @@ def run_cases(
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(workers, mp_context=context, max_tasks_per_child=1)
     try:
-        jobs = {pool.submit(run_case, folder / name, backend, hide_names): name for name in names}
+        jobs = {pool.submit(work, folder / name): name for name in names}
         for job in as_completed(jobs):
             row = job.result()
             with path.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(row) + "\n")
-            listener(f"{row['case']}: {row['verdict']} {row['names']} {row['wall_s']:.0f} s")
+            listener(f"{row['case']}: {row['summary']}")
     except KeyboardInterrupt:
         # A case keeps nothing until it ends: to wait for the running ones would be to wait for minutes.
         for process in multiprocessing.active_children():
@@ -72,35 +74,32 @@ def run_cases(
 
 
 def run_case(folder: Path, backend_name: str | None = None, hide_names: bool = False) -> dict[str, Any]:
-    """Run one case; a failure is a row like any other."""
-    description = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
-    records = [{"path": folder / r["file"], "read": {"ambient_c": r["ambient_c"]}} for r in description["records"]]
-    options = DiscoverOptions.model_validate(
-        {
-            "data": records[:-1],
-            "holdout": records[-1:],
-            "parameters": description["parameters"],
-            "model": description["model"],
-            "hide_names": hide_names,
-            "points": 300,
-            "out": folder,
-        }
-    )
+    """Run a discovery on one case; a failure is a row like any other."""
+    options = options_of(folder, hide_names)
     try:
-        case: Case = read_case(options)
+        bench = set_up(read_case(options), options)
         backend = None
         if backend_name is not None:
             from ...backends.opening import open_backend
 
             backend = open_backend(backend_name)
         said: list[str] = []
-        discovery = discover_in(case, options, said.append, backend)
+        discovery = discover_on(bench, options, said.append, backend)
     except Exception as error:  # a crash is a result of the benchmark, and must not end it
         trace = traceback.format_exc().splitlines()[-3:]
-        return {"case": folder.name, "verdict": "failed", "names": [], "wall_s": 0.0, "error": f"{error} {trace}"}
+        reason = f"{error} {trace}"
+        return {
+            "case": folder.name,
+            "summary": f"failed: {error}",
+            "verdict": "failed",
+            "names": [],
+            "wall_s": 0.0,
+            "error": reason,
+        }
     content = discovery.to_json()
     return {
         "case": folder.name,
+        "summary": f"{discovery.verdict} {list(discovery.names)} {discovery.wall_s:.0f} s",
         "verdict": discovery.verdict,
         "names": list(discovery.names),
         "rivals": [list(rival.names) for rival in discovery.findings.rivals],
@@ -120,3 +119,20 @@ def run_case(folder: Path, backend_name: str | None = None, hide_names: bool = F
         "cpu_s": time.process_time(),
         "said": said,
     }
+
+
+def options_of(folder: Path, hide_names: bool = False) -> DiscoverOptions:
+    """What is asked of a case: its last record is held out."""
+    description = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
+    records = [{"path": folder / r["file"], "read": {"ambient_c": r["ambient_c"]}} for r in description["records"]]
+    return DiscoverOptions.model_validate(
+        {
+            "data": records[:-1],
+            "holdout": records[-1:],
+            "parameters": description["parameters"],
+            "model": description["model"],
+            "hide_names": hide_names,
+            "points": 300,
+            "out": folder,
+        }
+    )

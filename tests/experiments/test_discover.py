@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from bsa.core.errors import BsaError
 from bsa.core.task import CellModel
-from bsa.experiments.discover import DiscoverOptions, _spreads, discover, effects_of
+from bsa.experiments.discover import discover
 from bsa.experiments.discovery_bench.cases import recipes
 from bsa.experiments.discovery_bench.hidden_cell import Hidden, Leg, measure
 from bsa.experiments.discovery_bench.making import _write
+from bsa.experiments.discovery_case import DiscoverOptions, effects_of, spreads_of
 
 
 def test_the_benchmark_covers_what_it_must():
@@ -36,22 +37,22 @@ def test_options_refuse_what_they_do_not_know():
 
 def test_what_is_uncertain_comes_from_a_preset_a_file_or_names(tmp_path):
     cell = CellModel("Chen2020", "SPMe")
-    assert len(_spreads("all", cell)) == 9
-    assert len(_spreads("capacity", cell)) == 3
+    assert len(spreads_of("all", cell)) == 9
+    assert len(spreads_of("capacity", cell)) == 3
     file = tmp_path / "search.yaml"
     file.write_text(
         "factors:\n  Cyclable lithium factor:\n  Separator porosity factor: {spread: 0.1, lower: 0.5, upper: 2}"
     )
-    assert _spreads(str(file), cell) == {
+    assert spreads_of(str(file), cell) == {
         "Cyclable lithium factor": (0.08, 0.7, 1.3),
         "Separator porosity factor": (0.1, 0.5, 2.0),
     }
     with pytest.raises(BsaError, match="capcity") as caught:
-        _spreads("capcity", cell)
+        spreads_of("capcity", cell)
     assert "capacity" in caught.value.hint
     file.write_text("factors:\n  Separator porosty factor: {spread: 0.1, lower: 0.5, upper: 2}")
     with pytest.raises(BsaError, match="porosty"):
-        _spreads(str(file), cell)
+        spreads_of(str(file), cell)
 
 
 @pytest.mark.slow

@@ -6,7 +6,8 @@ What comes out today, and why it is not always the name that is expected, stands
 from pathlib import Path
 
 import pytest
-from bsa.experiments.discover import DiscoverOptions, discover
+from bsa.experiments.discover import discover
+from bsa.experiments.discovery_case import DiscoverOptions
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 NASA, LGM50 = DATA / "nasa_pcoe", DATA / "lgm50"

@@ -1,10 +1,16 @@
 import base64
 import json
 import zlib
+from types import SimpleNamespace
 
 import pytest
+from bsa.core.discovery.findings import Nomination
+from bsa.core.discovery.score import Score
+from bsa.core.effect import Effect, EffectParameter
+from bsa.experiments.discovery_bench import shortlists
 from bsa.experiments.discovery_bench.making import SEALED
 from bsa.experiments.discovery_bench.scoring import as_markdown, case_table, mark_cases
+from bsa.experiments.discovery_bench.shortlists import SHORTLISTS, shortlist_case, shortlist_table
 
 STRENGTH = {"contact-resistance: resistance [Ohm]": 0.02}
 
@@ -72,6 +78,49 @@ def test_the_tables_count_names_given_to_nothing(tmp_path):
     )
 
 
-def write(folder, answers, rows):
+def test_a_shortlist_is_marked_by_the_place_of_what_was_hidden(tmp_path):
+    answers = {
+        "case_01": answer([R]),
+        "case_02": answer([H]),
+        "case_03": answer([R, H], setting="pair"),
+        "case_04": answer([R]),
+    }
+    rows = [
+        {"case": "case_01", "effects": 9, "statistics": [R, H], "named": [H, "time-lag (a)", "time-lag (b)", R]},
+        {"case": "case_02", "effects": 9, "statistics": ["a", "b", "c", H], "named": []},
+        {"case": "case_03", "effects": 9, "statistics": [R], "named": [R]},
+        {"case": "case_04", "effects": 0, "statistics": []},
+    ]
+    write(tmp_path, answers, rows, SHORTLISTS)
+    text = shortlist_table(tmp_path)
+    assert "| score test | 2 | 1 | 1 | 2 |" in text
+    assert "| backend, effects with their names | 2 | 0 | 1 | 1 |" in text
+    assert "meaning" not in text
+
+
+def test_a_backend_ranks_the_effects_of_a_case_with_names_and_without(tmp_path, monkeypatch):
+    effects = [
+        Effect(name, name, "", (EffectParameter("size", "V", 0.0, 0.0, 1.0, 0.01),), signature, "")
+        for name, signature in ((R, "grows with the rate"), (H, "relaxes over minutes of a rest"), ("leak", "a drive"))
+    ]
+    nominations = [
+        Nomination(e, score=Score(1.0, 3.0, gain, 1.0)) for e, gain in zip(effects, (9.0, 4.0, 0.0), strict=True)
+    ]
+    known = SimpleNamespace(nominations=nominations, calm=None)
+    bench = SimpleNamespace(
+        engine=lambda settings: SimpleNamespace(shortlist=lambda: known),
+        discrepancy=lambda calm: ["measured voltage lies 9 mV below the model during rest after a discharge"],
+    )
+    monkeypatch.setattr(shortlists, "options_of", lambda folder: SimpleNamespace(settings=None, seed=1))
+    monkeypatch.setattr(shortlists, "read_case", lambda options: None)
+    monkeypatch.setattr(shortlists, "set_up", lambda case, options: bench)
+    found = shortlist_case(tmp_path / "case_01", "rules")
+    assert found["statistics"] == [R, H]
+    # The rules backend reads signatures: a name says nothing to it.
+    assert found["named"][0] == found["nameless"][0] == H
+    assert shortlist_case(tmp_path / "case_01").keys() == {"case", "effects", "statistics", "summary"}
+
+
+def write(folder, answers, rows, results="results.jsonl"):
     (folder / SEALED).write_bytes(base64.b64encode(zlib.compress(json.dumps(answers).encode())))
-    (folder / "results.jsonl").write_text("\n".join(json.dumps(r) for r in rows) + "\n")
+    (folder / results).write_text("\n".join(json.dumps(r) for r in rows) + "\n")

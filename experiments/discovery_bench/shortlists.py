@@ -1,0 +1,86 @@
+"""Who puts the hidden effect on the shortlist: the score test, or a language model, with effects' names and without."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ...core.discovery.ranking import ask
+from ..discovery_case import read_case
+from ..discovery_workbench import set_up
+from .making import unseal
+from .running import options_of
+
+SHORTLISTS = "shortlists.jsonl"
+
+_PLACES = (1, 3, 6)
+
+
+def shortlist_case(folder: Path, backend_name: str | None = None) -> dict[str, Any]:
+    """Order the effects of one case by score, and let a backend rank them twice; nothing is fitted but the base model.
+
+    Returns
+    -------
+    dict
+        ``statistics``: keys of effects, the best first; ``named`` and ``nameless``: the backend's, where there is
+        one. All are empty where the base model leaves noise only.
+    """
+    options = options_of(folder)
+    bench = set_up(read_case(options), options)
+    known = bench.engine(options.settings).shortlist()
+    possible = [n for n in known.nominations if not n.lacks]
+    row: dict[str, Any] = {
+        "case": folder.name,
+        "effects": len(possible),
+        "statistics": [n.effect.key for n in possible if n.gain > 0],
+    }
+    words = bench.discrepancy(known.calm) if possible and backend_name is not None else None
+    if words is not None and backend_name is not None:
+        from ...backends.opening import open_backend
+
+        backend = open_backend(backend_name)
+        try:
+            for how, hidden in (("named", False), ("nameless", True)):
+                ranking = ask(backend, words, [n.effect for n in possible], options.seed, hidden)
+                row[how] = [ranked.key for ranked in ranking.ranked]
+        finally:
+            backend.close()
+    firsts = (
+        f"{how}: {row[how][0] if row[how] else 'none'}" for how in ("statistics", "named", "nameless") if how in row
+    )
+    return row | {"summary": ", ".join(firsts)}
+
+
+def shortlist_table(folder: Path, results: str = SHORTLISTS) -> str:
+    """Open the answers, and count how high each ranking has the hidden effect.
+
+    Of the cases that hide one effect of the catalogue, those whose base model leaves noise only are left out: nothing
+    was there to be ranked.
+    """
+    answers = unseal(folder)
+    rows = [json.loads(line) for line in (folder / results).read_text(encoding="utf-8").splitlines()]
+    told = [(row, set(answers[row["case"]]["effects"])) for row in rows if row["effects"]]
+    single = [(row, hidden) for row, hidden in told if len(hidden) == 1]
+    ways = [how for how in ("statistics", "named", "nameless") if any(how in row for row, _ in single)]
+    lines = ["| ranked by | cases | " + " | ".join("first" if k == 1 else f"among {k}" for k in _PLACES) + " |"]
+    lines.append("| --- |" + " ---: |" * (1 + len(_PLACES)))
+    for how in ways:
+        places = [_place(row[how], hidden) for row, hidden in single if how in row]
+        counts = " | ".join(str(sum(place <= k for place in places)) for k in _PLACES)
+        lines.append(f"| {_WORDS[how]} | {len(places)} | {counts} |")
+    return "\n".join(lines) + "\n"
+
+
+_WORDS = {
+    "statistics": "score test",
+    "named": "backend, effects with their names",
+    "nameless": "backend, names without meaning",
+}
+
+
+def _place(keys: Sequence[str], hidden: set[str]) -> float:
+    """Place of the hidden effect among distinct names, variants of an effect being one; infinite if it is not there."""
+    names = list(dict.fromkeys(key.split(" (")[0] for key in keys))
+    return min((names.index(name) + 1.0 for name in hidden if name in names), default=float("inf"))

@@ -1,0 +1,192 @@
+"""What a discovery is asked: records, base model, and how hard to look."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, Field, ValidationError, model_validator
+
+from ..core.discovery.findings import Settings
+from ..core.discovery.laboratory import Specimen
+from ..core.discovery.observations import FLOOR_V
+from ..core.effect import Effect
+from ..core.errors import BsaError, did_you_mean
+from ..core.record import ReadOptions
+from ..core.registry import Registry, installed
+from ..core.task import CellModel
+from ..core.validation import explain, read_yaml
+
+_ADDED = ("Contact resistance [Ohm]",)
+"""Overrides that a calibration task brings along with its options."""
+
+
+class RecordFile(BaseModel, extra="forbid"):
+    """A record to read."""
+
+    path: Path = Field(description="The cycler's file.")
+    read: ReadOptions = Field(default_factory=ReadOptions, description="What its header does not say.")
+    reader: str | None = Field(default=None, description="Reader to use; left out, the one that fits.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_path(cls, value: Any) -> Any:
+        return {"path": value} if isinstance(value, (str, Path)) else value
+
+
+class Uncertainty(BaseModel, extra="forbid"):
+    """How far one factor may be off."""
+
+    spread: float = Field(gt=0, description="Standard deviation of its logarithm that is believed.")
+    lower: float = Field(gt=0, lt=1, description="Lower bound.")
+    upper: float = Field(gt=1, description="Upper bound.")
+
+
+class SearchFile(BaseModel, extra="forbid"):
+    """What is uncertain, as a user writes it."""
+
+    factors: dict[str, Uncertainty | None] = Field(
+        min_length=1, description='Factors of parameters, "NAME factor"; without details, the default ones.'
+    )
+
+
+class DiscoverOptions(BaseModel, extra="forbid"):
+    """What to look at, and how hard."""
+
+    data: list[RecordFile] = Field(min_length=1, description="Records to explain.")
+    holdout: list[RecordFile] = Field(default=[], description="Records that are predicted and never fitted.")
+    parameters: str = Field(description="PyBaMM parameter set to start from.")
+    model: str = Field(default="DFN", description="SPM, SPMe or DFN.")
+    options: dict[str, Any] = Field(default={}, description="PyBaMM model options of the base model.")
+    overrides: dict[str, float] = Field(default={}, description="Parameter values that are known better.")
+    scale: bool = Field(default=True, description="Scale the electrode area to the records' capacity.")
+    ambient_c: float | None = Field(default=None, description="Ambient temperature in degC, where records lack it.")
+    search: str | dict[str, Uncertainty | None] = Field(
+        default="all",
+        description="Uncertain parameters of the base model: a preset, a YAML file, or factors by name.",
+    )
+    effects: list[str] | None = Field(default=None, description="Effects to consider; left out, the whole catalogue.")
+    backend: str | None = Field(default=None, description="Language model that ranks effects too.")
+    hide_names: bool = Field(default=False, description="Show the language model effects under names without meaning.")
+    max_effects: int = Field(default=2, ge=1, le=3, description="Effects in one explanation at most.")
+    seed: int = Field(default=0, ge=0, description="Seed for everything random.")
+    points: int = Field(default=400, ge=60, description="Averages that each record is condensed to.")
+    floor_mv: float = Field(default=1e3 * FLOOR_V, gt=0, description="Differences below this are not physics, mV.")
+    out: Path = Field(description="Folder for discovery.json, report.html and augmented_model.py.")
+
+    @property
+    def settings(self) -> Settings:
+        """How hard the engine looks."""
+        return Settings(max_effects=self.max_effects, seed=self.seed)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A discovery's input, read.
+
+    Attributes
+    ----------
+    cell : CellModel
+        The base model.
+    specimens, held : tuple of Specimen
+        Records to fit and to predict.
+    initial_soc : mapping of str to float
+        By record, where the search for its initial state of charge starts.
+    notes : tuple of str
+        What was assumed or repaired.
+    """
+
+    cell: CellModel
+    specimens: tuple[Specimen, ...]
+    held: tuple[Specimen, ...] = ()
+    initial_soc: Mapping[str, float] | None = None
+    notes: tuple[str, ...] = ()
+
+
+def read_case(options: DiscoverOptions) -> Case:
+    """Read the records and settle the base model: size, ambient temperature, initial states of charge."""
+    from .tasks.records import RecordRequest, build_task
+
+    files = [*options.data, *options.holdout]
+    temperature = None if options.ambient_c is None else options.ambient_c + 273.15
+    requests = [RecordRequest(f.path, f.read, f.reader, temperature_k=temperature) for f in files]
+    task = build_task(
+        "discover",
+        options.parameters,
+        requests,
+        options.model,
+        options.options,
+        options.overrides,
+        search={"Negative particle radius [m]": {"factors": [0.5, 2.0]}},  # a task must search something; not used
+        scale_to_capacity=options.scale,
+    )
+    specimens = []
+    for number, (file, experiment) in enumerate(zip(files, task.experiments, strict=True), start=1):
+        name = f"{number} {file.path.stem}"
+        specimens.append(Specimen(name, experiment.target, experiment.temperature_k))
+    starts = {s.name: e.initial_soc for s, e in zip(specimens, task.experiments, strict=True)}
+    count = len(options.data)
+    # A calibration task may add options for what it searches; here the base model is what was asked for.
+    fixed = {
+        name: value for name, value in task.cell.overrides.items() if name not in _ADDED or name in options.overrides
+    }
+    cell = CellModel(task.cell.parameter_set, options.model, dict(options.options), fixed)
+    return Case(
+        cell,
+        tuple(specimens[:count]),
+        tuple(specimens[count:]),
+        {name: soc for name, soc in starts.items() if soc is not None},
+        task.notes,
+    )
+
+
+def effects_of(names: Sequence[str] | None, registry: Registry | None = None) -> tuple[Effect, ...]:
+    """The catalogue's effects, or those of the given names (variants included).
+
+    Raises
+    ------
+    BsaError
+        If a name is unknown.
+    """
+    registry = registry or installed()
+    entries = [listing.entry for listing in registry.listings("effect")]
+    made: list[Effect] = [entry.factory(entry.config_type()) for entry in entries]
+    if names is None:
+        return tuple(made)
+    known = {effect.name for effect in made} | {effect.key for effect in made}
+    for name in names:
+        if name not in known:
+            raise BsaError(f'there is no effect "{name}".', did_you_mean(name, known) or "bsa list effects shows them.")
+    return tuple(effect for effect in made if effect.name in names or effect.key in names)
+
+
+def _read_search(file: str) -> dict[str, Uncertainty | None]:
+    try:
+        return SearchFile.model_validate(read_yaml(Path(file))).factors
+    except ValidationError as error:
+        raise explain(error, file, SearchFile) from None
+
+
+def spreads_of(search: str | dict[str, Uncertainty | None], cell: CellModel) -> dict[str, tuple[float, float, float]]:
+    """What is uncertain, from a preset, a file or factors by name."""
+    from ..plugins.pybamm.parameter_sets import FACTOR, require
+    from ..plugins.pybamm.state_of_charge import CYCLABLE_LITHIUM
+    from ..plugins.pybamm.uncertain_parameters import PRESETS, default_spread
+
+    if isinstance(search, str):
+        if search in PRESETS:
+            return {name: default_spread(name) for name in PRESETS[search]}
+        if not Path(search).exists():
+            hint = did_you_mean(search, PRESETS) or f"presets: {', '.join(PRESETS)}; or the path of a YAML file."
+            raise BsaError(f'there is no preset or file "{search}" of uncertain parameters.', hint)
+        search = _read_search(search)
+    spreads = {}
+    for name, own in search.items():
+        if name != CYCLABLE_LITHIUM:
+            require(cell.parameter_set, name.removesuffix(FACTOR))
+        if not name.endswith(FACTOR):
+            raise BsaError(f'"{name}" is not a factor.', f'write "{name}{FACTOR}".')
+        spreads[name] = default_spread(name) if own is None else (own.spread, own.lower, own.upper)
+    return spreads

@@ -1,0 +1,103 @@
+"""All that a discovery works with, set up from a case."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from ..core.discovery.axes import Axis
+from ..core.discovery.engine import Engine
+from ..core.discovery.evidence import gather
+from ..core.discovery.explanation import Explanation
+from ..core.discovery.findings import Listener, Nomination, Settings
+from ..core.discovery.localisation import in_words, localise
+from ..core.discovery.observations import observe
+from ..core.discovery.problem import Problem
+from ..core.effect import Effect
+from ..plugins.pybamm.laboratory import PyBaMMLaboratory
+from ..plugins.pybamm.parameter_sets import load, pybamm
+from ..plugins.pybamm.radial_mesh import RadialMesh, radial_mesh
+from ..plugins.pybamm.uncertain_parameters import uncertain_parameters
+from .discovery_case import Case, DiscoverOptions, effects_of, spreads_of
+
+
+@dataclass(frozen=True, eq=False)
+class Workbench:
+    """Records, laboratory and catalogue.
+
+    Attributes
+    ----------
+    case : Case
+        What was asked.
+    problem : Problem
+        The records, condensed, and the laboratory.
+    axes : tuple of Axis
+        The uncertain parameters of the base model.
+    catalogue : tuple of Effect
+        What may be missing.
+    laboratory : PyBaMMLaboratory
+        The problem's, with what it refused to build.
+    mesh : RadialMesh
+        How finely the particles are resolved.
+    capacity_ah : float
+        Nominal capacity of the cell, A.h.
+    began : float
+        When it was begun to be set up, on the clock of `time.perf_counter`, s.
+    """
+
+    case: Case
+    problem: Problem
+    axes: tuple[Axis, ...]
+    catalogue: tuple[Effect, ...]
+    laboratory: PyBaMMLaboratory
+    mesh: RadialMesh
+    capacity_ah: float
+    began: float
+
+    @property
+    def notes(self) -> list[str]:
+        """What was assumed, repaired or settled."""
+        return [*self.case.notes, *([self.mesh.note] if self.mesh.note else [])]
+
+    def engine(
+        self,
+        settings: Settings,
+        listener: Listener = lambda text: None,
+        preferred: Callable[[Explanation, Sequence[Nomination]], Sequence[str]] | None = None,
+    ) -> Engine:
+        """The workflow on it; see `Engine`."""
+        cell = self.case.cell
+        evidence = gather(cell.model, cell.options, [*self.case.specimens, *self.case.held])
+        return Engine(self.problem, self.axes, self.catalogue, evidence, settings, listener, preferred)
+
+    def discrepancy(self, base: Explanation) -> list[str] | None:
+        """What a base model leaves, in words; None if it cannot be simulated."""
+        problem = self.problem
+        predictions = problem.predict((), base.fit.candidate)
+        if predictions is None:
+            return None
+        places = localise(problem.observations, problem.errors(predictions), self.capacity_ah)
+        return in_words(places, problem.observations[0].noise)
+
+
+def set_up(case: Case, options: DiscoverOptions, listener: Listener = lambda text: None) -> Workbench:
+    """Settle the mesh, choose what is uncertain, and condense the records of a case."""
+    pybamm.set_logging_level("CRITICAL")
+    began = time.perf_counter()
+    cell = case.cell
+    mesh = radial_mesh(cell, [*case.specimens, *case.held], case.initial_soc)
+    if mesh.note:
+        listener(mesh.note)
+    axes = uncertain_parameters(cell.model, case.specimens, case.initial_soc, spreads_of(options.search, cell))
+    laboratory = PyBaMMLaboratory(cell, [axis.name for axis in axes], mesh.usual, mesh.fine)
+    floor = 1e-3 * options.floor_mv
+    problem = Problem(
+        laboratory,
+        case.specimens,
+        [observe(s.name, s.record, s.ambient_k, options.points, floor) for s in case.specimens],
+        case.held,
+        [observe(s.name, s.record, s.ambient_k, options.points, floor) for s in case.held],
+    )
+    capacity = float(load(cell.parameter_set, cell.overrides)["Nominal cell capacity [A.h]"])
+    return Workbench(case, problem, axes, effects_of(options.effects), laboratory, mesh, capacity, began)
