@@ -1,4 +1,4 @@
-"""Ctrl-C kept waiting where it would leave a process half started."""
+"""Ctrl-C kept waiting where it would leave a process half started, and kept from libraries that take it."""
 
 from __future__ import annotations
 
@@ -32,6 +32,17 @@ def interrupts_wait() -> Iterator[None]:
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
         for late in waiting:
             signal.raise_signal(late)
+
+
+@contextmanager
+def interrupts_stay() -> Iterator[None]:
+    """Put back what Ctrl-C does after the block: some libraries take it for themselves when they are imported."""
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        yield
+    finally:
+        if before is not None and threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, before)
 
 
 def _block_for_children(blocked: bool) -> None:

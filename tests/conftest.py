@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import signal
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,14 @@ from bsa.core.task import Task
 from bsa_toy_cell import toy_scaffold, toy_task
 
 RunToy = Callable[..., RunResult]
+
+
+@pytest.fixture
+def ctrl_c() -> Iterator[Any]:
+    """Ctrl-C does here, and in processes started here, what it does at a terminal: a background job ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield signal.default_int_handler
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture

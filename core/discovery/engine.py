@@ -30,10 +30,6 @@ _WORTHWHILE = CLEAR_HELD**2
 """Share of a single effect's cost that a pair has to come down to in a short refit, to be fitted on: squares of errors
 that are clearly smaller. True second effects come to less than half; ornaments take a few percent."""
 
-_HIDDEN_V = 5e-3
-"""Error that what sampling hides of the current may add up to over many cycles, V: sampled once a minute, the true cell
-driven by its own record is 1 to 4 mV off it after twenty. A little charge lost on the way fits that well."""
-
 _HINT = 0.05
 """Share of a single effect's cost that the score test of a second one must promise to be worth a short refit."""
 
@@ -135,7 +131,8 @@ class Engine:
             reason = _why_adequate(base)
             return Findings("no-missing-effect", base, base, [], explanations, nominations, reason, mesh_v)
         unfinished = bool(explanations) and not explanations[0].adequacy.adequate
-        if unfinished and self.settings.max_effects > 1 and not self._hidden(explanations[0]):
+        # Over many cycles a little charge lost on the way fits what sampling hides of the current: no second effect.
+        if unfinished and self.settings.max_effects > 1 and fitter.as_new is None:
             explanations = self.add_second(base, explanations, nominations)
         findings = self.decide(base, explanations)
         findings.nominations, findings.mesh_v = nominations, mesh_v
@@ -144,13 +141,6 @@ class Engine:
     def _bent(self, base: Explanation) -> bool:
         """Whether the base model was fitted with less counted as noise than what it leaves."""
         return self.problem.misfit_v == 0.0 or base.blur_v > self.problem.misfit_v
-
-    def _hidden(self, best: Explanation) -> bool:
-        """Whether what is left of many cycles may be what their sampling hides, which a second effect would fit."""
-        if self._fitter.as_new is None or best.held_rmse_v**2 - self.problem.held_noise_v**2 > _HIDDEN_V**2:
-            return False
-        self._say(f"less than {1e3 * _HIDDEN_V:g} mV is left of many cycles; no second effect is sought")
-        return True
 
     def confirm(
         self, base: Explanation, scout: Fitter, calm: Explanation, nominations: Sequence[Nomination]

@@ -63,20 +63,16 @@ def nominate_beside(fitter: Fitter, first: Explanation, nominations: Sequence[No
     """Score every other effect on what an explanation leaves, the most promising first.
 
     With the marks that were simulated at the base fit: an explanation moves the parameters little, and a mark
-    much less than the residual. Marks on the first cycles alone say nothing of all, and are taken anew.
+    much less than the residual.
     """
     found = []
     deviation = fitter.problem.deviation()
-    mark: FloatArray | None
     for known in nominations:
         if known.mark is None or known.deviation is None or known.effect.name in first.names:
             continue
-        if len(known.deviation) == len(deviation):
-            mark = known.mark * known.deviation / deviation
-        else:
-            mark = mark_of(fitter, first, known.effect)
-        score = None if mark is None else score_of(first, known.effect, mark)
-        if score is not None and score.gain > 0:
+        mark = known.mark * known.deviation / deviation
+        score = score_of(first, known.effect, mark)
+        if score.gain > 0:
             found.append(Nomination(known.effect, "", score, mark, deviation))
     return sorted(found, key=lambda n: -n.gain)
 

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from ...core.errors import BsaError
 from ...core.extras import require
+from ...core.interrupts import interrupts_stay
 from ...core.validation import explain, read_yaml
 from .local_pool import THREAD_VARIABLES
 from .one_cell import Order, Report, carry_out
@@ -39,7 +40,9 @@ class SlurmConfig(BaseModel):
 
 def slurm_cluster(config: SlurmConfig) -> Any:
     """A cluster whose workers are SLURM jobs, none submitted yet."""
-    jobqueue = require("dask_jobqueue", "cluster", "--cluster slurm:...")
+    # Imported, it makes Ctrl-C end the process in silence and with exit code 0.
+    with interrupts_stay():
+        jobqueue = require("dask_jobqueue", "cluster", "--cluster slurm:...")
     lines = [f"export {name}=1" for name in THREAD_VARIABLES]
     others = dict(config.model_extra or {})
     return jobqueue.SLURMCluster(

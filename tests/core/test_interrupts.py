@@ -4,7 +4,7 @@ import sys
 import threading
 
 import pytest
-from bsa.core.interrupts import interrupts_wait
+from bsa.core.interrupts import interrupts_stay, interrupts_wait
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -22,6 +22,7 @@ def test_a_signal_waits_for_the_end_of_the_block(number: signal.Signals) -> None
         signal.signal(number, before)
 
 
+@pytest.mark.usefixtures("ctrl_c")
 def test_ctrl_c_is_raised_once_the_block_is_done() -> None:
     done: list[bool] = []
 
@@ -59,9 +60,16 @@ def test_other_threads_go_on_as_they_are() -> None:
 
 
 @pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="signal masks are POSIX")
+@pytest.mark.usefixtures("ctrl_c")
 def test_a_process_started_in_the_block_does_not_hear_ctrl_c() -> None:
     program = "import signal, sys; signal.raise_signal(signal.SIGINT); sys.exit(7)"
     with interrupts_wait():
         shielded = subprocess.Popen([sys.executable, "-c", program], stderr=subprocess.DEVNULL)
     assert shielded.wait() == 7
     assert subprocess.run([sys.executable, "-c", program], stderr=subprocess.DEVNULL, check=False).returncode != 7
+
+
+def test_a_library_does_not_keep_ctrl_c(ctrl_c: object) -> None:
+    with interrupts_stay():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    assert signal.getsignal(signal.SIGINT) is ctrl_c

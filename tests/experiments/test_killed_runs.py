@@ -73,6 +73,7 @@ def test_a_run_killed_at_random_moments_ends_like_an_uninterrupted_one(tmp_path:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("ctrl_c")
 def test_an_interrupt_is_said_and_can_be_resumed(tmp_path: Path) -> None:
     (tmp_path / "task.yaml").write_text(TASK)
     process = subprocess.Popen(

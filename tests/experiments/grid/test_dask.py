@@ -9,6 +9,7 @@ import signal
 import threading
 import time
 from collections import Counter
+from importlib.util import find_spec
 
 import pytest
 from bsa.core.errors import BsaError
@@ -100,8 +101,8 @@ def test_no_scheduler_is_said_with_what_to_do(monkeypatch):
         DaskPool("my-cluster")
 
 
-def test_slurm_jobs_are_described_by_a_file(tmp_path):
-    pytest.importorskip("dask_jobqueue", reason="dask-jobqueue is not installed")
+@pytest.mark.skipif(find_spec("dask_jobqueue") is None, reason="dask-jobqueue is not installed")
+def test_slurm_jobs_are_described_by_a_file(tmp_path, ctrl_c):
     path = tmp_path / "slurm.yaml"
     path.write_text("jobs: 20\ncores: 4\nmemory: 16GB\nqueue: cpu\naccount: batteries\nwalltime: '02:00:00'\n")
     config = load_slurm(path)
@@ -110,6 +111,7 @@ def test_slurm_jobs_are_described_by_a_file(tmp_path):
         script = cluster.job_script()
     finally:
         cluster.close()
+    assert signal.getsignal(signal.SIGINT) is ctrl_c
     assert config.jobs == 20
     for line in ("#SBATCH -p cpu", "#SBATCH -A batteries", "#SBATCH --cpus-per-task=4", "#SBATCH -t 02:00:00"):
         assert line in script

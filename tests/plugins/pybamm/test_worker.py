@@ -84,6 +84,7 @@ def test_a_task_that_cannot_be_built_is_the_users_error() -> None:
         pool.close()
 
 
+@pytest.mark.usefixtures("ctrl_c")
 def test_ctrl_c_while_a_worker_starts_leaves_one_that_can_be_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     @contextmanager
     def pressed() -> Iterator[None]:
