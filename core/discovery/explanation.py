@@ -92,8 +92,11 @@ class Explanation:
 
     def dispersion(self, misfit_v: float) -> float:
         """Sum of squares over degrees of freedom, stretched for neighbours that repeat one another; 1 or more."""
+        return self._dispersion(self.chi2(misfit_v))
+
+    def _dispersion(self, squares: float) -> float:
         freedom = max(len(self.errors) - len(self.fit.axes), 1)
-        return max(1.0, self.chi2(misfit_v) / freedom * self.adequacy.repetition)
+        return max(1.0, squares / freedom * self.adequacy.repetition)
 
     @property
     def settled(self) -> bool:
@@ -102,9 +105,7 @@ class Explanation:
         Where a model does not come down to the noise, costs are counted in units of their dispersion: a promise
         of a few such units moves no parameter beyond what is uncertain about it.
         """
-        freedom = max(len(self.fit.residual) - len(self.fit.axes), 1)
-        unit = max(1.0, self.fit.chi2 / freedom * self.adequacy.repetition)
-        return self.fit.converged or self.fit.promised <= _WITHIN_INTERVAL * unit
+        return self.fit.converged or self.fit.promised <= _WITHIN_INTERVAL * self._dispersion(self.fit.chi2)
 
     @property
     def misfit_v(self) -> float:

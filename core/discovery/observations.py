@@ -163,7 +163,8 @@ def observe(
     charge = np.interp(mean(record.time), record.time, record.discharge_capacity)
     voltage = mean(record.voltage)
     knee = CHARGE_SHARE * _steepness(charge, voltage, index) * max(float(np.ptp(charge)), 1e-9)
-    time = np.minimum(mean(after_jumps(record)), record.time[-1])
+    taken = after_jumps(record)
+    time = np.minimum(mean(taken), record.time[-1])
     return Observations(
         name,
         time,
@@ -179,17 +180,16 @@ def observe(
         None if record.temperature is None else mean(record.temperature),
         ambient_k,
         noise,
-        _moments(record, groups),
+        _moments(record, taken, groups),
     )
 
 
-def _moments(record: Trajectory, groups: Sequence[NDArray[np.intp]]) -> Moments:
+def _moments(record: Trajectory, taken: FloatArray, groups: Sequence[NDArray[np.intp]]) -> Moments:
     """Every sample of a short stretch; of a long one, the means of a few parts."""
     parts = [np.array_split(group, min(len(group), _MOMENTS)) for group in groups]
     flat = [part for stretch in parts for part in stretch]
-    clock = after_jumps(record)
     return Moments(
-        np.minimum([float(np.mean(clock[part])) for part in flat], record.time[-1]),
+        np.minimum([float(np.mean(taken[part])) for part in flat], record.time[-1]),
         np.array([float(np.mean(record.current[part])) for part in flat]),
         np.array([len(part) / len(group) for group, stretch in zip(groups, parts, strict=True) for part in stretch]),
         np.repeat(np.arange(len(groups)), [len(stretch) for stretch in parts]),

@@ -17,6 +17,13 @@ SHORTLISTS = "shortlists.jsonl"
 
 _PLACES = (1, 3, 6)
 
+_WORDS = {
+    "statistics": "score test",
+    "named": "backend, effects with their names",
+    "nameless": "backend, names without meaning",
+}
+"""Who ranks, by the key of a row, in words."""
+
 
 def shortlist_case(folder: Path, backend_name: str | None = None) -> dict[str, Any]:
     """Order the effects of one case by score, and let a backend rank them twice; nothing is fitted but the base model.
@@ -24,8 +31,8 @@ def shortlist_case(folder: Path, backend_name: str | None = None) -> dict[str, A
     Returns
     -------
     dict
-        ``statistics``: keys of effects, the best first; ``named`` and ``nameless``: the backend's, where there is
-        one. All are empty where the base model leaves noise only.
+        ``statistics``: keys of effects, the best first, none where the base model leaves noise only; ``named`` and
+        ``nameless``: the backend's, where there is one and something to rank.
     """
     options = options_of(folder)
     bench = set_up(read_case(options), options)
@@ -47,9 +54,7 @@ def shortlist_case(folder: Path, backend_name: str | None = None) -> dict[str, A
                 row[how] = [ranked.key for ranked in ranking.ranked]
         finally:
             backend.close()
-    firsts = (
-        f"{how}: {row[how][0] if row[how] else 'none'}" for how in ("statistics", "named", "nameless") if how in row
-    )
+    firsts = (f"{how}: {row[how][0] if row[how] else 'none'}" for how in _WORDS if how in row)
     return row | {"summary": ", ".join(firsts)}
 
 
@@ -63,7 +68,7 @@ def shortlist_table(folder: Path, results: str = SHORTLISTS) -> str:
     rows = [json.loads(line) for line in (folder / results).read_text(encoding="utf-8").splitlines()]
     told = [(row, set(answers[row["case"]]["effects"])) for row in rows if row["effects"]]
     single = [(row, hidden) for row, hidden in told if len(hidden) == 1]
-    ways = [how for how in ("statistics", "named", "nameless") if any(how in row for row, _ in single)]
+    ways = [how for how in _WORDS if any(how in row for row, _ in single)]
     lines = ["| ranked by | cases | " + " | ".join("first" if k == 1 else f"among {k}" for k in _PLACES) + " |"]
     lines.append("| --- |" + " ---: |" * (1 + len(_PLACES)))
     for how in ways:
@@ -71,13 +76,6 @@ def shortlist_table(folder: Path, results: str = SHORTLISTS) -> str:
         counts = " | ".join(str(sum(place <= k for place in places)) for k in _PLACES)
         lines.append(f"| {_WORDS[how]} | {len(places)} | {counts} |")
     return "\n".join(lines) + "\n"
-
-
-_WORDS = {
-    "statistics": "score test",
-    "named": "backend, effects with their names",
-    "nameless": "backend, names without meaning",
-}
 
 
 def _place(keys: Sequence[str], hidden: set[str]) -> float:
