@@ -181,10 +181,14 @@ class Engine:
         """Add a second effect to the best single ones: re-score on what they leave, screen, settle."""
         screened: dict[tuple[str, ...], tuple[tuple[Effect, ...], Nomination]] = {}
         for first in singles:
-            for nomination in nominate_beside(self._fitter, first, nominations)[:_SECONDS]:
+            beside = nominate_beside(self._fitter, first, nominations)
+            hinted = [n for n in beside[:_SECONDS] if n.gain > _HINT * first.cost]
+            # Two that each bend the parameters to do without the other are not seen by a score on what either leaves.
+            best = [n for n in beside if any(n.effect is e.effects[0] for e in singles) and n not in hinted]
+            for nomination in (*hinted, *best):
                 effects = (first.effects[0], nomination.effect)
                 key = tuple(sorted(effect.key for effect in effects))
-                if key not in screened and nomination.gain > _HINT * first.cost:
+                if key not in screened:
                     screen(self._fitter, first, nomination)
                     left = nomination.promise / first.cost
                     self._say(f"  {first.label} + {nomination.effect.key}: leaves {left:.0%} of what one effect does")

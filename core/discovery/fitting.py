@@ -166,22 +166,30 @@ class Fitter:
         # A cell that is too small, or too slow for its current, is empty before its record ends, and a fit that
         # starts there is soon lost: start from the best of some roomier, faster and less full ones.
         residual = self.residual(())
-        best: tuple[float, FloatArray] | None = None
+        costs: dict[tuple[float, float], float] = {}
         for ease in (0.0, 0.5, 1.0, 1.5):
             for soc_shift in (0.0, 3.0, -4.0):
-                shifted = start + np.array([ease if axis.prior else soc_shift for axis in self.axes])
-                here = residual(candidate_of(self.axes, shifted))
-                if here is not None and (best is None or float(here @ here) < best[0]):
-                    best = (float(here @ here), shifted)
-            if best is not None and best[0] < _GOOD_START**2 * len(self.problem.fitted[0]):
+                here = residual(candidate_of(self.axes, self._eased(start, ease, soc_shift)))
+                if here is not None:
+                    costs[ease, soc_shift] = float(here @ here)
+            if costs and min(costs.values()) < _GOOD_START**2 * len(self.problem.fitted[0]):
                 break
-        fit = None if best is None else self.fit((), self.axes, best[1], self.settings.base_budget, 2e-2)
-        if fit is None:
+        places = [min(costs, key=costs.__getitem__)] if costs else []
+        # The charge that a rested voltage tells is well known: what comes nearer elsewhere may end farther off.
+        if (0.0, 0.0) in costs and (0.0, 0.0) not in places:
+            places.append((0.0, 0.0))
+        tried = [self.fit((), self.axes, self._eased(start, *p), self.settings.base_budget, 2e-2) for p in places]
+        fits = [fit for fit in tried if fit is not None]
+        if not fits:
             raise BsaError(
                 "the base model cannot follow the record's current from any initial state of charge.",
                 "check the sign of the current and the capacity of the parameter set.",
             )
-        return fit
+        return min(fits, key=lambda fit: fit.cost)
+
+    def _eased(self, start: FloatArray, ease: float, soc_shift: float) -> FloatArray:
+        shift: FloatArray = np.array([ease if axis.prior else soc_shift for axis in self.axes])
+        return start + shift
 
     def without(self, base: Explanation, best: Explanation) -> Explanation:
         """The base model, fitted once more from where an explanation ended with its effect taken away.

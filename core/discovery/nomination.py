@@ -71,9 +71,7 @@ def nominate_beside(fitter: Fitter, first: Explanation, nominations: Sequence[No
         if known.mark is None or known.deviation is None or known.effect.name in first.names:
             continue
         mark = known.mark * known.deviation / deviation
-        score = score_of(first, known.effect, mark)
-        if score.gain > 0:
-            found.append(Nomination(known.effect, "", score, mark, deviation))
+        found.append(Nomination(known.effect, "", score_of(first, known.effect, mark), mark, deviation))
     return sorted(found, key=lambda n: -n.gain)
 
 

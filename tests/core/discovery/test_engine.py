@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import discovery_toy as toy
 import numpy as np
 import pytest
@@ -101,6 +103,34 @@ def fitted(fitter, effects, budget):
     axes = (*fitter.axes, *effect_axes(effects))
     fit = fitter.fit(effects, axes, np.concatenate([[0.2], np.zeros(len(axes) - 1)]), budget)
     return fitter.explain(effects, fit, None)
+
+
+def test_two_effects_that_hide_behind_each_other_are_tried_together_whatever_a_score_promises():
+    problem, axes = toy.problem(np.random.default_rng(0), {"quadratic": 0.01, "sign": 0.015})
+    engine = Engine(problem, axes, CATALOGUE, toy.EVIDENCE)
+    known = engine.shortlist()
+    for nomination in known.nominations:
+        nomination.mark = 0 * nomination.mark  # a score on what one effect leaves promises nothing of the other
+    singles = [fitted(engine._fitter, (effect,), 100) for effect in (toy.HYSTERESIS, toy.QUADRATIC)]
+    assert {pair.names for pair in engine.pair(known.base, singles, known.nominations)} == {("quadratic", "sign")}
+
+
+def test_a_base_fit_also_starts_from_the_charge_that_the_voltage_tells(monkeypatch):
+    problem, axes = toy.problem(np.random.default_rng(0), {}, held=False)
+    problem.misfit_v, as_believed = 1e-3, np.zeros(len(axes))
+    fitter = Fitter(problem, axes, Settings(), print)
+    starts = []
+
+    def fit(effects, axes, start, budget, tolerance):
+        starts.append(start)
+        # The start that comes nearer ends farther off.
+        return replace(Fitter.fit(fitter, effects, axes, start, 1), residual=np.full(3, 9.0 if np.any(start) else 1.0))
+
+    monkeypatch.setattr(fitter, "fit", fit)
+    found = fitter._fit_from_somewhere(as_believed)
+    assert len(starts) == 2
+    assert np.any(starts[0])
+    np.testing.assert_array_equal(found.u, as_believed)
 
 
 def test_a_pair_that_had_more_simulations_than_its_member_is_pruned():
