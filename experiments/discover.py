@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
 
 import numpy as np
 
@@ -44,23 +45,28 @@ def discover(options: DiscoverOptions, listener: Listener = lambda text: None) -
     """
     from .discovery_page import write_page
 
-    case, backend = read_case(options), None
-    if options.backend is not None:
-        from ..backends.opening import open_backend
-
-        backend = open_backend(options.backend)
-    try:
+    case = read_case(options)
+    with backend_or_none(options.backend) as backend:
         bench = set_up(case, options, listener)
         discovery = discover_on(bench, options, listener, backend)
-    finally:
-        if backend is not None:
-            backend.close()
     options.out.mkdir(parents=True, exist_ok=True)
     text = json.dumps(discovery.to_json(), indent=1, allow_nan=False)
     (options.out / "discovery.json").write_text(text, encoding="utf-8")
     (options.out / "augmented_model.py").write_text(discovery.script, encoding="utf-8")
     write_page(options.out / "report.html", discovery, bench.problem)
     return discovery
+
+
+@contextmanager
+def backend_or_none(name: str | None) -> Iterator[Backend | None]:
+    """A backend for as long as it is needed, or none where none is named."""
+    if name is None:
+        yield None
+        return
+    from ..backends.opening import open_backend
+
+    with closing(open_backend(name)) as backend:
+        yield backend
 
 
 def discover_on(

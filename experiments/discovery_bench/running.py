@@ -11,7 +11,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
-from ..discover import discover_on
+from ..discover import backend_or_none, discover_on
 from ..discovery_case import DiscoverOptions, read_case
 from ..discovery_workbench import set_up
 from .making import DESCRIPTION
@@ -78,13 +78,9 @@ def run_case(folder: Path, backend_name: str | None = None, hide_names: bool = F
     options = options_of(folder, hide_names)
     try:
         bench = set_up(read_case(options), options)
-        backend = None
-        if backend_name is not None:
-            from ...backends.opening import open_backend
-
-            backend = open_backend(backend_name)
         said: list[str] = []
-        discovery = discover_on(bench, options, said.append, backend)
+        with backend_or_none(backend_name) as backend:
+            discovery = discover_on(bench, options, said.append, backend)
     except Exception as error:  # a crash is a result of the benchmark, and must not end it
         trace = traceback.format_exc().splitlines()[-3:]
         reason = f"{error} {trace}"

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.discovery.ranking import ask
+from ..discover import backend_or_none
 from ..discovery_case import read_case
 from ..discovery_workbench import set_up
 from .making import unseal
@@ -43,17 +44,12 @@ def shortlist_case(folder: Path, backend_name: str | None = None) -> dict[str, A
         "effects": len(possible),
         "statistics": [n.effect.key for n in possible if n.gain > 0],
     }
-    words = bench.discrepancy(known.calm) if possible and backend_name is not None else None
-    if words is not None and backend_name is not None:
-        from ...backends.opening import open_backend
-
-        backend = open_backend(backend_name)
-        try:
-            for how, hidden in (("named", False), ("nameless", True)):
+    words = bench.discrepancy(known.calm) if possible else None
+    with backend_or_none(backend_name if words else None) as backend:
+        for how, hidden in (("named", False), ("nameless", True)):
+            if backend is not None and words is not None:
                 ranking = ask(backend, words, [n.effect for n in possible], options.seed, hidden)
                 row[how] = [ranked.key for ranked in ranking.ranked]
-        finally:
-            backend.close()
     firsts = (f"{how}: {row[how][0] if row[how] else 'none'}" for how in _WORDS if how in row)
     return row | {"summary": ", ".join(firsts)}
 
