@@ -177,7 +177,7 @@ def spreads_of(search: str | dict[str, Uncertainty | None], cell: CellModel) -> 
 
     if isinstance(search, str):
         if search in PRESETS:
-            return {name: default_spread(name) for name in PRESETS[search]}
+            return dict(PRESETS[search])
         if not Path(search).exists():
             hint = did_you_mean(search, PRESETS) or f"presets: {', '.join(PRESETS)}; or the path of a YAML file."
             raise BsaError(f'there is no preset or file "{search}" of uncertain parameters.', hint)

@@ -35,7 +35,10 @@ def discover(
     ] = None,
     scale: Annotated[bool, typer.Option(help="Scale the electrode area to the records' capacity.")] = True,
     search: Annotated[
-        str, typer.Option(help="What is uncertain about the base model: all, capacity, particles, or a YAML file.")
+        str,
+        typer.Option(
+            help="What is uncertain about the base model: all, capacity, particles, measured, or a YAML file."
+        ),
     ] = "all",
     effect: Annotated[list[str] | None, typer.Option(help="Effect to consider; repeat; left out, all.")] = None,
     backend: Annotated[str | None, typer.Option(help="Language model that ranks effects too.")] = None,

@@ -31,20 +31,26 @@ thickness through the capacity and the electrolyte's resistance, all of which ar
 
 _ELECTROLYTE = "Electrolyte"
 
-
 _CAPACITY = (
     "Negative electrode active material volume fraction factor",
     "Positive electrode active material volume fraction factor",
     CYCLABLE_LITHIUM,
 )
 
-PRESETS: dict[str, tuple[str, ...]] = {
-    "all": tuple(_SPREADS),
-    "capacity": _CAPACITY,
-    "particles": tuple(name for name in _SPREADS if not name.startswith(_ELECTROLYTE)),
+
+def _known_better(spread: float, lower: float, upper: float) -> tuple[float, float, float]:
+    return 0.5 * spread, lower, upper
+
+
+PRESETS: dict[str, dict[str, tuple[float, float, float]]] = {
+    "all": _SPREADS,
+    "capacity": {name: _SPREADS[name] for name in _CAPACITY},
+    "particles": {name: spread for name, spread in _SPREADS.items() if not name.startswith(_ELECTROLYTE)},
+    "measured": {name: _known_better(*spread) for name, spread in _SPREADS.items()},
 }
 """What may be uncertain, by name: everything; the electrodes' capacities alone, where transport and kinetics were
-measured on the cell; everything but the electrolyte."""
+measured on the cell; everything but the electrolyte; everything, but half as much, where the set was measured on cells
+of this very type."""
 
 
 def default_spread(name: str) -> tuple[float, float, float]:

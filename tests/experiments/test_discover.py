@@ -39,6 +39,8 @@ def test_what_is_uncertain_comes_from_a_preset_a_file_or_names(tmp_path):
     cell = CellModel("Chen2020", "SPMe")
     assert len(spreads_of("all", cell)) == 9
     assert len(spreads_of("capacity", cell)) == 3
+    halved = {name: (spread / 2, lower, upper) for name, (spread, lower, upper) in spreads_of("all", cell).items()}
+    assert spreads_of("measured", cell) == halved
     file = tmp_path / "search.yaml"
     file.write_text(
         "factors:\n  Cyclable lithium factor:\n  Separator porosity factor: {spread: 0.1, lower: 0.5, upper: 2}"
