@@ -26,8 +26,8 @@ _SHARES = (1.0, 0.3, 0.0)
 _SHORT = 12
 """Simulations of a short refit."""
 
-_LITTLE = 0.1
-"""Share of what a score promises below which a short refit has failed."""
+_ENOUGH = 0.5
+"""Share of what a score promises that a short refit has to keep: one step that goes wrong uses its slopes up."""
 
 _BENT = 10.0
 """Price of departing from beliefs above which the parameters count as bent."""
@@ -140,8 +140,8 @@ def _short_refit(fitter: Fitter, before: Explanation, nomination: Nomination, as
         return None
     found = fitter.fit(effects, axes, best.refit.u, budget, jacobian=best.refit.jacobian)
     promised = nomination.gain
-    if found is not None and promised > CLEAR_BIC and before.fit.cost - found.cost < _LITTLE * promised:
-        # Much was promised and next to nothing came of it: the slopes were wrong.
+    if found is not None and promised > CLEAR_BIC and before.fit.cost - found.cost < _ENOUGH * promised:
+        # Much was promised and little came of it: the slopes were wrong.
         again = fitter.fit(effects, axes, found.u, budget + len(axes))
         found = found if again is None or found.cost < again.cost else again
     return found

@@ -7,6 +7,7 @@ from bsa.core.discovery.axes import effect_axes
 from bsa.core.discovery.engine import Engine
 from bsa.core.discovery.findings import Nomination, Settings
 from bsa.core.discovery.fitting import Fitter
+from bsa.core.discovery.nomination import nominate, screen
 
 CATALOGUE = (toy.QUADRATIC, toy.HYSTERESIS, toy.SLOW)
 
@@ -113,6 +114,25 @@ def test_two_effects_that_hide_behind_each_other_are_tried_together_whatever_a_s
         nomination.mark = 0 * nomination.mark  # a score on what one effect leaves promises nothing of the other
     singles = [fitted(engine._fitter, (effect,), 100) for effect in (toy.HYSTERESIS, toy.QUADRATIC)]
     assert {pair.names for pair in engine.pair(known.base, singles, known.nominations)} == {("quadratic", "sign")}
+
+
+@pytest.mark.parametrize(("kept", "fits"), [(0.2, 2), (0.8, 1)])
+def test_a_short_refit_that_keeps_little_of_what_a_score_promises_gets_fresh_slopes(monkeypatch, kept, fits):
+    problem, axes = toy.problem(np.random.default_rng(0), {"sign": 0.01})
+    fitter = Fitter(problem, axes, Settings(), print)
+    base = fitted(fitter, (), 100)
+    (nomination,) = nominate(fitter, base, [toy.HYSTERESIS], toy.EVIDENCE, print)
+    fresh = []
+
+    def fit(effects, axes, start, budget, jacobian=None):
+        fresh.append(jacobian is None)
+        found = Fitter.fit(fitter, effects, axes, start, 1)
+        left = base.fit.cost - kept * nomination.gain - found.belief
+        return found if fresh[-1] else replace(found, residual=np.array([np.sqrt(left)]))
+
+    monkeypatch.setattr(fitter, "fit", fit)
+    screen(fitter, base, nomination)
+    assert fresh == [False, True][:fits]
 
 
 def test_a_base_fit_also_starts_from_the_charge_that_the_voltage_tells(monkeypatch):
