@@ -5,9 +5,11 @@ What comes out today, and why it is not always the name that is expected, stands
 
 from pathlib import Path
 
+import numpy as np
+import pybamm
 import pytest
 from bsa.experiments.discover import discover
-from bsa.experiments.discovery_case import DiscoverOptions
+from bsa.experiments.discovery_case import DiscoverOptions, read_case
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 NASA, LGM50 = DATA / "nasa_pcoe", DATA / "lgm50"
@@ -66,3 +68,41 @@ def test_lgm50_at_2c_lacks_self_heating_or_nothing_is_named(tmp_path):
         assert max(found.temperature_rms_k.values()) < 4.0
     # The score test puts it first, named or not.
     assert found.to_json()["candidates"][0]["name"] == "self-heating"
+
+
+@pytest.mark.slow
+@pytest.mark.real_data
+@pytest.mark.skipif(not LGM50.exists(), reason="../shared/data/lgm50 is absent")
+def test_heat_is_not_all_that_the_lgm50_at_2c_lacks(tmp_path):
+    """With nothing fitted and the measured temperature imposed, a resolved ORegan2022 is farther off than without."""
+    options = DiscoverOptions(
+        data=[LGM50 / "Cell796_2C_25degC.csv"], parameters="ORegan2022", model="SPMe", ambient_c=25.0, out=tmp_path
+    )
+    record = read_case(options).specimens[0].record
+    drawn = np.flatnonzero(record.current > 5.0)
+    part = slice(drawn[0], drawn[-1] + 1)
+    time = record.time[part] - record.time[drawn[0]]
+    time, kept = np.unique(time, return_index=True)
+    voltage, kelvin = record.voltage[part][kept], record.temperature[part][kept]
+
+    def discharged(imposed: bool) -> tuple[float, np.ndarray]:
+        """When the cell is empty, s, and what was measured above it in the first 85 % of that time, V."""
+        values = pybamm.ParameterValues("ORegan2022")
+        values.update({"Current function [A]": 10.0, "Lower voltage cut-off [V]": 0.8})
+        if imposed:
+            values["Ambient temperature [K]"] = lambda y, z, t: pybamm.Interpolant(time, kelvin, t)
+        model = pybamm.lithium_ion.SPMe({"thermal": "isothermal"})
+        points = {**model.default_var_pts, "r_n": 80, "r_p": 80}
+        solver = pybamm.IDAKLUSolver(rtol=1e-6, atol=1e-7)
+        simulation = pybamm.Simulation(model, parameter_values=values, var_pts=points, solver=solver)
+        solved = simulation.solve([0.0, time[-1]], t_interp=time, initial_soc=0.985)
+        simulated = solved["Voltage [V]"].data
+        empty = float(np.interp(2.5, simulated[::-1], solved.t[::-1]))
+        early = time < 0.85 * empty
+        return empty, (voltage - np.interp(time, solved.t, simulated))[early]
+
+    lasts, isothermal = discharged(False)
+    lasts_longer, warm = discharged(True)
+    assert lasts < lasts_longer < time[-1]
+    assert np.sqrt(np.mean(isothermal**2)) == pytest.approx(0.067, abs=0.01)
+    assert np.mean(warm) == pytest.approx(-0.121, abs=0.01)
