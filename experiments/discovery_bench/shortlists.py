@@ -44,7 +44,7 @@ def shortlist_case(folder: Path, backend_name: str | None = None) -> dict[str, A
         "effects": len(possible),
         "statistics": [n.effect.key for n in possible if n.gain > 0],
     }
-    words = bench.discrepancy(known.calm) if possible else None
+    words = bench.discrepancy(known.calm) if possible and backend_name is not None else None
     with backend_or_none(backend_name if words else None) as backend:
         for how, hidden in (("named", False), ("nameless", True)):
             if backend is not None and words is not None:

@@ -37,16 +37,11 @@ _CAPACITY = (
     CYCLABLE_LITHIUM,
 )
 
-
-def _known_better(spread: float, lower: float, upper: float) -> tuple[float, float, float]:
-    return 0.5 * spread, lower, upper
-
-
 PRESETS: dict[str, dict[str, tuple[float, float, float]]] = {
     "all": _SPREADS,
     "capacity": {name: _SPREADS[name] for name in _CAPACITY},
     "particles": {name: spread for name, spread in _SPREADS.items() if not name.startswith(_ELECTROLYTE)},
-    "measured": {name: _known_better(*spread) for name, spread in _SPREADS.items()},
+    "measured": {name: (0.5 * spread, lower, upper) for name, (spread, lower, upper) in _SPREADS.items()},
 }
 """What may be uncertain, by name: everything; the electrodes' capacities alone, where transport and kinetics were
 measured on the cell; everything but the electrolyte; everything, but half as much, where the set was measured on cells
