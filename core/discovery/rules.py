@@ -22,6 +22,10 @@ CLOSED_FITTED = 0.5
 """The same on fitted data, where data that was not fitted shows the gap too. A base model bends its parameters to what
 it is fitted to and hides part of its gap there, so that what an effect closes of it is understated."""
 
+NEARLY_ALL = 0.99
+"""Share that leaves a tenth of the error beyond noise, in fitted data and in others: whether the fit has converged no
+longer matters, for there is next to nothing left that the end of it could turn."""
+
 CLEAR_K = 1.0
 """A temperature is predicted clearly better where its error is at most half the other's, and this much smaller, K."""
 
@@ -60,16 +64,17 @@ def believable(base: Explanation, found: Explanation, noise_v: float, held_noise
         return f"does not beat the base model by {CLEAR_BIC:g} in BIC"
     if not found.excludes_null:
         return "a strength's 95 % interval contains its null value, or it ran into a bound"
-    if not found.settled and not found.adequacy.adequate:
+    material = base.held_rmse_v > 1.1 * held_noise_v
+    share = closed(base.rmse_v, found.rmse_v, noise_v)
+    held = closed(base.held_rmse_v, found.held_rmse_v, held_noise_v)
+    nearly_all = material and min(share, held) >= NEARLY_ALL
+    if not (found.settled or found.adequacy.adequate or nearly_all):
         return "its fit did not converge"
     # A base model that bends its parameters beyond belief may come as near to the voltage; BIC counts the bending.
     # A temperature predicted clearly better, which no fit was shown, then stands for the gap that it hides.
     if not (found.adequacy.adequate or predicts_warmth(found, base)):
-        material = base.held_rmse_v > 1.1 * held_noise_v
-        share = closed(base.rmse_v, found.rmse_v, noise_v)
         if share < (CLOSED_FITTED if material else CLOSED_ENOUGH):
             return f"closes {share:.0%} of the gap only"
-        held = closed(base.held_rmse_v, found.held_rmse_v, held_noise_v)
         if material and held < CLOSED_ENOUGH:
             return f"closes {held:.0%} of the gap in data not fitted only"
     if not found.held_rmse_v < base.held_rmse_v:

@@ -1,15 +1,10 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from bsa.core.discovery.adequacy import FALSE_ALARM, Adequacy, judge
-from bsa.core.discovery.axes import Axis, effect_axes
-from bsa.core.discovery.explanation import WARMTH_K, Estimate, Explanation
+from bsa.core.discovery.adequacy import FALSE_ALARM, judge
+from bsa.core.discovery.axes import Axis
 from bsa.core.discovery.noise import voltage_noise
-from bsa.core.discovery.refit import Refit, differences, refit
-from bsa.core.discovery.rules import believable, bic_difference, rivals
+from bsa.core.discovery.refit import differences, refit
 from bsa.core.discovery.score import score_effect
-from bsa.core.effect import Effect, EffectParameter
 from bsa.core.parameters import Parameter
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from hypothesis import given, settings
@@ -120,91 +115,6 @@ def test_a_slope_is_taken_over_what_the_data_can_see():
     again, fewer = differences(residual, both, np.zeros(2), residual({"p0": 0.0, "p1": 0.0}), jacobian)
     assert fewer == 2 < spent
     assert again[0, 0] == pytest.approx(3000, rel=0.05)
-
-
-def explanation(name, kelvin, rmse=1.0):
-    effect = Effect(name, name, "", (EffectParameter("size", "", 0.0, 0.0, 10.0, 1.0),), "", "")
-    fit = Refit(effect_axes((effect,)), np.zeros(1), np.full(80, rmse), np.ones((80, 1)), True, 1)
-    errors = rmse * np.where(np.arange(80) % 2, 1e-3, -1e-3)
-    sigma = np.full(80, 1e-3)
-    found = Explanation((effect,), fit, Adequacy(0.5, 0.5, 0.0, 1.0), 1e-3, 1e-3, 1.0, errors, sigma, None, kelvin)
-    found.estimates = {effect.key: (Estimate("size", "", 1.0, (0.9, 1.1), 0.0, False),)}
-    return found
-
-
-def test_a_temperature_that_no_fit_was_shown_tells_equals_apart():
-    warm, blind, unknown = explanation("heat", 2.0), explanation("cold", 15.0), explanation("cold", None)
-    assert rivals(warm, [blind]) == []
-    assert rivals(warm, [unknown]) == [unknown]
-    assert rivals(warm, [explanation("other", 2.5)]) != []
-    assert rivals(blind, [warm]) == [warm]
-
-
-def test_a_temperature_counts_as_one_observation():
-    warm, blind, unknown = explanation("heat", 2.0), explanation("cold", 10.0), explanation("cold", None)
-    assert bic_difference(blind, warm) == pytest.approx((10.0**2 - 2.0**2) / WARMTH_K**2)
-    assert bic_difference(warm, blind) == pytest.approx(-bic_difference(blind, warm))
-    assert bic_difference(unknown, explanation("heat", None)) == pytest.approx(0.0)
-
-
-def test_a_gap_that_bent_parameters_hide_shows_in_the_temperature():
-    base = explanation("base", 15.0, rmse=5.0)
-    base.fit = replace(base.fit, axes=axes(1), u=np.array([9.0]))
-    base.fit = replace(base.fit, axes=(replace(base.fit.axes[0], prior=True),))
-    base.held_rmse_v = 2e-3
-    base.rmse_v = 1.02e-3
-    blind, warm = explanation("cold", 15.0), explanation("heat", 2.0)
-    for found in (blind, warm):
-        found.adequacy = Adequacy(0.0, 0.0, 1e-3, 1.0)
-    assert "of the gap only" in believable(base, blind, 1e-4, 1e-4)
-    assert believable(base, warm, 1e-4, 1e-4) == ""
-
-
-@pytest.mark.parametrize(
-    ("fitted_mv", "held_mv", "base_held_mv", "words"),
-    [
-        (5.0, 3.0, 10.0, ""),
-        (5.0, 6.0, 10.0, "in data not fitted only"),
-        (8.0, 3.0, 10.0, "of the gap only"),
-        (6.0, 1.0, 1.05, "of the gap only"),
-        (3.0, 1.0, 1.05, ""),
-    ],
-)
-def test_data_that_was_not_fitted_decides_what_is_closed_where_it_shows_the_gap(
-    fitted_mv, held_mv, base_held_mv, words
-):
-    base, found = explanation("base", None, rmse=10.0), explanation("effect", None, rmse=2.0)
-    found.adequacy = Adequacy(0.0, 0.0, 1e-3, 1.0)
-    base.rmse_v, base.held_rmse_v = 10e-3, 1e-3 * base_held_mv
-    found.rmse_v, found.held_rmse_v = 1e-3 * fitted_mv, 1e-3 * held_mv
-    reason = believable(base, found, 1e-3, 1e-3)
-    assert words in reason
-    assert bool(words) == bool(reason)
-
-
-def test_who_predicts_data_not_fitted_clearly_worse_is_no_rival():
-    best, other = explanation("one", None), explanation("other", None)
-    assert rivals(best, [other]) == [other]
-    other.held_rmse_v = 1.2 * best.held_rmse_v
-    assert rivals(best, [other]) == []
-
-
-@pytest.mark.parametrize(
-    ("left", "repetition", "promised", "settled"),
-    [
-        (1.0, 1.0, 3.0, True),
-        (1.0, 1.0, 6.0, False),
-        (3.0, 1.0, 30.0, True),
-        (1.0, 9.0, 30.0, True),
-        (3.0, 9.0, 900.0, False),
-    ],
-)
-def test_a_fit_is_settled_where_its_promise_lies_inside_its_intervals(left, repetition, promised, settled):
-    base, found = explanation("base", None, rmse=10.0), explanation("effect", None)
-    found.adequacy = Adequacy(0.0, 0.0, 1e-3, repetition)
-    found.fit = replace(found.fit, residual=np.full(80, left), converged=False, promised=promised)
-    assert found.settled is settled
-    assert ("did not converge" in believable(base, found, 1e-4, 1e-4)) is not settled
 
 
 def test_a_fit_without_a_fresh_jacobian_promises_anything():
