@@ -10,7 +10,7 @@ from .axes import Axis
 from .explanation import Explanation
 from .findings import Findings, Listener, Nomination, Settings
 from .fitting import LAG, Fitter
-from .nomination import nominate, nominate_beside, screen
+from .nomination import nominate, nominate_beside, screen, screen_afresh
 from .problem import Problem
 from .rules import CLEAR_BIC, CLEAR_HELD, believable, bic, bic_difference, predicts_warmth, rivals
 
@@ -22,6 +22,10 @@ _MORE = 2
 
 _KINDRED = 0.5
 """Share of the highest promise from which an effect is not given up after a short refit alone."""
+
+_LITTLE = 0.5
+"""Share of the base model's cost that short refits of what the scores favour have to come below, or the others get
+refits too. True effects come to a tenth."""
 
 _HOPELESS = 3.0
 """Times the best one's BIC from which a single effect is no start for a pair."""
@@ -156,7 +160,13 @@ class Engine:
         self._say(f"screening {len(chosen)} effects")
         for nomination in chosen:
             screen(scout, calm, nomination, as_new=scout is not self._fitter)
-        ranked = sorted(chosen, key=lambda n: n.promise)
+        nearest = min((n.promise for n in chosen), default=calm.cost)
+        if scout is self._fitter and nearest > _LITTLE * calm.cost:
+            misjudged = [n for n in nominations if n not in chosen or n.promise > calm.cost]
+            self._say(f"none of them takes half of it away; screening {len(misjudged)} with slopes of their own")
+            for nomination in misjudged:
+                screen_afresh(scout, calm, nomination)
+        ranked = sorted(nominations, key=lambda n: n.promise)
         return self._settle(base, [((n.effect,), n) for n in ranked], scout)
 
     def add_second(
@@ -297,6 +307,8 @@ class Engine:
                 best = other
         equal = rivals(best, [e for e in needed if e is not best])
         reason = f"{best.label} beats the base model by {bic_difference(base, best):.0f} in BIC"
+        if not (best.settled or best.adequacy.adequate):
+            reason += "; its fit did not converge, and its intervals may be too narrow"
         if equal:
             reason += f"; not to be told from {', '.join(e.label for e in equal)}"
         return Findings("ambiguous" if equal else "effect-found", base, best, equal, ranked, reason=reason)

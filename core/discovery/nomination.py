@@ -113,10 +113,32 @@ def screen(fitter: Fitter, before: Explanation, nomination: Nomination, as_new: 
     as_new : bool
         Whether the base parameters are those of the cell before it aged, and only its ageing is to be found.
     """
-    nomination.screened = _short_refit(fitter, before, nomination, as_new)
-    if nomination.screened is not None:
-        effects = (*before.effects, nomination.effect)
-        nomination.warmth = fitter.warmth(effects, nomination.screened.candidate)
+    _note(fitter, before, nomination, _short_refit(fitter, before, nomination, as_new))
+
+
+def screen_afresh(fitter: Fitter, before: Explanation, nomination: Nomination) -> None:
+    """Give a nomination whose score promised little refits on slopes of their own, from strengths of either sign.
+
+    A score is linear: of an effect that moves the minute at which a cell is empty (a leak, an offset of the current) a
+    base model that has bent itself to it leaves a mark that no slope there predicts.
+    """
+    if nomination.mark is None:
+        return
+    low, high = _ends(nomination.effect)
+    effects, ladder = (*before.effects, nomination.effect), _ladder(nomination)
+    for rungs in (ladder, [-rung for rung in ladder if 0.95 * low <= -rung <= 0.95 * high]):
+        start = _best_start(fitter, before, nomination, rungs, _SHARES)
+        if start is not None:
+            axes = start.refit.axes
+            _note(fitter, before, nomination, fitter.fit(effects, axes, start.refit.u, 2 * (_SHORT + len(axes))))
+
+
+def _note(fitter: Fitter, before: Explanation, nomination: Nomination, found: Refit | None) -> None:
+    if found is None:
+        return
+    warmth = fitter.warmth((*before.effects, nomination.effect), found.candidate)
+    if found.cost + warmth < nomination.promise:
+        nomination.screened, nomination.warmth = found, warmth
 
 
 def _short_refit(fitter: Fitter, before: Explanation, nomination: Nomination, as_new: bool) -> Refit | None:
@@ -128,17 +150,14 @@ def _short_refit(fitter: Fitter, before: Explanation, nomination: Nomination, as
     slopes taken there. Parameters of a new cell are neither bent nor lost, and stay where they are at first.
     """
     effects = (*before.effects, nomination.effect)
-    axes = (*before.fit.axes, *effect_axes((nomination.effect,)))
-    ladder = _ladder(nomination)
     shares, budget = ((0.0,), 2 * _SHORT) if as_new else (_SHARES, _SHORT)
-    best = _climb(ladder, lambda strength: _moved_along(fitter, before, nomination, strength, shares), before.cost)
-    lost = not as_new and (before.fit.belief > _BENT or not before.fit.converged)
-    unbent = _climb(ladder, lambda strength: _believed(fitter, before, nomination, strength)) if lost else None
-    if unbent is not None and (best is None or unbent.price < best.price):
-        return fitter.fit(effects, axes, unbent.refit.u, _SHORT + len(axes))
-    if best is None:
+    start = _best_start(fitter, before, nomination, _ladder(nomination), shares, as_new)
+    if start is None:
         return None
-    found = fitter.fit(effects, axes, best.refit.u, budget, jacobian=best.refit.jacobian)
+    axes, u = start.refit.axes, start.refit.u
+    if not start.sloped:
+        return fitter.fit(effects, axes, u, _SHORT + len(axes))
+    found = fitter.fit(effects, axes, u, budget, jacobian=start.refit.jacobian)
     promised = nomination.gain
     if found is not None and promised > CLEAR_BIC and before.fit.cost - found.cost < _ENOUGH * promised:
         # Much was promised and little came of it: the slopes were wrong.
@@ -149,10 +168,29 @@ def _short_refit(fitter: Fitter, before: Explanation, nomination: Nomination, as
 
 @dataclass(frozen=True, eq=False)
 class _Start:
-    """Where a short refit may begin; ``price`` is its cost with what the temperature says."""
+    """Where a short refit may begin; ``price`` is its cost with what the temperature says.
+
+    ``sloped`` is whether its Jacobian has been moved there.
+    """
 
     price: float
     refit: Refit
+    sloped: bool = False
+
+
+def _best_start(
+    fitter: Fitter,
+    before: Explanation,
+    nomination: Nomination,
+    ladder: Sequence[float],
+    shares: Sequence[float],
+    as_new: bool = False,
+) -> _Start | None:
+    """The best rung, beside the base parameters as they are or, where these are bent or lost, as they are believed."""
+    best = _climb(ladder, lambda strength: _moved_along(fitter, before, nomination, strength, shares), before.cost)
+    lost = not as_new and (before.fit.belief > _BENT or not before.fit.converged)
+    unbent = _climb(ladder, lambda strength: _believed(fitter, before, nomination, strength)) if lost else None
+    return unbent if unbent is not None and (best is None or unbent.price < best.price) else best
 
 
 def _climb(
@@ -191,7 +229,7 @@ def _moved_along(
         secant = (found.refit.residual - known.residual - known.jacobian @ step) / strength
         jacobian = np.column_stack([known.jacobian, secant, *others])
         if best is None or found.price < best.price:
-            best = _Start(found.price, replace(found.refit, jacobian=jacobian))
+            best = _Start(found.price, replace(found.refit, jacobian=jacobian), sloped=True)
         if found.price < before.cost:
             break
     return best

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from ..effect import Effect
 from ..parameters import Candidate
@@ -24,6 +25,9 @@ _HELD_STEPS = 4
 
 _LARGEST_V = 0.02
 """A larger difference between two meshes is not corrected but feared."""
+
+_NEAR = 5
+"""Averages in a row over which the largest difference between two meshes counts."""
 
 _EVERY = 5
 """Each fifth block is held out."""
@@ -165,11 +169,12 @@ class Problem:
                     self.corrections[specimen.name] = known
                 continue
             change = fine.voltage - usual.voltage
+            # Where cells of a mesh are emptied one by one the voltage falls in stairs, those of two meshes cross, and
+            # a difference that is small by chance says nothing: what counts is the largest one near.
+            near = maximum_filter1d(np.abs(change), _NEAR)
             # Where the two meshes disagree on when the cell is empty, the difference is no correction.
-            self.mesh_sigma[specimen.name] = np.where(
-                np.abs(change) > _LARGEST_V, np.abs(change), 0.25 * np.abs(change)
-            )
-            change = np.where(np.abs(change) > _LARGEST_V, 0.0, change)
+            self.mesh_sigma[specimen.name] = np.where(near > _LARGEST_V, near, 0.25 * near)
+            change = np.where(near > _LARGEST_V, 0.0, change)
             # Around a knee the difference is a shift in time; there it is an uncertainty more than a correction.
             self.corrections[specimen.name] = change
             usual_all.append(change)

@@ -11,6 +11,9 @@ from .explanation import Explanation
 CLEAR_BIC = 10.0
 """Difference in BIC from which one explanation is clearly better than another (Kass and Raftery 1995)."""
 
+FAR_AHEAD = 100.0
+"""Difference in BIC that is asked of an explanation whose fit got stuck: what more it could gain would not turn it."""
+
 CLEAR_HELD = 0.9
 """An explanation predicts data not fitted clearly better where its error is below this share of the other's."""
 
@@ -21,10 +24,6 @@ temperature must be. Below it is a partial explanation."""
 CLOSED_FITTED = 0.5
 """The same on fitted data, where data that was not fitted shows the gap too. A base model bends its parameters to what
 it is fitted to and hides part of its gap there, so that what an effect closes of it is understated."""
-
-NEARLY_ALL = 0.99
-"""Share that leaves a tenth of the error beyond noise, in fitted data and in others: whether the fit has converged no
-longer matters, for there is next to nothing left that the end of it could turn."""
 
 CLEAR_K = 1.0
 """A temperature is predicted clearly better where its error is at most half the other's, and this much smaller, K."""
@@ -60,21 +59,21 @@ def closed(before_v: float, after_v: float, noise_v: float) -> float:
 
 def believable(base: Explanation, found: Explanation, noise_v: float, held_noise_v: float) -> str:
     """Why an explanation may not be named; empty if it may."""
-    if bic_difference(base, found) <= CLEAR_BIC:
+    margin = bic_difference(base, found)
+    if margin <= CLEAR_BIC:
         return f"does not beat the base model by {CLEAR_BIC:g} in BIC"
     if not found.excludes_null:
         return "a strength's 95 % interval contains its null value, or it ran into a bound"
-    material = base.held_rmse_v > 1.1 * held_noise_v
-    share = closed(base.rmse_v, found.rmse_v, noise_v)
-    held = closed(base.held_rmse_v, found.held_rmse_v, held_noise_v)
-    nearly_all = material and min(share, held) >= NEARLY_ALL
-    if not (found.settled or found.adequacy.adequate or nearly_all):
+    if not (found.settled or found.adequacy.adequate or margin > FAR_AHEAD):
         return "its fit did not converge"
     # A base model that bends its parameters beyond belief may come as near to the voltage; BIC counts the bending.
     # A temperature predicted clearly better, which no fit was shown, then stands for the gap that it hides.
     if not (found.adequacy.adequate or predicts_warmth(found, base)):
+        material = base.held_rmse_v > 1.1 * held_noise_v
+        share = closed(base.rmse_v, found.rmse_v, noise_v)
         if share < (CLOSED_FITTED if material else CLOSED_ENOUGH):
             return f"closes {share:.0%} of the gap only"
+        held = closed(base.held_rmse_v, found.held_rmse_v, held_noise_v)
         if material and held < CLOSED_ENOUGH:
             return f"closes {held:.0%} of the gap in data not fitted only"
     if not found.held_rmse_v < base.held_rmse_v:

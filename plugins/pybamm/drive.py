@@ -143,10 +143,12 @@ def current_function(record: Trajectory) -> CurrentFunction:
         stops += [start, end]
     drives = [float(np.median(np.diff(piece.time))) for piece in pieces if piece.kind is StepKind.DRIVE]
     time, current = np.concatenate(times), np.concatenate(currents)
+    # A cycler that logs one sample at rest before it begins shows the voltage at rest there.
+    first, before = float(record.time[0]), float(record.current[0])
     return CurrentFunction(
-        np.concatenate([[time[0] - 3600.0], time, [time[-1] + 3600.0]]),
-        np.concatenate([[current[0]], current, [current[-1]]]),
-        np.unique([float(record.time[0]), *stops]),
+        np.concatenate([[first - 3600.0, first], time, [time[-1] + 3600.0]]),
+        np.concatenate([[before, before], current, [current[-1]]]),
+        np.unique([first, *stops]),
         min(drives) if drives else None,
     )
 

@@ -135,6 +135,20 @@ def test_a_short_refit_that_keeps_little_of_what_a_score_promises_gets_fresh_slo
     assert fresh == [False, True][:fits]
 
 
+def test_where_what_the_scores_favour_helps_little_the_others_are_fitted_whatever_their_sign():
+    problem, axes = toy.problem(np.random.default_rng(0), {"sign": 0.02})
+    either = toy.effect("sign", lower=-1.0)
+    engine = Engine(problem, axes, (toy.QUADRATIC, either), toy.EVIDENCE, Settings(screened=1))
+    known = engine.shortlist()
+    misled = {"quadratic": (1.0, 5.0), "sign": (-1.0, 0.0)}
+    for nomination in known.nominations:
+        amplitude, gain = misled[nomination.effect.name]
+        nomination.score = replace(nomination.score, amplitude=amplitude, gain=gain)
+    best = engine.confirm(known.base, known.scout, known.calm, known.nominations)[0]
+    assert best.names == ("sign",)
+    assert best.estimates["sign"][0].value == pytest.approx(0.02, rel=0.1)
+
+
 def test_a_base_fit_also_starts_from_the_charge_that_the_voltage_tells(monkeypatch):
     problem, axes = toy.problem(np.random.default_rng(0), {}, held=False)
     problem.misfit_v, as_believed = 1e-3, np.zeros(len(axes))

@@ -55,3 +55,12 @@ def test_a_hold_whose_current_changes_sign_is_followed_as_it_is():
     current = np.linspace(-0.5, 0.4, 11)
     piece = pieces_of(Trajectory(time, current, np.full(11, 4.2), None, (Step(StepKind.CV_HOLD, 0, 11),)))[0]
     np.testing.assert_allclose(np.interp(time, piece.time, piece.current), current, atol=1e-9)
+
+
+def test_a_single_sample_at_rest_before_the_load_is_at_rest():
+    time = np.concatenate([[0.0], np.arange(0.002, 600.0, 10.0)])
+    current = np.concatenate([[0.0], np.full(len(time) - 1, 10.0)])
+    steps = (Step(StepKind.REST, 0, 1), Step(StepKind.CC_DISCHARGE, 1, len(time)))
+    drive = current_function(Trajectory(time, current, np.linspace(4.18, 2.6, len(time)), None, steps))
+    np.testing.assert_allclose(np.interp(time, drive.time, drive.current), current)
+    assert drive.stops[0] == 0.0

@@ -1,0 +1,31 @@
+import discovery_toy as toy
+import numpy as np
+import pytest
+from bsa.core.discovery.laboratory import Prediction
+from bsa.core.discovery.observations import observe
+from bsa.core.discovery.problem import Problem
+
+
+class Stairs(toy.ToyLaboratory):
+    """Two meshes that fall in stairs from some moment on, and cross again and again."""
+
+    def __init__(self, begin, height):
+        self.begin, self.height = begin, height
+
+    def predict(self, effects, candidate, specimen, times, current, fine=False):
+        usual = super().predict(effects, candidate, specimen, times, current).voltage
+        fall = np.where(times > self.begin, np.sin(np.arange(len(times))), 0.0)
+        return Prediction(usual + fine * self.height * fall)
+
+
+@pytest.mark.parametrize("height", [0.002, 0.1])
+def test_a_mesh_is_trusted_no_more_where_two_of_them_happen_to_cross(height):
+    whole = toy.specimen("a", np.random.default_rng(0), {})
+    observed = observe("a", whole.record, points=10_000)
+    problem = Problem(Stairs(1800.0, height), [whole], [observed])
+    problem.correct_mesh((), {"resistance factor": 1.0, whole.soc_name: 0.9})
+    added, late = problem.mesh_sigma["a"], observed.time > 1900.0
+    assert np.all(added[late] > 0.2 * height)
+    assert np.all(added[observed.time < 1700.0] == 0.0)
+    # What is feared is not corrected.
+    assert np.any(problem.corrections["a"]) == (height < 0.02)
