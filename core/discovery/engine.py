@@ -219,18 +219,15 @@ class Engine:
         if not result or result[0].adequacy.adequate:
             return result
         leader = result[0]
-        for number, other in enumerate(result[1:], start=1):
-            if len(other.effects) == 1 and not other.settled and _may_yet_lead(other, leader):
-                again = self._fitter.from_beside(other.effects, other.fit, leader, other.score)
-                if again is not None and bic_difference(other, again) > 0:
-                    self._fitter.tell(base, again)
-                    result[number] = again
-        for nomination in kin:
-            if nomination.screened is not None:
-                found = self._fitter.from_beside((nomination.effect,), nomination.screened, leader, nomination.score)
-                if found is not None:
-                    self._fitter.tell(base, found)
-                    result.append(found)
+        lost = [e for e in result[1:] if len(e.effects) == 1 and not e.settled and _may_yet_lead(e, leader)]
+        starts = [(e.effects, e.fit, e.score) for e in lost]
+        starts += [((n.effect,), n.screened, n.score) for n in kin if n.screened is not None]
+        for effects, fit, score in starts:
+            again = self._fitter.from_beside(effects, fit, leader, score)
+            known = next((e for e in lost if e.fit is fit), None)
+            if again is not None and (known is None or bic_difference(known, again) > 0):
+                self._fitter.tell(base, again)
+                result = [*(e for e in result if e is not known), again]
         result = _sorted(result)
         if result[0] is leader:
             return result

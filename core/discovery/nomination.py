@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -31,6 +32,9 @@ _ENOUGH = 0.5
 
 _BENT = 10.0
 """Price of departing from beliefs above which the parameters count as bent."""
+
+_EASES = (0.0, 0.5, 1.0)
+"""Units of belief by which base parameters start roomier and faster, where a fit made nothing of them."""
 
 _RUNGS = (0.5, 1.0, 3.0, 10.0, 32.0, 100.0, 320.0)
 """Strengths from which a short refit may start, in probes."""
@@ -189,8 +193,11 @@ def _best_start(
     """The best rung, beside the base parameters as they are or, where these are bent or lost, as they are believed."""
     best = _climb(ladder, lambda strength: _moved_along(fitter, before, nomination, strength, shares), before.cost)
     lost = not as_new and (before.fit.belief > _BENT or not before.fit.converged)
-    unbent = _climb(ladder, lambda strength: _believed(fitter, before, nomination, strength)) if lost else None
-    return unbent if unbent is not None and (best is None or unbent.price < best.price) else best
+    for place in _believed(fitter, before) if lost else ():
+        unbent = _climb(ladder, partial(_start, fitter, before, nomination, place))
+        if unbent is not None and (best is None or unbent.price < best.price):
+            best = unbent
+    return best
 
 
 def _climb(
@@ -235,12 +242,19 @@ def _moved_along(
     return best
 
 
-def _believed(fitter: Fitter, before: Explanation, nomination: Nomination, strength: float) -> _Start | None:
-    """With the base parameters as they are believed, or as a new cell has them, whatever the fit made of them."""
-    u = np.where([axis.prior for axis in before.fit.axes], 0.0, before.fit.u)
+def _believed(fitter: Fitter, before: Explanation) -> list[FloatArray]:
+    """Places with the base parameters as they are believed, or as a new cell has them, whatever a fit made of them.
+
+    A cell that runs empty before its record does is no start either, so that roomier and faster ones are among them;
+    the charge is the fitted one, and the one that a rested voltage tells.
+    """
+    count = len(fitter.axes)
+    fitted = before.fit.u[:count]
+    prior = np.array([axis.prior for axis in fitter.axes])
+    bases = [np.where(prior, 0.0, fitted)] + [np.where(prior, ease, 0.0) for ease in _EASES]
     if fitter.as_new is not None:
-        u[: len(fitter.as_new)] = fitter.as_new
-    return _start(fitter, before, nomination, u, strength)
+        bases = [fitter.as_new]
+    return [np.concatenate([base, before.fit.u[count:]]) for base in bases]
 
 
 def _start(
