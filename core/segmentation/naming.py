@@ -1,0 +1,76 @@
+"""Names what the other passes left, and numbers cycles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..trajectory import SECONDS_PER_HOUR, Step, StepKind, Trajectory
+from .levels import BRIEF_S, Level, Signals
+
+CYCLE_SHARE = 0.02
+"""A step counts as a charge or discharge for cycles when it moves this share of the largest step's charge."""
+
+
+def name_steps(signals: Signals, levels: list[Level]) -> None:
+    """Name what has no name yet: rests, pulses, constant-current steps and drifting ones."""
+    for level in levels:
+        if level.sign == 0 and level.kind is None:
+            level.kind = StepKind.REST
+    for index, level in enumerate(levels):
+        if level.kind is not None:
+            continue
+        beside = [levels[k] for k in (index - 1, index + 1) if 0 <= k < len(levels)]
+        calm = [other.kind in (StepKind.REST, StepKind.PULSE) or _brief(other) for other in beside]
+        rests = any(other.kind is StepKind.REST for other in beside)
+        if _brief(level) and rests and all(calm):
+            level.kind = StepKind.PULSE
+        elif _drifts(signals, level):
+            level.kind = StepKind.DRIVE
+        else:
+            level.kind = StepKind.CC_CHARGE if level.mean < 0 else StepKind.CC_DISCHARGE
+
+
+def _brief(level: Level) -> bool:
+    return level.kind is None and level.sign != 0 and level.seconds <= BRIEF_S
+
+
+def _drifts(signals: Signals, level: Level) -> bool:
+    low, high = np.quantile(signals.current[level.start : level.stop], [0.05, 0.95])
+    return bool(high - low > max(0.1 * abs(level.mean), 10.0 * signals.noise))
+
+
+def numbered(trajectory: Trajectory, levels: list[Level]) -> tuple[Step, ...]:
+    """Steps with their cycles (the rule stands with `segment`)."""
+    time, current = trajectory.time, trajectory.current
+    passed = np.concatenate([[0.0], np.cumsum(0.5 * (current[1:] + current[:-1]) * np.diff(time))]) / SECONDS_PER_HOUR
+    carried = [
+        0.0 if level.kind in (StepKind.REST, StepKind.PULSE) else float(passed[level.stop - 1] - passed[level.start])
+        for level in levels
+    ]
+    enough = CYCLE_SHARE * max((abs(charge) for charge in carried), default=0.0)
+    steps: list[Step] = []
+    cycle, direction, latest = 1, 0.0, 0.0
+    for level, charge in zip(levels, carried, strict=True):
+        if charge != 0.0 and abs(charge) >= enough:
+            way = float(np.sign(charge))
+            direction = direction or way
+            if way == direction and latest == -direction:
+                cycle += 1
+            latest = way
+        assert level.kind is not None
+        steps.append(Step(level.kind, level.start, level.stop, cycle))
+    return _merged(steps)
+
+
+def _merged(steps: list[Step]) -> tuple[Step, ...]:
+    """Neighbouring rests are one rest; then each step gets its place in its cycle."""
+    merged: list[Step] = []
+    for step in steps:
+        if merged and step.kind is StepKind.REST and merged[-1].kind is StepKind.REST:
+            merged[-1] = replace(merged[-1], stop=step.stop)
+            continue
+        follows = bool(merged) and merged[-1].cycle == step.cycle
+        merged.append(replace(step, position=merged[-1].position + 1 if follows else 0))
+    return tuple(merged)

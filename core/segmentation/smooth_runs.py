@@ -1,0 +1,71 @@
+"""Joins levels that run into each other, closes glitches, and gives the samples of a switch to the step beside it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from .levels import LEVEL_SHARE, LONG_SAMPLES, Level, Signals, span
+
+
+def smoothed(signals: Signals, levels: list[Level]) -> list[Level]:
+    """Join levels without a jump between them, and close glitches of one or two samples."""
+    joined: list[Level] = []
+    for level in levels:
+        joined.append(level)
+        while len(joined) >= 2 and _continues(signals, joined[-2], joined[-1]):
+            last = joined.pop()
+            joined[-1] = span(signals, joined[-1], last)
+        if len(joined) >= 3 and _bridges(signals, *joined[-3:]):
+            last = joined.pop()
+            joined.pop()
+            joined[-1] = span(signals, joined[-1], last)
+    return joined
+
+
+def _continues(signals: Signals, before: Level, after: Level) -> bool:
+    if before.sign != after.sign or before.sign == 0 or before.kind or after.kind:
+        return False
+    # Neighbouring samples of a drive may agree by chance: only a long level takes others in.
+    if not (before.long or after.long):
+        return False
+    if abs(before.mean - after.mean) <= 0.5 * signals.tolerance(before.mean):
+        return True
+    jump = abs(signals.current[after.start] - signals.current[after.start - 1])
+    drifting = min(before.samples, after.samples) >= LONG_SAMPLES
+    return drifting and bool(jump <= max(0.5 * LEVEL_SHARE * abs(before.mean), 5.0 * signals.noise))
+
+
+def _bridges(signals: Signals, before: Level, glitch: Level, after: Level) -> bool:
+    if before.sign != after.sign or before.sign == 0 or glitch.samples > 2 or before.kind or after.kind:
+        return False
+    if not (before.long or after.long):
+        return False
+    spacing = (before.seconds + after.seconds) / (before.samples + after.samples)
+    brief = glitch.seconds <= 2.5 * max(spacing, 1.0)
+    return brief and abs(before.mean - after.mean) <= signals.tolerance(before.mean)
+
+
+def without_edges(signals: Signals, levels: list[Level]) -> list[Level]:
+    """Give the one or two samples caught in the middle of a switch to the long step they belong to."""
+    joined: list[Level] = []
+    pending: int | None = None
+    for index, level in enumerate(levels):
+        if pending is not None:
+            level = replace(level, start=pending, seconds=signals.seconds(pending, level.stop))
+            pending = None
+        before = levels[index - 1] if index > 0 else None
+        after = levels[index + 1] if index + 1 < len(levels) else None
+        if level.sign == 0 or level.samples > 2 or level.kind or level.long or not (_calm(before) and _calm(after)):
+            joined.append(level)
+        elif after is not None and after.sign != 0:
+            pending = level.start
+        elif before is not None and before.sign != 0:
+            joined[-1] = replace(joined[-1], stop=level.stop, seconds=signals.seconds(joined[-1].start, level.stop))
+        else:
+            joined.append(level)
+    return joined
+
+
+def _calm(level: Level | None) -> bool:
+    """Whether a level is none, a rest, or long: beside anything else a short level may be part of a drive."""
+    return level is None or level.sign == 0 or level.long
