@@ -24,8 +24,8 @@ _KINDRED = 0.5
 """Share of the highest promise from which an effect is not given up after a short refit alone."""
 
 _LITTLE = 0.5
-"""Share of the base model's cost that short refits of what the scores favour have to come below, or the others get
-refits too. True effects come to a tenth."""
+"""Share of the base model's cost beyond noise that short refits of what the scores favour have to come below, or the
+others get refits too. True effects come to a tenth."""
 
 _HOPELESS = 3.0
 """Times the best one's BIC from which a single effect is no start for a pair."""
@@ -161,7 +161,8 @@ class Engine:
         for nomination in chosen:
             screen(scout, calm, nomination, as_new=scout is not self._fitter)
         nearest = min((n.promise for n in chosen), default=calm.cost)
-        if scout is self._fitter and nearest > _LITTLE * calm.cost:
+        floor = scout.problem.expected_cost()
+        if scout is self._fitter and nearest - floor > _LITTLE * (calm.cost - floor):
             misjudged = [n for n in nominations if n not in chosen or n.promise > calm.cost]
             self._say(f"none of them takes half of it away; screening {len(misjudged)} with slopes of their own")
             for nomination in misjudged:
