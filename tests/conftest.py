@@ -15,8 +15,13 @@ from bsa.core.run_config import RunConfig
 from bsa.core.scaffold import Scaffold
 from bsa.core.task import Task
 from bsa_toy_cell import toy_scaffold, toy_task
+from hypothesis import settings
 
 RunToy = Callable[..., RunResult]
+
+# How long an example takes says how busy the machine is.
+settings.register_profile("any machine", deadline=None)
+settings.load_profile("any machine")
 
 
 @pytest.fixture

@@ -14,7 +14,8 @@ from .axes import candidate_of, effect_axes
 from .explanation import Explanation
 from .findings import Listener, Nomination
 from .fitting import Fitter
-from .refit import Refit, bounded_step
+from .linear_step import trusted_step
+from .refit import Refit
 from .rules import CLEAR_BIC
 from .score import Score, score_effect
 
@@ -226,7 +227,7 @@ def _moved_along(
     known = before.fit
     others = [0 * nomination.mark] * (len(nomination.effect.parameters) - 1)
     there = known.residual + strength * nomination.mark
-    whole, _ = bounded_step(known.jacobian, there, known.axes, known.u, _REACH)
+    whole, _ = trusted_step(known.jacobian, there, known.axes, known.u, _REACH)
     best: _Start | None = None
     for step in (share * whole for share in shares):
         found = _start(fitter, before, nomination, known.u + step, strength)

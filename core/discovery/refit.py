@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from ..trajectory import FloatArray
 from .axes import Axis, candidate_of
+from .linear_step import beliefs_of, linear_step
 
 Residual = Callable[[dict[str, float]], FloatArray | None]
 """Weighted residuals (data minus model, in standard deviations) of a candidate; None where it cannot be simulated."""
@@ -67,7 +67,7 @@ class Refit:
     @property
     def belief(self) -> float:
         """The price of departing from beliefs."""
-        return float(np.sum((_beliefs(self.axes) * self.u) ** 2))
+        return float(np.sum((beliefs_of(self.axes) * self.u) ** 2))
 
     @property
     def cost(self) -> float:
@@ -76,12 +76,8 @@ class Refit:
 
     def covariance(self, inflation: float = 1.0) -> FloatArray:
         """Covariance of the coordinates (Gauss-Newton), shape (p, p); ``inflation`` multiplies the data's variances."""
-        normal = self.jacobian.T @ self.jacobian / inflation + np.diag(_beliefs(self.axes) ** 2 + 1e-10)
+        normal = self.jacobian.T @ self.jacobian / inflation + np.diag(beliefs_of(self.axes) ** 2 + 1e-10)
         return np.asarray(np.linalg.inv(normal))
-
-
-def _beliefs(axes: Sequence[Axis]) -> FloatArray:
-    return np.array([1.0 if axis.prior else 0.0 for axis in axes])
 
 
 def differences(
@@ -169,7 +165,7 @@ def refit(
     """
     axes = tuple(axes)
     lower, upper = (np.array(side) for side in zip(*(axis.bounds for axis in axes), strict=True))
-    beliefs = _beliefs(axes)
+    beliefs = beliefs_of(axes)
     u = np.clip(np.asarray(start, dtype=np.float64), lower, upper)
     first = residual(candidate_of(axes, u))
     spent = 1
@@ -185,7 +181,7 @@ def refit(
     damping = 1e-3
     cost = float(here @ here + np.sum((beliefs * u) ** 2))
     while spent < budget:
-        step, promised = _bounded_step(slopes, here, beliefs, u, damping, lower, upper)
+        step, promised = linear_step(slopes, here, beliefs, u, damping, lower, upper)
         enough = promised > tolerance * cost + 1e-2
         if not enough and fresh:
             break
@@ -216,45 +212,6 @@ def refit(
             spent += used
             fresh = True
     # Small steps promise little by being small: what counts is what a full one would.
-    _, in_full = _bounded_step(slopes, here, beliefs, u, 1e-6, lower, upper)
+    _, in_full = linear_step(slopes, here, beliefs, u, 1e-6, lower, upper)
     promised = in_full if fresh else np.inf
     return Refit(axes, u, here, slopes, promised <= max(5 * tolerance * cost, 1e-2), spent, promised=promised)
-
-
-def bounded_step(
-    jacobian: FloatArray, residual: FloatArray, axes: Sequence[Axis], u: FloatArray, reach: float
-) -> tuple[FloatArray, float]:
-    """The step that a linear picture asks for, ``reach`` in any coordinate at most, and the promised fall in cost."""
-    lower = np.array([max(axis.bounds[0] - value, -reach) for axis, value in zip(axes, u, strict=True)])
-    upper = np.array([min(axis.bounds[1] - value, reach) for axis, value in zip(axes, u, strict=True)])
-    lower, upper = np.minimum(lower, -1e-9), np.maximum(upper, 1e-9)
-    return _bounded_step(jacobian, residual, _beliefs(axes), u, 1e-8, u + lower, u + upper)
-
-
-def _bounded_step(
-    jacobian: FloatArray,
-    here: FloatArray,
-    beliefs: FloatArray,
-    u: FloatArray,
-    damping: float,
-    lower: FloatArray,
-    upper: FloatArray,
-) -> tuple[FloatArray, float]:
-    """The damped Gauss-Newton step inside the bounds and the fall in cost it promises."""
-    scale = np.sqrt(damping * (np.sum(jacobian**2, axis=0) + beliefs**2) + 1e-9)
-    matrix = np.vstack([jacobian, np.diag(beliefs)])
-    target = -np.concatenate([here, beliefs * u])
-    # One small triangular system instead of a tall one.
-    q, r = np.linalg.qr(matrix)
-    reduced = q.T @ target
-    gap = 1e-9
-    solved = lsq_linear(
-        np.vstack([r, np.diag(scale)]),
-        np.concatenate([reduced, np.zeros(len(u))]),
-        bounds=(np.minimum(lower - u, -gap), np.maximum(upper - u, gap)),
-        method="bvls",
-    )
-    step = np.clip(u + solved.x, lower, upper) - u
-    before = float(target @ target)
-    after = float(np.sum((matrix @ step - target) ** 2))
-    return step, before - after

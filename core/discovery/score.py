@@ -8,7 +8,7 @@ import numpy as np
 
 from ..trajectory import FloatArray
 from .axes import Axis
-from .refit import _beliefs, _bounded_step, bounded_step
+from .linear_step import beliefs_of, linear_step, trusted_range, trusted_step
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def score_effect(
     reach : float
         How far (in units of belief) the linear picture is trusted.
     """
-    beliefs = _beliefs(axes)
+    beliefs = beliefs_of(axes)
     normal = jacobian.T @ jacobian + np.diag(beliefs**2 + 1e-9)
     projected = mark - jacobian @ np.linalg.solve(normal, jacobian.T @ mark)
     free = residual - jacobian @ np.linalg.solve(normal, jacobian.T @ residual + beliefs**2 * u)
@@ -74,17 +74,15 @@ def score_effect(
         return Score(0.0, 0.0, 0.0, 0.0)
     wanted = -float(projected @ free) / size
     z = wanted * np.sqrt(size)
-    lower = np.array([max(axis.bounds[0] - value, -reach) for axis, value in zip(axes, u, strict=True)])
-    upper = np.array([min(axis.bounds[1] - value, reach) for axis, value in zip(axes, u, strict=True)])
-    lower, upper = np.minimum(lower, -1e-9), np.maximum(upper, 1e-9)
-    step, gain = _bounded_step(
+    lower, upper = trusted_range(axes, u, reach)
+    step, gain = linear_step(
         np.column_stack([jacobian, mark]),
         residual,
         np.append(beliefs, 0.0),
         np.append(u, 0.0),
         1e-8,
-        np.append(u + lower, min(bounds[0], -1e-9)),
-        np.append(u + upper, max(bounds[1], 1e-9)),
+        np.append(lower, min(bounds[0], -1e-9)),
+        np.append(upper, max(bounds[1], 1e-9)),
     )
-    _, without = bounded_step(jacobian, residual, axes, u, reach)
+    _, without = trusted_step(jacobian, residual, axes, u, reach)
     return Score(float(np.clip(step[-1], *bounds)), z, max(gain - without, 0.0), size / whole)

@@ -28,7 +28,7 @@ def run(search: LeastSquares, function, limit: int = 300) -> list[np.ndarray]:
 
 
 @given(seeds, st.integers(1, 8))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_a_linear_problem_takes_one_jacobian_and_a_few_steps(seed: int, count: int) -> None:
     matrix, target = linear(seed, count)
     search = LeastSquares(np.full(count, 0.5), settings=Settings(radius=1.0, largest_radius=3.0))
@@ -40,7 +40,7 @@ def test_a_linear_problem_takes_one_jacobian_and_a_few_steps(seed: int, count: i
 
 
 @given(seeds, st.integers(1, 6), st.floats(0.0, 0.3), st.floats(0.0, 1.0))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_noise_failures_and_curvature_never_lead_out_of_the_box_nor_uphill(
     seed: int, count: int, noise: float, share_failing: float
 ) -> None:
@@ -65,7 +65,7 @@ def test_noise_failures_and_curvature_never_lead_out_of_the_box_nor_uphill(
 
 
 @given(seeds)
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_directions_that_do_nothing_are_left_alone(seed: int) -> None:
     rng = np.random.default_rng(seed)
     matrix = rng.normal(size=(20, 2)) @ rng.normal(size=(2, 5))  # rank 2 of 5
@@ -160,7 +160,7 @@ def test_minimise_counts_every_simulation_and_keeps_to_its_budget() -> None:
 
 
 @given(seeds, st.floats(0.01, 2.0))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_a_step_keeps_its_bounds_and_its_length(seed: int, radius: float) -> None:
     rng = np.random.default_rng(seed)
     count = int(rng.integers(1, 7))

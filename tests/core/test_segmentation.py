@@ -113,7 +113,7 @@ def assert_covers(trajectory: Trajectory) -> None:
 
 spacings = st.sampled_from([1.0, 2.0, 5.0, 10.0, 30.0, 60.0])
 noises = st.sampled_from([0.0, 1e-4, 1e-3])
-relaxed = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+relaxed = settings(max_examples=40, suppress_health_check=[HealthCheck.too_slow])
 
 
 @relaxed

@@ -34,7 +34,7 @@ def test_agreement_of_neighbours_is_seen_where_size_is_not():
     assert found.structured_v == pytest.approx(0.6e-3, rel=0.4)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 10_000), st.floats(0.3, 5.0), st.sampled_from([-1.0, 1.0]))
 def test_the_score_recovers_size_and_sign_behind_parameters(seed, size, sign):
     rng = np.random.default_rng(seed)
@@ -52,7 +52,7 @@ def test_the_score_recovers_size_and_sign_behind_parameters(seed, size, sign):
         assert score.gain == pytest.approx(0.0, abs=1e-3)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 10_000))
 def test_what_parameters_imitate_has_no_score(seed):
     rng = np.random.default_rng(seed)
@@ -93,7 +93,7 @@ def test_a_fit_survives_candidates_that_fail():
     assert refit(lambda candidate: None, axes(1), np.zeros(1)) is None
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.floats(2e-4, 3e-3), st.integers(0, 1000))
 def test_noise_is_read_off_a_curve(noise, seed):
     rng = np.random.default_rng(seed)

@@ -187,7 +187,7 @@ def test_cycles_can_be_chosen(tmp_path):
 finite = st.floats(-20, 20, allow_subnormal=False)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(data=st.data(), n=st.integers(10, 60))
 def test_battery_data_format_makes_the_round_trip(tmp_path_factory, data, n):
     path = tmp_path_factory.mktemp("bdf") / "a.csv"

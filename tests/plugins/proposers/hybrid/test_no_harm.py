@@ -150,7 +150,7 @@ def with_proposer(scaffold: Scaffold) -> Scaffold:
 
 
 @given(st.lists(st.sampled_from(KINDS), min_size=1, max_size=8), st.integers(0, 1000))
-@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=6, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_sequence_of_actions_is_carried_out(
     run_toy: RunToy, tmp_path_factory: pytest.TempPathFactory, kinds: list[str], seed: int
 ) -> None:

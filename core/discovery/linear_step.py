@@ -1,0 +1,75 @@
+"""The step that a linear picture of the residuals asks for, inside bounds and with beliefs, and what it promises."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from ..trajectory import FloatArray
+from .axes import Axis
+
+
+def beliefs_of(axes: Sequence[Axis]) -> FloatArray:
+    """How much each coordinate costs, shape (p,): 1 where it is in units of a belief, 0 where nothing is believed."""
+    return np.array([1.0 if axis.prior else 0.0 for axis in axes])
+
+
+def linear_step(
+    jacobian: FloatArray,
+    here: FloatArray,
+    beliefs: FloatArray,
+    u: FloatArray,
+    damping: float,
+    lower: FloatArray,
+    upper: FloatArray,
+) -> tuple[FloatArray, float]:
+    """The damped Gauss-Newton step inside the bounds and the fall in cost it promises.
+
+    Parameters
+    ----------
+    jacobian : ndarray of shape (n, p)
+        Derivative of the residuals by the coordinates.
+    here : ndarray of shape (n,)
+        The residuals, without the beliefs.
+    beliefs : ndarray of shape (p,)
+        What each coordinate costs.
+    u : ndarray of shape (p,)
+        Where the picture was taken.
+    damping : float
+        Marquardt's, relative to the squared length of each column.
+    lower, upper : ndarray of shape (p,)
+        Bounds of the coordinates.
+    """
+    scale = np.sqrt(damping * (np.sum(jacobian**2, axis=0) + beliefs**2) + 1e-9)
+    matrix = np.vstack([jacobian, np.diag(beliefs)])
+    target = -np.concatenate([here, beliefs * u])
+    # One small triangular system instead of a tall one.
+    q, r = np.linalg.qr(matrix)
+    reduced = q.T @ target
+    gap = 1e-9
+    solved = lsq_linear(
+        np.vstack([r, np.diag(scale)]),
+        np.concatenate([reduced, np.zeros(len(u))]),
+        bounds=(np.minimum(lower - u, -gap), np.maximum(upper - u, gap)),
+        method="bvls",
+    )
+    step = np.clip(u + solved.x, lower, upper) - u
+    before = float(target @ target)
+    after = float(np.sum((matrix @ step - target) ** 2))
+    return step, before - after
+
+
+def trusted_range(axes: Sequence[Axis], u: FloatArray, reach: float) -> tuple[FloatArray, FloatArray]:
+    """Bounds of the coordinates within which a linear picture is trusted: ``reach`` to either side at most."""
+    lower = np.array([max(axis.bounds[0] - value, -reach) for axis, value in zip(axes, u, strict=True)])
+    upper = np.array([min(axis.bounds[1] - value, reach) for axis, value in zip(axes, u, strict=True)])
+    return u + np.minimum(lower, -1e-9), u + np.maximum(upper, 1e-9)
+
+
+def trusted_step(
+    jacobian: FloatArray, residual: FloatArray, axes: Sequence[Axis], u: FloatArray, reach: float
+) -> tuple[FloatArray, float]:
+    """The step that a linear picture asks for, ``reach`` in any coordinate at most, and the promised fall in cost."""
+    return linear_step(jacobian, residual, beliefs_of(axes), u, 1e-8, *trusted_range(axes, u, reach))
