@@ -16,6 +16,9 @@ from .score import Score
 WARMTH_K = 2.0
 """How well a lumped model's temperature can be expected to agree with a sensor on the can, K."""
 
+CLEAR_K = 1.0
+"""A temperature is predicted clearly better where its error is at most half the other's, and this much smaller, K."""
+
 _WITHIN_INTERVAL = 4.0
 """What a step of two standard deviations costs: the half-width of a 95 % interval, squared."""
 
@@ -70,6 +73,8 @@ class Explanation:
         What nominated it.
     temperature_rms_k : float or None
         Error of the predicted temperature, K, where the records have one; no fit is shown it.
+    temperature_without_k : dict of str to float
+        By effect key, the same error with that effect's strength at its null.
     estimates : dict
         By effect key, its parameters.
     """
@@ -84,6 +89,7 @@ class Explanation:
     sigma: FloatArray
     score: Score | None = None
     temperature_rms_k: float | None = None
+    temperature_without_k: dict[str, float] = field(default_factory=dict)
     estimates: dict[str, tuple[Estimate, ...]] = field(default_factory=dict)
 
     def chi2(self, misfit_v: float = 0.0) -> float:
@@ -144,11 +150,16 @@ class Explanation:
 
     @property
     def excludes_null(self) -> bool:
-        """Whether each effect's strength has an interval without its null value and stays off its far bound."""
+        """Whether each effect's strength stays off its far bound and has an interval without its null value.
+
+        Where that interval, which the voltage gives, holds the null, the temperature may exclude it: without the
+        effect it is predicted clearly worse.
+        """
         for effect in self.effects:
             strength = self.estimates[effect.key][0]
             low, high = strength.ci95
-            if low <= strength.null <= high or strength.at_bound:
+            told = clearly_nearer(self.temperature_rms_k, self.temperature_without_k.get(effect.key))
+            if strength.at_bound or (low <= strength.null <= high and not told):
                 return False
         return True
 
@@ -157,6 +168,11 @@ class Explanation:
         strength = self.estimates[effect.key][0]
         low, high = strength.ci95
         return abs(strength.value - strength.null) / max((high - low) / (2 * 1.96), 1e-300)
+
+
+def clearly_nearer(ours_k: float | None, theirs_k: float | None) -> bool:
+    """Whether one error of a temperature is clearly below another, K; never where none was measured."""
+    return ours_k is not None and theirs_k is not None and 2 * ours_k <= theirs_k and ours_k + CLEAR_K <= theirs_k
 
 
 def warmth(temperature_rms_k: float | None) -> float:

@@ -359,6 +359,8 @@ class Fitter:
         held_rmse, held_chi2 = self._held(effects, fit)
         kelvin = _temperature_error(problem, predictions)
         explanation = Explanation(effects, fit, adequacy, rmse, held_rmse, held_chi2, volts, sigma, score, kelvin)
+        if kelvin is not None:
+            explanation.temperature_without_k = self._temperatures_without(effects, fit.candidate)
         explanation.estimates = estimates_of(effects, fit, explanation.dispersion(problem.misfit_v))
         return explanation
 
@@ -368,6 +370,17 @@ class Fitter:
             return 0.0
         predictions = self.problem.predict(effects, candidate)
         return 0.0 if predictions is None else warmth(_temperature_error(self.problem, predictions))
+
+    def _temperatures_without(self, effects: Sequence[Effect], candidate: dict[str, float]) -> dict[str, float]:
+        found = {}
+        for effect in effects:
+            predictions = self.problem.predict(
+                effects, candidate | {effect.full_name(effect.strength): effect.strength.null}
+            )
+            kelvin = None if predictions is None else _temperature_error(self.problem, predictions)
+            if kelvin is not None:
+                found[effect.key] = kelvin
+        return found
 
     def _held(self, effects: tuple[Effect, ...], fit: Refit) -> tuple[float, float]:
         held = self.problem.held_out(effects, fit.candidate)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .explanation import Explanation
+from .explanation import Explanation, clearly_nearer
 
 CLEAR_BIC = 10.0
 """Difference in BIC from which one explanation is clearly better than another (Kass and Raftery 1995)."""
@@ -24,9 +24,6 @@ temperature must be. Below it is a partial explanation."""
 CLOSED_FITTED = 0.5
 """The same on fitted data, where data that was not fitted shows the gap too. A base model bends its parameters to what
 it is fitted to and hides part of its gap there, so that what an effect closes of it is understated."""
-
-CLEAR_K = 1.0
-"""A temperature is predicted clearly better where its error is at most half the other's, and this much smaller, K."""
 
 
 def bic(explanation: Explanation, scale: Explanation) -> float:
@@ -104,5 +101,4 @@ def rivals(best: Explanation, others: Sequence[Explanation]) -> list[Explanation
 
 def predicts_warmth(better: Explanation, worse: Explanation) -> bool:
     """Whether one explanation predicts the measured temperature clearly better than another."""
-    ours, theirs = better.temperature_rms_k, worse.temperature_rms_k
-    return ours is not None and theirs is not None and 2 * ours <= theirs and ours + CLEAR_K <= theirs
+    return clearly_nearer(better.temperature_rms_k, worse.temperature_rms_k)

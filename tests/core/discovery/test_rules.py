@@ -49,6 +49,14 @@ def test_a_gap_that_bent_parameters_hide_shows_in_the_temperature():
     assert believable(base, warm, 1e-4, 1e-4) == ""
 
 
+@pytest.mark.parametrize(("without", "excluded"), [(10.0, True), (3.0, False), (None, False)])
+def test_a_null_that_the_voltage_does_not_exclude_the_temperature_may(without, excluded):
+    found = explanation("heat", 2.0)
+    found.estimates = {"heat": (Estimate("size", "", 1.0, (-0.5, 2.5), 0.0, False),)}
+    found.temperature_without_k = {} if without is None else {"heat": without}
+    assert found.excludes_null is excluded
+
+
 @pytest.mark.parametrize(
     ("fitted_mv", "held_mv", "base_held_mv", "words"),
     [
