@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 from ...core.errors import BsaError, did_you_mean
 from ...core.record import ReadOptions, Record
 from ...core.trajectory import FloatArray
-from .checks import RESTART_S, Samples, to_record
+from .checks import to_record
+from .clock import RESTART_S
 from .columns import Column, resolve, signal_of
+from .samples import Samples
 from .source import MAX_SAMPLES, listed, shown
 
 SUFFIXES = (".xlsx", ".xlsm", ".xls")

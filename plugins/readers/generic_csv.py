@@ -6,8 +6,9 @@ from pathlib import Path
 
 from ...core.record import ReadOptions, Record
 from ...core.trajectory import FloatArray
-from .checks import Samples, to_record
+from .checks import to_record
 from .columns import SIGNALS, resolve
+from .samples import Samples
 from .source import head, load_text, shown
 from .table import Table, find_table, numbers
 

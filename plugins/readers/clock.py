@@ -1,0 +1,100 @@
+"""Makes the time of a file rise, and notes where it is silent."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...core.errors import BsaError
+from .samples import Samples
+
+BACKWARD_SHARE = 0.02
+"""Rows whose clock runs back a little are left out up to this share of the record, or `BACKWARD_ROWS`."""
+
+BACKWARD_ROWS = 5
+
+RESTART_S = 60.0
+"""A clock that runs back further than this (and ten usual intervals) has restarted, in s."""
+
+GAP_S = 900.0
+"""Silence longer than this (and twenty usual intervals) is noted as a gap, in s."""
+
+
+def with_clock(samples: Samples) -> Samples:
+    """Make the time rise: lone spikes, repeated rows and small steps back are left out.
+
+    Two samples may share a stamp where the current switches; both are kept.
+
+    Raises
+    ------
+    BsaError
+        If the clock restarts, or runs back too often.
+    """
+    spikes = np.zeros(len(samples), dtype=np.bool_)
+    time = samples.time
+    spikes[1:-1] = (time[1:-1] > time[2:]) & (time[2:] >= time[:-2])
+    latest = np.maximum.accumulate(np.where(spikes, -np.inf, time))
+    back = spikes | (time < latest)
+    rising = np.diff(time[~back])
+    usual = float(np.median(rising[rising > 0])) if np.any(rising > 0) else 0.0
+    if usual == 0.0:
+        raise BsaError(
+            f"{samples.source}: column {samples.column('time')} never rises (it stays at {time[0]:g} s).",
+            "say which column is the time with --column time=NAME.",
+        )
+    fallen = np.flatnonzero(~spikes & (latest - time > max(RESTART_S, 10.0 * usual)))
+    if len(fallen):
+        k = int(fallen[0])
+        raise BsaError(
+            f"{samples.source}: the clock restarts in {samples.place(k)} ({latest[k]:g} s, then {time[k]:g} s).",
+            "the file holds several tests: choose one with --where COLUMN=VALUE, or cut the file at this row.",
+        )
+    if np.count_nonzero(back) > max(BACKWARD_ROWS, BACKWARD_SHARE * len(samples)):
+        k = int(np.flatnonzero(back)[0])
+        raise BsaError(
+            f"{samples.source}: the time runs back in {np.count_nonzero(back)} of {len(samples)} rows, first around "
+            f"{samples.place(k)} ({time[max(k - 1, 0)]:g} s, then {time[k]:g} s).",
+            "sort the rows by time, or say which column is the time with --column time=NAME.",
+        )
+    if back.any():
+        rows = np.flatnonzero(back)
+        samples = samples.kept(~back, f"{len(rows)} samples out of time order were left out ({samples.places(rows)}).")
+    return _without_repeats(samples)
+
+
+def _without_repeats(samples: Samples) -> Samples:
+    same = np.concatenate([[False], np.diff(samples.time) <= 0.0])
+    if not same.any():
+        return samples
+    last_of_stamp = np.concatenate([~same[1:], [True]])
+    scale = float(np.max(np.abs(samples.current)))
+    first = np.maximum.accumulate(np.where(same, 0, np.arange(len(samples))))
+    switches = np.abs(samples.current - samples.current[first]) > 0.02 * scale
+    # Of the samples that share a stamp the first and, if the current has switched by then, the last are kept.
+    keep = ~same | (last_of_stamp & switches)
+    rows = np.flatnonzero(~keep)
+    if len(rows) == 0:
+        return samples
+    if len(rows) > 0.5 * len(samples):
+        raise BsaError(
+            f"{samples.source}: {len(rows)} of {len(samples)} rows repeat the time of the row before, first "
+            f"{samples.place(int(rows[0]))} ({samples.time[rows[0]]:g} s).",
+            "export the time with more digits.",
+        )
+    return samples.kept(
+        keep, f"{len(rows)} samples with the time of the one before were left out ({samples.places(rows)})."
+    )
+
+
+def with_gaps_noted(samples: Samples) -> Samples:
+    """Note long silences; nothing is filled in."""
+    spacing = np.diff(samples.time)
+    gaps = np.flatnonzero(spacing > max(GAP_S, 20.0 * float(np.median(spacing))))
+    if len(gaps) == 0:
+        return samples
+    scale = float(np.max(np.abs(samples.current)))
+    flowing = np.minimum(np.abs(samples.current[gaps]), np.abs(samples.current[gaps + 1])) > 0.02 * scale
+    k = int(gaps[np.argmax(spacing[gaps])])
+    note = f"{len(gaps)} gaps without samples, the longest of {spacing[k]:.4g} s after {samples.place(k)}"
+    if flowing.any():
+        note += f"; current flowed across {np.count_nonzero(flowing)} of them, so charge is uncertain there"
+    return samples.noted(note + ".")

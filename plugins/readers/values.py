@@ -1,0 +1,167 @@
+"""What a number in a file may be: values that are missing, wild, or in another unit than the file says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...core.errors import BsaError
+from ...core.record import Signal
+from ...core.trajectory import FloatArray
+from .samples import Samples
+
+MISSING_SHARE = 0.01
+"""Rows without a value are left out up to this share of the record, or `MISSING_ROWS`; beyond, the file is refused."""
+
+MISSING_ROWS = 3
+
+VOLTAGE_RANGE_V = (0.0, 6.0)
+"""What a single cell can show, in V."""
+
+GLITCH_V = 0.4
+"""A lone sample this far from both neighbours, which agree and carry the same current, is a glitch, in V."""
+
+MAX_CURRENT_A = 2000.0
+
+
+def without_missing(samples: Samples) -> Samples:
+    """Leave out the few samples without a value; a temperature is interpolated or, if mostly missing, dropped."""
+    if len(samples) == 0:
+        return samples
+    gone = np.zeros(len(samples), dtype=np.bool_)
+    signals: dict[Signal, FloatArray] = {
+        "time": samples.time,
+        "voltage": samples.voltage,
+        "current": samples.current,
+    }
+    for signal, values in signals.items():
+        bad = ~np.isfinite(values)
+        if np.count_nonzero(bad) > max(MISSING_ROWS, MISSING_SHARE * len(samples)):
+            raise BsaError(
+                f"{samples.source}: column {samples.column(signal)} has no number in {np.count_nonzero(bad)} of "
+                f"{len(samples)} rows, first in {samples.place(int(np.flatnonzero(bad)[0]))}.",
+                "fill or remove these rows (formulas in a workbook must be saved with their values).",
+            )
+        gone |= bad
+    if gone.any():
+        rows = np.flatnonzero(gone)
+        samples = samples.kept(~gone, f"{len(rows)} samples without a value were left out ({samples.places(rows)}).")
+    return _with_temperature(samples)
+
+
+def _with_temperature(samples: Samples) -> Samples:
+    temperature = samples.temperature
+    if temperature is None or len(samples) == 0:
+        return samples
+    bad = ~np.isfinite(temperature)
+    if not bad.any():
+        return samples
+    rows = np.flatnonzero(bad)
+    if len(rows) > 0.1 * len(samples):
+        samples = samples.noted(
+            f"column {samples.column('temperature')} has no number in {len(rows)} of {len(samples)} rows; "
+            "it is not used."
+        )
+        return replace(samples, temperature=None)
+    filled = temperature.copy()
+    filled[bad] = np.interp(rows, np.flatnonzero(~bad), filled[~bad])
+    samples = samples.noted(f"{len(rows)} missing temperatures were interpolated ({samples.places(rows)}).")
+    return replace(samples, temperature=filled)
+
+
+def check_units(samples: Samples) -> None:
+    """Refuse values that are off by the factor of a forgotten unit.
+
+    Raises
+    ------
+    BsaError
+        With the option that names the unit.
+    """
+    voltage = float(np.median(samples.voltage))
+    if abs(voltage) > 100.0:
+        _refuse_unit(samples, "voltage", f"{voltage:g} V", "mV")
+    if voltage < 0.0:
+        raise BsaError(
+            f"{samples.source}: column {samples.column('voltage')} has a median of {voltage:g} V; "
+            "a cell's voltage is positive.",
+            "are two columns swapped? Say --column voltage=NAME and --column current=NAME.",
+        )
+    if voltage > VOLTAGE_RANGE_V[1]:
+        raise BsaError(
+            f"{samples.source}: column {samples.column('voltage')} has a median of {voltage:g} V, "
+            f"more than a single cell can have.",
+            "give the record of one cell, not of a pack (or divide by the cells in series).",
+        )
+    if 0.0 < float(np.max(samples.voltage)) < 0.05:
+        _refuse_unit(samples, "voltage", f"at most {float(np.max(samples.voltage)):g} V", "V")
+    current = float(np.quantile(np.abs(samples.current), 0.95))
+    if current > MAX_CURRENT_A:
+        _refuse_unit(samples, "current", f"{current:g} A", "mA")
+    if samples.temperature is not None:
+        kelvin = float(np.median(samples.temperature))
+        if not 200.0 <= kelvin <= 400.0:
+            other = "degC" if kelvin < 200.0 else "K"
+            _refuse_unit(samples, "temperature", f"{kelvin - 273.15:.4g} degC ({kelvin:.4g} K)", other)
+    duration = float(np.max(samples.time) - np.min(samples.time))
+    swing = float(np.ptp(np.quantile(samples.voltage, [0.02, 0.98])))
+    if len(samples) >= 50 and 0.0 < duration < 30.0 and swing > 0.5:
+        _refuse_unit(samples, "time", f"{duration:g} s in all while the voltage moves by {swing:.2g} V", "h")
+
+
+def _refuse_unit(samples: Samples, signal: Signal, value: str, unit: str) -> None:
+    raise BsaError(
+        f"{samples.source}: column {samples.column(signal)} shows {value}, which cannot be.",
+        f"is it in {unit}? Then say --unit {signal}={unit}.",
+    )
+
+
+def without_glitches(samples: Samples) -> Samples:
+    """Leave out lone voltage samples that no cell can produce.
+
+    Raises
+    ------
+    BsaError
+        If there are many.
+    """
+    v, i = samples.voltage, samples.current
+    if len(samples) < 3:
+        return samples
+    scale = float(np.max(np.abs(i)))
+    calm = (np.abs(i[1:-1] - i[:-2]) <= 0.05 * scale) & (np.abs(i[1:-1] - i[2:]) <= 0.05 * scale)
+    before, after, across = v[1:-1] - v[:-2], v[1:-1] - v[2:], np.abs(v[2:] - v[:-2])
+    lone = (np.minimum(np.abs(before), np.abs(after)) > GLITCH_V) & (before * after > 0)
+    outside = (v[1:-1] < VOLTAGE_RANGE_V[0]) | (v[1:-1] > VOLTAGE_RANGE_V[1])
+    bad = np.zeros(len(samples), dtype=np.bool_)
+    bad[1:-1] = lone & (across < 0.25 * np.abs(before)) & (calm | outside)
+    rows = np.flatnonzero(bad)
+    if len(rows) == 0:
+        return samples
+    k = int(rows[0])
+    if len(rows) > max(MISSING_ROWS, MISSING_SHARE * len(samples)):
+        raise BsaError(
+            f"{samples.source}: the voltage jumps for a single sample {len(rows)} times, first in {samples.place(k)} "
+            f"({v[k - 1]:g} V, {v[k]:g} V, {v[k + 1]:g} V).",
+            "the sense wire may be loose; repair the record first.",
+        )
+    values = ", ".join(f"{v[row]:g} V" for row in rows[:5])
+    return samples.kept(~bad, f"{len(rows)} voltage glitches were left out ({values} in {samples.places(rows)}).")
+
+
+def check_range(samples: Samples) -> None:
+    """Refuse voltages outside `VOLTAGE_RANGE_V`.
+
+    Raises
+    ------
+    BsaError
+        Naming the first row and its value.
+    """
+    low, high = VOLTAGE_RANGE_V
+    bad = np.flatnonzero((samples.voltage < low) | (samples.voltage > high))
+    if len(bad):
+        k = int(bad[0])
+        raise BsaError(
+            f"{samples.source}: {samples.place(k)}, column {samples.column('voltage')}: {samples.voltage[k]:g} V is no "
+            f"voltage of a single cell ({low:g} to {high:g} V); {len(bad)} such rows.",
+            "repair or remove these rows.",
+        )
