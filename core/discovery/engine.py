@@ -12,7 +12,17 @@ from .findings import Findings, Listener, Nomination, Settings
 from .fitting import LAG, Fitter
 from .nomination import nominate, nominate_beside, screen, screen_afresh
 from .problem import Problem
-from .rules import CLEAR_BIC, CLEAR_HELD, believable, bic, bic_difference, predicts_warmth, rivals
+from .rules import (
+    CLEAR_BIC,
+    CLEAR_HELD,
+    CLOSED_FITTED,
+    believable,
+    bic,
+    bic_difference,
+    closed,
+    predicts_warmth,
+    rivals,
+)
 
 _SECONDS = 4
 """Second effects that get a short refit beside a first one."""
@@ -22,10 +32,6 @@ _MORE = 2
 
 _KINDRED = 0.5
 """Share of the highest promise from which an effect is not given up after a short refit alone."""
-
-_LITTLE = 0.5
-"""Share of the base model's cost beyond noise that short refits of what the scores favour have to come below, or the
-others get refits too. True effects come to a tenth."""
 
 _HOPELESS = 3.0
 """Times the best one's BIC from which a single effect is no start for a pair."""
@@ -160,15 +166,22 @@ class Engine:
         self._say(f"screening {len(chosen)} effects")
         for nomination in chosen:
             screen(scout, calm, nomination, as_new=scout is not self._fitter)
-        nearest = min((n.promise for n in chosen), default=calm.cost)
-        floor = scout.problem.expected_cost()
-        if scout is self._fitter and nearest - floor > _LITTLE * (calm.cost - floor):
-            misjudged = [n for n in nominations if n not in chosen or n.promise > calm.cost]
-            self._say(f"none of them takes half of it away; screening {len(misjudged)} with slopes of their own")
-            for nomination in misjudged:
-                screen_afresh(scout, calm, nomination)
-        ranked = sorted(nominations, key=lambda n: n.promise)
-        return self._settle(base, [((n.effect,), n) for n in ranked], scout)
+        misfit_v = scout.problem.misfit_v
+        found = self._settle(base, chosen, scout)
+        if scout is not self._fitter or (found and self._explains(base, found[0])):
+            return found
+        misjudged = [n for n in nominations if n not in chosen or n.promise > calm.cost]
+        self._say(f"none of them explains half of it; screening {len(misjudged)} effects with slopes of their own")
+        scout.problem.misfit_v = misfit_v  # the scores were taken with it
+        for nomination in misjudged:
+            screen_afresh(scout, calm, nomination)
+        known = {explanation.label for explanation in found}
+        fresh = self._settle(base, [n for n in nominations if n.effect.key not in known], scout)
+        return _sorted([*found, *fresh])
+
+    def _explains(self, base: Explanation, best: Explanation) -> bool:
+        share = closed(base.rmse_v, best.rmse_v, self.problem.noise_v)
+        return best.adequacy.adequate or share >= CLOSED_FITTED
 
     def add_second(
         self, base: Explanation, singles: Sequence[Explanation], nominations: Sequence[Nomination]
@@ -205,8 +218,7 @@ class Engine:
                     self._say(f"  {first.label} + {nomination.effect.key}: leaves {left:.0%} of what one effect does")
                     if left < _WORTHWHILE:
                         screened[key] = effects, nomination
-        ranked = sorted(screened.values(), key=lambda row: row[1].promise)
-        return self._settle(base, ranked)
+        return self._contest(base, list(screened.values()))
 
     def finish(
         self, base: Explanation, explanations: Sequence[Explanation], kin: Sequence[Nomination] = ()
@@ -270,11 +282,16 @@ class Engine:
             result = [e for e in result if e not in known] + _sorted([single, *known])[:1]
         return _sorted(result)
 
-    def _settle(
+    def _settle(self, base: Explanation, shortlist: Sequence[Nomination], scout: Fitter) -> list[Explanation]:
+        """Fit the best single effects of a shortlist until one is settled."""
+        return self._contest(base, [((n.effect,), n) for n in shortlist], scout)
+
+    def _contest(
         self, base: Explanation, shortlist: Sequence[tuple[tuple[Effect, ...], Nomination]], scout: Fitter | None = None
     ) -> list[Explanation]:
-        """Fit the best of a shortlist, which is sorted, until one is settled; at least two, so that it has a rival."""
-        kept = [(effects, n, n.screened) for effects, n in shortlist if n.screened is not None]
+        """Fit the best of a shortlist until one is settled; at least two, so that it has a rival."""
+        ranked = sorted(shortlist, key=lambda row: row[1].promise)
+        kept = [(effects, n, n.screened) for effects, n in ranked if n.screened is not None]
         kept = kept[: self.settings.confirmed]
         ahead = kept[0][1].promise + LAG if kept else 0.0
         fits = [(effects, n, fit) for place, (effects, n, fit) in enumerate(kept) if place < 2 or n.promise < ahead]

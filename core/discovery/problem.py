@@ -132,15 +132,8 @@ class Problem:
 
     def deviation(self) -> FloatArray:
         """What the fitted stretches are weighed by, one after the other: deviations with the misfit, V."""
-        return np.asarray(np.sqrt(self._sigmas() ** 2 + self.misfit_v**2))
-
-    def expected_cost(self) -> float:
-        """Sum of squared residuals that noise alone leaves on average, as the present fits weigh it."""
-        return float(np.sum((self._sigmas() / self.deviation()) ** 2))
-
-    def _sigmas(self) -> FloatArray:
         parts = [self.sigma(observed)[mask] for observed, mask in zip(self.observations, self.fitted, strict=True)]
-        return np.concatenate(parts)
+        return np.asarray(np.sqrt(np.concatenate(parts) ** 2 + self.misfit_v**2))
 
     def residual(self, effects: Sequence[Effect], candidate: Candidate) -> FloatArray | None:
         """Weighted residuals of the fitted stretches, misfit included; None if a simulation fails."""
