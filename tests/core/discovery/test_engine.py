@@ -135,6 +135,16 @@ def test_a_short_refit_that_keeps_little_of_what_a_score_promises_gets_fresh_slo
     assert fresh == [False, True][:fits]
 
 
+def test_beside_a_base_model_that_is_lost_an_effect_starts_from_what_is_believed():
+    problem, axes = toy.problem(np.random.default_rng(0), {"sign": 0.02})
+    fitter = Fitter(problem, axes, Settings(), print)
+    lost = fitter.at((), axes, np.array([3.0, 9.0, -9.0]))
+    lost.fit = replace(lost.fit, jacobian=np.zeros_like(lost.fit.jacobian))  # says nothing of the way back
+    (nomination,) = nominate(fitter, lost, [toy.HYSTERESIS], toy.EVIDENCE, print)
+    screen(fitter, lost, nomination)
+    assert nomination.promise < 0.05 * lost.cost
+
+
 def test_where_what_the_scores_favour_helps_little_the_others_are_fitted_whatever_their_sign():
     problem, axes = toy.problem(np.random.default_rng(0), {"sign": 0.02})
     either = toy.effect("sign", lower=-1.0)
