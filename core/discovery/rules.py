@@ -73,7 +73,9 @@ def believable(base: Explanation, found: Explanation, noise_v: float, held_noise
         held = closed(base.held_rmse_v, found.held_rmse_v, held_noise_v)
         if material and held < CLOSED_ENOUGH:
             return f"closes {held:.0%} of the gap in data not fitted only"
-    if not found.held_rmse_v < base.held_rmse_v:
+    # A measured temperature is data not fitted too: where it tells, the voltage has to be predicted about as well.
+    allowed = base.held_rmse_v / (CLEAR_HELD if predicts_warmth(found, base) else 1.0)
+    if not found.held_rmse_v < allowed:
         return "does not predict the data not fitted better than the base model"
     return ""
 

@@ -47,6 +47,10 @@ def test_a_gap_that_bent_parameters_hide_shows_in_the_temperature():
         found.adequacy = Adequacy(0.0, 0.0, 1e-3, 1.0)
     assert "of the gap only" in believable(base, blind, 1e-4, 1e-4)
     assert believable(base, warm, 1e-4, 1e-4) == ""
+    warm.held_rmse_v = 1.05 * base.held_rmse_v
+    assert believable(base, warm, 1e-4, 1e-4) == ""
+    warm.held_rmse_v = 1.2 * base.held_rmse_v
+    assert "data not fitted" in believable(base, warm, 1e-4, 1e-4)
 
 
 @pytest.mark.parametrize(("without", "excluded"), [(10.0, True), (3.0, False), (None, False)])
