@@ -127,8 +127,6 @@ def screen_afresh(fitter: Fitter, before: Explanation, nomination: Nomination) -
     A score is linear: of an effect that moves the minute at which a cell is empty (a leak, an offset of the current) a
     base model that has bent itself to it leaves a mark that no slope there predicts.
     """
-    if nomination.mark is None:
-        return
     low, high = _ends(nomination.effect)
     effects, ladder = (*before.effects, nomination.effect), _ladder(nomination)
     for rungs in (ladder, [-rung for rung in ladder if 0.95 * low <= -rung <= 0.95 * high]):
