@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..trajectory import SECONDS_PER_HOUR, Step, StepKind, Trajectory
+from ..trajectory import Step, StepKind, Trajectory
 from .levels import BRIEF_S, Level, Signals
 
 CYCLE_SHARE = 0.02
@@ -43,8 +43,7 @@ def _drifts(signals: Signals, level: Level) -> bool:
 
 def numbered(trajectory: Trajectory, levels: list[Level]) -> tuple[Step, ...]:
     """Steps with their cycles (the rule stands with `segment`)."""
-    time, current = trajectory.time, trajectory.current
-    passed = np.concatenate([[0.0], np.cumsum(0.5 * (current[1:] + current[:-1]) * np.diff(time))]) / SECONDS_PER_HOUR
+    passed = trajectory.discharge_capacity
     carried = [
         0.0 if level.kind in (StepKind.REST, StepKind.PULSE) else float(passed[level.stop - 1] - passed[level.start])
         for level in levels
