@@ -48,6 +48,12 @@ class Estimate:
     null: float
     at_bound: bool
 
+    @property
+    def holds_null(self) -> bool:
+        """Whether the null value lies in the interval."""
+        low, high = self.ci95
+        return low <= self.null <= high
+
 
 @dataclass(eq=False)
 class Explanation:
@@ -74,7 +80,7 @@ class Explanation:
     temperature_rms_k : float or None
         Error of the predicted temperature, K, where the records have one; no fit is shown it.
     temperature_without_k : dict of str to float
-        By effect key, the same error with that effect's strength at its null.
+        By effect key, the same error with that effect's strength at its null, where its interval holds that.
     estimates : dict
         By effect key, its parameters.
     """
@@ -157,9 +163,8 @@ class Explanation:
         """
         for effect in self.effects:
             strength = self.estimates[effect.key][0]
-            low, high = strength.ci95
             told = clearly_nearer(self.temperature_rms_k, self.temperature_without_k.get(effect.key))
-            if strength.at_bound or (low <= strength.null <= high and not told):
+            if strength.at_bound or (strength.holds_null and not told):
                 return False
         return True
 

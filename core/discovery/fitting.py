@@ -359,9 +359,10 @@ class Fitter:
         held_rmse, held_chi2 = self._held(effects, fit)
         kelvin = _temperature_error(problem, predictions)
         explanation = Explanation(effects, fit, adequacy, rmse, held_rmse, held_chi2, volts, sigma, score, kelvin)
-        if kelvin is not None:
-            explanation.temperature_without_k = self._temperatures_without(effects, fit.candidate)
         explanation.estimates = estimates_of(effects, fit, explanation.dispersion(problem.misfit_v))
+        if kelvin is not None:
+            doubted = [effect for effect in effects if explanation.estimates[effect.key][0].holds_null]
+            explanation.temperature_without_k = self._temperatures_without(doubted, effects, fit.candidate)
         return explanation
 
     def warmth(self, effects: Sequence[Effect], candidate: dict[str, float]) -> float:
@@ -371,12 +372,13 @@ class Fitter:
         predictions = self.problem.predict(effects, candidate)
         return 0.0 if predictions is None else warmth(_temperature_error(self.problem, predictions))
 
-    def _temperatures_without(self, effects: Sequence[Effect], candidate: dict[str, float]) -> dict[str, float]:
+    def _temperatures_without(
+        self, doubted: Sequence[Effect], effects: Sequence[Effect], candidate: dict[str, float]
+    ) -> dict[str, float]:
         found = {}
-        for effect in effects:
-            predictions = self.problem.predict(
-                effects, candidate | {effect.full_name(effect.strength): effect.strength.null}
-            )
+        for effect in doubted:
+            off = {effect.full_name(effect.strength): effect.strength.null}
+            predictions = self.problem.predict(effects, candidate | off)
             kelvin = None if predictions is None else _temperature_error(self.problem, predictions)
             if kelvin is not None:
                 found[effect.key] = kelvin

@@ -58,7 +58,7 @@ def test_lgm50_lacks_self_heating(tmp_path):
         model="SPMe",
         ambient_c=25.0,
         max_effects=1,
-        effects=["self-heating"],  # with its rivals it takes three times as long; docs/discovery.md has the figures
+        effects=["self-heating"],  # beside its rival it takes 11 minutes: docs/discovery.md
         out=tmp_path,
     )
     found = discover(options)
