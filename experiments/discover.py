@@ -46,7 +46,7 @@ def discover(options: DiscoverOptions, listener: Listener = lambda text: None) -
     from .discovery_page import write_page
 
     case = read_case(options)
-    with backend_or_none(options.backend) as backend:
+    with backend_or_none(options) as backend:
         bench = set_up(case, options, listener)
         discovery = discover_on(bench, options, listener, backend)
     options.out.mkdir(parents=True, exist_ok=True)
@@ -58,14 +58,14 @@ def discover(options: DiscoverOptions, listener: Listener = lambda text: None) -
 
 
 @contextmanager
-def backend_or_none(name: str | None) -> Iterator[Backend | None]:
-    """A backend for as long as it is needed, or none where none is named."""
-    if name is None:
+def backend_or_none(options: DiscoverOptions) -> Iterator[Backend | None]:
+    """The backend that is asked for, for as long as it is needed, or none where none is named."""
+    if options.backend is None:
         yield None
         return
     from ..backends.opening import open_backend
 
-    with closing(open_backend(name)) as backend:
+    with closing(open_backend(options.backend, options.backend_options)) as backend:
         yield backend
 
 

@@ -149,20 +149,6 @@ def _texts(values: dict[str, Any]) -> dict[str, str]:
     return {key: str(value) for key, value in values.items()}
 
 
-def backend_options(
-    via: str | None, votes: int, review: bool, base_url: str | None, exchange: Path | None, settings: dict[str, Any]
-) -> dict[str, Any]:
-    """The backend's options as they go into the configuration: only what was set."""
-    given = {
-        "via": via,
-        "votes": votes if votes > 1 else None,
-        "review": review or None,
-        "base_url": base_url,
-        "exchange": None if exchange is None else str(exchange),
-    }
-    return {**settings, **{key: value for key, value in given.items() if value is not None}}
-
-
 def parse_backend_options(content: dict[str, Any]) -> BackendOptions:
     """The checked options of a backend.
 

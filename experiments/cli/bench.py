@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from . import shared_options as shared
 
 if TYPE_CHECKING:
     from ..suite.case import SuiteCase
@@ -50,6 +52,9 @@ def suite_command(
     workers: Workers = 2,
     seed: Seed = 1234,
     backend: Backend = "rules",
+    via: shared.Via = None,
+    base_url: shared.BaseUrl = None,
+    backend_option: shared.BackendOption = None,
     published: Published = None,
     noise_mv: NoiseMv = 0.0,
     out: Out = Path("results/suite"),
@@ -58,7 +63,14 @@ def suite_command(
     from ..studies.suite import suite_study
 
     suite_study(
-        _chosen(suite, cases, seed, published, noise_mv), out, scaffolds.split(","), simulations, workers, seed, backend
+        _chosen(suite, cases, seed, published, noise_mv),
+        out,
+        scaffolds.split(","),
+        simulations,
+        workers,
+        seed,
+        backend,
+        shared.reaching(via, base_url, backend_option),
     )
     print(f"{out / 'table.md'}")
 
@@ -71,6 +83,9 @@ def runtime_command(
     steps: Annotated[int, typer.Option(min=10, help="Steps of the outer loop.")] = 20,
     seed: Seed = 1234,
     backend: Backend = "rules",
+    via: shared.Via = None,
+    base_url: shared.BaseUrl = None,
+    backend_option: shared.BackendOption = None,
     published: Published = None,
     out: Out = Path("results/runtime"),
 ) -> None:
@@ -78,7 +93,8 @@ def runtime_command(
     from ..studies.runtime import runtime_study
 
     (chosen, *_) = _chosen(suite, case if not case.isdigit() else f"regular-{case}", seed, published)
-    runtime_study(chosen, out, scaffolds.split(","), steps, seed, backend)
+    reached = shared.reaching(via, base_url, backend_option)
+    runtime_study(chosen, out, scaffolds.split(","), steps, seed, backend, reached)
     print(f"{out / 'runtime.md'}")
 
 
@@ -91,6 +107,9 @@ def recovery_command(
     workers: Workers = 2,
     seed: Seed = 1234,
     backend: Backend = "rules",
+    via: shared.Via = None,
+    base_url: shared.BaseUrl = None,
+    backend_option: shared.BackendOption = None,
     published: Published = None,
     noise_mv: NoiseMv = 0.0,
     out: Out = Path("results/recovery"),
@@ -99,7 +118,14 @@ def recovery_command(
     from ..studies.recovery import recovery_study
 
     recovery_study(
-        _chosen(suite, cases, seed, published, noise_mv), out, scaffolds.split(","), simulations, workers, seed, backend
+        _chosen(suite, cases, seed, published, noise_mv),
+        out,
+        scaffolds.split(","),
+        simulations,
+        workers,
+        seed,
+        backend,
+        shared.reaching(via, base_url, backend_option),
     )
     print(f"{out}")
 
@@ -113,6 +139,9 @@ def warmup_command(
     workers: Workers = 2,
     seed: Seed = 1234,
     backend: Backend = "rules",
+    via: shared.Via = None,
+    base_url: shared.BaseUrl = None,
+    backend_option: shared.BackendOption = None,
     published: Published = None,
     noise_mv: NoiseMv = 0.0,
     out: Out = Path("results/warmup"),
@@ -128,6 +157,7 @@ def warmup_command(
         workers=workers,
         seed=seed,
         backend=backend,
+        backend_options=shared.reaching(via, base_url, backend_option),
     )
     print(f"{out / 'warmup.md'}")
 
@@ -189,6 +219,9 @@ def discovery_command(
     workers: Workers = 2,
     seed: Seed = 2026,
     backend: Annotated[str | None, typer.Option(help="Language model that ranks effects too.")] = None,
+    via: shared.Via = None,
+    base_url: shared.BaseUrl = None,
+    backend_option: shared.BackendOption = None,
     hide_names: Annotated[bool, typer.Option(help="Show the model effects under names without meaning.")] = False,
     only: Annotated[list[str] | None, typer.Option(help="Case to run, case_07; repeat; left out, all.")] = None,
     results: Annotated[str, typer.Option(help="File in the folder that results go to and are read from.")] = (
@@ -200,6 +233,7 @@ def discovery_command(
     from ..discovery_bench.running import run_case, run_cases
     from ..discovery_bench.scoring import as_markdown, case_table, mark_cases
     from ..discovery_bench.shortlists import SHORTLISTS, shortlist_case, shortlist_table
+    from ..request import parse_backend_options
 
     if make is None and run is None and score is None and shortlist is None:
         from ...core.errors import BsaError
@@ -207,13 +241,15 @@ def discovery_command(
         raise BsaError("nothing was asked for.", "give --make, --run, --score or --shortlist DIR, or several of them.")
     if make is not None:
         make_cases(make, count, seed, print)
+    reached = parse_backend_options(shared.reaching(via, base_url, backend_option))
+    model: dict[str, Any] = {"backend": backend, "backend_options": reached}
     if run is not None:
-        work = partial(run_case, backend_name=backend, hide_names=hide_names)
+        work = partial(run_case, **model, hide_names=hide_names)
         run_cases(run, work, workers, only, results, print)
     if score is not None:
         marked = mark_cases(score, results)
         print(as_markdown(marked))
         print(case_table(marked))
     if shortlist is not None:
-        run_cases(shortlist, partial(shortlist_case, backend_name=backend), workers, only, SHORTLISTS, print)
+        run_cases(shortlist, partial(shortlist_case, **model), workers, only, SHORTLISTS, print)
         print(shortlist_table(shortlist))

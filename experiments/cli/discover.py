@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 from pydantic import ValidationError
 
+from . import shared_options as shared
 from .progress import printable
 
 
@@ -20,20 +21,18 @@ def discover(
         list[Path] | None, typer.Option(help="A record that is predicted, never fitted; repeat.")
     ] = None,
     model: Annotated[str, typer.Option(help="SPM, SPMe or DFN.")] = "DFN",
-    options: Annotated[list[str] | None, typer.Option(help="PyBaMM model option key=value; repeat.")] = None,
+    options: shared.ModelOptions = None,
     override: Annotated[list[str] | None, typer.Option(help="A parameter known better, 'name=value'; repeat.")] = None,
-    column: Annotated[list[str] | None, typer.Option(help="Column of a signal, voltage='Ecell/V'; repeat.")] = None,
-    unit: Annotated[list[str] | None, typer.Option(help="Unit of a signal, current=mA; repeat.")] = None,
-    where: Annotated[list[str] | None, typer.Option(help="Keep only rows with this value, test_id=1; repeat.")] = None,
-    current_sign: Annotated[str, typer.Option(help="charge-positive, discharge-positive or auto.")] = "charge-positive",
-    constant_current: Annotated[float | None, typer.Option(help="Current in A of a file without a current.")] = None,
-    cycles: Annotated[str | None, typer.Option(help='Cycles of the records to use, "1" or "2-4".')] = None,
-    sheet: Annotated[str | None, typer.Option(help="Sheet of a workbook, or test inside a file of several.")] = None,
-    reader: Annotated[str | None, typer.Option(help="Reader to use; left out, the one that fits.")] = None,
-    temperature: Annotated[
-        float | None, typer.Option(help="Ambient temperature in degC, where records lack it.")
-    ] = None,
-    scale: Annotated[bool, typer.Option(help="Scale the electrode area to the records' capacity.")] = True,
+    column: shared.Column = None,
+    unit: shared.Unit = None,
+    where: shared.Where = None,
+    current_sign: shared.CurrentSign = "charge-positive",
+    constant_current: shared.ConstantCurrent = None,
+    cycles: shared.Cycles = None,
+    sheet: shared.Sheet = None,
+    reader: shared.Reader = None,
+    temperature: shared.Temperature = None,
+    scale: shared.Scale = True,
     search: Annotated[
         str,
         typer.Option(
@@ -42,6 +41,9 @@ def discover(
     ] = "all",
     effect: Annotated[list[str] | None, typer.Option(help="Effect to consider; repeat; left out, all.")] = None,
     backend: Annotated[str | None, typer.Option(help="Language model that ranks effects too.")] = None,
+    via: shared.Via = None,
+    base_url: shared.BaseUrl = None,
+    backend_option: shared.BackendOption = None,
     max_effects: Annotated[int, typer.Option(min=1, max=3, help="Effects in one explanation at most.")] = 2,
     seed: Annotated[int, typer.Option(min=0, help="Seed for everything random.")] = 0,
 ) -> None:
@@ -49,18 +51,9 @@ def discover(
     from ...core.validation import explain
     from ..discover import discover as find
     from ..discovery_case import DiscoverOptions
-    from ..request import key_values, read_options
+    from ..request import key_values, parse_backend_options
 
-    read = read_options(
-        columns=key_values(column, "--column"),
-        units=key_values(unit, "--unit"),
-        where=key_values(where, "--where"),
-        cycles=cycles,
-        current_sign=current_sign,
-        constant_current_a=constant_current,
-        sheet=sheet,
-        ambient_c=temperature,
-    )
+    read = shared.reading(column, unit, where, current_sign, constant_current, cycles, sheet, temperature)
 
     def files(paths: list[Path] | None) -> list[dict[str, Any]]:
         return [{"path": path, "read": read, "reader": reader} for path in paths or ()]
@@ -79,6 +72,7 @@ def discover(
                 "search": search,
                 "effects": effect,
                 "backend": backend,
+                "backend_options": parse_backend_options(shared.reaching(via, base_url, backend_option)),
                 "max_effects": max_effects,
                 "seed": seed,
                 "out": out,

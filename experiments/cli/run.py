@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from ...core.errors import BsaError
+from . import shared_options as shared
 
 if TYPE_CHECKING:
     from ...core.loop import RunResult
@@ -28,39 +29,25 @@ def run(
     data: Annotated[list[Path] | None, typer.Option("--data", help="A cycler record; repeat for several.")] = None,
     parameters: Annotated[str | None, typer.Option(help="PyBaMM parameter set to start from, for --data.")] = None,
     model: Annotated[str, typer.Option(help="SPM, SPMe or DFN, for --data.")] = "DFN",
-    options: Annotated[
-        list[str] | None, typer.Option(help="PyBaMM model option key=value; repeat for several.")
-    ] = None,
+    options: shared.ModelOptions = None,
     search: Annotated[str, typer.Option(help="Search-space preset or YAML file, for --data.")] = "cell",
-    column: Annotated[
-        list[str] | None, typer.Option(help="Column of a signal, voltage='Ecell/V'; repeat for several.")
-    ] = None,
-    unit: Annotated[list[str] | None, typer.Option(help="Unit of a signal, current=mA; repeat for several.")] = None,
-    current_sign: Annotated[
-        str, typer.Option(help="charge-positive (as cyclers write), discharge-positive or auto.")
-    ] = "charge-positive",
-    constant_current: Annotated[
-        float | None, typer.Option(help="Current in A of a file without a current column, signed as --current-sign.")
-    ] = None,
-    where: Annotated[
-        list[str] | None, typer.Option(help="Keep only rows with this value, test_id=1; repeat for several.")
-    ] = None,
-    cycles: Annotated[str | None, typer.Option(help='Cycles of the record to use, "1" or "2-4".')] = None,
-    sheet: Annotated[str | None, typer.Option(help="Sheet of a workbook, or test inside a file of several.")] = None,
-    reader: Annotated[str | None, typer.Option(help="Reader to use; left out, the one that fits.")] = None,
-    temperature: Annotated[float | None, typer.Option(help="Ambient temperature in degC.")] = None,
-    scale: Annotated[bool, typer.Option(help="Scale the electrode area to the record's capacity.")] = True,
+    column: shared.Column = None,
+    unit: shared.Unit = None,
+    current_sign: shared.CurrentSign = "charge-positive",
+    constant_current: shared.ConstantCurrent = None,
+    where: shared.Where = None,
+    cycles: shared.Cycles = None,
+    sheet: shared.Sheet = None,
+    reader: shared.Reader = None,
+    temperature: shared.Temperature = None,
+    scale: shared.Scale = True,
     backend: Annotated[str, typer.Option(help="Language model: a preset, litellm:PROVIDER/MODEL, ...")] = "rules",
-    via: Annotated[str | None, typer.Option(help="Route to the model: litellm, openai, ollama, transformers.")] = None,
-    base_url: Annotated[
-        str | None, typer.Option(help="Address of an OpenAI-compatible or Ollama server, http://127.0.0.1:8000/v1.")
-    ] = None,
+    via: shared.Via = None,
+    base_url: shared.BaseUrl = None,
     exchange: Annotated[
         Path | None, typer.Option(help="Folder for prompts and replies of --backend manual, for another program.")
     ] = None,
-    backend_option: Annotated[
-        list[str] | None, typer.Option("--backend-option", help="Option of the backend, key=value; repeat.")
-    ] = None,
+    backend_option: shared.BackendOption = None,
     scaffold: Annotated[str, typer.Option(help="Scaffold by name, or the path of a YAML file.")] = "hybrid",
     rounds: Annotated[int, typer.Option(min=0, help="Search rounds at most.")] = 80,
     warmup: Annotated[int, typer.Option(min=0, help="Warm-up simulations at most.")] = 20,
@@ -82,7 +69,7 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="Print result.json to standard output.")] = False,
 ) -> None:
     """Calibrate a model against a target: the packaged demo, a task file, or cycler records."""
-    from ..request import Overrides, RunRequest, backend_options, key_values, numbered_folder, read_options
+    from ..request import Overrides, RunRequest, key_values, numbered_folder
     from ..run import Resources, read_request
     from ..tasks.records import RecordRequest, build_task
 
@@ -97,21 +84,14 @@ def run(
     config = overrides.config(
         scaffold,
         backend,
-        backend_options(via, votes, review, base_url, exchange, key_values(backend_option, "--backend-option")),
+        shared.reaching(
+            via, base_url, backend_option, exchange=exchange, votes=votes if votes > 1 else None, review=review or None
+        ),
     )
     if data:
         if task is not None:
             raise BsaError(f'both a task ("{task}") and --data were given.', "give one of them.")
-        read = read_options(
-            columns=key_values(column, "--column"),
-            units=key_values(unit, "--unit"),
-            where=key_values(where, "--where"),
-            cycles=cycles,
-            current_sign=current_sign,
-            constant_current_a=constant_current,
-            sheet=sheet,
-            ambient_c=temperature,
-        )
+        read = shared.reading(column, unit, where, current_sign, constant_current, cycles, sheet, temperature)
         chosen = build_task(
             name=data[0].stem[:60],
             parameter_set=parameters or _no_parameter_set(),

@@ -73,13 +73,13 @@ def run_cases(
     return path
 
 
-def run_case(folder: Path, backend_name: str | None = None, hide_names: bool = False) -> dict[str, Any]:
-    """Run a discovery on one case; a failure is a row like any other."""
-    options = options_of(folder, hide_names)
+def run_case(folder: Path, **asked: Any) -> dict[str, Any]:
+    """Run a discovery on one case, with options that are asked for besides; a failure is a row like any other."""
+    options = options_of(folder, **asked)
     try:
         bench = set_up(read_case(options), options)
         said: list[str] = []
-        with backend_or_none(backend_name) as backend:
+        with backend_or_none(options) as backend:
             discovery = discover_on(bench, options, said.append, backend)
     except Exception as error:  # a crash is a result of the benchmark, and must not end it
         trace = traceback.format_exc().splitlines()[-3:]
@@ -117,8 +117,8 @@ def run_case(folder: Path, backend_name: str | None = None, hide_names: bool = F
     }
 
 
-def options_of(folder: Path, hide_names: bool = False) -> DiscoverOptions:
-    """What is asked of a case: its last record is held out."""
+def options_of(folder: Path, **asked: Any) -> DiscoverOptions:
+    """What is asked of a case: its last record is held out; ``asked`` are other options."""
     description = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
     records = [{"path": folder / r["file"], "read": {"ambient_c": r["ambient_c"]}} for r in description["records"]]
     return DiscoverOptions.model_validate(
@@ -127,8 +127,8 @@ def options_of(folder: Path, hide_names: bool = False) -> DiscoverOptions:
             "holdout": records[-1:],
             "parameters": description["parameters"],
             "model": description["model"],
-            "hide_names": hide_names,
             "points": 300,
             "out": folder,
+            **asked,
         }
     )

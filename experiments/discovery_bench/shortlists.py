@@ -26,8 +26,15 @@ _WORDS = {
 """Who ranks, by the key of a row, in words."""
 
 
-def shortlist_case(folder: Path, backend_name: str | None = None) -> dict[str, Any]:
+def shortlist_case(folder: Path, **asked: Any) -> dict[str, Any]:
     """Order the effects of one case by score, and let a backend rank them twice; nothing is fitted but the base model.
+
+    Parameters
+    ----------
+    folder : Path
+        The case.
+    **asked
+        Options of the discovery, a ``backend`` among them.
 
     Returns
     -------
@@ -35,7 +42,7 @@ def shortlist_case(folder: Path, backend_name: str | None = None) -> dict[str, A
         ``statistics``: keys of effects, the best first, none where the base model leaves noise only; ``named`` and
         ``nameless``: the backend's, where there is one and something to rank.
     """
-    options = options_of(folder)
+    options = options_of(folder, **asked)
     bench = set_up(read_case(options), options)
     known = bench.engine(options.settings).shortlist()
     possible = [n for n in known.nominations if not n.lacks]
@@ -44,10 +51,10 @@ def shortlist_case(folder: Path, backend_name: str | None = None) -> dict[str, A
         "effects": len(possible),
         "statistics": [n.effect.key for n in possible if n.gain > 0],
     }
-    words = bench.discrepancy(known.calm) if possible and backend_name is not None else None
-    with backend_or_none(backend_name if words else None) as backend:
+    with backend_or_none(options) as backend:
+        words = bench.discrepancy(known.calm) if possible and backend is not None else None
         for how, hidden in (("named", False), ("nameless", True)):
-            if backend is not None and words is not None:
+            if backend is not None and words:
                 ranking = ask(backend, words, [n.effect for n in possible], options.seed, hidden)
                 row[how] = [ranked.key for ranked in ranking.ranked]
     firsts = (f"{how}: {row[how][0] if row[how] else 'none'}" for how in _WORDS if how in row)

@@ -4,6 +4,7 @@ import zlib
 from types import SimpleNamespace
 
 import pytest
+from bsa.backends.options import BackendOptions
 from bsa.core.discovery.findings import Nomination
 from bsa.core.discovery.score import Score
 from bsa.core.effect import Effect, EffectParameter
@@ -111,10 +112,14 @@ def test_a_backend_ranks_the_effects_of_a_case_with_names_and_without(tmp_path, 
         engine=lambda settings: SimpleNamespace(shortlist=lambda: known),
         discrepancy=lambda calm: ["measured voltage lies 9 mV below the model during rest after a discharge"],
     )
-    monkeypatch.setattr(shortlists, "options_of", lambda folder: SimpleNamespace(settings=None, seed=1))
+
+    def options_of(folder, backend=None):
+        return SimpleNamespace(settings=None, seed=1, backend=backend, backend_options=BackendOptions())
+
+    monkeypatch.setattr(shortlists, "options_of", options_of)
     monkeypatch.setattr(shortlists, "read_case", lambda options: None)
     monkeypatch.setattr(shortlists, "set_up", lambda case, options: bench)
-    found = shortlist_case(tmp_path / "case_01", "rules")
+    found = shortlist_case(tmp_path / "case_01", backend="rules")
     assert found["statistics"] == [R, H]
     # The rules backend reads signatures: a name says nothing to it.
     assert found["named"][0] == found["nameless"][0] == H

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from bsa.core.journal import FILE_NAME
-from bsa.experiments.cli.main import run_main
+from bsa.experiments.cli.main import main, run_main
 
 GOOD_CSV = "Test Time / s,Voltage / V,Current / A\n" + "\n".join(
     f"{10 * k},{4.1 - 0.001 * k:.4f},{-1.0 if k > 2 else 0.0}" for k in range(60)
@@ -84,6 +84,15 @@ def test_a_mistyped_command(
     assert wrong in line
     assert hint in line
     assert not list(Path().glob("runs/*/result.json"))
+
+
+def test_a_mistyped_discovery(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = ["--data", "record.csv", "--parameters", "Chen2020", "--out", "found", "--backend", "openai:m"]
+    monkeypatch.setattr(sys, "argv", ["bsa", "discover", *asked, "--backend-option", "temprature=1"])
+    with pytest.raises(SystemExit) as caught:
+        main()
+    assert caught.value.code == 2
+    assert 'did you mean "temperature"' in capsys.readouterr().err
 
 
 TASKS = [
