@@ -200,6 +200,8 @@ class LiteLLMBackend(ServedBackend):
             return BsaError(f'{where} does not know "{self._model.removeprefix("openai/")}" ({reason}).', hint)
         if isinstance(error, litellm.RateLimitError):
             return TransientError(reason, retry_after(_headers(error)))
+        if status == 500 and "response_format" in str(error):
+            return FormRefusedError(reason)  # llama-cpp-python's server says so of a form that it does not know
         if status in (400, 413, 415, 422, 501) and not isinstance(error, litellm.Timeout):
             return ContextTooSmallError() if _speaks_of_context(str(error)) else FormRefusedError(reason)
         return TransientError(reason, retry_after(_headers(error)), server_fault=status == 500)

@@ -46,7 +46,10 @@ def rank(messages: Sequence[Message], most: int) -> dict[str, Any]:
         return sum(math.log(1 + len(told) / counts[topic]) for topic in told[name] & seen)
 
     best = sorted(told, key=lambda name: -weight(name))[:most]
-    return {"ranking": [{"name": name, "reason": _reason(told[name] & seen)} for name in best]}
+    return {
+        "analysis": f"the discrepancy speaks of {', '.join(sorted(seen)) or 'nothing that signatures speak of'}",
+        "ranking": [{"name": name, "reason": _reason(told[name] & seen)} for name in best],
+    }
 
 
 def _topics(text: str) -> set[str]:

@@ -14,9 +14,13 @@ from ..messages import Backend, BackendFailure, BudgetSpent, Message
 from ..reply_parsing import parse_object, strip_control
 
 _SYSTEM = """You are an electrochemist. A physics-based lithium-ion cell model was fitted to measured records. \
-A discrepancy remains that its parameters cannot explain. You get the discrepancy, laid out in words, and a list of \
-effects that the model may lack, each with its equation and signature. Rank the three to five most likely effects, \
-the likeliest first, with one sentence of reason each. Use only names from the list. Answer with JSON only."""
+A discrepancy remains that its parameters cannot explain. You get a list of effects that the model may lack, each \
+with its equation and the signature that it leaves, and then the discrepancy, laid out in words. First say in two or \
+three sentences what the discrepancy depends on: rate, time since a step, state of charge, temperature, rest, cycle. \
+Then rank the three to five effects whose signatures agree with it best, the likeliest first, with one sentence of \
+reason each. Use only names from the list. Answer with JSON only."""
+
+_ANALYSIS_CHARS, _REASON_CHARS = 600, 300
 
 
 @dataclass(frozen=True)
@@ -43,6 +47,8 @@ class Ranking:
     ----------
     ranked : tuple of Ranked
         Likeliest first; only effects of the catalogue.
+    analysis : str
+        What it thinks the discrepancy depends on, shortened and without control characters.
     note : str
         What went wrong, if anything.
     shown_as : mapping of str to str
@@ -50,6 +56,7 @@ class Ranking:
     """
 
     ranked: tuple[Ranked, ...]
+    analysis: str = ""
     note: str = ""
     shown_as: Mapping[str, str] | None = None
 
@@ -74,7 +81,9 @@ def ask(
         reasons from signatures or recites names.
     """
     rng = np.random.default_rng(seed)
-    order = [effects[int(k)] for k in rng.permutation(len(effects))]
+    # Of the catalogue's order, so that the list tells nothing of what statistics think of its effects.
+    known = sorted(effects, key=lambda effect: effect.key)
+    order = [known[int(k)] for k in rng.permutation(len(known))]
     shown = {e.key: f"effect-{number:02d}" if hide_names else e.key for number, e in enumerate(order, start=1)}
     listing = [
         {"name": shown[e.key], "equation": e.equation, "signature": e.signature}
@@ -84,6 +93,8 @@ def ask(
     schema = {
         "type": "object",
         "properties": {
+            # First, for a model that is held to a schema token by token has no other place to think.
+            "analysis": {"type": "string", "maxLength": _ANALYSIS_CHARS},
             "ranking": {
                 "type": "array",
                 "minItems": 1,
@@ -92,22 +103,23 @@ def ask(
                     "type": "object",
                     "properties": {
                         "name": {"type": "string", "enum": list(shown.values())},
-                        "reason": {"type": "string", "maxLength": 300},
+                        "reason": {"type": "string", "maxLength": _REASON_CHARS},
                     },
                     "required": ["name", "reason"],
                     "additionalProperties": False,
                 },
-            }
+            },
         },
-        "required": ["ranking"],
+        "required": ["analysis", "ranking"],
         "additionalProperties": False,
     }
-    content = json.dumps({"discrepancy": list(sentences), "effects": listing}, indent=1)
+    content = json.dumps({"effects": listing, "discrepancy": list(sentences)}, indent=1)
     try:
         reply = backend.complete([Message("system", _SYSTEM), Message("user", content)], schema, seed=seed)
         answer = parse_object(reply.text, ("ranking",))
     except (BackendFailure, BudgetSpent, BsaError, ValueError) as error:
-        return Ranking((), f"the backend gave no usable ranking: {strip_control(str(error))[:200]}", shown)
+        note = f"the backend gave no usable ranking: {strip_control(str(error))[:200]}"
+        return Ranking((), note=note, shown_as=shown)
     by_shown = {name: key for key, name in shown.items()}
     ranked: list[Ranked] = []
     rows = answer.get("ranking")
@@ -116,5 +128,6 @@ def ask(
             continue
         key = by_shown.get(str(row.get("name", "")).strip())
         if key is not None and key not in {r.key for r in ranked}:
-            ranked.append(Ranked(key, strip_control(str(row.get("reason", "")))[:300]))
-    return Ranking(tuple(ranked[:5]), "" if ranked else "the reply named no effect of the list", shown)
+            ranked.append(Ranked(key, strip_control(str(row.get("reason", "")))[:_REASON_CHARS]))
+    analysis = strip_control(str(answer.get("analysis", "")))[:_ANALYSIS_CHARS]
+    return Ranking(tuple(ranked[:5]), analysis, "" if ranked else "the reply named no effect of the list", shown)

@@ -140,3 +140,19 @@ def test_a_server_that_fails_over_schemas_is_asked_otherwise(
         assert open_backend("openai:served-model", options).complete(messages, schema, seed=0).structured_by == "json"
     # It may have been an outage: the schema is tried again.
     assert len(server.seen) == 8
+
+
+def test_a_server_that_fails_and_names_the_form_is_believed(serve, chat_completion, proposal, messages, schema):
+    """As llama-cpp-python's: its validation error is an internal one, and stays what it is."""
+    wrong = {"error": {"message": "literal_error ('body', 'response_format', 'type') Input should be 'json_object'"}}
+
+    def answer(seen, handler):
+        failing = seen.body.get("response_format", {}).get("type") == "json_schema"
+        return (500, {}, json.dumps(wrong).encode()) if failing else (200, {}, good)
+
+    good = chat_completion(json.dumps(proposal))
+    server = serve(answer)
+    for _ in range(2):
+        backend = open_backend("openai:served-model", BackendOptions(base_url=f"{server.url}/v1"))
+        assert backend.complete(messages, schema, seed=0).structured_by == "json"
+    assert len(server.seen) == 3

@@ -26,7 +26,9 @@ class Says:
 
 def test_a_ranking_is_read_and_unknown_names_are_dropped():
     rows = [{"name": "self-heating", "reason": "grows\x1b[31m"}, {"name": "magic", "reason": ""}, {"name": "time-lag"}]
-    ranking = ask(Says(json.dumps({"ranking": rows})), ["28 mV too high"], CHOICE, seed=1)
+    answer = {"analysis": "it grows\x07 with time", "ranking": rows}
+    ranking = ask(Says(json.dumps(answer)), ["28 mV too high"], CHOICE, seed=1)
+    assert ranking.analysis == "it grows with time"
     assert [r.key for r in ranking.ranked] == ["self-heating", "time-lag"]
     assert "\x1b" not in ranking.ranked[0].reason
     assert ranking.note == ""
@@ -52,3 +54,16 @@ def test_hidden_names_show_no_name_and_are_mapped_back():
         assert f'"{effect.key}"' not in backend.messages[-1].text
         assert effect.title not in backend.messages[-1].text
     assert ranking.shown_as["self-heating"].startswith("effect-")
+
+
+def test_the_list_tells_nothing_of_the_order_that_statistics_have_effects_in():
+    first, second = Says("{}"), Says("{}")
+    ask(first, ["x"], CHOICE, seed=2)
+    ask(second, ["x"], CHOICE[::-1], seed=2)
+    assert first.messages == second.messages
+
+
+def test_a_model_that_is_held_to_the_schema_thinks_before_it_ranks():
+    backend = Says("{}")
+    ask(backend, ["x"], CHOICE, seed=2)
+    assert list(backend.schema["properties"]) == ["analysis", "ranking"]
