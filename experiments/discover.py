@@ -92,7 +92,7 @@ def discover_on(
         return [r.key for r in asked[-1].ranked[:3]]
 
     findings = bench.engine(settings or options.settings, listener, preferred).run()
-    before = _errors(problem, findings.base)
+    before = _errors(problem, findings.nearest_base)
     after = _errors(problem, findings.best)
     noise = problem.noise_v
     places = localise(problem.observations, before, bench.capacity_ah)

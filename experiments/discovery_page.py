@@ -45,7 +45,7 @@ def _css() -> str:
 
 def _figures(discovery: Discovery, problem: Problem) -> list[dict[str, Any]]:
     found = discovery.findings
-    before = problem.predict((), found.base.fit.candidate)
+    before = problem.predict((), found.nearest_base.fit.candidate)
     after = problem.predict(found.best.effects, found.best.fit.candidate)
     if before is None or after is None:
         return []

@@ -80,7 +80,7 @@ class Discovery:
     @property
     def gap(self) -> dict[str, float]:
         """How the gap shrank, in mV, and the share that is closed."""
-        base, best = self.findings.base, self.findings.best
+        base, best = self.findings.nearest_base, self.findings.best
         return {
             "noise_mv": 1e3 * self.noise_v,
             "base_rmse_mv": 1e3 * base.rmse_v,
@@ -184,7 +184,7 @@ class Discovery:
         elif explanation in found.rivals:
             reason = "cannot be told from the best"
         else:
-            reason = believable(found.base, explanation, self.noise_v, self.held_noise_v)
+            reason = believable(found.base, explanation, self.noise_v, self.held_noise_v, found.nearest_base)
             reason = reason or "explains the data less well than the best, or needs more effects for the same"
         return {
             "refit_rmse_mv": 1e3 * explanation.rmse_v,

@@ -134,9 +134,11 @@ class Engine:
         # From parameters of a new cell no effect loses its way in a short refit, and none needs a second chance.
         kin = self._kin(confirmed, nominations) if scout is fitter else []
         explanations = self.finish(base, _sorted(confirmed), kin)
+        fits = [base]
         # A base model that started from the parameters of a new cell had the start that its explanations had.
         if explanations and fitter.as_new is None:
             base = fitter.without(base, explanations[0])
+            fits.append(base)
         if base.adequacy.adequate:
             reason = _why_adequate(base)
             return Findings("no-missing-effect", base, base, [], explanations, nominations, reason, mesh_v)
@@ -144,7 +146,7 @@ class Engine:
         # Over many cycles a little charge lost on the way fits what sampling hides of the current: no second effect.
         if unfinished and self.settings.max_effects > 1 and fitter.as_new is None:
             explanations = self.add_second(base, explanations, nominations)
-        findings = self.decide(base, explanations)
+        findings = self.decide(base, explanations, nearest=min(fits, key=lambda fit: fit.rmse_v))
         findings.nominations, findings.mesh_v = nominations, mesh_v
         return findings
 
@@ -301,13 +303,20 @@ class Engine:
             running = self._fitter.lengthened(scout, running)
         return self._fitter.contest(base, running) if running else []
 
-    def decide(self, base: Explanation, explanations: Sequence[Explanation]) -> Findings:
-        """Apply the rules to explanations that are sorted, the best first."""
+    def decide(
+        self, base: Explanation, explanations: Sequence[Explanation], nearest: Explanation | None = None
+    ) -> Findings:
+        """Apply the rules to explanations that are sorted, the best first; see `believable` for ``nearest``."""
+        findings = self._verdict(base, explanations, nearest or base)
+        findings.nearest_base = nearest or base
+        return findings
+
+    def _verdict(self, base: Explanation, explanations: Sequence[Explanation], nearest: Explanation) -> Findings:
         ranked = list(explanations)
         if not ranked:
             return Findings("unexplained", base, base, reason="no effect of the catalogue points the right way")
         noise, held_noise = self.problem.noise_v, self.problem.held_noise_v
-        objections = {id(e): believable(base, e, noise, held_noise) for e in ranked}
+        objections = {id(e): believable(base, e, noise, held_noise, nearest) for e in ranked}
         # A pair must beat each of its members clearly, on data not fitted too, or the simpler one stands.
         needed = [e for e in ranked if not _needless(e, ranked)]
         believed = [e for e in needed if not objections[id(e)]]

@@ -104,6 +104,9 @@ class Findings:
         Why the verdict is what it is.
     mesh_v : float
         Size of the mesh correction, V.
+    nearest_base : Explanation
+        The fit of the base model that comes nearest in root mean square, by which the gap is measured. The likelihood
+        by which ``base`` is the better one is blind to how far off the few averages are that are far off.
     """
 
     verdict: str
@@ -114,3 +117,7 @@ class Findings:
     nominations: list[Nomination] = field(default_factory=list)
     reason: str = ""
     mesh_v: float = 0.0
+    nearest_base: Explanation = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.nearest_base = self.base

@@ -54,8 +54,20 @@ def closed(before_v: float, after_v: float, noise_v: float) -> float:
     return 1.0 if excess <= 0 else 1.0 - max(after_v**2 - noise_v**2, 0.0) / excess
 
 
-def believable(base: Explanation, found: Explanation, noise_v: float, held_noise_v: float) -> str:
-    """Why an explanation may not be named; empty if it may."""
+def believable(
+    base: Explanation, found: Explanation, noise_v: float, held_noise_v: float, nearest: Explanation | None = None
+) -> str:
+    """Why an explanation may not be named; empty if it may.
+
+    Parameters
+    ----------
+    base, found : Explanation
+        The base model, by its better likelihood, and the explanation.
+    noise_v, held_noise_v : float
+        Measurement noise of the fitted records and of the data not fitted, V.
+    nearest : Explanation, optional
+        The fit of the base model by which the gap is measured; ``base`` if there is one only.
+    """
     margin = bic_difference(base, found)
     if margin <= CLEAR_BIC:
         return f"does not beat the base model by {CLEAR_BIC:g} in BIC"
@@ -67,7 +79,7 @@ def believable(base: Explanation, found: Explanation, noise_v: float, held_noise
     # A temperature predicted clearly better, which no fit was shown, then stands for the gap that it hides.
     if not (found.adequacy.adequate or predicts_warmth(found, base)):
         material = base.held_rmse_v > 1.1 * held_noise_v
-        share = closed(base.rmse_v, found.rmse_v, noise_v)
+        share = closed((nearest or base).rmse_v, found.rmse_v, noise_v)
         if share < (CLOSED_FITTED if material else CLOSED_ENOUGH):
             return f"closes {share:.0%} of the gap only"
         held = closed(base.held_rmse_v, found.held_rmse_v, held_noise_v)

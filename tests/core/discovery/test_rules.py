@@ -118,3 +118,13 @@ def test_who_is_far_ahead_need_not_have_converged(base_rmse, held_mv, named):
     assert not found.settled
     assert bic_difference(base, found) > CLEAR_BIC
     assert (believable(base, found, 1e-3, 1e-3) == "") is named
+
+
+def test_the_gap_is_measured_from_the_base_fit_that_comes_nearest():
+    """The likelihood is blind to how far off the averages of a cell that runs empty early are."""
+    likelier, nearest = explanation("base", None, rmse=10.0), explanation("base", None, rmse=12.0)
+    likelier.rmse_v, nearest.rmse_v = 100e-3, 12e-3
+    found = explanation("effect", None, rmse=2.0)
+    found.adequacy, found.rmse_v, found.held_rmse_v = Adequacy(0.0, 0.0, 1e-3, 1.0), 10e-3, 0.5e-3
+    assert believable(likelier, found, 1e-4, 1e-3) == ""
+    assert "of the gap only" in believable(likelier, found, 1e-4, 1e-3, nearest)
