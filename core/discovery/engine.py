@@ -173,6 +173,8 @@ class Engine:
         if scout is not self._fitter or (found and self._explains(base, found[0])):
             return found
         misjudged = [n for n in nominations if n.mark is not None and (n not in chosen or n.promise > calm.cost)]
+        if not misjudged:
+            return found
         self._say(f"none of them explains half of it; screening {len(misjudged)} effects with slopes of their own")
         scout.problem.misfit_v = misfit_v  # the scores were taken with it
         for nomination in misjudged:
