@@ -6,7 +6,7 @@ from bsa.core.bounded_step import bounded_step
 from bsa.core.errors import BsaError
 from bsa.core.least_squares import LeastSquares, Settings, minimise
 from bsa.core.parameters import Candidate, Parameter, ParameterSpace
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
@@ -28,6 +28,7 @@ def run(search: LeastSquares, function, limit: int = 300) -> list[np.ndarray]:
 
 
 @given(seeds, st.integers(1, 8))
+@example(172, 6)  # the solution lies beyond the first radius, and the step after that promises a millionth
 @settings(max_examples=40)
 def test_a_linear_problem_takes_one_jacobian_and_a_few_steps(seed: int, count: int) -> None:
     matrix, target = linear(seed, count)
@@ -35,7 +36,8 @@ def test_a_linear_problem_takes_one_jacobian_and_a_few_steps(seed: int, count: i
     run(search, lambda x: matrix @ (x - target))
     best = 2.0 * lsq_linear(matrix, matrix @ target, bounds=(0, 1), tol=1e-14).cost
     assert search.converged
-    assert search.cost <= best * (1 + 1e-6) + 1e-12
+    # A step is not taken that promises less than a tenth of the tolerance.
+    assert search.cost <= best * (1 + 0.1 * search.settings.tolerance) + 1e-12
     assert search.simulations <= 1 + count + 6
 
 
