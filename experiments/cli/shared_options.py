@@ -64,5 +64,5 @@ def reaching(via: str | None, base_url: str | None, backend_option: list[str] | 
     from ..request import key_values
 
     given = {"via": via, "base_url": base_url, **more}
-    settings = key_values(backend_option, "--backend-option")
-    return settings | {key: str(value) if isinstance(value, Path) else value for key, value in given.items() if value}
+    said = {key: str(value) if isinstance(value, Path) else value for key, value in given.items() if value is not None}
+    return key_values(backend_option, "--backend-option") | said
