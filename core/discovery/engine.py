@@ -134,11 +134,10 @@ class Engine:
         # From parameters of a new cell no effect loses its way in a short refit, and none needs a second chance.
         kin = self._kin(confirmed, nominations) if scout is fitter else []
         explanations = self.finish(base, _sorted(confirmed), kin)
-        fits = [base]
+        calibrated = base
         # A base model that started from the parameters of a new cell had the start that its explanations had.
         if explanations and fitter.as_new is None:
             base = fitter.without(base, explanations[0])
-            fits.append(base)
         if base.adequacy.adequate:
             reason = _why_adequate(base)
             return Findings("no-missing-effect", base, base, [], explanations, nominations, reason, mesh_v)
@@ -146,8 +145,9 @@ class Engine:
         # Over many cycles a little charge lost on the way fits what sampling hides of the current: no second effect.
         if unfinished and self.settings.max_effects > 1 and fitter.as_new is None:
             explanations = self.add_second(base, explanations, nominations)
-        findings = self.decide(base, explanations, nearest=min(fits, key=lambda fit: fit.rmse_v))
-        findings.nominations, findings.mesh_v = nominations, mesh_v
+        nearest = min(calibrated, base, key=lambda fit: fit.rmse_v)
+        findings = self.decide(base, explanations, nearest)
+        findings.nominations, findings.mesh_v, findings.nearest_base = nominations, mesh_v, nearest
         return findings
 
     def _bent(self, base: Explanation) -> bool:
@@ -309,11 +309,6 @@ class Engine:
         self, base: Explanation, explanations: Sequence[Explanation], nearest: Explanation | None = None
     ) -> Findings:
         """Apply the rules to explanations that are sorted, the best first; see `believable` for ``nearest``."""
-        findings = self._verdict(base, explanations, nearest or base)
-        findings.nearest_base = nearest or base
-        return findings
-
-    def _verdict(self, base: Explanation, explanations: Sequence[Explanation], nearest: Explanation) -> Findings:
         ranked = list(explanations)
         if not ranked:
             return Findings("unexplained", base, base, reason="no effect of the catalogue points the right way")

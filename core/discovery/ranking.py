@@ -81,7 +81,7 @@ def ask(
         reasons from signatures or recites names.
     """
     rng = np.random.default_rng(seed)
-    # Of the catalogue's order, so that the list tells nothing of what statistics think of its effects.
+    # From the order of their names, so that the list tells nothing of what statistics think of its effects.
     known = sorted(effects, key=lambda effect: effect.key)
     order = [known[int(k)] for k in rng.permutation(len(known))]
     shown = {e.key: f"effect-{number:02d}" if hide_names else e.key for number, e in enumerate(order, start=1)}

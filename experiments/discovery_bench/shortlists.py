@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -51,8 +52,9 @@ def shortlist_case(folder: Path, **asked: Any) -> dict[str, Any]:
         "effects": len(possible),
         "statistics": [n.effect.key for n in possible if n.gain > 0],
     }
-    with backend_or_none(options) as backend:
-        words = bench.discrepancy(known.calm) if possible and backend is not None else None
+    # Where nothing is to be ranked no model is loaded.
+    with backend_or_none(options) if possible else nullcontext() as backend:
+        words = None if backend is None else bench.discrepancy(known.calm)
         for how, hidden in (("named", False), ("nameless", True)):
             if backend is not None and words:
                 ranking = ask(backend, words, [n.effect for n in possible], options.seed, hidden)

@@ -58,7 +58,7 @@ def test_lgm50_lacks_self_heating(tmp_path):
         model="SPMe",
         ambient_c=25.0,
         max_effects=1,
-        effects=["self-heating"],  # beside its rival it takes 11 minutes: docs/discovery.md
+        effects=["self-heating"],  # the whole catalogue takes half an hour: docs/discovery.md
         out=tmp_path,
     )
     found = discover(options)
