@@ -28,9 +28,8 @@ def run(search: LeastSquares, function, limit: int = 300) -> list[np.ndarray]:
 
 
 @given(seeds, st.integers(1, 8))
-@example(
-    172, 6
-)  # the solution lies beyond the first radius, and the step after that promises less than a usual tolerance
+# Its solution lies beyond the first radius, and the step after that promises less than the usual tolerance.
+@example(172, 6)
 @settings(max_examples=40)
 def test_a_linear_problem_takes_one_jacobian_and_a_few_steps(seed: int, count: int) -> None:
     matrix, target = linear(seed, count)
