@@ -93,11 +93,36 @@ class Reply:
 
 
 class BackendFailure(Exception):
-    """A call that gave no reply within its retries: a lost round, never a lost run."""
+    """A call that gave no reply within its retries: a lost call, which says nothing about the model."""
 
 
-class BudgetSpent(Exception):
-    """The run's allowance of tokens or money is used up; raised before a call, so that the run can stop cleanly."""
+class BackendUnreachable(BackendFailure):
+    """Nothing listens where the model should be: connection refused, unknown host, no route.
+
+    Trying again within seconds does not help, so a backend raises it at once, without its retries.
+    """
+
+
+class PromptRefused(BackendFailure):
+    """The server answered, and does not take this prompt: too long for the model's context, or of no form it knows.
+
+    Asking the same again would give the same.
+    """
+
+
+class RunStopped(Exception):
+    """The run cannot go on for now; raised from a call of the model, so that the run stops cleanly and resumably.
+
+    Nothing between the model and the run loop may catch it.
+    """
+
+
+class BudgetSpent(RunStopped):
+    """The run's allowance of tokens or money is used up, or nobody is there to answer any more."""
+
+
+class Outage(RunStopped):
+    """The model could not be had: calls were lost until there was no point in asking again."""
 
 
 @runtime_checkable
@@ -132,6 +157,10 @@ class Backend(Protocol):
 
         Raises
         ------
+        BackendUnreachable
+            When there is no connection to the model.
+        PromptRefused
+            When this prompt cannot be answered, now or later.
         BackendFailure
             When retries within the stated limit gave no reply.
         BsaError
