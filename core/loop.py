@@ -182,19 +182,26 @@ class Run:
             self._take(proposal, "warm-up", 1, limit)
 
     def _search(self) -> Status:
-        last_progress, reference = 0, self.best.objective
-        for number in range(1, self._config.rounds + 1):
+        number = counted = stalled = 0
+        reference = self.best.objective
+        while counted < self._config.rounds:
             if self._simulations_left <= 0:
                 return "simulations-spent"
             if self.best.objective <= self._config.stop_below:
                 return "converged"
+            number += 1
             proposal = self._plugins.propose(self._context("search", number, self._simulations_left))
             self._take(proposal, "search", number, self._simulations_left)
             if proposal.finished:
                 return "finished"
-            if self.best.objective < reference * (1.0 - _IMPROVEMENT) or proposal.advancing:
-                last_progress, reference = number, self.best.objective
-            elif number - last_progress >= self._config.patience:
+            # Without candidates no simulation is spent, and nothing else would end the search.
+            uncounted = proposal.by_simulations and bool(proposal.candidates)
+            counted += not uncounted
+            if uncounted or proposal.advancing or self.best.objective < reference * (1.0 - _IMPROVEMENT):
+                stalled, reference = 0, self.best.objective
+            else:
+                stalled += 1
+            if stalled >= self._config.patience:
                 return "converged"
         return "rounds-spent"
 

@@ -74,6 +74,9 @@ class Proposal:
     advancing : bool
         The proposer knows by its own measure whether it still gets on, and says when it is finished: the
         run's patience does not count this round.
+    by_simulations : bool
+        The method's budget is the number of simulations alone, as a sampler's is: neither the run's rounds nor its
+        patience count this round, unless it has no candidates.
     easings : tuple of Easing or None
         How the task is eased for each candidate; empty where it is not.
     """
@@ -87,4 +90,5 @@ class Proposal:
     lost: str = ""
     finished: bool = False
     advancing: bool = False
+    by_simulations: bool = False
     easings: tuple[Easing | None, ...] = ()

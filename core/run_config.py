@@ -18,12 +18,17 @@ class RunConfig(BaseModel, extra="forbid"):
     backend: str = Field("rules", description="Which language model, as bsa list shows it.")
     backend_options: dict[str, Any] = Field(default_factory=dict, description="Options of the backend.")
     seed: int = Field(1234, ge=0, description="Seed for everything random.")
-    rounds: int = Field(80, ge=0, description="Rounds of the search at most (the paper's T).")
+    rounds: int = Field(
+        80, ge=0, description="Rounds of the search at most (the paper's T); samplers and fits do not count in rounds."
+    )
     warm_up: int = Field(20, ge=0, description="Warm-up simulations at most (the paper's N_w).")
     simulations: int = Field(100, ge=1, description="Simulations at most, warm-up and initial one included.")
     stop_below: float = Field(0.0, ge=0, description="Stop when the objective falls to this or less.")
     patience: int = Field(
-        8, ge=1, description="Stop after this many rounds without an improvement of 0.1 % of the objective."
+        8,
+        ge=1,
+        description="Stop after this many rounds without an improvement of 0.1 % of the objective; "
+        "samplers, which see no progress, are not stopped.",
     )
 
     def identity(self, task: dict[str, Any], versions: dict[str, str]) -> str:

@@ -66,14 +66,15 @@ class _Configs:
         key = f"{scaffold}|{backend.model_dump_json()}|{budgets.model_dump_json()}"
         if key not in self.known:
             defaults = RunConfig.model_fields
-            self.known[key] = Overrides(
-                **{
-                    name: defaults[name].default if (value := getattr(budgets, name)) is None else value
-                    for name in ("rounds", "warm_up", "simulations")
-                },
-                seed=seed,
-                settings=budgets.settings,
-            ).config(self._path(scaffold), backend.use, without_placement(backend.options))
+            limits = {
+                name: defaults[name].default if (value := getattr(budgets, name)) is None else value
+                for name in ("rounds", "warm_up", "simulations")
+            }
+            # What is compared gets its whole budget: nobody is stopped for want of progress.
+            settings = {"patience": max(limits["rounds"], 1), **budgets.settings}
+            wanted = Overrides(**limits, seed=seed, settings=settings)
+            options = without_placement(backend.options)
+            self.known[key] = wanted.config(self._path(scaffold), backend.use, options)
         return self.known[key].model_copy(update={"seed": seed})
 
     def _path(self, scaffold: str) -> str:

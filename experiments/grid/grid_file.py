@@ -59,7 +59,9 @@ class Budgets(BaseModel, extra="forbid"):
     warm_up: int | None = Field(None, ge=0, description="Warm-up simulations at most.")
     simulations: int | None = Field(None, ge=1, description="Simulations at most, in all.")
     settings: dict[str, Any] = Field(
-        default_factory=dict, description="Any other setting, as --set of bsa run: patience: 5, feedback.use: overlay."
+        default_factory=dict,
+        description="Any other setting, as --set of bsa run: feedback.use: overlay. A patience left out is `rounds`: "
+        "methods that are compared get their whole budget.",
     )
 
 

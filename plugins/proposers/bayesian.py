@@ -78,6 +78,7 @@ class BayesianProposer:
             candidates,
             rationale="Sobol points." if first else "Where the surrogate expects the most.",
             action="sample" if first else "model",
+            by_simulations=True,
         )
 
     def _client(self, space: ParameterSpace, initialization: int) -> Any:

@@ -56,7 +56,7 @@ class CmaEsProposer:
             candidates,
             rationale=f"Generation {len(generations) + 1}, step size {strategy.sigma:.3g}.",
             action="sample",
-            finished=bool(strategy.stop()),
+            by_simulations=True,
         )
 
     def _strategy(self, space: ParameterSpace) -> Any:

@@ -14,6 +14,9 @@ from ...core.trajectory import FloatArray
 from ...core.trial import Trial
 from .trial_errors import by_round, finite_errors, searched, total_error
 
+_GENERATIONS = 10_000
+"""More than any budget of simulations holds."""
+
 
 class DifferentialEvolutionOptions(BaseModel, extra="forbid"):
     """Settings of `scipy.optimize.differential_evolution`."""
@@ -68,11 +71,12 @@ class DifferentialEvolutionProposer:
         known = np.split(errors, np.cumsum(sizes)[:-1]) if sizes else []
         population = self._next_population(space.to_unit(space.initial), known)
         if population is None:
-            return Proposal((), rationale="The population has converged.", action="none", finished=True)
+            return Proposal((), rationale=f"{_GENERATIONS} generations are over.", action="none", finished=True)
         return Proposal(
             tuple(space.from_unit(position) for position in population),
             rationale=f"Generation {len(generations) + 1}.",
             action="sample",
+            by_simulations=True,
         )
 
     def _error(self, trials: Sequence[Trial]) -> Callable[[Trial], float]:
@@ -98,7 +102,10 @@ class DifferentialEvolutionProposer:
                 recombination=self._options.recombination,
                 x0=np.clip(origin, 0.0, 1.0),
                 rng=np.random.default_rng(self._seed),
-                maxiter=10_000,
+                maxiter=_GENERATIONS,
+                # A population that is alike, all of it failed for instance, is no reason to end before the budget does.
+                tol=0.0,
+                atol=-1.0,
                 polish=False,
                 updating="deferred",
                 vectorized=True,

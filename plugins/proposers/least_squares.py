@@ -34,7 +34,7 @@ class LeastSquaresProposer:
             action=action(self._descent),
             details=numbers(self._descent),
             finished=not candidates,
-            advancing=bool(candidates),
+            by_simulations=True,
             easings=self._descent.easings[: len(candidates)],
         )
 

@@ -27,4 +27,4 @@ class RandomProposer:
         rng = np.random.default_rng(context.seed)
         count = min(self._batch, context.simulations_left)
         candidates = tuple(context.task.space.sample(rng) for _ in range(count))
-        return Proposal(candidates, rationale="Drawn at random.", action="sample")
+        return Proposal(candidates, rationale="Drawn at random.", action="sample", by_simulations=True)

@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from bsa.backends.rules.backend import RulesBackend
 from bsa.core.errors import BsaError
+from bsa.core.hooks import hookimpl
 from bsa.core.journal import FILE_NAME, read_events
 from bsa.core.loop import RunResult
 from bsa.core.messages import BackendFailure, BudgetSpent, JsonSchema, Message, Reply
+from bsa.core.proposal import Proposal
+from bsa.plugins.proposers.random import RandomProposer
 from bsa_toy_cell import CAPACITY, HIDDEN, POLARISATION, SERIES, toy_scaffold, toy_task
 
 RunToy = Callable[..., RunResult]
@@ -70,6 +73,17 @@ def test_failed_simulations_are_trials_and_not_the_end(run_toy: RunToy) -> None:
     assert result.trials[0].feedback.content["events"][0] == "simulation_failed: the toy solver gave up"
     assert result.initial_metrics is None or result.initial_metrics.mape > 0
     assert len(result.trials) > 1
+
+
+def test_a_method_without_candidates_ends_by_rounds_or_patience(
+    run_toy: RunToy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever such a round says of itself, it spends no simulation: without a limit it would be asked for ever."""
+    nothing = Proposal((), by_simulations=True)
+    monkeypatch.setattr(RandomProposer, "propose", hookimpl(lambda self, context: nothing))
+    scaffold = toy_scaffold("random")
+    assert run_toy(tmp_path / "a", scaffold=scaffold, rounds=3, patience=9).status == "rounds-spent"
+    assert run_toy(tmp_path / "b", scaffold=scaffold, rounds=9, patience=3).status == "converged"
 
 
 class Scripted:

@@ -4,10 +4,11 @@ import pytest
 from bsa.core.errors import BsaError
 from bsa.experiments.grid.expansion import expand
 from bsa.experiments.grid.grid_file import load_grid, shipped_names
+from bsa.experiments.grid.running import run_grid
 from bsa.experiments.grid.store import Store
 from bsa.experiments.suite.case import SuiteCase
 
-from .conftest import write_grid
+from .conftest import Here, Quiet, write_grid
 
 
 def test_a_wrong_key_is_named_with_the_nearest_one(tmp_path):
@@ -66,7 +67,7 @@ def test_shipped_grids_expand(name, tmp_path, monkeypatch):
     grid = load_grid(name)
     cells = expand(grid, Store(tmp_path), tmp_path, make=False)
     runs = {
-        "main-table": len(cases) * (4 + 7),
+        "main-table": len(cases) * (2 * 4 + 8),
         "qwen-scaling": 8 * 3 * 3,
         "rules-ablation": 8 * 4 * 3,
         "rules-ablation-cases": 10 * 4,
@@ -75,3 +76,30 @@ def test_shipped_grids_expand(name, tmp_path, monkeypatch):
     assert grid.name == name
     assert len(cells) == runs[name]
     assert not list(tmp_path.rglob("*.json"))
+
+
+@pytest.mark.parametrize("name", shipped_names())
+def test_shipped_grids_stop_nobody_early(name, tmp_path):
+    """Patience never ends a run, and methods of one task may spend alike."""
+    grid = load_grid(name)
+    cells = expand(grid, Store(tmp_path), tmp_path, make=False)
+    allowed = {}
+    for cell in cells:
+        assert cell.config.patience >= cell.config.rounds
+        allowed.setdefault(cell.task.key, set()).add((cell.config.rounds, cell.config.warm_up, cell.config.simulations))
+    assert all(len(budgets) == 1 for budgets in allowed.values())
+
+
+def test_a_grid_without_patience_has_that_of_its_rounds_and_may_set_its_own(make_plan):
+    def patience(**content):
+        return {cell.config.patience for cell in make_plan(rounds=30, **content).cells}
+
+    assert patience() == {30}
+    assert patience(settings={"simulator.use": "toy-cell", "patience": 4}) == {4}
+
+
+def test_samplers_of_a_grid_spend_their_whole_budget(make_plan):
+    plan = make_plan(tasks=1, scaffolds=["random", "cma-es", "de"], rounds=2, simulations=30)
+    rows, _ = run_grid(plan, Here(), lambda plan, pool: Quiet())
+    assert {row["simulations"] for row in rows} == {30}
+    assert {row["status"] for row in rows} == {"simulations-spent"}

@@ -73,6 +73,18 @@ def test_failed_simulations_steer_and_never_stop(name: str, run_toy: RunToy) -> 
     assert result.best.candidate[SERIES] <= 0.1
 
 
+@pytest.mark.parametrize("broken", [False, True])
+@pytest.mark.parametrize("name", FAST + SLOW)
+def test_simulations_alone_end_a_sampler(name: str, broken: bool, run_toy: RunToy) -> None:
+    """Neither few rounds, nor little patience, nor a population that has failed as one stops it early."""
+    options = {"breaks_above_ohm": 1e-3 if broken else 1.0}
+    scaffold = toy_scaffold(name, simulator={"use": "toy-cell", "options": options})
+    result = run_toy(scaffold=scaffold, rounds=1, patience=1, warm_up=0, simulations=60 if name in FAST else 14)
+    assert len(result.trials) == (60 if name in FAST else 14)
+    assert result.status == "simulations-spent"
+    assert any(trial.ok for trial in result.trials) != broken
+
+
 @pytest.mark.parametrize("name", ["cma-es", "de"])
 def test_populations_converge(name: str, run_toy: RunToy) -> None:
     result = run_toy(scaffold=toy_scaffold(name), rounds=60, simulations=200, **BUDGET)
@@ -80,8 +92,10 @@ def test_populations_converge(name: str, run_toy: RunToy) -> None:
 
 
 def test_cma_population_is_the_papers(run_toy: RunToy) -> None:
-    result = run_toy(scaffold=toy_scaffold("cma-es"), rounds=2, simulations=50, **BUDGET)
-    assert len(result.trials) == 1 + 2 * (len(toy_task().space) + 1)
+    result = run_toy(scaffold=toy_scaffold("cma-es"), simulations=50, **BUDGET)
+    assert {trial.round for trial in result.trials if trial.index in range(1, 6)} == {1}
+    assert result.trials[6].round == 2
+    assert len(toy_task().space) + 1 == 5
 
 
 def test_default_tries_nothing(run_toy: RunToy) -> None:
