@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from .errors import BsaError
 from .parameters import Parameter, Scale
+from .target import EffectValue
 from .trajectory import FloatArray
+
+_DIFFERENCE = 0.25
+"""Finite-difference step of an effect's parameter, in units of its deviation."""
 
 Values = Mapping[str, float]
 """The parameters of one effect by their short names."""
@@ -153,5 +158,21 @@ class Effect:
 
     @property
     def searched(self) -> tuple[Parameter, ...]:
-        """The parameters as a search space sees them, starting at the probe."""
-        return tuple(Parameter(self.full_name(p), p.probe, p.lower, p.upper, p.scale) for p in self.parameters)
+        """The parameters as a search space sees them, starting at the probe.
+
+        Only those on a log scale have a prior, of a factor of two: a null value is no likelier than another.
+        """
+        return tuple(
+            Parameter(
+                self.full_name(p),
+                p.probe,
+                p.lower,
+                p.upper,
+                p.scale,
+                EffectValue(self.name, p.name),
+                math.log(2.0) if p.scale == "log" else abs(p.probe - p.null) or 0.1 * (p.upper - p.lower),
+                prior=p.scale == "log",
+                difference=_DIFFERENCE,
+            )
+            for p in self.parameters
+        )

@@ -17,6 +17,7 @@ from .metrics import Metrics
 from .parameters import Parameter, ParameterSpace
 from .proposal import Proposal
 from .simulation import SimulationFailure
+from .target import CyclableLithium, EffectValue, Factor, InitialSoc, Target, Value, target_named
 from .task import CellModel, Experiment, Task
 from .trajectory import FloatArray, Step, StepKind, Trajectory
 from .trial import Trial
@@ -55,12 +56,40 @@ def decode_trajectory(record: Mapping[str, Any]) -> Trajectory:
     )
 
 
+_TARGETS: dict[str, type[Target]] = {
+    "value": Value,
+    "factor": Factor,
+    "initial_soc": InitialSoc,
+    "cyclable_lithium": CyclableLithium,
+    "effect": EffectValue,
+}
+
+
+def encode_parameter(parameter: Parameter) -> Json:
+    """A searched parameter with what it acts on."""
+    target = parameter.target
+    kind = next((kind for kind, of in _TARGETS.items() if type(target) is of), None)
+    acts_on = None if kind is None or target is None else {"kind": kind, **asdict(target)}
+    return {**asdict(parameter), "target": acts_on}
+
+
+def decode_parameter(record: Mapping[str, Any]) -> Parameter:
+    """The inverse of `encode_parameter`; a record of an earlier version names its target by the parameter's name."""
+    if "target" not in record:
+        return Parameter(**record, target=target_named(record["name"]))
+    acts_on = record["target"]
+    if acts_on is None:
+        return Parameter(**record)
+    content = {key: value for key, value in acts_on.items() if key != "kind"}
+    return Parameter(**{**record, "target": _TARGETS[acts_on["kind"]](**content)})
+
+
 def encode_task(task: Task) -> Json:
     """A task with its records."""
     return {
         "name": task.name,
         "cell": {**asdict(task.cell), "options": dict(task.cell.options), "overrides": dict(task.cell.overrides)},
-        "space": [asdict(parameter) for parameter in task.space],
+        "space": [encode_parameter(parameter) for parameter in task.space],
         "experiments": [
             {
                 "name": experiment.name,
@@ -81,7 +110,7 @@ def decode_task(record: Mapping[str, Any]) -> Task:
     return Task(
         record["name"],
         CellModel(**record["cell"]),
-        ParameterSpace(tuple(Parameter(**parameter) for parameter in record["space"])),
+        ParameterSpace(tuple(decode_parameter(parameter) for parameter in record["space"])),
         tuple(
             Experiment(
                 experiment["name"],

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from .errors import BsaError, did_you_mean
+from .target import CellChange, Factor, Target, Value, change_of
 from .trajectory import FloatArray
 
 Scale = Literal["linear", "log"]
@@ -27,14 +28,23 @@ class Parameter:
     Attributes
     ----------
     name : str
-        PyBaMM's own name, unit included; with the suffix `` factor`` for a multiplier on a
-        function-valued parameter (``"Positive particle diffusivity [m2.s-1] factor"``).
+        What people and models call it: PyBaMM's own name, unit included, where it replaces a number of the
+        parameter set; see `target_named` for the names of other targets.
     initial : float
         Where the search starts.
     lower, upper : float
         Physical bounds, ``lower < upper``.
     scale : {'linear', 'log'}
         The axis on which steps of equal length mean equally much.
+    target : Target or None
+        What it acts on; None is the number of the parameter set that has its name.
+    deviation : float or None
+        How far the value may plausibly be off, on the parameter's own scale: the unit of `coordinate`. None is the
+        whole range between the bounds.
+    prior : bool
+        Whether the deviation is the standard deviation of a normal prior around the initial value.
+    difference : float
+        Finite-difference step in units of the deviation.
     """
 
     name: str
@@ -42,6 +52,10 @@ class Parameter:
     lower: float
     upper: float
     scale: Scale = "linear"
+    target: Target | None = None
+    deviation: float | None = None
+    prior: bool = False
+    difference: float = 0.1
 
     def __post_init__(self) -> None:
         values = (self.initial, self.lower, self.upper)
@@ -64,7 +78,7 @@ class Parameter:
     @property
     def unit(self) -> str:
         """The unit in PyBaMM's notation; empty for a pure number."""
-        if self.name.endswith(" factor"):
+        if isinstance(self.target, Factor):
             return ""
         found = _UNIT.search(self.name)
         return found.group(1) if found else ""
@@ -89,6 +103,25 @@ class Parameter:
         if self.scale == "log":
             return math.log(value / self.lower) / math.log(self.upper / self.lower)
         return (value - self.lower) / (self.upper - self.lower)
+
+    @property
+    def length(self) -> float:
+        """The unit of `coordinate`, on the parameter's own scale."""
+        if self.deviation is not None:
+            return self.deviation
+        return math.log(self.upper / self.lower) if self.scale == "log" else self.upper - self.lower
+
+    def coordinate(self, value: float) -> float:
+        """How many deviations ``value`` lies above the initial value, on this parameter's own scale."""
+        if self.scale == "log":
+            return math.log(value / self.initial) / self.length
+        return (value - self.initial) / self.length
+
+    def at_coordinate(self, u: float) -> float:
+        """The inverse of `coordinate`, kept inside the bounds."""
+        if self.scale == "log":
+            return self.project(self.initial * math.exp(u * self.length))
+        return self.project(self.initial + u * self.length)
 
     def from_unit(self, position: float) -> float:
         """The inverse of `to_unit`, kept inside the bounds against rounding."""
@@ -135,6 +168,15 @@ class ParameterSpace:
         return tuple(parameter.name for parameter in self.parameters)
 
     @property
+    def targets(self) -> dict[str, Target]:
+        """What each parameter acts on, by its name."""
+        return {parameter.name: parameter.target or Value(parameter.name) for parameter in self}
+
+    def change(self, candidate: Candidate) -> CellChange:
+        """What a candidate changes about the cell, sorted by target."""
+        return change_of(self.targets, candidate)
+
+    @property
     def initial(self) -> dict[str, float]:
         """The candidate at which a search starts."""
         return {parameter.name: parameter.initial for parameter in self}
@@ -152,6 +194,25 @@ class ParameterSpace:
         return {
             parameter.name: parameter.from_unit(float(value)) for parameter, value in zip(self, position, strict=True)
         }
+
+    @property
+    def lowest(self) -> FloatArray:
+        """Coordinates of the lower bounds, shape (p,)."""
+        return np.array([parameter.coordinate(parameter.lower) for parameter in self])
+
+    @property
+    def highest(self) -> FloatArray:
+        """Coordinates of the upper bounds, shape (p,)."""
+        return np.array([parameter.coordinate(parameter.upper) for parameter in self])
+
+    @property
+    def prior_weights(self) -> FloatArray:
+        """Cost of a unit of each coordinate, shape (p,): 1 where the parameter has a prior, else 0."""
+        return np.array([1.0 if parameter.prior else 0.0 for parameter in self])
+
+    def at(self, u: FloatArray) -> dict[str, float]:
+        """The candidate at coordinates of shape (p,), in deviations from the initial values."""
+        return {parameter.name: parameter.at_coordinate(float(value)) for parameter, value in zip(self, u, strict=True)}
 
     def sample(self, rng: np.random.Generator) -> dict[str, float]:
         """A candidate drawn evenly from the unit box."""

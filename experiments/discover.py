@@ -115,7 +115,9 @@ def discover_on(
         discovery.closure = fit_closure(problem.observations, before, bench.capacity_ah)
     discovery.temperature_rms_k = _temperatures(problem, findings.best)
     found = findings.best
-    discovery.script = augmented_script(case.cell, found.effects, found.fit.candidate, case.specimens, bench.mesh.fine)
+    discovery.script = augmented_script(
+        case.cell, found.effects, found.fit.candidate, bench.space.targets, case.specimens, bench.mesh.fine
+    )
     discovery.simulations = bench.laboratory.simulations
     discovery.wall_s = time.perf_counter() - bench.began
     return discovery

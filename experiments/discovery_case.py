@@ -17,6 +17,7 @@ from ..core.effect import Effect
 from ..core.errors import BsaError, did_you_mean
 from ..core.record import ReadOptions
 from ..core.registry import Registry, installed
+from ..core.target import CyclableLithium, Factor, Value, factor_name, target_named
 from ..core.task import CellModel
 from ..core.validation import explain, read_yaml
 
@@ -173,8 +174,7 @@ def _read_search(file: str) -> dict[str, Uncertainty | None]:
 
 def spreads_of(search: str | dict[str, Uncertainty | None], cell: CellModel) -> dict[str, tuple[float, float, float]]:
     """What is uncertain, from a preset, a file or factors by name."""
-    from ..plugins.pybamm.parameter_sets import FACTOR, require
-    from ..plugins.pybamm.state_of_charge import CYCLABLE_LITHIUM
+    from ..plugins.pybamm.parameter_sets import require
     from ..plugins.pybamm.uncertain_parameters import PRESETS, default_spread
 
     if isinstance(search, str):
@@ -186,9 +186,10 @@ def spreads_of(search: str | dict[str, Uncertainty | None], cell: CellModel) -> 
         search = _read_search(search)
     spreads = {}
     for name, own in search.items():
-        if name != CYCLABLE_LITHIUM:
-            require(cell.parameter_set, name.removesuffix(FACTOR))
-        if not name.endswith(FACTOR):
-            raise BsaError(f'"{name}" is not a factor.', f'write "{name}{FACTOR}".')
+        target = target_named(name)
+        if isinstance(target, (Factor, Value)):
+            require(cell.parameter_set, target.name)
+        if not isinstance(target, (Factor, CyclableLithium)):
+            raise BsaError(f'"{name}" is not a factor.', f'write "{factor_name(name)}".')
         spreads[name] = default_spread(name) if own is None else (own.spread, own.lower, own.upper)
     return spreads

@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from ..core.discovery.axes import Axis
 from ..core.discovery.engine import Engine
 from ..core.discovery.evidence import gather
 from ..core.discovery.explanation import Explanation
@@ -15,6 +14,7 @@ from ..core.discovery.localisation import in_words, localise
 from ..core.discovery.observations import observe
 from ..core.discovery.problem import Problem
 from ..core.effect import Effect
+from ..core.parameters import ParameterSpace
 from ..plugins.pybamm.laboratory import PyBaMMLaboratory
 from ..plugins.pybamm.parameter_sets import load, pybamm
 from ..plugins.pybamm.radial_mesh import RadialMesh, radial_mesh
@@ -32,7 +32,7 @@ class Workbench:
         What was asked.
     problem : Problem
         The records, condensed, and the laboratory.
-    axes : tuple of Axis
+    space : ParameterSpace
         The uncertain parameters of the base model.
     catalogue : tuple of Effect
         What may be missing.
@@ -48,7 +48,7 @@ class Workbench:
 
     case: Case
     problem: Problem
-    axes: tuple[Axis, ...]
+    space: ParameterSpace
     catalogue: tuple[Effect, ...]
     laboratory: PyBaMMLaboratory
     mesh: RadialMesh
@@ -69,7 +69,7 @@ class Workbench:
         """The workflow on it; see `Engine`."""
         cell = self.case.cell
         evidence = gather(cell.model, cell.options, [*self.case.specimens, *self.case.held])
-        return Engine(self.problem, self.axes, self.catalogue, evidence, settings, listener, preferred)
+        return Engine(self.problem, self.space, self.catalogue, evidence, settings, listener, preferred)
 
     def discrepancy(self, base: Explanation) -> list[str] | None:
         """What a base model leaves, in words; None if it cannot be simulated."""
@@ -89,8 +89,8 @@ def set_up(case: Case, options: DiscoverOptions, listener: Listener = lambda tex
     mesh = radial_mesh(cell, [*case.specimens, *case.held], case.initial_soc)
     if mesh.note:
         listener(mesh.note)
-    axes = uncertain_parameters(cell.model, case.specimens, case.initial_soc, spreads_of(options.search, cell))
-    laboratory = PyBaMMLaboratory(cell, [axis.name for axis in axes], mesh.usual, mesh.fine)
+    space = uncertain_parameters(cell.model, case.specimens, case.initial_soc, spreads_of(options.search, cell))
+    laboratory = PyBaMMLaboratory(cell, space.targets, mesh.usual, mesh.fine)
     floor = 1e-3 * options.floor_mv
     problem = Problem(
         laboratory,
@@ -100,4 +100,4 @@ def set_up(case: Case, options: DiscoverOptions, listener: Listener = lambda tex
         [observe(s.name, s.record, s.ambient_k, options.points, floor) for s in case.held],
     )
     capacity = float(load(cell.parameter_set, cell.overrides)["Nominal cell capacity [A.h]"])
-    return Workbench(case, problem, axes, effects_of(options.effects), laboratory, mesh, capacity, began)
+    return Workbench(case, problem, space, effects_of(options.effects), laboratory, mesh, capacity, began)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from ..effect import Effect, Evidence
-from .axes import Axis
+from ..parameters import ParameterSpace
 from .explanation import Explanation
 from .findings import Findings, Listener, Nomination, Settings
 from .fitting import LAG, Fitter
@@ -79,7 +79,7 @@ class Engine:
     ----------
     problem : Problem
         Records and laboratory.
-    axes : tuple of Axis
+    space : ParameterSpace
         The uncertain parameters of the base model.
     catalogue : sequence of Effect
         What may be missing.
@@ -96,7 +96,7 @@ class Engine:
     def __init__(
         self,
         problem: Problem,
-        axes: tuple[Axis, ...],
+        space: ParameterSpace,
         catalogue: Sequence[Effect],
         evidence: Evidence,
         settings: Settings | None = None,
@@ -107,7 +107,7 @@ class Engine:
         self.catalogue = tuple(catalogue)
         self.evidence = evidence
         self.settings = settings or Settings()
-        self._fitter = Fitter(problem, axes, self.settings, listener)
+        self._fitter = Fitter(problem, space, self.settings, listener)
         self._say = listener
         self._preferred = preferred
 

@@ -107,7 +107,7 @@ class Explanation:
         return self._dispersion(self.chi2(misfit_v))
 
     def _dispersion(self, squares: float) -> float:
-        freedom = max(len(self.errors) - len(self.fit.axes), 1)
+        freedom = max(len(self.errors) - len(self.fit.space), 1)
         return max(1.0, squares / freedom * self.adequacy.repetition)
 
     @property
@@ -193,26 +193,30 @@ def estimates_of(effects: tuple[Effect, ...], fit: Refit, dispersion: float) -> 
     effects : tuple of Effect
         The effects of the fit.
     fit : Refit
-        Ends with their axes.
+        Ends with their parameters.
     dispersion : float
         By which the covariance is multiplied (quasi-likelihood).
     """
     deviations: FloatArray = np.sqrt(np.diag(fit.covariance(dispersion)))
-    place = {axis.name: number for number, axis in enumerate(fit.axes)}
+    place = {name: number for number, name in enumerate(fit.space.names)}
     result: dict[str, tuple[Estimate, ...]] = {}
     for effect in effects:
         rows = []
         for p in effect.parameters:
             number = place[effect.full_name(p)]
-            axis, u, deviation = fit.axes[number], float(fit.u[number]), float(deviations[number])
-            value = axis.value(u)
+            parameter, u = fit.space.parameters[number], float(fit.u[number])
+            half = 1.96 * float(deviations[number])
             if p.scale == "log":
-                ends = [axis.parameter.initial * np.exp((u + s * 1.96 * deviation) * axis.spread) for s in (-1, 1)]
+                ends = [parameter.initial * np.exp(end * parameter.length) for end in (u - half, u + half)]
             else:
-                ends = [axis.parameter.initial + (u + s * 1.96 * deviation) * axis.spread for s in (-1, 1)]
-            lower, upper = axis.bounds
+                ends = [parameter.initial + end * parameter.length for end in (u - half, u + half)]
+            lower, upper = float(fit.space.lowest[number]), float(fit.space.highest[number])
             near = 1e-3 * (upper - lower)
             at_bound = (u < lower + near and p.lower != p.null) or (u > upper - near and p.upper != p.null)
-            rows.append(Estimate(p.name, p.unit, value, (float(ends[0]), float(ends[1])), p.null, bool(at_bound)))
+            rows.append(
+                Estimate(
+                    p.name, p.unit, parameter.at_coordinate(u), (float(ends[0]), float(ends[1])), p.null, bool(at_bound)
+                )
+            )
         result[effect.key] = tuple(rows)
     return result

@@ -9,9 +9,9 @@ import numpy as np
 
 from ..effect import Effect
 from ..errors import BsaError
+from ..parameters import ParameterSpace
 from ..trajectory import FloatArray
 from .adequacy import judge
-from .axes import Axis, candidate_of
 from .explanation import Explanation, estimates_of, warmth
 from .findings import Listener, Settings
 from .first_cycles import first_cycle, longer, near_cycles
@@ -53,7 +53,7 @@ class Fitter:
     ----------
     problem : Problem
         Records and laboratory; its ``misfit_v`` is what the present fits count as noise.
-    axes : tuple of Axis
+    space : ParameterSpace
         The uncertain parameters of the base model.
     settings : Settings
         How hard to look.
@@ -61,9 +61,9 @@ class Fitter:
         Told in one line what is being done.
     """
 
-    def __init__(self, problem: Problem, axes: tuple[Axis, ...], settings: Settings, listener: Listener) -> None:
+    def __init__(self, problem: Problem, space: ParameterSpace, settings: Settings, listener: Listener) -> None:
         self.problem = problem
-        self.axes = axes
+        self.space = space
         self.settings = settings
         self.as_new: FloatArray | None = None
         """Base parameters before the cell aged, shape (p,), where records of many cycles tell them."""
@@ -78,21 +78,21 @@ class Fitter:
     def fit(
         self,
         effects: Sequence[Effect],
-        axes: tuple[Axis, ...],
+        space: ParameterSpace,
         start: FloatArray,
         budget: int,
         tolerance: float = 2e-3,
         jacobian: FloatArray | None = None,
     ) -> Refit | None:
         """Fit at the present misfit; None if the start cannot be simulated."""
-        found = refit(self.residual(effects), axes, start, jacobian, budget, tolerance)
+        found = refit(self.residual(effects), space, start, jacobian, budget, tolerance)
         return None if found is None else replace(found, deviation=self.problem.deviation())
 
     def onwards(self, effects: Sequence[Effect], fit: Refit, budget: int, tolerance: float = 2e-3) -> Refit:
         """Fit on from where a fit ended, whatever misfit it was made with: its Jacobian is weighed anew."""
         known = None if fit.deviation is None else self.problem.deviation() / fit.deviation
         jacobian = None if known is None else fit.jacobian / known[:, None]
-        return self.fit(effects, fit.axes, fit.u, budget, tolerance, jacobian) or fit
+        return self.fit(effects, fit.space, fit.u, budget, tolerance, jacobian) or fit
 
     def again(self, explanation: Explanation, budget: int) -> Explanation:
         """The same explanation, fitted on from where it is with the present misfit."""
@@ -100,13 +100,13 @@ class Fitter:
         return self.explain(explanation.effects, fit, explanation.score)
 
     def at(
-        self, effects: tuple[Effect, ...], axes: tuple[Axis, ...], u: FloatArray, score: Score | None = None
+        self, effects: tuple[Effect, ...], space: ParameterSpace, u: FloatArray, score: Score | None = None
     ) -> Explanation | None:
         """What is explained at given coordinates, without a fit; None if they cannot be simulated."""
-        here = self.residual(effects)(candidate_of(axes, u))
+        here = self.residual(effects)(space.at(u))
         if here is None:
             return None
-        return self.explain(effects, Refit(axes, u, here, np.zeros((len(here), len(axes))), False, 1), score)
+        return self.explain(effects, Refit(space, u, here, np.zeros((len(here), len(space))), False, 1), score)
 
     # --- the base model -------------------------------------------------------------------------------------
 
@@ -129,13 +129,13 @@ class Fitter:
         new = first_cycle(problem)
         if new is not None:
             self._say("first cycle alone:")
-            scout = Fitter(new, self.axes, self.settings, self._say)
+            scout = Fitter(new, self.space, self.settings, self._say)
             first, _ = scout.calibrate(_STARTS)
             self.as_new = (first if first.adequacy.adequate else scout.temper(first)).fit.u
         # From coarse to fine: each fit counts as noise what the one before it could not explain, and noise alone is
         # reached only by a model that comes near it. Started at the finest, a fit loses itself on the steep parts.
         problem.misfit_v = _COARSE_V
-        fit = self._fit_from_somewhere(np.zeros(len(self.axes)) if self.as_new is None else self.as_new)
+        fit = self._fit_from_somewhere(np.zeros(len(self.space)) if self.as_new is None else self.as_new)
         for _ in range(3):
             left = self.explain((), fit, None).misfit_v
             left = left if left > _NEAR_V else 0.0
@@ -154,8 +154,8 @@ class Fitter:
             if base.adequacy.adequate or (number > 1 and base.misfit_v < _NEAR_V):
                 break
             # A poor fit may be a poor start: try another before calling it missing physics.
-            start = np.array([rng.normal() if axis.prior else u for axis, u in zip(self.axes, fit.u, strict=True)])
-            other = self.fit((), self.axes, start, budget // 2)
+            start = np.array([rng.normal() if p.prior else u for p, u in zip(self.space, fit.u, strict=True)])
+            other = self.fit((), self.space, start, budget // 2)
             if other is not None and other.cost < 0.98 * fit.cost:
                 fit = self.onwards((), other, budget)
                 base = self.explain((), fit, None)
@@ -169,7 +169,7 @@ class Fitter:
         costs: dict[tuple[float, float], float] = {}
         for ease in (0.0, 0.5, 1.0, 1.5):
             for soc_shift in (0.0, 3.0, -4.0):
-                here = residual(candidate_of(self.axes, self._eased(start, ease, soc_shift)))
+                here = residual(self.space.at(self._eased(start, ease, soc_shift)))
                 if here is not None:
                     costs[ease, soc_shift] = float(here @ here)
             if costs and min(costs.values()) < _GOOD_START**2 * len(self.problem.fitted[0]):
@@ -178,7 +178,7 @@ class Fitter:
         # The charge that a rested voltage tells is well known: what comes nearer elsewhere may end farther off.
         if (0.0, 0.0) in costs and (0.0, 0.0) not in places:
             places.append((0.0, 0.0))
-        tried = [self.fit((), self.axes, self._eased(start, *p), self.settings.base_budget, 2e-2) for p in places]
+        tried = [self.fit((), self.space, self._eased(start, *p), self.settings.base_budget, 2e-2) for p in places]
         fits = [fit for fit in tried if fit is not None]
         if not fits:
             raise BsaError(
@@ -188,7 +188,7 @@ class Fitter:
         return min(fits, key=lambda fit: fit.cost)
 
     def _eased(self, start: FloatArray, ease: float, soc_shift: float) -> FloatArray:
-        shift: FloatArray = np.array([ease if axis.prior else soc_shift for axis in self.axes])
+        shift: FloatArray = np.array([ease if parameter.prior else soc_shift for parameter in self.space])
         return start + shift
 
     def without(self, base: Explanation, best: Explanation) -> Explanation:
@@ -198,7 +198,7 @@ class Fitter:
         """
         self.problem.misfit_v = best.blur_v if best.misfit_v > _NEAR_V else 0.0
         budget = self.settings.base_budget // 2
-        fit = self.fit((), self.axes, best.fit.u[: len(self.axes)], budget)
+        fit = self.fit((), self.space, best.fit.u[: len(self.space)], budget)
         if fit is None:
             return base
         again = self.explain((), fit if fit.converged else self.onwards((), fit, budget), None)
@@ -209,10 +209,10 @@ class Fitter:
         effects, fit = explanation.effects, explanation.fit
         weakest = min(effects, key=explanation.prominence)
         gone = {weakest.full_name(p) for p in weakest.parameters}
-        kept = [number for number, axis in enumerate(fit.axes) if axis.name not in gone]
+        kept = [number for number, parameter in enumerate(fit.space) if parameter.name not in gone]
         rest = tuple(effect for effect in effects if effect is not weakest)
-        axes = tuple(fit.axes[number] for number in kept)
-        start = replace(fit, axes=axes, u=fit.u[kept], jacobian=fit.jacobian[:, kept])
+        space = ParameterSpace(tuple(fit.space.parameters[number] for number in kept))
+        start = replace(fit, space=space, u=fit.u[kept], jacobian=fit.jacobian[:, kept])
         found = self.onwards(rest, start, self.settings.refit_budget)
         return None if found is start else self.explain(rest, found, None)
 
@@ -224,17 +224,18 @@ class Fitter:
         What is true of the base model is true whatever is added to it, and effects of one kind (all that cost
         lithium) hide behind one another: one that found its way shows the others theirs.
         """
-        axes, count = known.axes, len(self.axes)
+        space, count = known.space, len(self.space)
+        lowest, highest = space.lowest[count], space.highest[count]
         residual, best = self.residual(effects), None
         for share in _SHARES_OF_STRENGTH:
             start = np.concatenate([leader.fit.u[:count], known.u[count:]])
             # The strength's coordinate is -1 at its null.
-            start[count] = np.clip(share * (start[count] + 1.0) - 1.0, *axes[count].bounds)
-            here = residual(candidate_of(axes, start))
+            start[count] = np.clip(share * (start[count] + 1.0) - 1.0, lowest, highest)
+            here = residual(space.at(start))
             if here is not None and (best is None or float(here @ here) < best[0]):
                 best = float(here @ here), start
         budget = self.settings.refit_budget
-        fit = None if best is None else self.fit(effects, axes, best[1], budget // 3)
+        fit = None if best is None else self.fit(effects, space, best[1], budget // 3)
         if fit is None or fit.cost > leader.fit.cost + LAG:
             return None
         return self.explain(effects, fit if fit.converged else self.onwards(effects, fit, budget), score)
@@ -252,7 +253,7 @@ class Fitter:
         if not calm.fit.converged:
             # Scores and short refits stand on this Jacobian: after many updates it is no derivative any more.
             fit = calm.fit
-            slopes, _ = differences(self.residual(base.effects), fit.axes, fit.u, fit.residual, fit.jacobian)
+            slopes, _ = differences(self.residual(base.effects), fit.space, fit.u, fit.residual, fit.jacobian)
             calm.fit = replace(fit, jacobian=slopes)
         return calm
 
@@ -264,16 +265,16 @@ class Fitter:
         """
         if self.as_new is None:
             return None
-        predictions = self.problem.predict((), candidate_of(self.axes, self.as_new))
+        predictions = self.problem.predict((), self.space.at(self.as_new))
         cut = None if predictions is None else near_cycles(self.problem, self.problem.errors(predictions))
         if cut is None:
             return None
-        near = Fitter(cut, self.axes, self.settings, self._say)
-        here = near.at((), self.axes, self.as_new)
+        near = Fitter(cut, self.space, self.settings, self._say)
+        here = near.at((), self.space, self.as_new)
         if here is None:
             return None
         near.problem.misfit_v = here.blur_v
-        fit = near.fit((), self.axes, self.as_new, 1 + len(self.axes))
+        fit = near.fit((), self.space, self.as_new, 1 + len(self.space))
         return None if fit is None else (near, near.explain((), fit, None))
 
     def lengthened(self, near: Fitter, explanations: Sequence[Explanation]) -> list[Explanation]:
@@ -283,7 +284,7 @@ class Fitter:
         """
         running = list(explanations)
         for problem in longer(self.problem, near.problem):
-            stage = Fitter(problem, self.axes, self.settings, self._say)
+            stage = Fitter(problem, self.space, self.settings, self._say)
             running = stage.moved(running)
             if running:
                 problem.misfit_v = max(_NEAR_V, min(explanation.blur_v for explanation in running))
@@ -292,7 +293,7 @@ class Fitter:
 
     def moved(self, explanations: Sequence[Explanation]) -> list[Explanation]:
         """Explanations of part of the records on these, not fitted yet; without those that cannot be simulated."""
-        found = [self.at(e.effects, e.fit.axes, e.fit.u, e.score) for e in explanations]
+        found = [self.at(e.effects, e.fit.space, e.fit.u, e.score) for e in explanations]
         return [explanation for explanation in found if explanation is not None]
 
     def contest(self, base: Explanation, explanations: Sequence[Explanation]) -> list[Explanation]:
@@ -351,7 +352,7 @@ class Fitter:
             [part / sigma for part, sigma in zip(parts, sigmas, strict=True)],
             sigmas,
             [observed.step[mask] for observed, _, mask in masks],
-            len(fit.axes),
+            len(fit.space),
         )
         counts = np.concatenate([observed.count[mask] for observed, _, mask in masks])
         volts, sigma = np.concatenate(parts), np.concatenate(sigmas)

@@ -8,10 +8,8 @@ from typing import Protocol
 
 from ..effect import Effect
 from ..parameters import Candidate
+from ..target import soc_name
 from ..trajectory import FloatArray, Trajectory
-
-INITIAL_SOC = "Initial state of charge"
-"""Name of the initial state of charge of one record; the fit has one for each, ``"Initial state of charge: NAME"``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +33,7 @@ class Specimen:
     @property
     def soc_name(self) -> str:
         """The fitted parameter that is this record's initial state of charge."""
-        return f"{INITIAL_SOC}: {self.name}"
+        return soc_name(self.name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +63,7 @@ class Laboratory(Protocol):
         times: FloatArray,
         current: FloatArray,
         fine: bool = False,
+        soc: float | None = None,
     ) -> Prediction | None:
         """Predict voltage and temperature.
 
@@ -73,13 +72,15 @@ class Laboratory(Protocol):
         effects : sequence of Effect
             What is added to the base model.
         candidate : mapping of str to float
-            Base parameters, ``"Initial state of charge"`` and the effects' parameters.
+            Base parameters and the effects' parameters; what else it holds is left out.
         specimen : Specimen
             What is driven.
         times, current : ndarray of shape (n,)
             When, on the record's clock (s), and the measured current then (A, positive on discharge).
         fine : bool
             Whether to use the finer mesh and tighter tolerances, from which the error of the usual ones is known.
+        soc : float or None
+            State of charge at which the record starts, 0 to 1; None keeps the parameter set's.
 
         Returns
         -------

@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy.optimize import lsq_linear
 
+from ..parameters import ParameterSpace
 from ..trajectory import FloatArray
-from .axes import Axis
-
-
-def beliefs_of(axes: Sequence[Axis]) -> FloatArray:
-    """How much each coordinate costs, shape (p,): 1 where it is in units of a belief, 0 where nothing is believed."""
-    return np.array([1.0 if axis.prior else 0.0 for axis in axes])
 
 
 def linear_step(
@@ -61,15 +54,15 @@ def linear_step(
     return step, before - after
 
 
-def trusted_range(axes: Sequence[Axis], u: FloatArray, reach: float) -> tuple[FloatArray, FloatArray]:
+def trusted_range(space: ParameterSpace, u: FloatArray, reach: float) -> tuple[FloatArray, FloatArray]:
     """Bounds of the coordinates within which a linear picture is trusted: ``reach`` to either side at most."""
-    lower = np.array([max(axis.bounds[0] - value, -reach) for axis, value in zip(axes, u, strict=True)])
-    upper = np.array([min(axis.bounds[1] - value, reach) for axis, value in zip(axes, u, strict=True)])
+    lower = np.maximum(space.lowest - u, -reach)
+    upper = np.minimum(space.highest - u, reach)
     return u + np.minimum(lower, -1e-9), u + np.maximum(upper, 1e-9)
 
 
 def trusted_step(
-    jacobian: FloatArray, residual: FloatArray, axes: Sequence[Axis], u: FloatArray, reach: float
+    jacobian: FloatArray, residual: FloatArray, space: ParameterSpace, u: FloatArray, reach: float
 ) -> tuple[FloatArray, float]:
     """The step that a linear picture asks for, ``reach`` in any coordinate at most, and the promised fall in cost."""
-    return linear_step(jacobian, residual, beliefs_of(axes), u, 1e-8, *trusted_range(axes, u, reach))
+    return linear_step(jacobian, residual, space.prior_weights, u, 1e-8, *trusted_range(space, u, reach))

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..trajectory import Step, StepKind, Trajectory
 from .explanation import Explanation
-from .laboratory import INITIAL_SOC, Laboratory, Specimen
+from .laboratory import Laboratory, Specimen
 
 Phase = tuple[float, float]
 """C-rate (positive on discharge) and seconds."""
@@ -115,10 +115,9 @@ def propose(
         specimen, times = _specimen(protocol, capacity_ah, ambient_k)
         voltages = []
         for explanation in (first, second):
-            candidate = {k: v for k, v in explanation.fit.candidate.items() if not k.startswith(INITIAL_SOC)}
-            candidate[INITIAL_SOC] = protocol.soc
+            candidate = explanation.fit.candidate
             current = np.interp(times, specimen.record.time, specimen.record.current)
-            prediction = laboratory.predict(explanation.effects, candidate, specimen, times, current)
+            prediction = laboratory.predict(explanation.effects, candidate, specimen, times, current, soc=protocol.soc)
             if prediction is None:
                 break
             voltages.append(prediction.voltage)

@@ -9,8 +9,8 @@ from functools import partial
 import numpy as np
 
 from ..effect import Effect, Evidence
+from ..parameters import ParameterSpace
 from ..trajectory import FloatArray
-from .axes import candidate_of, effect_axes
 from .explanation import Explanation
 from .findings import Listener, Nomination
 from .fitting import Fitter
@@ -101,7 +101,7 @@ def mark_of(fitter: Fitter, explanation: Explanation, effect: Effect) -> FloatAr
 def score_of(explanation: Explanation, effect: Effect, mark: FloatArray) -> Score:
     """Score an effect on what an explanation leaves."""
     fit = explanation.fit
-    return score_effect(fit.residual, fit.jacobian, mark, fit.axes, fit.u, _ends(effect))
+    return score_effect(fit.residual, fit.jacobian, mark, fit.space, fit.u, _ends(effect))
 
 
 def screen(fitter: Fitter, before: Explanation, nomination: Nomination, as_new: bool = False) -> None:
@@ -132,8 +132,8 @@ def screen_afresh(fitter: Fitter, before: Explanation, nomination: Nomination) -
     for rungs in (ladder, [-rung for rung in ladder if 0.95 * low <= -rung <= 0.95 * high]):
         start = _best_start(fitter, before, nomination, rungs, _SHARES)
         if start is not None:
-            axes = start.refit.axes
-            _note(fitter, before, nomination, fitter.fit(effects, axes, start.refit.u, 2 * (_SHORT + len(axes))))
+            space = start.refit.space
+            _note(fitter, before, nomination, fitter.fit(effects, space, start.refit.u, 2 * (_SHORT + len(space))))
 
 
 def _note(fitter: Fitter, before: Explanation, nomination: Nomination, found: Refit | None) -> None:
@@ -157,14 +157,14 @@ def _short_refit(fitter: Fitter, before: Explanation, nomination: Nomination, as
     start = _best_start(fitter, before, nomination, _ladder(nomination), shares, as_new)
     if start is None:
         return None
-    axes, u = start.refit.axes, start.refit.u
+    space, u = start.refit.space, start.refit.u
     if not start.sloped:
-        return fitter.fit(effects, axes, u, _SHORT + len(axes))
-    found = fitter.fit(effects, axes, u, budget, jacobian=start.refit.jacobian)
+        return fitter.fit(effects, space, u, _SHORT + len(space))
+    found = fitter.fit(effects, space, u, budget, jacobian=start.refit.jacobian)
     promised = nomination.gain
     if found is not None and promised > CLEAR_BIC and before.fit.cost - found.cost < _ENOUGH * promised:
         # Much was promised and little came of it: the slopes were wrong.
-        again = fitter.fit(effects, axes, found.u, budget + len(axes))
+        again = fitter.fit(effects, space, found.u, budget + len(space))
         found = found if again is None or found.cost < again.cost else again
     return found
 
@@ -225,7 +225,7 @@ def _moved_along(
     known = before.fit
     others = [0 * nomination.mark] * (len(nomination.effect.parameters) - 1)
     there = known.residual + strength * nomination.mark
-    whole, _ = trusted_step(known.jacobian, there, known.axes, known.u, _REACH)
+    whole, _ = trusted_step(known.jacobian, there, known.space, known.u, _REACH)
     best: _Start | None = None
     for step in (share * whole for share in shares):
         found = _start(fitter, before, nomination, known.u + step, strength)
@@ -247,9 +247,9 @@ def _believed(fitter: Fitter, before: Explanation) -> list[FloatArray]:
     A cell that runs empty before its record does is no start either, so that roomier and faster ones are among them;
     the charge is the fitted one, and the one that a rested voltage tells.
     """
-    count = len(fitter.axes)
+    count = len(fitter.space)
     fitted = before.fit.u[:count]
-    prior = np.array([axis.prior for axis in fitter.axes])
+    prior = fitter.space.prior_weights > 0
     bases = [np.where(prior, 0.0, fitted)] + [np.where(prior, ease, 0.0) for ease in _EASES]
     if fitter.as_new is not None:
         bases = [fitter.as_new]
@@ -260,14 +260,14 @@ def _start(
     fitter: Fitter, before: Explanation, nomination: Nomination, u: FloatArray, strength: float
 ) -> _Start | None:
     effects = (*before.effects, nomination.effect)
-    axes = (*before.fit.axes, *effect_axes((nomination.effect,)))
+    space = ParameterSpace((*before.fit.space, *nomination.effect.searched))
     # The strength's coordinate is 0 at the probe and -1 at the null.
     there = np.concatenate([u, [strength - 1.0], np.zeros(len(nomination.effect.parameters) - 1)])
-    candidate = candidate_of(axes, there)
+    candidate = space.at(there)
     here = fitter.residual(effects)(candidate)
     if here is None:
         return None
-    found = Refit(axes, there, here, before.fit.jacobian, False, 1)
+    found = Refit(space, there, here, before.fit.jacobian, False, 1)
     return _Start(found.cost + fitter.warmth(effects, candidate), found)
 
 

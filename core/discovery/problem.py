@@ -14,7 +14,7 @@ from ..parameters import Candidate
 from ..trajectory import FloatArray
 from .evidence import is_long
 from .far_errors import drawn_in
-from .laboratory import INITIAL_SOC, Laboratory, Prediction, Specimen
+from .laboratory import Laboratory, Prediction, Specimen
 from .observations import Observations, subset
 
 _BLOCK = 6
@@ -28,6 +28,9 @@ _LARGEST_V = 0.02
 
 _NEAR = 5
 """Averages in a row over which the largest difference between two meshes counts."""
+
+_UNKNOWN_SOC = 0.5
+"""Where the search for a hold-out record's initial state of charge starts when no fitted record has one."""
 
 _EVERY = 5
 """Each fifth block is held out."""
@@ -106,11 +109,8 @@ class Problem:
     def _one(
         self, effects: Sequence[Effect], candidate: Candidate, specimen: Specimen, observed: Observations, fine: bool
     ) -> Prediction | None:
-        own = {name: value for name, value in candidate.items() if not name.startswith(INITIAL_SOC)}
-        if specimen.soc_name in candidate:
-            own[INITIAL_SOC] = candidate[specimen.soc_name]
-        moments = observed.moments
-        simulated = self.laboratory.predict(effects, own, specimen, moments.time, moments.current, fine)
+        moments, soc = observed.moments, candidate.get(specimen.soc_name)
+        simulated = self.laboratory.predict(effects, candidate, specimen, moments.time, moments.current, fine, soc)
         if simulated is None:
             return None
         voltage, kelvin = observed.averaged(simulated.voltage), simulated.temperature
@@ -181,7 +181,8 @@ class Problem:
         return float(np.sqrt(np.mean(np.concatenate(usual_all) ** 2))) if usual_all else 0.0
 
     def _first_soc(self, candidate: Candidate) -> float:
-        return next((value for name, value in candidate.items() if name.startswith(INITIAL_SOC)), 0.5)
+        names = [specimen.soc_name for specimen in self.specimens]
+        return next((candidate[name] for name in names if name in candidate), _UNKNOWN_SOC)
 
     def held_out(self, effects: Sequence[Effect], candidate: Candidate) -> list[tuple[Observations, FloatArray]] | None:
         """Errors (V) on data that was not fitted: the held-out stretches and the hold-out records.
@@ -214,12 +215,11 @@ class Problem:
     def _held_error(
         self, effects: Sequence[Effect], candidate: Candidate, specimen: Specimen, observed: Observations
     ) -> FloatArray | None:
-        own = {name: value for name, value in candidate.items() if not name.startswith(INITIAL_SOC)}
         weight = 1 / np.sqrt(observed.sigma**2 + self.misfit_v**2)
 
         def error_at(soc: float) -> FloatArray | None:
             self.simulations += 1
-            prediction = self._one(effects, {**own, specimen.soc_name: soc}, specimen, observed, False)
+            prediction = self._one(effects, {**candidate, specimen.soc_name: soc}, specimen, observed, False)
             return None if prediction is None else observed.voltage - prediction.voltage
 
         key = (specimen.name, " + ".join(effect.key for effect in effects))

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..parameters import ParameterSpace
 from ..trajectory import FloatArray
-from .axes import Axis, candidate_of
-from .linear_step import beliefs_of, linear_step
+from .linear_step import linear_step
 
 Residual = Callable[[dict[str, float]], FloatArray | None]
 """Weighted residuals (data minus model, in standard deviations) of a candidate; None where it cannot be simulated."""
@@ -27,7 +27,7 @@ class Refit:
 
     Attributes
     ----------
-    axes : tuple of Axis
+    space : ParameterSpace
         What was fitted.
     u : ndarray of shape (p,)
         Coordinates of the best candidate.
@@ -45,7 +45,7 @@ class Refit:
         Fall in cost that a full step promised on the fresh Jacobian the fit ended with; infinite if it had none.
     """
 
-    axes: tuple[Axis, ...]
+    space: ParameterSpace
     u: FloatArray
     residual: FloatArray
     jacobian: FloatArray
@@ -57,7 +57,7 @@ class Refit:
     @property
     def candidate(self) -> dict[str, float]:
         """The best candidate."""
-        return candidate_of(self.axes, self.u)
+        return self.space.at(self.u)
 
     @property
     def chi2(self) -> float:
@@ -67,7 +67,7 @@ class Refit:
     @property
     def belief(self) -> float:
         """The price of departing from beliefs."""
-        return float(np.sum((beliefs_of(self.axes) * self.u) ** 2))
+        return float(np.sum((self.space.prior_weights * self.u) ** 2))
 
     @property
     def cost(self) -> float:
@@ -76,12 +76,12 @@ class Refit:
 
     def covariance(self, inflation: float = 1.0) -> FloatArray:
         """Covariance of the coordinates (Gauss-Newton), shape (p, p); ``inflation`` multiplies the data's variances."""
-        normal = self.jacobian.T @ self.jacobian / inflation + np.diag(beliefs_of(self.axes) ** 2 + 1e-10)
+        normal = self.jacobian.T @ self.jacobian / inflation + np.diag(self.space.prior_weights**2 + 1e-10)
         return np.asarray(np.linalg.inv(normal))
 
 
 def differences(
-    residual: Residual, axes: Sequence[Axis], u: FloatArray, here: FloatArray, known: FloatArray | None = None
+    residual: Residual, space: ParameterSpace, u: FloatArray, here: FloatArray, known: FloatArray | None = None
 ) -> tuple[FloatArray, int]:
     """Jacobian by forward differences, turned inwards at a bound, and the simulations it took.
 
@@ -89,7 +89,7 @@ def differences(
     ----------
     residual : callable
         Weighted residuals of a candidate.
-    axes : sequence of Axis
+    space : ParameterSpace
         What is varied.
     u : ndarray of shape (p,)
         Coordinates at which.
@@ -104,12 +104,13 @@ def differences(
     -----
     Columns that cannot be simulated on either side are zero: the fit then leaves that parameter alone.
     """
-    jacobian = np.zeros((len(here), len(axes)))
+    jacobian = np.zeros((len(here), len(space)))
     visible = _VISIBLE * float(np.sqrt(len(here)))
     spent = 0
-    for column, axis in enumerate(axes):
-        lower, upper = axis.bounds
-        widest = axis.step if axis.prior else max(axis.step, 0.03 * abs(u[column]))
+    lowest, highest = space.lowest, space.highest
+    for column, parameter in enumerate(space):
+        lower, upper = lowest[column], highest[column]
+        widest = parameter.difference if parameter.prior else max(parameter.difference, 0.03 * abs(u[column]))
         norm = 0.0 if known is None else float(np.linalg.norm(known[:, column]))
         step = widest if norm * widest < visible else max(visible / norm, _SMALLEST_STEP * widest)
         for sign in (1.0, -1.0, 1.0):
@@ -118,7 +119,7 @@ def differences(
             change = moved[column] - u[column]
             if abs(change) < 0.2 * step:
                 continue
-            there = residual(candidate_of(axes, moved))
+            there = residual(space.at(moved))
             spent += 1
             if there is None:
                 continue
@@ -132,7 +133,7 @@ def differences(
 
 def refit(
     residual: Residual,
-    axes: Sequence[Axis],
+    space: ParameterSpace,
     start: FloatArray,
     jacobian: FloatArray | None = None,
     budget: int = 120,
@@ -147,7 +148,7 @@ def refit(
     ----------
     residual : callable
         Weighted residuals of a candidate.
-    axes : sequence of Axis
+    space : ParameterSpace
         What to fit.
     start : ndarray of shape (p,)
         Coordinates to start from.
@@ -163,18 +164,16 @@ def refit(
     Refit or None
         None if the start cannot be simulated.
     """
-    axes = tuple(axes)
-    lower, upper = (np.array(side) for side in zip(*(axis.bounds for axis in axes), strict=True))
-    beliefs = beliefs_of(axes)
+    lower, upper, beliefs = space.lowest, space.highest, space.prior_weights
     u = np.clip(np.asarray(start, dtype=np.float64), lower, upper)
-    first = residual(candidate_of(axes, u))
+    first = residual(space.at(u))
     spent = 1
     if first is None:
         return None
     here: FloatArray = first
     fresh = jacobian is None
     if jacobian is None:
-        slopes, used = differences(residual, axes, u, here)
+        slopes, used = differences(residual, space, u, here)
         spent += used
     else:
         slopes = jacobian
@@ -187,7 +186,7 @@ def refit(
             break
         improved = False
         if enough:
-            there = residual(candidate_of(axes, u + step))
+            there = residual(space.at(u + step))
             spent += 1
             if there is not None:
                 new_cost = float(there @ there + np.sum((beliefs * (u + step)) ** 2))
@@ -206,12 +205,12 @@ def refit(
                 if damping > 1e5:
                     break
                 continue
-            if spent + len(axes) > budget:
+            if spent + len(space) > budget:
                 break
-            slopes, used = differences(residual, axes, u, here, slopes)
+            slopes, used = differences(residual, space, u, here, slopes)
             spent += used
             fresh = True
     # Small steps promise little by being small: what counts is what a full one would.
     _, in_full = linear_step(slopes, here, beliefs, u, 1e-6, lower, upper)
     promised = in_full if fresh else np.inf
-    return Refit(axes, u, here, slopes, promised <= max(5 * tolerance * cost, 1e-2), spent, promised=promised)
+    return Refit(space, u, here, slopes, promised <= max(5 * tolerance * cost, 1e-2), spent, promised=promised)

@@ -39,7 +39,7 @@ def bic(explanation: Explanation, scale: Explanation) -> float:
     """
     misfit = scale.misfit_v
     squares = explanation.chi2(misfit) / scale.dispersion(misfit)
-    size = len(explanation.fit.axes) * float(np.log(len(scale.errors)))
+    size = len(explanation.fit.space) * float(np.log(len(scale.errors)))
     return squares + explanation.warmth + explanation.fit.belief + size
 
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..parameters import ParameterSpace
 from ..trajectory import FloatArray
-from .axes import Axis
-from .linear_step import beliefs_of, linear_step, trusted_range, trusted_step
+from .linear_step import linear_step, trusted_range, trusted_step
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ def score_effect(
     residual: FloatArray,
     jacobian: FloatArray,
     mark: FloatArray,
-    axes: tuple[Axis, ...],
+    space: ParameterSpace,
     u: FloatArray,
     bounds: tuple[float, float],
     reach: float = 3.0,
@@ -57,14 +57,14 @@ def score_effect(
         Its derivative by the coordinates of the base parameters.
     mark : ndarray of shape (n,)
         Its derivative by the strength, per probe.
-    axes, u
+    space, u
         The base parameters and where they are.
     bounds : tuple of float
         Bounds of the strength in units of the probe, null at 0.
     reach : float
         How far (in units of belief) the linear picture is trusted.
     """
-    beliefs = beliefs_of(axes)
+    beliefs = space.prior_weights
     normal = jacobian.T @ jacobian + np.diag(beliefs**2 + 1e-9)
     projected = mark - jacobian @ np.linalg.solve(normal, jacobian.T @ mark)
     free = residual - jacobian @ np.linalg.solve(normal, jacobian.T @ residual + beliefs**2 * u)
@@ -74,7 +74,7 @@ def score_effect(
         return Score(0.0, 0.0, 0.0, 0.0)
     wanted = -float(projected @ free) / size
     z = wanted * np.sqrt(size)
-    lower, upper = trusted_range(axes, u, reach)
+    lower, upper = trusted_range(space, u, reach)
     step, gain = linear_step(
         np.column_stack([jacobian, mark]),
         residual,
@@ -84,5 +84,5 @@ def score_effect(
         np.append(lower, min(bounds[0], -1e-9)),
         np.append(upper, max(bounds[1], 1e-9)),
     )
-    _, without = trusted_step(jacobian, residual, axes, u, reach)
+    _, without = trusted_step(jacobian, residual, space, u, reach)
     return Score(float(np.clip(step[-1], *bounds)), z, max(gain - without, 0.0), size / whole)

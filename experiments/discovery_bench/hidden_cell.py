@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from ...core.effect import Effect
+from ...core.target import change_of, targets_named
 from ...core.task import CellModel
 from ...core.trajectory import FloatArray, Trajectory
 from ...plugins.pybamm.augmentation import augmented_cell, part_of
 from ...plugins.pybamm.compiled import make_model
 from ...plugins.pybamm.driven_cell import add_values, add_voltage
 from ...plugins.pybamm.parameter_sets import load, pybamm
-from ...plugins.pybamm.state_of_charge import CYCLABLE_LITHIUM, InitialState
+from ...plugins.pybamm.state_of_charge import InitialState
 
 
 @dataclass(frozen=True)
@@ -121,9 +122,9 @@ def measure(
     capacity = float(values["Nominal cell capacity [A.h]"])
     leak = sum(hidden.strengths.get(e.full_name(e.strength), 0.0) for e in hidden.effects if e.name == "self-discharge")
     model = make_model(augmented_cell(cell, hidden.effects))
-    for name, factor in hidden.shifts.items():
-        if name != CYCLABLE_LITHIUM:
-            _shift(values, name.removesuffix(" factor"), factor)
+    change = change_of(targets_named(hidden.shifts), hidden.shifts)
+    for name, factor in change.factors.items():
+        _shift(values, name, factor)
     for effect in hidden.effects:
         p = effect.values(hidden.strengths)
         add_values(values, part_of(effect), p, 0.0)
@@ -131,7 +132,7 @@ def measure(
     if hidden.outside:
         extra = OUTSIDE[hidden.outside](model, hidden.outside_strength)
         model.variables["Voltage [V]"] = model.variables["Voltage [V]"] + extra
-    values.update(state.concentrations(hidden.shifts, soc))
+    values.update(state.concentrations(change, soc))
     values.update({"Lower voltage cut-off [V]": 0.5, "Upper voltage cut-off [V]": 6.0})
     if ambient_k is not None:
         values.update({"Ambient temperature [K]": ambient_k, "Initial temperature [K]": ambient_k})

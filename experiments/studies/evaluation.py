@@ -78,13 +78,13 @@ def measure_evaluation(task_name: str = "demo", repeats: int = 15) -> Evaluation
     """
     task = find_task(task_name)
     (experiment, *_), candidate = task.experiments, task.space.initial
-    compiled = CompiledExperiment(task.cell, experiment, task.space.names)
+    compiled = CompiledExperiment(task.cell, experiment, task.space.targets)
     compiled.solve(candidate)
     inputs = compiled.inputs(candidate)
     # Near the start, where candidates of a fit lie; alike for one worker and for two.
     rng = np.random.default_rng(repeats)
     batch = [task.space.project({k: v * rng.uniform(0.98, 1.02) for k, v in candidate.items()}) for _ in range(8)]
-    assignment = Assignment(task.cell, (experiment,), task.space.names)
+    assignment = Assignment(task.cell, (experiment,), task.space.targets)
     with _pool(assignment, 1, candidate) as one, _pool(assignment, 2, candidate) as two:
         solver_s, evaluation_s, worker_s = _medians(
             repeats,
@@ -93,7 +93,9 @@ def measure_evaluation(task_name: str = "demo", repeats: int = 15) -> Evaluation
             lambda: one([candidate]),
         )
         alone_s, together_s = _medians(max(repeats // 5, 3), lambda: one(batch), lambda: two(batch))
-    (rebuild_s,) = _medians(max(repeats // 5, 2), lambda: solve_reference(task.cell, experiment, candidate))
+    (rebuild_s,) = _medians(
+        max(repeats // 5, 2), lambda: solve_reference(task.cell, experiment, task.space.change(candidate))
+    )
     return EvaluationCost(
         solver_s, evaluation_s, worker_s, rebuild_s, alone_s / together_s, _loop_cost(task_name), repeats
     )

@@ -8,6 +8,7 @@ from typing import Any
 
 from ...core.parameters import Candidate
 from ...core.simulation import ExperimentRun
+from ...core.target import Value
 from .case import Noise, SuiteCase
 from .target import cell_of, discharged_in_scored_part, experiment_of, reference_run
 
@@ -69,7 +70,9 @@ class CompiledFilter:
         from ...plugins.pybamm.parameter_sets import pybamm
 
         pybamm.set_logging_level("CRITICAL")
-        compiled = CompiledExperiment(cell_of(case), experiment_of(case), self._searched)
+        compiled = CompiledExperiment(
+            cell_of(case), experiment_of(case), {name: Value(name) for name in self._searched}
+        )
         return compiled, self._capacity(compiled, case, {})
 
     def _capacity(self, compiled: Any, case: SuiteCase, changes: Candidate) -> float | None:

@@ -19,6 +19,7 @@ from ...core.encoding import decode_trajectory, encode_trajectory
 from ...core.errors import BsaError
 from ...core.parameters import Candidate
 from ...core.simulation import ExperimentRun, SimulationFailure
+from ...core.target import CellChange
 from ...core.task import CellModel, Experiment
 from ...core.trajectory import StepKind, Trajectory
 from .case import MODEL_OPTIONS, Noise, SuiteCase, protocol
@@ -127,7 +128,7 @@ def _solve(cell: CellModel, experiment: Experiment, candidate: Candidate) -> Exp
 
     pybamm.set_logging_level("CRITICAL")
     accuracy = Accuracy(rtol=_RTOL, atol=_ATOL, standard_mesh=True)
-    return CompiledExperiment(cell, experiment, (), accuracy, baked=candidate).solve({})
+    return CompiledExperiment(cell, experiment, {}, accuracy, baked=CellChange(values=candidate)).solve({})
 
 
 def _noisy(clean: Trajectory, noise: Noise, key: str) -> Trajectory:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...core.target import CellChange
 from ...core.task import CellModel, Experiment
 from ...core.trajectory import Trajectory
 from ...plugins.pybamm.compiled import solve_reference
@@ -42,7 +43,7 @@ def make_record() -> Trajectory:
     """The demonstration's record, current positive on discharge."""
     nothing = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
     experiment = Experiment("demo", nothing, PROTOCOL, initial_soc=0.05)
-    run = solve_reference(CellModel("Chen2020"), experiment, HIDDEN)
+    run = solve_reference(CellModel("Chen2020"), experiment, CellChange(values=HIDDEN))
     assert run.trajectory is not None
     assert run.failure is None
     times, currents, voltages = [], [], []

@@ -13,6 +13,7 @@ from ...core.errors import BsaError
 from ...core.parameters import ParameterSpace
 from ...core.record import ReadOptions, Record
 from ...core.registry import installed
+from ...core.target import INITIAL_SOC, InitialSoc, soc_name
 from ...core.task import CellModel, Experiment, Protocol, Task
 from ...core.trajectory import StepKind, Trajectory
 
@@ -83,7 +84,7 @@ def build_task(
     BsaError
         If a file, a parameter set or a parameter does not exist or makes no sense.
     """
-    from ...plugins.pybamm.parameter_sets import INITIAL_SOC, load
+    from ...plugins.pybamm.parameter_sets import load
     from ...plugins.pybamm.presets import resolve_space
     from ...plugins.pybamm.state_of_charge import equilibrium_capacity_ah, soc_at_voltage
     from ...plugins.readers.reading import read_record
@@ -123,7 +124,7 @@ def build_task(
                 initial_soc=soc,
             )
         )
-    return Task(name, cell, _with_initial_soc(space, INITIAL_SOC, experiments, socs), tuple(experiments), tuple(notes))
+    return Task(name, cell, _with_initial_soc(space, experiments, socs), tuple(experiments), tuple(notes))
 
 
 def _size_factor(records: Sequence[Record], values: Any, capacity_ah: float) -> tuple[float, str]:
@@ -171,21 +172,24 @@ def _jump_resistances(record: Trajectory) -> list[float]:
 
 
 def _with_initial_soc(
-    space: ParameterSpace, name: str, experiments: Sequence[Experiment], socs: Sequence[float]
+    space: ParameterSpace, experiments: Sequence[Experiment], socs: Sequence[float]
 ) -> ParameterSpace:
     """The space with every searched state of charge started where its record starts.
 
     One searched ``Initial state of charge`` becomes one for each record when there are several.
     """
-    if name not in space or not socs:
+    if INITIAL_SOC not in space or not socs:
         return space
-    template = space[name]
+    template = space[INITIAL_SOC]
     if len(experiments) == 1:
-        own = [(name, socs[0])]
+        started = [replace(template, initial=template.project(socs[0]))]
     else:
-        own = [(f"{name}: {e.name}", e.initial_soc) for e in experiments if e.initial_soc is not None]
-    started = tuple(replace(template, name=key, initial=template.project(soc)) for key, soc in own)
-    return ParameterSpace((*(parameter for parameter in space if parameter.name != name), *started))
+        started = [
+            replace(template, name=soc_name(e.name), initial=template.project(e.initial_soc), target=InitialSoc(e.name))
+            for e in experiments
+            if e.initial_soc is not None
+        ]
+    return ParameterSpace((*(parameter for parameter in space if parameter is not template), *started))
 
 
 def parse_cycles(text: str) -> tuple[int, int]:

@@ -5,21 +5,22 @@ from __future__ import annotations
 import inspect
 import pprint
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import jinja2
 
-from ...core.discovery.laboratory import INITIAL_SOC, Specimen
+from ...core.discovery.laboratory import Specimen
 from ...core.discovery.observations import after_jumps, evenly
 from ...core.effect import Effect
 from ...core.parameters import Candidate
+from ...core.target import Target, change_of
 from ...core.task import CellModel
 from .augmentation import augmented_cell, part_of
 from .drive import current_function
 from .driven_cell import FINE, Resolution
-from .parameter_sets import FACTOR, FILL_FROM, load, pybamm
+from .parameter_sets import FILL_FROM, load, pybamm
 from .state_of_charge import InitialState, initial_concentration
 
 _TEMPLATE = Path(__file__).with_name("augmented_model.py.j2")
@@ -31,6 +32,7 @@ def augmented_script(
     cell: CellModel,
     effects: Sequence[Effect],
     candidate: Candidate,
+    targets: Mapping[str, Target],
     specimens: Sequence[Specimen],
     resolution: Resolution = FINE,
 ) -> str:
@@ -44,6 +46,8 @@ def augmented_script(
         What was found.
     candidate : mapping of str to float
         Fitted parameters, base and effects'.
+    targets : mapping of str to Target
+        What the base parameters act on, by their names.
     specimens : sequence of Specimen
         The fitted records; their currents are written into the script.
     resolution : Resolution
@@ -57,13 +61,11 @@ def augmented_script(
     """
     augmented = augmented_cell(cell, effects)
     state = InitialState(load(cell.parameter_set, cell.overrides))
+    change = change_of(targets, candidate)
     records = []
     for specimen in specimens:
-        own = dict(candidate)
-        if specimen.soc_name in own:
-            own[INITIAL_SOC] = own[specimen.soc_name]
         drive = current_function(specimen.record)
-        start = state.concentrations(own, own.get(INITIAL_SOC))
+        start = state.concentrations(change, change.soc_of(specimen.name))
         kept = evenly(len(specimen.record.time), _LONGEST)
         records.append(
             {
@@ -90,11 +92,7 @@ def augmented_script(
         model=augmented.model,
         options=dict(augmented.options),
         overrides=dict(cell.overrides),
-        factors={
-            name.removesuffix(FACTOR): value
-            for name, value in candidate.items()
-            if name.endswith(FACTOR) and name.removesuffix(FACTOR) in load(cell.parameter_set, cell.overrides)
-        },
+        factors=dict(change.factors),
         effects=[_quoted(number, effect, candidate) for number, effect in enumerate(effects, start=1)],
         records=records,
         resolution=resolution,

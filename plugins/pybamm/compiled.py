@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,12 +11,13 @@ import numpy as np
 from ...core.errors import BsaError, did_you_mean
 from ...core.parameters import Candidate
 from ...core.simulation import ExperimentRun, SimulationFailure
+from ...core.target import CellChange, CyclableLithium, InitialSoc, Target, Value, change_of
 from ...core.task import CellModel, Experiment
 from ...core.trajectory import StepKind
 from . import drive
 from .last_moments import last_moments, nearest_limit
 from .mesh import search_spatial_methods, search_submeshes
-from .parameter_sets import INITIAL_SOC, bake, load, open_to_search, pybamm
+from .parameter_sets import bake, inputs_of, load, open_to_search, pybamm
 from .state_of_charge import InitialState, initial_concentration
 from .step_solutions import Unfinished, at_samples_of, keep_solver_steps_of_holds, step_kind, to_trajectory
 
@@ -80,11 +81,11 @@ class CompiledExperiment:
         Equations and base parameters.
     experiment : Experiment
         What to simulate.
-    searched : tuple of str
-        Names of the searched parameters; all become inputs.
+    targets : mapping of str to Target
+        What is searched, by the names that candidates use; all become inputs.
     accuracy : Accuracy
         Mesh and tolerances.
-    baked : mapping of str to float, optional
+    baked : CellChange, optional
         Values built into the model; needed for geometry on the standard mesh.
 
     Attributes
@@ -97,11 +98,13 @@ class CompiledExperiment:
         self,
         cell: CellModel,
         experiment: Experiment,
-        searched: tuple[str, ...],
+        targets: Mapping[str, Target],
         accuracy: Accuracy = SEARCH,
-        baked: Candidate | None = None,
+        baked: CellChange | None = None,
     ) -> None:
         self._experiment = experiment
+        self._targets = dict(targets)
+        baked = baked or CellChange()
         model = make_model(cell)
         self._heats = model.options["thermal"] != "isothermal"
         values = load(cell.parameter_set, cell.overrides)
@@ -112,15 +115,17 @@ class CompiledExperiment:
                     "Initial temperature [K]": experiment.temperature_k,
                 }
             )
-        self._soc_names = (f"{INITIAL_SOC}: {experiment.name}", INITIAL_SOC)
-        self._initial_soc = _first_of(self._soc_names, baked or {}, experiment.initial_soc)
-        bake(values, baked or {})
-        by_soc = self._initial_soc is not None or any(name in searched for name in self._soc_names)
-        self._state = InitialState(values) if by_soc else None
-        open_to_search(values, searched)
-        if by_soc:
-            open_to_search(values, [initial_concentration(which) for which in ("Negative", "Positive")])
-        self._inputs = tuple(name for name in searched if not name.startswith(INITIAL_SOC))
+        own_soc = baked.soc_of(experiment.name)
+        self._initial_soc = experiment.initial_soc if own_soc is None else own_soc
+        bake(values, baked)
+        starts = (InitialSoc(), InitialSoc(experiment.name), CyclableLithium())
+        by_state = self._initial_soc is not None or any(target in starts for target in self._targets.values())
+        self._state = InitialState(values) if by_state else None
+        open_to_search(values, self._targets)
+        if by_state:
+            concentrations = [initial_concentration(which) for which in ("Negative", "Positive")]
+            open_to_search(values, {name: Value(name) for name in concentrations})
+        self._inputs = inputs_of(self._targets)
         self._steps = drive.steps_of(experiment)
         by_current = experiment.protocol is None
         self._window_v = (float(values["Lower voltage cut-off [V]"]), float(values["Upper voltage cut-off [V]"]))
@@ -166,9 +171,10 @@ class CompiledExperiment:
             If the electrodes cannot start at the wanted state of charge.
         """
         inputs = {name: float(candidate[name]) for name in self._inputs}
-        soc = _first_of(self._soc_names, candidate, self._initial_soc)
-        if self._state is not None and soc is not None:
-            inputs |= self._state.concentrations(candidate, soc)
+        if self._state is not None:
+            change = change_of(self._targets, candidate)
+            soc = change.soc_of(self._experiment.name)
+            inputs |= self._state.concentrations(change, self._initial_soc if soc is None else soc)
         return inputs
 
     def solve(self, candidate: Candidate, on_step: Callable[[str, int], None] | None = None) -> ExperimentRun:
@@ -226,13 +232,9 @@ class CompiledExperiment:
         return ExperimentRun(trajectory, failure)
 
 
-def solve_reference(cell: CellModel, experiment: Experiment, candidate: Candidate) -> ExperimentRun:
-    """Simulate one candidate on PyBaMM's standard mesh at tight tolerance, built for it alone."""
-    return CompiledExperiment(cell, experiment, (), REFERENCE, baked=candidate).solve({})
-
-
-def _first_of(names: tuple[str, ...], values: Candidate, otherwise: float | None) -> float | None:
-    return next((float(values[name]) for name in names if name in values), otherwise)
+def solve_reference(cell: CellModel, experiment: Experiment, change: CellChange) -> ExperimentRun:
+    """Simulate a changed cell on PyBaMM's standard mesh at tight tolerance, built for it alone."""
+    return CompiledExperiment(cell, experiment, {}, REFERENCE, baked=change).solve({})
 
 
 def _first_line(error: Exception) -> str:

@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 from ...core.effect import Effect
 from ...core.errors import BsaError
 from ...core.parameters import Candidate
+from ...core.target import Target, change_of
 from ...core.task import CellModel
 from ...core.trajectory import FloatArray, Trajectory
 from .augmentation import PyBaMMPart, augmented_cell, part_of
 from .compiled import make_model
 from .drive import JUMP_S, current_function, widen_cut_offs
-from .parameter_sets import FACTOR, INITIAL_SOC, load, pybamm
-from .state_of_charge import CYCLABLE_LITHIUM, InitialState, initial_concentration
+from .parameter_sets import inputs_of, load, open_to_search, pybamm
+from .state_of_charge import InitialState, initial_concentration
 
 _LONGEST_SOLVE_STEPS = 30_000
 
@@ -94,10 +95,8 @@ class DrivenCell:
         What is added.
     record : Trajectory
         Supplies the current; cut into steps.
-    searched : sequence of str
-        Base parameters that a candidate sets: names with the suffix `` factor`` multiply, whether the set's
-        value is a number or a function; ``"Initial state of charge"`` and ``"Cyclable lithium factor"`` set
-        the initial state.
+    targets : mapping of str to Target
+        What a candidate sets of the base parameters, by the names that it uses.
     temperature_k : float or None
         Ambient and initial temperature; None keeps the set's.
     resolution : Resolution
@@ -109,20 +108,19 @@ class DrivenCell:
         cell: CellModel,
         effects: Sequence[Effect],
         record: Trajectory,
-        searched: Sequence[str],
+        targets: Mapping[str, Target],
         temperature_k: float | None = None,
         resolution: Resolution = SEARCH,
     ) -> None:
         self._effects = tuple(effects)
-        self._searched = tuple(name for name in searched if name.endswith(FACTOR) and name != CYCLABLE_LITHIUM)
+        self._targets = dict(targets)
         augmented = augmented_cell(cell, effects)
         model = make_model(_with_averaged_reactions(augmented))
         values = load(cell.parameter_set, cell.overrides)
         if temperature_k is not None:
             values.update({"Ambient temperature [K]": temperature_k, "Initial temperature [K]": temperature_k})
         widen_cut_offs(values)
-        for name in self._searched:
-            _multiply(values, name.removesuffix(FACTOR), pybamm.InputParameter(name))
+        open_to_search(values, self._targets)
         self._initial = InitialState(load(cell.parameter_set, cell.overrides))
         symbols = [
             {p.name: pybamm.InputParameter(effect.full_name(p)) for p in effect.parameters} for effect in effects
@@ -172,7 +170,9 @@ class DrivenCell:
             options=options,
         )
 
-    def solve(self, candidate: Candidate, times: FloatArray, current: FloatArray) -> Curve | None:
+    def solve(
+        self, candidate: Candidate, times: FloatArray, current: FloatArray, soc: float | None = None
+    ) -> Curve | None:
         """Simulate one candidate.
 
         Parameters
@@ -183,6 +183,8 @@ class DrivenCell:
             When the voltage is wanted, on the record's clock, s, never decreasing.
         current : ndarray of shape (n,)
             The measured current then, for effects of the instrument, A.
+        soc : float or None
+            State of charge at the start, 0 to 1; None keeps the set's own.
 
         Returns
         -------
@@ -194,11 +196,11 @@ class DrivenCell:
             if effect.measurement is not None and effect.measurement.clock is not None:
                 wanted = effect.measurement.clock(wanted, effect.values(candidate))
         inside = np.clip(wanted, self._stops[0], self._stops[-1])
-        inputs = {name: float(candidate[name]) for name in self._searched}
+        inputs = {name: float(candidate[name]) for name in inputs_of(self._targets)}
         for effect in self._effects:
             inputs.update({effect.full_name(p): effect.values(candidate)[p.name] for p in effect.parameters})
         try:
-            inputs |= self._initial.concentrations(candidate, candidate.get(INITIAL_SOC))
+            inputs |= self._initial.concentrations(change_of(self._targets, candidate), soc)
         except ValueError:
             return None
         solved = self._through_pauses(inputs, inside)
@@ -314,16 +316,3 @@ def add_voltage(model: Any, part: PyBaMMPart, p: Mapping[str, Any]) -> None:
     """Add an effect's term to the terminal voltage of a model, in place."""
     if part.voltage is not None:
         model.variables["Voltage [V]"] = model.variables["Voltage [V]"] + part.voltage(model, p)
-
-
-def _multiply(values: Any, name: str, factor: Any) -> None:
-    value = values[name]
-    if callable(value):
-
-        def scaled(*arguments: Any, **keywords: Any) -> Any:
-            return factor * value(*arguments, **keywords)
-
-        values[name] = scaled
-    else:
-        values[name] = factor * value
-    assert INITIAL_SOC not in name

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from ...core.parameters import Candidate
+from ...core.target import CellChange
 from ...core.task import CellModel, Experiment, Task
 from ...core.trajectory import StepKind
 from . import drive
 from .compiled import MODELS, REFERENCE
-from .parameter_sets import FACTOR, FILL_FROM, INITIAL_SOC, bake, load, pybamm
+from .parameter_sets import FILL_FROM, bake, load, pybamm
 from .state_of_charge import InitialState
 from .step_solutions import step_kind
 
@@ -52,8 +53,7 @@ def script(task: Task, candidate: Candidate) -> str:
         autoescape=False,  # the product is Python: every value goes through `literal` instead
     )
     environment.filters["literal"] = literal
-    known = load(task.cell.parameter_set, task.cell.overrides)
-    searched = {name: float(value) for name, value in candidate.items() if not name.startswith(INITIAL_SOC)}
+    change = task.space.change(candidate)
     tables: dict[str, str] = {}
     cut_offs: dict[str, float] = {}
     drive.widen_cut_offs(cut_offs)
@@ -64,9 +64,9 @@ def script(task: Task, candidate: Candidate) -> str:
         model=MODELS.get(task.cell.model, task.cell.model),
         options={key: tuple(value) if isinstance(value, list) else value for key, value in task.cell.options.items()},
         overrides={name: float(value) for name, value in task.cell.overrides.items()},
-        calibrated={name: value for name, value in searched.items() if name in known},
-        factors={name.removesuffix(FACTOR): value for name, value in searched.items() if name not in known},
-        records=[_record(task.cell, experiment, candidate, tables) for experiment in task.experiments],
+        calibrated=dict(change.values),
+        factors=dict(change.factors),
+        records=[_record(task.cell, experiment, change, tables) for experiment in task.experiments],
         tables=tables,
         rtol=REFERENCE.rtol,
         atol=REFERENCE.atol,
@@ -97,15 +97,15 @@ def literal(value: Any, indent: int = 0) -> str:
     return opening + "".join(f"\n{' ' * deeper}{entry}," for entry in entries) + f"\n{' ' * indent}{closing}"
 
 
-def _record(cell: CellModel, experiment: Experiment, candidate: Candidate, tables: dict[str, str]) -> dict[str, Any]:
+def _record(cell: CellModel, experiment: Experiment, change: CellChange, tables: dict[str, str]) -> dict[str, Any]:
     """How one experiment is simulated; current profiles go into ``tables``."""
-    names = (f"{INITIAL_SOC}: {experiment.name}", INITIAL_SOC)
-    soc = next((candidate[name] for name in names if name in candidate), experiment.initial_soc)
+    own = change.soc_of(experiment.name)
+    soc = experiment.initial_soc if own is None else own
     content: dict[str, Any] = {
         "name": experiment.name,
         "temperature_k": None if experiment.temperature_k is None else float(experiment.temperature_k),
         "initial_soc": None if soc is None else float(soc),
-        "initial_concentrations": {} if soc is None else _initial_concentrations(cell, candidate, float(soc)),
+        "initial_concentrations": {} if soc is None else _initial_concentrations(cell, change, float(soc)),
     }
     if experiment.protocol is not None:
         return {**content, "protocol": [list(cycle) for cycle in experiment.protocol]}
@@ -113,11 +113,11 @@ def _record(cell: CellModel, experiment: Experiment, candidate: Candidate, table
     return {**content, "currents": [_current(step, tables) for step in steps], "dt_max": _longest_solver_step(steps)}
 
 
-def _initial_concentrations(cell: CellModel, candidate: Candidate, soc: float) -> dict[str, float]:
+def _initial_concentrations(cell: CellModel, change: CellChange, soc: float) -> dict[str, float]:
     """As in `CompiledExperiment`: the state of charge as concentrations, of the calibrated cell."""
     values = load(cell.parameter_set, cell.overrides)
-    bake(values, candidate)
-    return InitialState(values).concentrations({}, soc)
+    bake(values, change)
+    return InitialState(values).concentrations(CellChange(cyclable_lithium=change.cyclable_lithium), soc)
 
 
 def _current(step: Any, tables: dict[str, str]) -> tuple[float | str, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +14,7 @@ from ...core.discovery.laboratory import Prediction, Specimen
 from ...core.effect import Effect
 from ...core.errors import BsaError
 from ...core.parameters import Candidate
+from ...core.target import Target
 from ...core.task import CellModel
 from ...core.trajectory import FloatArray
 from .augmentation import part_of
@@ -37,17 +38,17 @@ class PyBaMMLaboratory:
     ----------
     cell : CellModel
         The base model.
-    searched : sequence of str
-        Base parameters that candidates set.
+    targets : mapping of str to Target
+        What candidates set of the base parameters, by the names that they use.
     usual, fine : Resolution
         Mesh and tolerances of the search and of the check on it.
     """
 
     def __init__(
-        self, cell: CellModel, searched: Sequence[str], usual: Resolution = SEARCH, fine: Resolution = FINE
+        self, cell: CellModel, targets: Mapping[str, Target], usual: Resolution = SEARCH, fine: Resolution = FINE
     ) -> None:
         self._cell = cell
-        self._searched = tuple(searched)
+        self._targets = dict(targets)
         self._resolutions = {False: usual, True: fine}
         self._compiled: OrderedDict[tuple[tuple[str, ...], int, bool], DrivenCell | None] = OrderedDict()
         self._specimens: list[Specimen] = []
@@ -63,20 +64,20 @@ class PyBaMMLaboratory:
         times: FloatArray,
         current: FloatArray,
         fine: bool = False,
+        soc: float | None = None,
     ) -> Prediction | None:
         """Simulate; see `Laboratory.predict`."""
         present = tuple(effect for effect in effects if not _is_absent(effect, candidate))
         driven = self._driven(present, specimen, fine)
         if driven is None:
             return None
-        wanted = frozenset(name for effect in present for name in map(effect.full_name, effect.parameters))
-        own = {name: value for name, value in candidate.items() if ": " not in name or name in wanted}
+        own = (*(candidate.get(name) for name in self._targets), *(effect.values(candidate) for effect in present), soc)
         # Not the identity of the compiled cell: once it is let go, another may have the same.
         of = (tuple(effect.key for effect in present), id(specimen), fine)
-        key = (of, tuple(sorted(own.items())), len(times), float(np.sum(times)))
+        key = (of, repr(own), len(times), float(np.sum(times)))
         if key not in self._recent:
             self.simulations += 1
-            self._recent[key] = driven.solve(candidate, times, current)
+            self._recent[key] = driven.solve(candidate, times, current, soc)
             while len(self._recent) > _RECENT:
                 self._recent.popitem(last=False)
         curve = self._recent[key]
@@ -93,7 +94,7 @@ class PyBaMMLaboratory:
         driven: DrivenCell | None
         try:
             resolution = self._resolution(specimen, fine)
-            driven = DrivenCell(self._cell, effects, specimen.record, self._searched, specimen.ambient_k, resolution)
+            driven = DrivenCell(self._cell, effects, specimen.record, self._targets, specimen.ambient_k, resolution)
         except BsaError as error:
             if not effects:
                 raise

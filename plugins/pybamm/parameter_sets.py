@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
 from ...core.errors import BsaError, did_you_mean
+from ...core.target import CellChange, Factor, InitialSoc, Target, Value, factor_name, target_named
 
 os.environ.setdefault("PYBAMM_DISABLE_TELEMETRY", "true")  # or the first import may prompt
 
@@ -15,12 +16,6 @@ import pybamm as pybamm  # after the line above; the other modules take it from 
 
 FILL_FROM = "Chen2020"
 """Where keys that a set lacks (SEI parameters, mostly) are taken from."""
-
-INITIAL_SOC = "Initial state of charge"
-"""A searchable name that PyBaMM does not know: sets the initial stoichiometries through the cell's limits."""
-
-FACTOR = " factor"
-"""Suffix that turns a function-valued parameter into a searchable multiplier on it."""
 
 
 @cache
@@ -88,58 +83,85 @@ def parameters(set_name: str) -> dict[str, float | str]:
     }
 
 
+def target_in(set_name: str, name: str) -> Target:
+    """What a person's name for a parameter acts on in a set.
+
+    Raises
+    ------
+    BsaError
+        If the set has no such parameter, or a multiplier is asked for where the value itself can be searched, or the
+        reverse.
+    """
+    known = _load(set_name)
+    target = target_named(name, known)
+    if isinstance(target, Factor) and not callable(known[require(set_name, target.name)]):
+        raise BsaError(f'"{target.name}" of {set_name} is a number.', f'search "{target.name}" itself, not "{name}".')
+    if isinstance(target, Value) and is_function(set_name, name):
+        raise BsaError(f'"{name}" of {set_name} is a function.', f'search the multiplier "{factor_name(name)}".')
+    return target
+
+
+_START_SOC = 0.5
+"""Where the search for a state of charge starts when no record tells it."""
+
+
 def initial_value(set_name: str, name: str, overrides: Mapping[str, float] | None = None) -> float:
     """The value at which a search over ``name`` starts: the set's own, or 1 for a factor.
 
     Raises
     ------
     BsaError
-        If the parameter does not exist, or is a function and lacks the suffix `` factor``.
+        As `target_in`, unless an override gives a function a number.
     """
-    if name.startswith(INITIAL_SOC):
-        return 0.5
-    if name.endswith(FACTOR) and name not in _load(set_name):
-        base = require(set_name, name.removesuffix(FACTOR))
-        if not callable(_load(set_name)[base]):
-            raise BsaError(f'"{base}" of {set_name} is a number.', f'search "{base}" itself, without "{FACTOR}".')
-        return 1.0
-    require(set_name, name)
-    value = (overrides or {}).get(name, _load(set_name)[name])
-    if callable(value):
-        raise BsaError(f'"{name}" of {set_name} is a function.', f'search the multiplier "{name}{FACTOR}".')
-    return float(value)
+    if name in (overrides or {}):
+        return float((overrides or {})[require(set_name, name)])
+    target = target_in(set_name, name)
+    if isinstance(target, InitialSoc):
+        return _START_SOC
+    return float(_load(set_name)[name]) if isinstance(target, Value) else 1.0
 
 
-def open_to_search(values: pybamm.ParameterValues, names: Iterable[str]) -> None:
-    """Turn the named parameters into inputs of the compiled model, in place.
+def open_to_search(values: pybamm.ParameterValues, targets: Mapping[str, Target]) -> None:
+    """Turn what is searched into inputs of the compiled model, in place.
 
-    Scalars become ``"[input]"``; a name with the suffix `` factor`` multiplies its function by an
-    input of that name. Initial states of charge need no input: they set the initial conditions.
+    Parameters
+    ----------
+    values : pybamm.ParameterValues
+        The set.
+    targets : mapping of str to Target
+        What is searched, by the names of the inputs. Numbers become ``"[input]"``, numbers and functions with a
+        factor are multiplied by an input. Initial states need no input: they set the initial conditions.
     """
-    for name in names:
-        if name.startswith(INITIAL_SOC):
-            continue
-        if name in values:
-            values.update({name: "[input]"})
-        else:
-            base = name.removesuffix(FACTOR)
-            values.update({base: _scaled(values[base], pybamm.InputParameter(name))})
+    for name, target in targets.items():
+        if isinstance(target, Value):
+            values.update({_known(values, target.name): "[input]"})
+        elif isinstance(target, Factor):
+            values.update({target.name: _scaled(values[target.name], pybamm.InputParameter(name))})
 
 
-def bake(values: pybamm.ParameterValues, candidate: Mapping[str, float]) -> None:
+def inputs_of(targets: Mapping[str, Target]) -> tuple[str, ...]:
+    """The names that are inputs of a model which `open_to_search` has opened."""
+    return tuple(name for name, target in targets.items() if isinstance(target, (Value, Factor)))
+
+
+def bake(values: pybamm.ParameterValues, change: CellChange) -> None:
     """Put a candidate's numbers into the set, in place: the model is then built for it alone."""
-    for name, value in candidate.items():
-        if name.startswith(INITIAL_SOC):
-            continue
-        if name in values:
-            values.update({name: value})
-        else:
-            base = name.removesuffix(FACTOR)
-            values.update({base: _scaled(values[base], value)})
+    values.update({_known(values, name): value for name, value in change.values.items()})
+    for name, factor in change.factors.items():
+        values.update({name: _scaled(values[name], factor)})
 
 
-def _scaled(function: Callable[..., Any], factor: Any) -> Callable[..., Any]:
+def _known(values: pybamm.ParameterValues, name: str) -> str:
+    if name not in values:
+        raise KeyError(name)  # PyBaMM would take it for a new parameter
+    return name
+
+
+def _scaled(value: Any, factor: Any) -> Any:
+    if not callable(value):
+        return factor * value
+
     def scaled(*arguments: Any, **keywords: Any) -> Any:
-        return factor * function(*arguments, **keywords)
+        return factor * value(*arguments, **keywords)
 
     return scaled

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,9 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from ...core.errors import BsaError, did_you_mean
 from ...core.parameters import Parameter, ParameterSpace, Scale
+from ...core.target import Factor, Target, Value, factor_name, target_named
 from ...core.validation import explain, read_yaml
-from .parameter_sets import FACTOR, INITIAL_SOC, initial_value, is_function, load
+from .parameter_sets import initial_value, is_function, load, target_in
 
 PRESETS_FILE = Path(__file__).with_name("search_presets.yaml")
 
@@ -171,24 +173,23 @@ def _from_person(parameter_set: str, name: str, entry: OwnRange, overrides: Mapp
             # An unknown name is the likelier mistake: say that first.
             initial_value(parameter_set, name, overrides)
             raise BsaError(f'"{name}" has no bounds.', "give lower and upper, or factors: [0.5, 2].")
-        parameter = _from_preset(parameter_set, name.removesuffix(FACTOR), known, overrides)
-        if entry.initial is None:
-            return parameter
-        return Parameter(parameter.name, entry.initial, parameter.lower, parameter.upper, parameter.scale)
-    initial = initial_value(parameter_set, name, overrides)
+        parameter = _from_preset(parameter_set, _preset_name(name), known, overrides)
+        return parameter if entry.initial is None else replace(parameter, initial=entry.initial)
+    initial, target = initial_value(parameter_set, name, overrides), _target(parameter_set, name, overrides)
     if entry.factors is not None:
         initial = initial if entry.initial is None else entry.initial
         lower, upper = sorted(initial * factor for factor in entry.factors)
-        return Parameter(name, initial, lower, upper, entry.scale or ("log" if lower > 0 else "linear"))
+        return Parameter(name, initial, lower, upper, entry.scale or ("log" if lower > 0 else "linear"), target)
     assert entry.lower is not None
     assert entry.upper is not None
     initial = min(max(initial, entry.lower), entry.upper) if entry.initial is None else entry.initial
-    return Parameter(name, initial, entry.lower, entry.upper, entry.scale or "linear")
+    return Parameter(name, initial, entry.lower, entry.upper, entry.scale or "linear", target)
 
 
 def _from_preset(parameter_set: str, name: str, entry: Range, overrides: Mapping[str, float]) -> Parameter:
-    if not name.startswith(INITIAL_SOC) and name not in overrides and is_function(parameter_set, name):
-        name += FACTOR
+    value = isinstance(target_named(name), Value)
+    if value and name not in overrides and is_function(parameter_set, name):
+        name = factor_name(name)
     initial = initial_value(parameter_set, name, overrides)
     if entry.factors is not None:
         lower, upper = (initial * factor for factor in entry.factors)
@@ -199,11 +200,23 @@ def _from_preset(parameter_set: str, name: str, entry: Range, overrides: Mapping
             initial = unit * entry.start
     if entry.at_most is not None:
         upper = min(upper, entry.at_most)
-    return Parameter(name, initial, min(lower, initial), max(upper, initial), entry.scale)
+    target = _target(parameter_set, name, overrides)
+    return Parameter(name, initial, min(lower, initial), max(upper, initial), entry.scale, target)
+
+
+def _target(parameter_set: str, name: str, overrides: Mapping[str, float]) -> Target:
+    """What a name acts on; a function that an override replaces by a number is a value."""
+    return Value(name) if name in overrides else target_in(parameter_set, name)
+
+
+def _preset_name(name: str) -> str:
+    """The name under which presets keep a parameter's range: that of the function for a multiplier on it."""
+    target = target_named(name)
+    return target.name if isinstance(target, Factor) else name
 
 
 def _known_range(name: str) -> Range | None:
-    base = name.removesuffix(FACTOR)
+    base = _preset_name(name)
     return next((preset.parameters[base] for preset in presets().values() if base in preset.parameters), None)
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...core.discovery.laboratory import INITIAL_SOC, Specimen
+from ...core.discovery.laboratory import Specimen
 from ...core.discovery.observations import after_jumps, evenly
 from ...core.task import CellModel
 from ...core.trajectory import FloatArray
@@ -72,11 +72,12 @@ def radial_mesh(cell: CellModel, specimens: Sequence[Specimen], soc: Mapping[str
     hardest = max(specimens, key=lambda specimen: float(np.max(np.abs(specimen.record.current))))
     kept = evenly(len(hardest.record.time), _SAMPLES)
     times, current = after_jumps(hardest.record)[kept], hardest.record.current[kept]
-    candidate = {INITIAL_SOC: (soc or {}).get(hardest.name, _UNKNOWN_SOC)}
+    start = (soc or {}).get(hardest.name, _UNKNOWN_SOC)
 
     def voltage(points: int) -> FloatArray | None:
         resolution = replace(SEARCH, radial_points=points)
-        curve = DrivenCell(cell, (), hardest.record, (), hardest.ambient_k, resolution).solve(candidate, times, current)
+        driven = DrivenCell(cell, (), hardest.record, {}, hardest.ambient_k, resolution)
+        curve = driven.solve({}, times, current, start)
         return None if curve is None else curve.voltage
 
     chosen, coarse = _POINTS[0], voltage(_POINTS[0])

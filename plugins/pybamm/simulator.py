@@ -10,9 +10,9 @@ from ...core.easing import Easing
 from ...core.hooks import RunContext, hookimpl
 from ...core.parameters import Candidate
 from ...core.simulation import Outcome
+from ...core.target import InitialSoc
 from ...core.task import Experiment, Protocol
 from .eased import eased
-from .parameter_sets import INITIAL_SOC
 from .worker import Assignment, WorkerPool
 
 
@@ -40,7 +40,7 @@ class PyBaMMSimulator:
         self._eased: dict[Easing, tuple[Experiment, ...]] = {}
         self._variant: tuple[tuple[Experiment, ...], WorkerPool] | None = None
         self._pool = WorkerPool(
-            Assignment(task.cell, task.experiments, task.space.names), context.workers, options.time_limit_s
+            Assignment(task.cell, task.experiments, task.space.targets), context.workers, options.time_limit_s
         )
 
     @hookimpl
@@ -61,12 +61,6 @@ class PyBaMMSimulator:
 
         An experiment that the task does not have begins at its own state of charge, whatever is searched.
         """
-        own = {experiment.name for experiment in self._task.experiments}
-        if not any(experiment.name in own for experiment in experiments):
-            candidates = [
-                {name: value for name, value in candidate.items() if not name.startswith(INITIAL_SOC)}
-                for candidate in candidates
-            ]
         return self._variant_pool(experiments).simulate(candidates, False, report)
 
     def _variant_pool(self, experiments: tuple[Experiment, ...]) -> WorkerPool:
@@ -76,11 +70,11 @@ class PyBaMMSimulator:
         if self._variant is not None:
             self._variant[1].close()
         own = {experiment.name for experiment in self._task.experiments}
-        searched = self._task.space.names
+        targets = self._task.space.targets
         if not any(experiment.name in own for experiment in experiments):
-            searched = tuple(name for name in searched if not name.startswith(INITIAL_SOC))
+            targets = {name: target for name, target in targets.items() if not isinstance(target, InitialSoc)}
         limit_s = self._options.time_limit_s * max(1.0, len(experiments) / len(self._task.experiments))
-        pool = WorkerPool(Assignment(self._task.cell, experiments, searched), self._workers, limit_s)
+        pool = WorkerPool(Assignment(self._task.cell, experiments, targets), self._workers, limit_s)
         self._variant = (experiments, pool)
         return pool
 

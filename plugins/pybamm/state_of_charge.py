@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from ...core.parameters import Candidate
+from ...core.target import CellChange
 from ...core.task import CellModel
 from ...core.trajectory import FloatArray
-from .parameter_sets import FACTOR, load, pybamm
+from .parameter_sets import load, pybamm
 
 
 def soc_at_voltage(cell: CellModel, voltage: float) -> float:
@@ -51,9 +51,6 @@ def equilibrium_capacity_ah(parameter_set: str, overrides: Mapping[str, float]) 
     negative_ah = values.evaluate(pybamm.LithiumIonParameters().n.prim.Q_init)
     return float(negative_ah * (full - empty))
 
-
-CYCLABLE_LITHIUM = "Cyclable lithium factor"
-"""A searchable name that PyBaMM does not know: multiplies the lithium that both electrodes share."""
 
 _ELECTRODES = ("Negative", "Positive")
 _GRID: FloatArray = 1.0 / (1.0 + np.exp(-np.linspace(-9.0, 9.0, 4001)))
@@ -109,14 +106,13 @@ class InitialState:
             for percent, side in ((0, "Lower"), (100, "Upper"))
         )
 
-    def concentrations(self, candidate: Candidate, soc: float | None) -> dict[str, float]:
+    def concentrations(self, change: CellChange, soc: float | None) -> dict[str, float]:
         """Initial concentration of both electrodes by PyBaMM's names, mol/m3.
 
         Parameters
         ----------
-        candidate : Candidate
-            Replaces values of the set by their names, or multiplies them under their names with the suffix
-            `` factor``; `CYCLABLE_LITHIUM` multiplies the lithium that both electrodes share.
+        change : CellChange
+            What a candidate changes about the cell.
         soc : float or None
             State of charge, 0 to 1; None keeps the set's own negative electrode.
 
@@ -130,21 +126,21 @@ class InitialState:
         lithium = 0.0
         for which in _ELECTRODES:
             fraction, thickness, c_max, initial = (
-                float(candidate.get(name, value)) * float(candidate.get(name + FACTOR, 1.0))
+                change.values.get(name, value) * change.factors.get(name, 1.0)
                 for name, value in self._base.items()
                 if self._is_of(name, which)
             )
             highest[which] = c_max
             held[which] = fraction * thickness * c_max
             lithium += fraction * thickness * initial
-        lithium *= float(candidate.get(CYCLABLE_LITHIUM, 1.0))
+        lithium *= change.cyclable_lithium
         x = _GRID
         y = (lithium - held["Negative"] * x) / held["Positive"]
         possible = (y > _GRID[0]) & (y < _GRID[-1])
         if np.count_nonzero(possible) < 10:
             raise ValueError("no state of charge puts this lithium into both electrodes")
         x, y = x[possible], y[possible]
-        scale_n, scale_p = (float(candidate.get(f"{which} electrode OCP [V]{FACTOR}", 1.0)) for which in _ELECTRODES)
+        scale_n, scale_p = (change.factors.get(f"{which} electrode OCP [V]", 1.0) for which in _ELECTRODES)
         positive_v = scale_p * np.interp(y, _GRID, self._potential["Positive"])
         voltage = positive_v - scale_n * self._potential["Negative"][possible]
         empty, full = np.interp(self._limits, np.maximum.accumulate(voltage), x)
@@ -160,7 +156,7 @@ class InitialState:
 
     def soc_at(self, voltage: float) -> float:
         """The state of charge at an open-circuit voltage, kept within 0 to 1."""
-        at = [self.concentrations({}, soc) for soc in _SOC_GRID]
+        at = [self.concentrations(CellChange(), soc) for soc in _SOC_GRID]
         curve = [self._open_circuit_voltage(concentrations) for concentrations in at]
         return float(np.interp(voltage, np.maximum.accumulate(curve), _SOC_GRID))
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from ...core.discovery.axes import Axis
 from ...core.discovery.laboratory import Specimen
 from ...core.errors import BsaError, did_you_mean
-from ...core.parameters import Parameter
-from .state_of_charge import CYCLABLE_LITHIUM
+from ...core.parameters import Parameter, ParameterSpace
+from ...core.target import CYCLABLE_LITHIUM, InitialSoc, target_named
 
 _SPREADS = {
     "Negative electrode active material volume fraction factor": (0.15, 0.5, 1.8),
@@ -67,8 +66,8 @@ def uncertain_parameters(
     specimens: Sequence[Specimen],
     soc: Mapping[str, float] | None = None,
     spreads: Mapping[str, tuple[float, float, float]] | None = None,
-) -> tuple[Axis, ...]:
-    """Axes of the base fit: factors of 1 and each record's initial charge.
+) -> ParameterSpace:
+    """What the base fit moves: factors of 1 and each record's initial charge.
 
     Parameters
     ----------
@@ -81,13 +80,16 @@ def uncertain_parameters(
     spreads : mapping of str to tuple, optional
         Deviation of the logarithm, lower and upper bound of each factor; the nine defaults if left out.
     """
-    axes = [
-        Axis(Parameter(name, 1.0, lower, upper, "log"), spread, prior=True, step=min(0.1, 0.03 / spread))
+    factors = [
+        Parameter(
+            name, 1.0, lower, upper, "log", target_named(name), spread, prior=True, difference=min(0.1, 0.03 / spread)
+        )
         for name, (spread, lower, upper) in (spreads or _SPREADS).items()
         if model != "SPM" or not name.startswith(_ELECTROLYTE)
     ]
     starts = soc or {}
-    axes += [
-        Axis(Parameter(s.soc_name, starts.get(s.name, 0.9), 0.0, 1.08), 0.02, prior=False, step=0.1) for s in specimens
+    states = [
+        Parameter(s.soc_name, starts.get(s.name, 0.9), 0.0, 1.08, target=InitialSoc(s.name), deviation=0.02)
+        for s in specimens
     ]
-    return tuple(axes)
+    return ParameterSpace((*factors, *states))

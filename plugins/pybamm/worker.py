@@ -7,7 +7,7 @@ import os
 import signal
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
@@ -17,6 +17,7 @@ from ...core.errors import BsaError
 from ...core.interrupts import interrupts_wait
 from ...core.parameters import Candidate
 from ...core.simulation import ExperimentRun, Outcome, SimulationFailure
+from ...core.target import Target, change_of
 from ...core.task import CellModel, Experiment
 
 _COMPILE_LIMIT_S = 300.0
@@ -35,13 +36,13 @@ class Assignment:
         Equations and base parameters.
     experiments : tuple of Experiment
         The records to simulate.
-    searched : tuple of str
-        Names of the parameters that a candidate sets.
+    targets : mapping of str to Target
+        What a candidate sets, by the names that it uses.
     """
 
     cell: CellModel
     experiments: tuple[Experiment, ...]
-    searched: tuple[str, ...]
+    targets: Mapping[str, Target]
 
 
 def serve(connection: Connection, assignment: Assignment) -> None:
@@ -55,8 +56,7 @@ def serve(connection: Connection, assignment: Assignment) -> None:
 
         pybamm.set_logging_level("CRITICAL")
         compiled = [
-            CompiledExperiment(assignment.cell, experiment, assignment.searched)
-            for experiment in assignment.experiments
+            CompiledExperiment(assignment.cell, experiment, assignment.targets) for experiment in assignment.experiments
         ]
     except Exception as error:
         connection.send(("unusable", _as_bsa_error(error)))
@@ -73,7 +73,8 @@ def serve(connection: Connection, assignment: Assignment) -> None:
             for number, experiment in enumerate(assignment.experiments):
                 connection.send(("experiment", number))
                 if exact:
-                    runs.append(solve_reference(assignment.cell, experiment, candidate))
+                    change = change_of(assignment.targets, candidate)
+                    runs.append(solve_reference(assignment.cell, experiment, change))
                 else:
                     runs.append(compiled[number].solve(candidate, lambda *step: connection.send(("step", step))))
         except BsaError as error:

@@ -1,7 +1,6 @@
 """Records of the hidden cell and the driver that follows them share no solver code: at the truth they agree."""
 
 import numpy as np
-from bsa.core.discovery.laboratory import INITIAL_SOC
 from bsa.core.segmentation import segment
 from bsa.core.task import CellModel
 from bsa.experiments.discovery_bench.hidden_cell import Hidden, Leg, measure
@@ -19,7 +18,7 @@ def test_six_cycles_sampled_once_a_minute_do_not_drift():
     ]
     rest = Leg(0.0, 300.0, period=60.0)
     record = segment(measure(cell, Hidden(noise_v=0.0), [rest, *cycle * 6], 0.9, 298.15, np.random.default_rng(0)))
-    curve = DrivenCell(cell, (), record, (), 298.15).solve({INITIAL_SOC: 0.9}, record.time, record.current)
+    curve = DrivenCell(cell, (), record, {}, 298.15).solve({}, record.time, record.current, 0.9)
     assert curve is not None
     error = np.abs(curve.voltage - record.voltage)
     last = record.time > record.time[-1] * 5 / 6

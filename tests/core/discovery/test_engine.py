@@ -3,19 +3,19 @@ from dataclasses import replace
 import discovery_toy as toy
 import numpy as np
 import pytest
-from bsa.core.discovery.axes import effect_axes
 from bsa.core.discovery.engine import Engine
 from bsa.core.discovery.findings import Nomination, Settings
 from bsa.core.discovery.fitting import Fitter
 from bsa.core.discovery.nomination import nominate, screen
+from bsa.core.parameters import ParameterSpace
 
 CATALOGUE = (toy.QUADRATIC, toy.HYSTERESIS, toy.SLOW)
 
 
 def run(truth, seed=0, catalogue=CATALOGUE, held=True, **settings):
     rng = np.random.default_rng(seed)
-    problem, axes = toy.problem(rng, truth, held)
-    return Engine(problem, axes, catalogue, toy.EVIDENCE, Settings(**settings)).run()
+    problem, space = toy.problem(rng, truth, held)
+    return Engine(problem, space, catalogue, toy.EVIDENCE, Settings(**settings)).run()
 
 
 @pytest.mark.parametrize("name", ["quadratic", "sign", "slow"])
@@ -58,7 +58,7 @@ def test_twins_are_ambiguous():
 
     twin = toy.effect("sign-twin")
     rng = np.random.default_rng(3)
-    problem, axes = toy.problem(rng, {"sign": 0.01})
+    problem, space = toy.problem(rng, {"sign": 0.01})
     before = toy.marks
 
     def with_twin(current, time):
@@ -67,7 +67,7 @@ def test_twins_are_ambiguous():
 
     toy.marks = with_twin
     try:
-        findings = Engine(problem, axes, (*CATALOGUE, twin), toy.EVIDENCE).run()
+        findings = Engine(problem, space, (*CATALOGUE, twin), toy.EVIDENCE).run()
     finally:
         toy.marks = before
     assert findings.verdict == "ambiguous"
@@ -90,7 +90,7 @@ def test_an_effect_that_the_records_cannot_show_is_left_out():
 
 def test_a_base_fit_that_stopped_short_is_no_missing_effect(monkeypatch):
     def stopped_short(self):
-        fit = self.fit((), self.axes, np.array([0.2, 4.9, 4.9]), 4)
+        fit = self.fit((), self.space, np.array([0.2, 4.9, 4.9]), 4)
         return self.explain((), fit, None), 0.0
 
     monkeypatch.setattr(Fitter, "calibrate", stopped_short)
@@ -101,14 +101,14 @@ def test_a_base_fit_that_stopped_short_is_no_missing_effect(monkeypatch):
 
 
 def fitted(fitter, effects, budget):
-    axes = (*fitter.axes, *effect_axes(effects))
-    fit = fitter.fit(effects, axes, np.concatenate([[0.2], np.zeros(len(axes) - 1)]), budget)
+    space = ParameterSpace((*fitter.space, *(p for effect in effects for p in effect.searched)))
+    fit = fitter.fit(effects, space, np.concatenate([[0.2], np.zeros(len(space) - 1)]), budget)
     return fitter.explain(effects, fit, None)
 
 
 def test_two_effects_that_hide_behind_each_other_are_tried_together_whatever_a_score_promises():
-    problem, axes = toy.problem(np.random.default_rng(0), {"quadratic": 0.01, "sign": 0.015})
-    engine = Engine(problem, axes, CATALOGUE, toy.EVIDENCE)
+    problem, space = toy.problem(np.random.default_rng(0), {"quadratic": 0.01, "sign": 0.015})
+    engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE)
     known = engine.shortlist()
     for nomination in known.nominations:
         nomination.mark = 0 * nomination.mark  # a score on what one effect leaves promises nothing of the other
@@ -118,15 +118,15 @@ def test_two_effects_that_hide_behind_each_other_are_tried_together_whatever_a_s
 
 @pytest.mark.parametrize(("kept", "fits"), [(0.2, 2), (0.8, 1)])
 def test_a_short_refit_that_keeps_little_of_what_a_score_promises_gets_fresh_slopes(monkeypatch, kept, fits):
-    problem, axes = toy.problem(np.random.default_rng(0), {"sign": 0.01})
-    fitter = Fitter(problem, axes, Settings(), print)
+    problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
+    fitter = Fitter(problem, space, Settings(), print)
     base = fitted(fitter, (), 100)
     (nomination,) = nominate(fitter, base, [toy.HYSTERESIS], toy.EVIDENCE, print)
     fresh = []
 
-    def fit(effects, axes, start, budget, jacobian=None):
+    def fit(effects, space, start, budget, jacobian=None):
         fresh.append(jacobian is None)
-        found = Fitter.fit(fitter, effects, axes, start, 1)
+        found = Fitter.fit(fitter, effects, space, start, 1)
         left = base.fit.cost - kept * nomination.gain - found.belief
         return found if fresh[-1] else replace(found, residual=np.array([np.sqrt(left)]))
 
@@ -136,9 +136,9 @@ def test_a_short_refit_that_keeps_little_of_what_a_score_promises_gets_fresh_slo
 
 
 def test_beside_a_base_model_that_is_lost_an_effect_starts_from_what_is_believed():
-    problem, axes = toy.problem(np.random.default_rng(0), {"sign": 0.02})
-    fitter = Fitter(problem, axes, Settings(), print)
-    lost = fitter.at((), axes, np.array([3.0, 9.0, -9.0]))
+    problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.02})
+    fitter = Fitter(problem, space, Settings(), print)
+    lost = fitter.at((), space, np.array([3.0, 9.0, -9.0]))
     lost.fit = replace(lost.fit, jacobian=np.zeros_like(lost.fit.jacobian))  # says nothing of the way back
     (nomination,) = nominate(fitter, lost, [toy.HYSTERESIS], toy.EVIDENCE, print)
     screen(fitter, lost, nomination)
@@ -146,9 +146,9 @@ def test_beside_a_base_model_that_is_lost_an_effect_starts_from_what_is_believed
 
 
 def test_where_what_the_scores_favour_helps_little_the_others_are_fitted_whatever_their_sign():
-    problem, axes = toy.problem(np.random.default_rng(0), {"sign": 0.02})
+    problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.02})
     either = toy.effect("sign", lower=-1.0)
-    engine = Engine(problem, axes, (toy.QUADRATIC, either), toy.EVIDENCE, Settings(screened=1))
+    engine = Engine(problem, space, (toy.QUADRATIC, either), toy.EVIDENCE, Settings(screened=1))
     known = engine.shortlist()
     misled = {"quadratic": (1.0, 5.0), "sign": (-1.0, 0.0)}
     for nomination in known.nominations:
@@ -160,15 +160,15 @@ def test_where_what_the_scores_favour_helps_little_the_others_are_fitted_whateve
 
 
 def test_a_base_fit_also_starts_from_the_charge_that_the_voltage_tells(monkeypatch):
-    problem, axes = toy.problem(np.random.default_rng(0), {}, held=False)
-    problem.misfit_v, as_believed = 1e-3, np.zeros(len(axes))
-    fitter = Fitter(problem, axes, Settings(), print)
+    problem, space = toy.problem(np.random.default_rng(0), {}, held=False)
+    problem.misfit_v, as_believed = 1e-3, np.zeros(len(space))
+    fitter = Fitter(problem, space, Settings(), print)
     starts = []
 
-    def fit(effects, axes, start, budget, tolerance):
+    def fit(effects, space, start, budget, tolerance):
         starts.append(start)
         # The start that comes nearer ends farther off.
-        return replace(Fitter.fit(fitter, effects, axes, start, 1), residual=np.full(3, 9.0 if np.any(start) else 1.0))
+        return replace(Fitter.fit(fitter, effects, space, start, 1), residual=np.full(3, 9.0 if np.any(start) else 1.0))
 
     monkeypatch.setattr(fitter, "fit", fit)
     found = fitter._fit_from_somewhere(as_believed)
@@ -178,9 +178,9 @@ def test_a_base_fit_also_starts_from_the_charge_that_the_voltage_tells(monkeypat
 
 
 def test_a_pair_that_had_more_simulations_than_its_member_is_pruned():
-    problem, axes = toy.problem(np.random.default_rng(0), {"sign": 0.01})
-    engine = Engine(problem, axes, CATALOGUE, toy.EVIDENCE)
-    fitter = Fitter(problem, axes, Settings(), print)
+    problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
+    engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE)
+    fitter = Fitter(problem, space, Settings(), print)
     base = fitted(fitter, (), 100)
     single, pair = fitted(fitter, (toy.HYSTERESIS,), 5), fitted(fitter, (toy.HYSTERESIS, toy.QUADRATIC), 100)
     assert pair.adequacy.adequate
@@ -194,9 +194,9 @@ def test_a_pair_that_had_more_simulations_than_its_member_is_pruned():
 
 
 def test_the_best_fit_is_gone_on_with_until_it_has_converged():
-    problem, axes = toy.problem(np.random.default_rng(0), {"sign": 0.01})
-    engine = Engine(problem, axes, CATALOGUE, toy.EVIDENCE)
-    fitter = Fitter(problem, axes, Settings(), print)
+    problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
+    engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE)
+    fitter = Fitter(problem, space, Settings(), print)
     stopped = fitted(fitter, (toy.HYSTERESIS,), 5)
     assert not stopped.fit.converged
     (finished,) = engine.finish(fitted(fitter, (), 100), [stopped])
@@ -204,9 +204,9 @@ def test_the_best_fit_is_gone_on_with_until_it_has_converged():
 
 
 def test_an_effect_that_lost_its_way_is_fitted_from_where_the_best_one_ended():
-    problem, axes = toy.problem(np.random.default_rng(0), {"sign": 0.01})
-    engine = Engine(problem, axes, CATALOGUE, toy.EVIDENCE)
-    fitter = Fitter(problem, axes, Settings(), print)
+    problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
+    engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE)
+    fitter = Fitter(problem, space, Settings(), print)
     base = fitted(fitter, (), 100)
     problem.misfit_v = 0.01  # as when neither has come near yet
     leader, lost = fitted(fitter, (toy.QUADRATIC,), 100), fitted(fitter, (toy.HYSTERESIS,), 5)
@@ -223,16 +223,16 @@ def test_an_effect_that_lost_its_way_is_fitted_from_where_the_best_one_ended():
 def test_a_temperature_has_its_say_in_who_is_fitted_on():
     cold, warm = Nomination(toy.QUADRATIC), Nomination(toy.HYSTERESIS, warmth=1.0)
     assert cold.promise == np.inf
-    problem, axes = toy.problem(np.random.default_rng(0), {})
-    fit = fitted(Fitter(problem, axes, Settings(), print), (), 100).fit
+    problem, space = toy.problem(np.random.default_rng(0), {})
+    fit = fitted(Fitter(problem, space, Settings(), print), (), 100).fit
     cold.screened, cold.warmth, warm.screened = fit, 25.0, fit
     assert cold.promise - warm.promise == pytest.approx(24.0)
 
 
 def test_a_pair_that_predicts_data_not_fitted_no_better_than_one_of_its_members_is_not_named():
-    problem, axes = toy.problem(np.random.default_rng(0), {"sign": 0.01, "quadratic": 0.01})
-    engine = Engine(problem, axes, CATALOGUE, toy.EVIDENCE)
-    fitter = Fitter(problem, axes, Settings(), print)
+    problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01, "quadratic": 0.01})
+    engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE)
+    fitter = Fitter(problem, space, Settings(), print)
     base = fitted(fitter, (), 100)
     single, pair = fitted(fitter, (toy.HYSTERESIS,), 100), fitted(fitter, (toy.HYSTERESIS, toy.QUADRATIC), 100)
     assert engine.decide(base, [pair, single]).best.names == ("quadratic", "sign")
@@ -242,9 +242,9 @@ def test_a_pair_that_predicts_data_not_fitted_no_better_than_one_of_its_members_
 
 
 def test_the_better_half_of_an_ornamented_pair_is_fitted_until_it_has_converged(monkeypatch):
-    problem, axes = toy.problem(np.random.default_rng(0), {"sign": 0.01})
-    engine = Engine(problem, axes, CATALOGUE, toy.EVIDENCE, Settings(refit_budget=8))
-    fitter = Fitter(problem, axes, Settings(), print)
+    problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
+    engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE, Settings(refit_budget=8))
+    fitter = Fitter(problem, space, Settings(), print)
     base = fitted(fitter, (), 100)
     single, pair = fitted(fitter, (toy.HYSTERESIS,), 5), fitted(fitter, (toy.HYSTERESIS, toy.QUADRATIC), 100)
     single.held_rmse_v = pair.held_rmse_v = 2 * problem.held_noise_v  # so that a pair is tried, and no better
@@ -259,9 +259,9 @@ def test_the_better_half_of_an_ornamented_pair_is_fitted_until_it_has_converged(
 
 
 def test_a_pair_is_not_tried_where_none_could_predict_better(monkeypatch):
-    problem, axes = toy.problem(np.random.default_rng(0), {"sign": 0.01})
-    engine = Engine(problem, axes, CATALOGUE, toy.EVIDENCE)
-    fitter = Fitter(problem, axes, Settings(), print)
+    problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
+    engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE)
+    fitter = Fitter(problem, space, Settings(), print)
     base, single = fitted(fitter, (), 100), fitted(fitter, (toy.HYSTERESIS,), 100)
     monkeypatch.setattr(engine, "pair", lambda *_: pytest.fail("a pair was tried"))
     assert single.held_rmse_v < 1.1 * problem.held_noise_v

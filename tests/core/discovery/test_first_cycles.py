@@ -76,8 +76,8 @@ def test_what_does_not_drift_is_not_cut():
 @pytest.mark.parametrize("size", [1e-3, 0.05])
 def test_ageing_is_added_to_the_cell_as_it_was_new(size):
     # The strong one adds as much resistance in twelve cycles as ten cells have: a base fit of all cycles is no start.
-    problem, axes = cycled({"fade": size})
-    findings = Engine(problem, axes, (toy.FADE, toy.QUADRATIC, toy.HYSTERESIS), toy.EVIDENCE, Settings()).run()
+    problem, space = cycled({"fade": size})
+    findings = Engine(problem, space, (toy.FADE, toy.QUADRATIC, toy.HYSTERESIS), toy.EVIDENCE, Settings()).run()
     assert findings.verdict == "effect-found", findings.reason
     assert findings.best.names == ("fade",)
     assert findings.best.estimates["fade"][0].value == pytest.approx(size, rel=0.05)
@@ -85,17 +85,17 @@ def test_ageing_is_added_to_the_cell_as_it_was_new(size):
 
 
 def test_parameters_of_the_first_cycle_are_those_of_the_cell_as_it_was_new():
-    problem, axes = cycled({"fade": 0.02})
-    fitter = Fitter(problem, axes, Settings(), lambda text: None)
+    problem, space = cycled({"fade": 0.02})
+    fitter = Fitter(problem, space, Settings(), lambda text: None)
     base, _ = fitter.calibrate()
     bent = base.fit.candidate["resistance factor"]
-    assert axes[0].value(float(fitter.as_new[0])) == pytest.approx(1.2, rel=0.1)
+    assert space.parameters[0].at_coordinate(float(fitter.as_new[0])) == pytest.approx(1.2, rel=0.1)
     assert bent > 1.5
 
 
 def test_a_cell_that_does_not_age_lacks_nothing():
-    problem, axes = cycled({})
-    assert Engine(problem, axes, (toy.FADE,), toy.EVIDENCE).run().verdict == "no-missing-effect"
+    problem, space = cycled({})
+    assert Engine(problem, space, (toy.FADE,), toy.EVIDENCE).run().verdict == "no-missing-effect"
 
 
 def test_a_horizon_is_doubled_until_the_whole_is_reached():
@@ -105,7 +105,7 @@ def test_a_horizon_is_doubled_until_the_whole_is_reached():
 
 
 def test_no_second_effect_is_sought_over_many_cycles(monkeypatch):
-    problem, axes = cycled({"fade": 0.02, "slow": 0.01})
-    engine = Engine(problem, axes, (toy.FADE, toy.SLOW), toy.EVIDENCE, Settings(max_effects=2))
+    problem, space = cycled({"fade": 0.02, "slow": 0.01})
+    engine = Engine(problem, space, (toy.FADE, toy.SLOW), toy.EVIDENCE, Settings(max_effects=2))
     monkeypatch.setattr(engine, "add_second", lambda *_: pytest.fail("a second effect was sought"))
     assert len(engine.run().best.effects) <= 1

@@ -12,7 +12,7 @@ class Stairs(toy.ToyLaboratory):
     def __init__(self, begin, height):
         self.begin, self.height = begin, height
 
-    def predict(self, effects, candidate, specimen, times, current, fine=False):
+    def predict(self, effects, candidate, specimen, times, current, fine=False, soc=None):
         usual = super().predict(effects, candidate, specimen, times, current).voltage
         fall = np.where(times > self.begin, np.sin(np.arange(len(times))), 0.0)
         return Prediction(usual + fine * self.height * fall)

@@ -3,17 +3,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bsa.core.discovery.adequacy import Adequacy
-from bsa.core.discovery.axes import Axis, effect_axes
 from bsa.core.discovery.explanation import WARMTH_K, Estimate, Explanation
 from bsa.core.discovery.refit import Refit
 from bsa.core.discovery.rules import CLEAR_BIC, believable, bic_difference, rivals
 from bsa.core.effect import Effect, EffectParameter
-from bsa.core.parameters import Parameter
+from bsa.core.parameters import Parameter, ParameterSpace
 
 
 def explanation(name, kelvin, rmse=1.0):
     effect = Effect(name, name, "", (EffectParameter("size", "", 0.0, 0.0, 10.0, 1.0),), "", "")
-    fit = Refit(effect_axes((effect,)), np.zeros(1), np.full(80, rmse), np.ones((80, 1)), True, 1)
+    fit = Refit(ParameterSpace(effect.searched), np.zeros(1), np.full(80, rmse), np.ones((80, 1)), True, 1)
     errors = rmse * np.where(np.arange(80) % 2, 1e-3, -1e-3)
     sigma = np.full(80, 1e-3)
     found = Explanation((effect,), fit, Adequacy(0.5, 0.5, 0.0, 1.0), 1e-3, 1e-3, 1.0, errors, sigma, None, kelvin)
@@ -38,8 +37,8 @@ def test_a_temperature_counts_as_one_observation():
 
 def test_a_gap_that_bent_parameters_hide_shows_in_the_temperature():
     base = explanation("base", 15.0, rmse=5.0)
-    believed = Axis(Parameter("p", 0.0, -50.0, 50.0), 1.0, prior=True)
-    base.fit = replace(base.fit, axes=(believed,), u=np.array([9.0]))
+    believed = ParameterSpace((Parameter("p", 0.0, -50.0, 50.0, deviation=1.0, prior=True),))
+    base.fit = replace(base.fit, space=believed, u=np.array([9.0]))
     base.held_rmse_v = 2e-3
     base.rmse_v = 1.02e-3
     blind, warm = explanation("cold", 15.0), explanation("heat", 2.0)

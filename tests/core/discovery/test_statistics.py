@@ -1,18 +1,17 @@
 import numpy as np
 import pytest
 from bsa.core.discovery.adequacy import FALSE_ALARM, judge
-from bsa.core.discovery.axes import Axis
 from bsa.core.discovery.noise import voltage_noise
 from bsa.core.discovery.refit import differences, refit
 from bsa.core.discovery.score import score_effect
-from bsa.core.parameters import Parameter
+from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 
-def axes(count):
-    return tuple(Axis(Parameter(f"p{k}", 0.0, -50.0, 50.0), 1.0, prior=False) for k in range(count))
+def space(count):
+    return ParameterSpace(tuple(Parameter(f"p{k}", 0.0, -50.0, 50.0, deviation=1.0) for k in range(count)))
 
 
 def test_false_alarms_stay_at_the_stated_rate():
@@ -42,7 +41,7 @@ def test_the_score_recovers_size_and_sign_behind_parameters(seed, size, sign):
     mark = rng.normal(size=120) + jacobian @ rng.normal(size=4)
     # residual = data - model falls as the strength rises by what the mark says
     residual = -sign * size * mark - jacobian @ rng.normal(size=4)
-    score = score_effect(residual, jacobian, mark, axes(4), np.zeros(4), (0.0, 100.0), reach=1e3)
+    score = score_effect(residual, jacobian, mark, space(4), np.zeros(4), (0.0, 100.0), reach=1e3)
     assert np.sign(score.z) == sign
     if sign > 0:
         assert score.amplitude == pytest.approx(size, rel=1e-3)
@@ -58,7 +57,7 @@ def test_what_parameters_imitate_has_no_score(seed):
     rng = np.random.default_rng(seed)
     jacobian = rng.normal(size=(80, 3))
     mark = jacobian @ rng.normal(size=3)
-    score = score_effect(rng.normal(size=80), jacobian, mark, axes(3), np.zeros(3), (0.0, 10.0), reach=1e3)
+    score = score_effect(rng.normal(size=80), jacobian, mark, space(3), np.zeros(3), (0.0, 10.0), reach=1e3)
     assert score.own_share < 1e-6
     assert abs(score.z) < 1e-2 or score.gain < 1e-3
 
@@ -74,7 +73,7 @@ def test_a_fit_converges_inside_bounds_and_counts_what_it_spends():
         calls += 1
         return target - matrix @ np.array([candidate[f"p{k}"] for k in range(3)])
 
-    fit = refit(residual, axes(3), np.zeros(3), tolerance=1e-8)
+    fit = refit(residual, space(3), np.zeros(3), tolerance=1e-8)
     assert fit is not None
     assert fit.converged
     assert fit.simulations == calls
@@ -87,10 +86,10 @@ def test_a_fit_survives_candidates_that_fail():
         x = candidate["p0"]
         return None if x > 2.5 else np.array([x - 2.0, 0.1 * (x - 2.0)])
 
-    fit = refit(residual, axes(1), np.array([-4.0]))
+    fit = refit(residual, space(1), np.array([-4.0]))
     assert fit is not None
     assert fit.candidate["p0"] == pytest.approx(2.0, abs=2e-2)
-    assert refit(lambda candidate: None, axes(1), np.zeros(1)) is None
+    assert refit(lambda candidate: None, space(1), np.zeros(1)) is None
 
 
 @settings(max_examples=20)
@@ -108,7 +107,7 @@ def test_a_slope_is_taken_over_what_the_data_can_see():
     def residual(candidate):
         return 100 * np.exp(30 * candidate["p0"]) * np.ones(50) + candidate["p1"]
 
-    both = tuple(Axis(Parameter(f"p{k}", 0.0, -5.0, 5.0), 1.0, prior=True) for k in range(2))
+    both = ParameterSpace(tuple(Parameter(f"p{k}", 0.0, -5.0, 5.0, deviation=1.0, prior=True) for k in range(2)))
     jacobian, spent = differences(residual, both, np.zeros(2), residual({"p0": 0.0, "p1": 0.0}))
     assert jacobian[0, 0] == pytest.approx(3000, rel=0.05)
     assert jacobian[0, 1] == pytest.approx(1.0)
@@ -121,11 +120,11 @@ def test_a_fit_without_a_fresh_jacobian_promises_anything():
     def residual(candidate):
         return np.array([candidate["p0"] - 1.0, 10 * (candidate["p1"] - candidate["p0"] ** 2)])
 
-    short = refit(residual, axes(2), np.array([-1.0, 1.0]), np.eye(2), budget=2)
+    short = refit(residual, space(2), np.array([-1.0, 1.0]), np.eye(2), budget=2)
     assert short is not None
     assert short.promised == np.inf
     assert not short.converged
-    whole = refit(residual, axes(2), np.array([-1.0, 1.0]), budget=200)
+    whole = refit(residual, space(2), np.array([-1.0, 1.0]), budget=200)
     assert whole is not None
     assert whole.promised < 1e-2
     assert whole.converged

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from bsa.core.discovery.axes import Axis
-from bsa.core.discovery.laboratory import INITIAL_SOC, Prediction, Specimen
+from bsa.core.discovery.laboratory import Prediction, Specimen
 from bsa.core.discovery.observations import observe
 from bsa.core.discovery.problem import Problem
 from bsa.core.effect import Effect, EffectParameter, Evidence
-from bsa.core.parameters import Parameter
+from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.trajectory import Step, StepKind, Trajectory
 
 EVIDENCE = Evidence("toy", {}, 1, 0.0, 1.0)
@@ -44,12 +43,11 @@ def marks(current, time):
 class ToyLaboratory:
     """V = 3.8 - 0.2 q + offset - R I + the effects' marks."""
 
-    def predict(self, effects, candidate, specimen: Specimen, times, current, fine=False):
+    def predict(self, effects, candidate, specimen: Specimen, times, current, fine=False, soc=None):
         record = specimen.record
         charge = np.interp(times, record.time, record.discharge_capacity)
-        voltage = (
-            3.6 + 0.2 * candidate.get(INITIAL_SOC, 0.9) - 0.2 * charge - candidate["resistance factor"] * 0.05 * current
-        )
+        start = 3.6 + 0.2 * (0.9 if soc is None else soc)
+        voltage = start - 0.2 * charge - candidate["resistance factor"] * 0.05 * current
         full = marks(record.current, record.time)
         for added in effects:
             mark = np.interp(times, record.time, full[added.name])
@@ -82,16 +80,14 @@ def specimen(name: str, rng, truth: dict[str, float], resistance=1.2, noise=1e-3
     return Specimen(name, Trajectory(time, current, voltage, None, tuple(steps)))
 
 
-def problem(rng, truth: dict[str, float], held: bool = True, noise=1e-3) -> tuple[Problem, tuple[Axis, ...]]:
+def problem(rng, truth: dict[str, float], held: bool = True, noise=1e-3) -> tuple[Problem, ParameterSpace]:
     fitted = [specimen("a", rng, truth, noise=noise), specimen("b", rng, truth, noise=noise)]
     return problem_of(fitted, [specimen("held", rng, truth, noise=noise)] if held else [])
 
 
-def problem_of(fitted: list[Specimen], kept: list[Specimen]) -> tuple[Problem, tuple[Axis, ...]]:
-    axes = (
-        Axis(Parameter("resistance factor", 1.0, 0.2, 5.0, "log"), 0.5, prior=True),
-        *(Axis(Parameter(s.soc_name, 0.8, 0.0, 1.0), 0.02, prior=False) for s in fitted),
-    )
+def problem_of(fitted: list[Specimen], kept: list[Specimen]) -> tuple[Problem, ParameterSpace]:
+    resistance = Parameter("resistance factor", 1.0, 0.2, 5.0, "log", deviation=0.5, prior=True)
+    states = [Parameter(s.soc_name, 0.8, 0.0, 1.0, deviation=0.02) for s in fitted]
     made = Problem(
         ToyLaboratory(),
         fitted,
@@ -99,4 +95,4 @@ def problem_of(fitted: list[Specimen], kept: list[Specimen]) -> tuple[Problem, t
         kept,
         [observe(s.name, s.record, points=150) for s in kept],
     )
-    return made, axes
+    return made, ParameterSpace((resistance, *states))

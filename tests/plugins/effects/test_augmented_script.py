@@ -4,6 +4,7 @@ import sys
 import numpy as np
 import pytest
 from bsa.core.discovery.laboratory import Specimen
+from bsa.core.target import targets_named
 from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.effects.catalogue import EFFECTS
@@ -33,7 +34,8 @@ def test_the_script_needs_pybamm_alone_and_gives_the_same_curve(tmp_path, keys):
         candidate |= {effect.full_name(p): p.probe for p in effect.parameters}
     cell = CellModel("Chen2020", "SPMe")
     path = tmp_path / "augmented_model.py"
-    path.write_text(augmented_script(cell, effects, candidate, [specimen]), encoding="utf-8")
+    targets = targets_named([name, specimen.soc_name])
+    path.write_text(augmented_script(cell, effects, candidate, targets, [specimen]), encoding="utf-8")
     code = (
         "import sys; sys.modules['bsa'] = None\n"
         "import augmented_model as m, numpy as np\n"
@@ -41,8 +43,8 @@ def test_the_script_needs_pybamm_alone_and_gives_the_same_curve(tmp_path, keys):
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr[-2000:]
-    expected = DrivenCell(cell, effects, driven, [name], 298.15, FINE).solve(
-        candidate | {"Initial state of charge": 0.9}, driven.time, driven.current
+    expected = DrivenCell(cell, effects, driven, targets_named([name]), 298.15, FINE).solve(
+        candidate, driven.time, driven.current, 0.9
     )
     assert expected is not None
     np.testing.assert_allclose(np.load(tmp_path / "v.npy"), expected.voltage, atol=2e-4)

@@ -92,12 +92,11 @@ def record():
 
 
 BY_KEY = {effect.key: effect for effect in EFFECTS}
-SOC = "Initial state of charge"
 
 
 def voltage(effects, driven, extra=None):
-    cell = DrivenCell(CellModel("Chen2020", "SPMe"), effects, driven, [SOC])
-    curve = cell.solve({SOC: 0.9} | (extra or {}), driven.time, driven.current)
+    cell = DrivenCell(CellModel("Chen2020", "SPMe"), effects, driven, {})
+    curve = cell.solve(extra or {}, driven.time, driven.current, 0.9)
     assert curve is not None
     return curve.voltage
 
@@ -161,8 +160,8 @@ def test_a_cell_that_runs_empty_pauses_until_the_current_turns():
     current = np.where(time < 6000, 4.0, -2.0)
     steps = (Step(StepKind.CC_DISCHARGE, 0, 200), Step(StepKind.CC_CHARGE, 200, 300))
     record = Trajectory(time, current, np.full(300, 3.7), None, steps)
-    driven = DrivenCell(CellModel("Chen2020", "SPM"), (), record, ())
-    curves = [driven.solve({"Initial state of charge": soc}, time, current) for soc in (0.5, 0.501)]
+    driven = DrivenCell(CellModel("Chen2020", "SPM"), (), record, {})
+    curves = [driven.solve({}, time, current, soc) for soc in (0.5, 0.501)]
     assert curves[0] is not None
     assert curves[1] is not None
     # Empty for the rest of the discharge, then charged from there; and a little more charge changes a little.
@@ -178,8 +177,8 @@ def test_a_cell_that_runs_empty_in_every_cycle_is_followed_to_the_end():
     kinds = (StepKind.CC_DISCHARGE, StepKind.CC_CHARGE) * 6
     steps = tuple(Step(kind, 100 * k, 100 * (k + 1)) for k, kind in enumerate(kinds))
     record = Trajectory(time, current, np.full(1200, 3.7), None, steps)
-    driven = DrivenCell(CellModel("Chen2020", "SPM"), (), record, ())
-    curves = [driven.solve({"Initial state of charge": soc}, time, current) for soc in (0.5, 0.501)]
+    driven = DrivenCell(CellModel("Chen2020", "SPM"), (), record, {})
+    curves = [driven.solve({}, time, current, soc) for soc in (0.5, 0.501)]
     assert all(curve is not None for curve in curves)
     for cycle in range(6):
         discharge = curves[0].voltage[200 * cycle : 200 * cycle + 100]

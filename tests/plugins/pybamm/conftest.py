@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from bsa.core.target import CellChange, targets_named
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Trajectory
 from bsa.plugins.pybamm.compiled import CompiledExperiment, solve_reference
@@ -26,12 +27,12 @@ def short_experiment(soc: float | None = 0.5) -> Experiment:
 def chen() -> CompiledExperiment:
     """A compiled DFN of Chen2020 with searched geometry, a factor and the state of charge."""
     searched = (*GEOMETRY, "Negative electrode exchange-current density [A.m-2] factor", "Initial state of charge")
-    return CompiledExperiment(CellModel("Chen2020"), short_experiment(None), searched)
+    return CompiledExperiment(CellModel("Chen2020"), short_experiment(None), targets_named(searched))
 
 
 @pytest.fixture(scope="session")
 def measured() -> Trajectory:
     """A short record of the reference cell: discharge, rest, charge; current positive on discharge."""
-    run = solve_reference(CellModel("Chen2020"), short_experiment(), {})
+    run = solve_reference(CellModel("Chen2020"), short_experiment(), CellChange())
     assert run.trajectory is not None
     return run.trajectory

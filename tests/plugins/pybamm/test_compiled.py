@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from bsa.core.errors import BsaError
 from bsa.core.simulation import ExperimentRun
+from bsa.core.target import change_of, targets_named
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import StepKind, Trajectory
 from bsa.plugins.pybamm.compiled import CompiledExperiment, solve_reference
@@ -51,7 +52,7 @@ def test_searching_gives_what_a_rebuild_on_the_standard_mesh_gives(
     chen: CompiledExperiment, changes: dict[str, float]
 ) -> None:
     candidate = {name: value * changes.get(name, 1.0) for name, value in base().items()}
-    rebuilt = solve_reference(CellModel("Chen2020"), protocol(), candidate)
+    rebuilt = solve_reference(CellModel("Chen2020"), protocol(), change_of(targets_named(candidate), candidate))
     assert largest_difference_mv(chen.solve(candidate), rebuilt) < 0.1
 
 
@@ -75,7 +76,7 @@ def test_steps_carry_kind_cycle_position_and_words(chen: CompiledExperiment) -> 
 @pytest.mark.slow
 def test_a_cell_that_heats_tells_its_temperature() -> None:
     cell = CellModel("Chen2020", "SPM", {"thermal": "lumped"})
-    trajectory = CompiledExperiment(cell, protocol(), ()).solve({}).trajectory
+    trajectory = CompiledExperiment(cell, protocol(), {}).solve({}).trajectory
     assert trajectory is not None
     assert trajectory.temperature is not None
     assert 298.15 < np.max(trajectory.temperature) < 310.0
@@ -101,7 +102,7 @@ def test_an_impossible_state_is_a_failed_trial(chen: CompiledExperiment) -> None
 @pytest.mark.slow
 def test_a_measured_current_reproduces_the_protocol_it_came_from(measured: Trajectory) -> None:
     experiment = Experiment("record", measured, None, initial_soc=0.5)
-    run = CompiledExperiment(CellModel("Chen2020"), experiment, ()).solve({})
+    run = CompiledExperiment(CellModel("Chen2020"), experiment, {}).solve({})
     assert run.failure is None
     assert run.trajectory is not None
     assert np.array_equal(run.trajectory.time, measured.time - measured.time[0])
@@ -118,9 +119,9 @@ def test_every_chemistry_and_model_runs(name: str, model: str) -> None:
     experiment = Experiment(
         "x", protocol().target, (("Discharge at 1C for 2 minutes", "Rest for 1 minute"),), initial_soc=0.7
     )
-    run = CompiledExperiment(CellModel(name, model), experiment, ("Negative electrode thickness [m]",)).solve(
-        {"Negative electrode thickness [m]": initial_value(name, "Negative electrode thickness [m]")}
-    )
+    thickness = "Negative electrode thickness [m]"
+    compiled = CompiledExperiment(CellModel(name, model), experiment, targets_named([thickness]))
+    run = compiled.solve({thickness: initial_value(name, thickness)})
     assert run.failure is None
 
 
@@ -141,6 +142,6 @@ def test_every_chemistry_and_model_runs(name: str, model: str) -> None:
 )
 def test_what_cannot_be_built_says_why(cell: CellModel, steps: list[str], words: str) -> None:
     with pytest.raises(BsaError) as caught:
-        CompiledExperiment(cell, Experiment("x", protocol().target, (tuple(steps),)), ())
+        CompiledExperiment(cell, Experiment("x", protocol().target, (tuple(steps),)), {})
     assert words in str(caught.value)
     assert caught.value.hint

@@ -54,7 +54,7 @@ def starved() -> tuple[ParameterSpace, dict[str, float]]:
 def test_a_step_that_dies_shows_its_last_moments_and_the_limit() -> None:
     space, candidate = starved()
     experiment = Experiment("x", NOTHING, protocol(2, 2, 4.2, 2.5))
-    run = CompiledExperiment(CellModel("Ecker2015", "DFN", MODEL_OPTIONS), experiment, space.names).solve(candidate)
+    run = CompiledExperiment(CellModel("Ecker2015", "DFN", MODEL_OPTIONS), experiment, space.targets).solve(candidate)
     assert run.failure is not None
     assert run.trajectory is not None
     assert "the electrolyte has run out of salt" in run.failure.limit

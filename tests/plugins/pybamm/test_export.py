@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from bsa.core.parameters import Parameter, ParameterSpace
+from bsa.core.target import change_of, target_named, targets_named
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.pybamm.compiled import solve_reference
@@ -21,7 +22,7 @@ SOC = "Initial state of charge"
 
 
 def task_of(cell, experiment, *names):
-    space = ParameterSpace(tuple(Parameter(name, 0.5, 1e-9, 1e9) for name in names))
+    space = ParameterSpace(tuple(Parameter(name, 0.5, 1e-9, 1e9, target=target_named(name)) for name in names))
     return Task("export", cell, space, (experiment,))
 
 
@@ -106,7 +107,7 @@ def test_the_script_alone_gives_the_curve_of_the_final_score(case, tmp_path):
     assert done.returncode == 0, done.stderr
     assert "A.h discharged" in done.stdout
     _, time, current, voltage = np.loadtxt(tmp_path / "curve.csv", delimiter=",", skiprows=1).T
-    wanted = solve_reference(cell, experiment, candidate)
+    wanted = solve_reference(cell, experiment, change_of(targets_named(candidate), candidate))
     assert wanted.failure is None
     assert abs(time[-1] - wanted.trajectory.duration) < 1e-2
     if experiment.protocol is None:

@@ -1,5 +1,6 @@
 import pytest
 from bsa.core.errors import BsaError
+from bsa.core.target import CellChange
 from bsa.core.task import CellModel
 from bsa.plugins.pybamm import parameter_sets
 from bsa.plugins.pybamm.state_of_charge import InitialState, equilibrium_capacity_ah, soc_at_voltage
@@ -38,7 +39,7 @@ def test_a_voltage_and_a_state_of_charge_are_one() -> None:
     assert 0.4 < soc < 0.7
     assert soc_at_voltage(cell, 5.0) == 1.0
     assert soc_at_voltage(cell, 1.0) == 0.0
-    state = InitialState(parameter_sets.load("Chen2020")).concentrations({}, soc)
+    state = InitialState(parameter_sets.load("Chen2020")).concentrations(CellChange(), soc)
     values = parameter_sets.load("Chen2020", state)
     assert float(values.evaluate(parameter_sets.pybamm.LithiumIonParameters().ocv_init)) == pytest.approx(3.8, abs=2e-4)
 

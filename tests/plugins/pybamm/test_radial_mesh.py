@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from bsa.core.discovery.laboratory import INITIAL_SOC, Specimen
+from bsa.core.discovery.laboratory import Specimen
 from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.pybamm.driven_cell import FINE, SEARCH, DrivenCell, Resolution
@@ -15,8 +15,8 @@ def discharge(current, duration):
 
 
 def voltage(cell, specimen, points):
-    driven = DrivenCell(cell, (), specimen.record, (), specimen.ambient_k, Resolution(radial_points=points))
-    curve = driven.solve({INITIAL_SOC: 0.95}, specimen.record.time, specimen.record.current)
+    driven = DrivenCell(cell, (), specimen.record, {}, specimen.ambient_k, Resolution(radial_points=points))
+    curve = driven.solve({}, specimen.record.time, specimen.record.current, 0.95)
     assert curve is not None
     return curve.voltage
 

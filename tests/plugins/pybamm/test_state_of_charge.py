@@ -1,8 +1,9 @@
 import pytest
+from bsa.core.target import CellChange
 from bsa.core.task import CellModel
 from bsa.plugins.pybamm import state_of_charge
 from bsa.plugins.pybamm.parameter_sets import load, pybamm
-from bsa.plugins.pybamm.state_of_charge import CYCLABLE_LITHIUM, InitialState, initial_concentration, soc_at_voltage
+from bsa.plugins.pybamm.state_of_charge import InitialState, initial_concentration, soc_at_voltage
 
 
 @pytest.mark.parametrize("name", ["Chen2020", "OKane2022"])
@@ -22,10 +23,10 @@ def test_the_grid_gives_what_the_root_finder_gives_and_stands_in_for_it(monkeypa
 def test_factors_multiply_hosts_and_the_lithium_between_them():
     state = InitialState(load("Chen2020"))
     negative, positive = (initial_concentration(which) for which in ("Negative", "Positive"))
-    usual = state.concentrations({}, 0.5)
-    roomy = state.concentrations({"Positive electrode active material volume fraction factor": 1.1}, 0.5)
-    richer = state.concentrations({CYCLABLE_LITHIUM: 1.02}, 0.5)
+    usual = state.concentrations(CellChange(), 0.5)
+    roomy = state.concentrations(CellChange(factors={"Positive electrode active material volume fraction": 1.1}), 0.5)
+    richer = state.concentrations(CellChange(cyclable_lithium=1.02), 0.5)
     assert roomy != pytest.approx(usual, rel=1e-3)
     # More lithium at one state of charge shows in the positive electrode: less room is left there.
     assert richer[positive] > usual[positive]
-    assert state.concentrations({}, None)[negative] == pytest.approx(load("Chen2020")[negative])
+    assert state.concentrations(CellChange(), None)[negative] == pytest.approx(load("Chen2020")[negative])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from bsa.core.errors import BsaError
 from bsa.core.simulation import Outcome
+from bsa.core.target import targets_named
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Trajectory
 from bsa.plugins.pybamm import worker
@@ -19,7 +20,7 @@ CELL = CellModel("Chen2020", "SPM")
 
 
 def assignment(*steps: str, searched: tuple[str, ...] = (NAME,)) -> Assignment:
-    return Assignment(CELL, (Experiment("x", NOTHING, (steps,), initial_soc=0.5),), searched)
+    return Assignment(CELL, (Experiment("x", NOTHING, (steps,), initial_soc=0.5),), targets_named(searched))
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,170 @@
+"""What a searched parameter acts on, as a type; a name is read in one place, where a person's notation comes in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+INITIAL_SOC = "Initial state of charge"
+"""Name of the initial state of charge, of all records together; `soc_name` gives that of one record."""
+
+CYCLABLE_LITHIUM = "Cyclable lithium factor"
+"""Name of the multiplier on the lithium that both electrodes share."""
+
+_FACTOR = " factor"
+
+
+@dataclass(frozen=True)
+class Value:
+    """Replaces a number of the parameter set.
+
+    Attributes
+    ----------
+    name : str
+        PyBaMM's name of it.
+    """
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Factor:
+    """Multiplies what the parameter set has, a number or a function.
+
+    Attributes
+    ----------
+    name : str
+        PyBaMM's name of what is multiplied.
+    """
+
+    name: str
+
+
+@dataclass(frozen=True)
+class InitialSoc:
+    """The state of charge at which a record starts, 0 to 1.
+
+    Attributes
+    ----------
+    record : str
+        Name of the record; empty for all records.
+    """
+
+    record: str = ""
+
+
+@dataclass(frozen=True)
+class CyclableLithium:
+    """Multiplies the lithium that both electrodes share."""
+
+
+@dataclass(frozen=True)
+class EffectValue:
+    """A parameter that exists only when an effect does.
+
+    Attributes
+    ----------
+    effect, parameter : str
+        Name of the effect, and the parameter's short name in it.
+    """
+
+    effect: str
+    parameter: str
+
+
+Target = Value | Factor | InitialSoc | CyclableLithium | EffectValue
+
+
+def soc_name(record: str) -> str:
+    """Name of the initial state of charge of one record."""
+    return f"{INITIAL_SOC}: {record}"
+
+
+def factor_name(name: str) -> str:
+    """Name of the multiplier on a parameter of the set."""
+    return name + _FACTOR
+
+
+def target_named(name: str, known: Iterable[str] = ()) -> Target:
+    """The target that a person's notation means.
+
+    Parameters
+    ----------
+    name : str
+        ``"NAME"`` for a value, ``"NAME factor"`` for a multiplier, ``"Initial state of charge"`` (of one record:
+        ``"Initial state of charge: RECORD"``) or ``"Cyclable lithium factor"``.
+    known : iterable of str, optional
+        Names of the parameter set: one of these is a value, whatever it ends with.
+    """
+    if name == INITIAL_SOC:
+        return InitialSoc()
+    if name.startswith(soc_name("")):
+        return InitialSoc(name.removeprefix(soc_name("")))
+    if name == CYCLABLE_LITHIUM:
+        return CyclableLithium()
+    if name.endswith(_FACTOR) and name not in known:
+        return Factor(name.removesuffix(_FACTOR))
+    return Value(name)
+
+
+def targets_named(names: Iterable[str]) -> dict[str, Target]:
+    """What several names in a person's notation mean, by the names."""
+    return {name: target_named(name) for name in names}
+
+
+@dataclass(frozen=True)
+class CellChange:
+    """What a candidate changes about a cell, sorted by target.
+
+    Attributes
+    ----------
+    values : mapping of str to float
+        Numbers that replace those of the parameter set, by PyBaMM's names.
+    factors : mapping of str to float
+        What values and functions of the set are multiplied by, by PyBaMM's names.
+    cyclable_lithium : float
+        Multiplies the lithium that both electrodes share.
+    initial_soc : mapping of str to float
+        State of charge at which a record starts, by the record's name; under the empty name that of all others.
+    """
+
+    values: Mapping[str, float] = field(default_factory=dict)
+    factors: Mapping[str, float] = field(default_factory=dict)
+    cyclable_lithium: float = 1.0
+    initial_soc: Mapping[str, float] = field(default_factory=dict)
+
+    def soc_of(self, record: str) -> float | None:
+        """The state of charge at which a record starts; None where nothing is said of it."""
+        return self.initial_soc.get(record, self.initial_soc.get(""))
+
+
+def change_of(targets: Mapping[str, Target], candidate: Mapping[str, float]) -> CellChange:
+    """Sort a candidate's values by what they act on.
+
+    Parameters
+    ----------
+    targets : mapping of str to Target
+        By the parameters' names; values of the candidate under other names are left out, and so are those of effects.
+    candidate : mapping of str to float
+        Values by the parameters' names.
+    """
+    values: dict[str, float] = {}
+    factors: dict[str, float] = {}
+    initial_soc: dict[str, float] = {}
+    lithium = 1.0
+    for name, target in targets.items():
+        if name not in candidate:
+            continue
+        value = float(candidate[name])
+        match target:
+            case Value(base):
+                values[base] = value
+            case Factor(base):
+                factors[base] = value
+            case InitialSoc(record):
+                initial_soc[record] = value
+            case CyclableLithium():
+                lithium = value
+            case EffectValue():
+                pass
+    return CellChange(values, factors, lithium, initial_soc)

@@ -1,0 +1,63 @@
+import pytest
+from bsa.core.encoding import decode_parameter, encode_parameter
+from bsa.core.parameters import Parameter, ParameterSpace
+from bsa.core.target import (
+    CellChange,
+    CyclableLithium,
+    EffectValue,
+    Factor,
+    InitialSoc,
+    Value,
+    change_of,
+    soc_name,
+    target_named,
+    targets_named,
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "target"),
+    [
+        ("Separator thickness [m]", Value("Separator thickness [m]")),
+        ("Positive electrode OCP [V] factor", Factor("Positive electrode OCP [V]")),
+        ("Initial state of charge", InitialSoc()),
+        ("Initial state of charge: 1 cell factor", InitialSoc("1 cell factor")),
+        ("Cyclable lithium factor", CyclableLithium()),
+    ],
+)
+def test_a_name_in_a_persons_notation_means_one_target(name, target):
+    assert target_named(name) == target
+
+
+def test_a_parameter_of_the_set_is_a_value_whatever_its_name_ends_with():
+    assert target_named("Contact area factor", {"Contact area factor"}) == Value("Contact area factor")
+
+
+def test_a_parameter_acts_on_the_number_of_its_name_unless_it_says_otherwise():
+    space = ParameterSpace(
+        (Parameter("Damping factor", 1.0, 0.1, 10.0), Parameter("D factor", 1.0, 0.1, 10.0, target=Factor("D")))
+    )
+    change = space.change({"Damping factor": 2.0, "D factor": 3.0})
+    assert (change.values, change.factors) == ({"Damping factor": 2.0}, {"D": 3.0})
+
+
+def test_a_candidate_is_sorted_by_what_it_acts_on():
+    candidate = {"R [m]": 2.0, "D factor": 3.0, soc_name("a"): 0.4, "Cyclable lithium factor": 0.9, "unknown": 7.0}
+    targets = targets_named(name for name in candidate if name != "unknown") | {"x: y": EffectValue("x", "y")}
+    change = change_of(targets, {**candidate, "x: y": 1.0})
+    assert change == CellChange({"R [m]": 2.0}, {"D": 3.0}, 0.9, {"a": 0.4})
+    assert (change.soc_of("a"), change.soc_of("b")) == (0.4, None)
+    assert CellChange(initial_soc={"": 0.2}).soc_of("any") == 0.2
+
+
+@pytest.mark.parametrize(
+    "target", [None, Value("p"), Factor("p"), InitialSoc("r"), CyclableLithium(), EffectValue("e", "p")]
+)
+def test_what_a_parameter_acts_on_survives_the_journal(target):
+    parameter = Parameter("p", 1.0, 0.5, 2.0, "log", target, deviation=0.1, prior=True)
+    assert decode_parameter(encode_parameter(parameter)) == parameter
+
+
+def test_a_journal_of_an_earlier_version_names_targets_by_their_parameters():
+    earlier = {"name": "D factor", "initial": 1.0, "lower": 0.5, "upper": 2.0, "scale": "log"}
+    assert decode_parameter(earlier).target == Factor("D")
