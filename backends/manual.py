@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 import time
 from collections.abc import Sequence
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from ..core.errors import BsaError
+from ..core.files import write_json
 from ..core.messages import BackendFailure, BudgetSpent, JsonSchema, Message, Reply, Usage
 from ..core.reply_parsing import MAX_REPLY_CHARS, strip_control
 
@@ -125,9 +125,7 @@ class ExchangeBackend:
             number = max([*numbers, *taken], default=0) + 1
             name = f"prompt-{number:03d}.json"
             content = {"number": number, "reply": f"reply-{number:03d}.txt", **prompt}
-            draft = self._folder / f".{name}.{os.getpid()}"
-            draft.write_text(json.dumps(content, ensure_ascii=False, indent=1), encoding="utf-8", errors="replace")
-            draft.replace(self._folder / name)
+            write_json(self._folder / name, content, indent=1)
         self._mine.add(number)
         return number
 

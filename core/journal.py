@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from .errors import BsaError
+from .files import begins, entries, file_error, foreign
 
 try:
     import fcntl
@@ -17,6 +19,11 @@ except ImportError:  # pragma: no cover - Windows has no flock; there a second w
 
 FORMAT = 1
 FILE_NAME = "journal.jsonl"
+CLAIM = "claim"
+"""What a process of a grid holds of a run's folder, before there is a journal in it."""
+
+_BEGINNING = b'{"event":"run"'
+"""How every journal begins; a file that begins otherwise is not ours."""
 
 Event = Mapping[str, Any]
 
@@ -32,17 +39,26 @@ class Journal:
     Raises
     ------
     BsaError
-        If another process is writing this journal, or it was written by newer code.
+        If the folder holds something that is not a run, another process is writing this journal, or it cannot be
+        written.
     """
 
     def __init__(self, folder: Path) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
+        check_run_folder(folder)
         self.path = folder / FILE_NAME
         self.warnings: list[str] = []
-        self._file = open(self.path, "a+b")  # noqa: SIM115  (held for the life of the run)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            flags = os.O_RDWR | os.O_CREAT | os.O_APPEND | getattr(os, "O_NOFOLLOW", 0)
+            # Unbuffered: what the disk refuses must not be written later, behind a torn line.
+            self._file = open(os.open(self.path, flags, 0o666), "r+b", buffering=0)  # noqa: SIM115  (held for the run)
+        except OSError as error:
+            raise file_error(error, self.path) from None
         if fcntl is not None:
             try:
                 fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                if os.fstat(self._file.fileno()).st_nlink == 0:
+                    raise OSError("its last holder has just removed it")
             except OSError:
                 self._file.close()
                 raise BsaError(
@@ -59,15 +75,54 @@ class Journal:
             self.warnings.append(f"{self.path}: dropped a torn last line of {len(content) - keep} bytes.")
 
     def append(self, event: str, **fields: Any) -> None:
-        """Write one event and wait until it is on disk."""
+        """Write one event and wait until it is on disk.
+
+        Raises
+        ------
+        BsaError
+            If it cannot be written; the journal then ends with the event before, and the run can be resumed.
+        """
         line = json.dumps({"event": event, **fields}, ensure_ascii=False, separators=(",", ":"))
-        self._file.write(line.encode("utf-8", errors="replace") + b"\n")
-        self._file.flush()
-        os.fsync(self._file.fileno())
+        left = line.encode("utf-8", errors="replace") + b"\n"
+        size = os.fstat(self._file.fileno()).st_size
+        try:
+            while left:
+                left = left[self._file.write(left) :]
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            with suppress(OSError):
+                self._file.truncate(size)
+            raise file_error(error, self.path) from None
+
+    def clear(self) -> None:
+        """Forget every event."""
+        self._file.truncate(0)
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Let go of the file; a journal without an event goes, and its folder if nothing else is in it."""
+        if os.fstat(self._file.fileno()).st_size == 0:
+            with suppress(OSError):
+                self.path.unlink()
+                self.path.parent.rmdir()
         self._file.close()
+
+
+def check_run_folder(folder: Path) -> None:
+    """Refuse a folder that holds anything else than a run; nothing is written.
+
+    Raises
+    ------
+    BsaError
+        If there are files without a journal, or a journal that is not ours.
+    """
+    found = entries(folder)
+    if FILE_NAME not in found:
+        if found and CLAIM not in found:
+            raise foreign(folder, "a run")
+        return
+    # A run that was killed while it began has part of the first line.
+    if not begins(folder / FILE_NAME, _BEGINNING):
+        raise foreign(folder / FILE_NAME, "the journal of a run")
 
 
 def read_events(folder: Path) -> Iterator[dict[str, Any]]:
@@ -79,22 +134,25 @@ def read_events(folder: Path) -> Iterator[dict[str, Any]]:
         If there is no journal, it is damaged, or it was written by newer code.
     """
     path = folder / FILE_NAME
+    if not path.is_file():
+        raise BsaError(f"{folder} holds no run ({FILE_NAME} is missing).", "give the folder of an earlier run.")
     try:
         lines = path.read_bytes().split(b"\n")
-    except OSError:
-        raise BsaError(
-            f"{folder} holds no run ({FILE_NAME} is missing).", "give the folder of an earlier run."
-        ) from None
+    except OSError as error:
+        raise file_error(error, path) from None
     for number, line in enumerate(lines[:-1], start=1):
         try:
             event = json.loads(line)
-            if not isinstance(event, dict) or "event" not in event:
+            if not isinstance(event, dict) or not isinstance(event.get("event"), str):
                 raise ValueError("not an event")
-        except ValueError:
+            version = event.get("format", 0) if number == 1 else 0
+            if not isinstance(version, int):
+                raise ValueError("no number")
+        except (ValueError, RecursionError):
             raise BsaError(f"{path} is damaged at line {number}.", "restore the file, or start a new run.") from None
-        if number == 1 and event.get("format", 0) > FORMAT:
+        if version > FORMAT:
             raise BsaError(
-                f"{path} has format {event['format']}, this version reads up to {FORMAT}.",
+                f"{path} has format {version}, this version reads up to {FORMAT}.",
                 "upgrade battery-sim-agent.",
             )
         yield event

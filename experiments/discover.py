@@ -6,6 +6,7 @@ import json
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
+from pathlib import Path
 
 import numpy as np
 
@@ -17,10 +18,13 @@ from ..core.discovery.localisation import in_words, localise
 from ..core.discovery.next_experiment import propose
 from ..core.discovery.problem import Problem
 from ..core.discovery.ranking import Ranking, ask
+from ..core.files import claimed, entries, foreign, read_json, write_text
 from ..core.messages import Backend
 from ..core.trajectory import FloatArray
 from .discovery_case import DiscoverOptions, read_case
 from .discovery_workbench import Workbench, set_up
+
+RESULT = "discovery.json"
 
 
 def discover(options: DiscoverOptions, listener: Listener = lambda text: None) -> Discovery:
@@ -45,16 +49,24 @@ def discover(options: DiscoverOptions, listener: Listener = lambda text: None) -
     """
     from .discovery_page import write_page
 
-    case = read_case(options)
-    with backend_or_none(options) as backend:
-        bench = set_up(case, options, listener)
-        discovery = discover_on(bench, options, listener, backend)
-    options.out.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(discovery.to_json(), indent=1, allow_nan=False)
-    (options.out / "discovery.json").write_text(text, encoding="utf-8")
-    (options.out / "augmented_model.py").write_text(discovery.script, encoding="utf-8")
-    write_page(options.out / "report.html", discovery, bench.problem)
+    _check_folder(options.out)
+    with claimed(options.out):
+        case = read_case(options)
+        with backend_or_none(options) as backend:
+            bench = set_up(case, options, listener)
+            discovery = discover_on(bench, options, listener, backend)
+        # Said before it is written: a disk that is full by now must not cost the answer.
+        listener(f"{discovery.verdict}: {', '.join(discovery.names) or discovery.findings.reason}")
+        write_text(options.out / RESULT, json.dumps(discovery.to_json(), indent=1, allow_nan=False))
+        write_text(options.out / "augmented_model.py", discovery.script)
+        write_page(options.out / "report.html", discovery, bench.problem)
     return discovery
+
+
+def _check_folder(folder: Path) -> None:
+    """Refuse a folder that holds anything else than an earlier discovery."""
+    if entries(folder) and "verdict" not in (read_json(folder / RESULT) or {}):
+        raise foreign(folder, "a discovery")
 
 
 @contextmanager

@@ -12,6 +12,7 @@ from markupsafe import Markup
 
 from ..core.discovery.discovery import Discovery
 from ..core.discovery.problem import Problem
+from ..core.files import write_text
 from ..core.trajectory import FloatArray
 
 _TEMPLATE = Path(__file__).with_name("discovery_page.html.j2")
@@ -35,7 +36,7 @@ def write_page(path: Path, discovery: Discovery, problem: Problem | None) -> Non
     template = environment.from_string(_TEMPLATE.read_text(encoding="utf-8"))
     content = discovery.to_json()
     figures = [] if problem is None else _figures(discovery, problem)
-    path.write_text(template.render(d=content, figures=figures, css=_css()), encoding="utf-8")
+    write_text(path, template.render(d=content, figures=figures, css=_css()))
 
 
 def _css() -> str:

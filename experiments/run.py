@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 
 from ..core.encoding import decode_task, encode_task
 from ..core.errors import BsaError
+from ..core.files import write_json, write_text
 from ..core.hooks import RunContext
 from ..core.journal import FILE_NAME, FORMAT, Journal, read_events
 from ..core.loop import Listener, Run, RunResult
@@ -97,6 +97,7 @@ def execute_run(
     """
     resources = resources or Resources()
     journal = Journal(folder)
+    earlier: list[dict[str, Any]] = []
     try:
         earlier = list(read_events(folder))
         _open_chapter(journal, earlier, task, config)
@@ -111,9 +112,14 @@ def execute_run(
             result = Run(task, config, plugins, recorder, journal, folder, earlier, listener, appraising).execute()
             write_results(folder, task, config, backend.name, result)
             for name, content in plugins.export(result.best.candidate).items():
-                (folder / name).write_text(content, encoding="utf-8")
+                write_text(folder / name, content)
         finally:
             plugins.close()
+    except BsaError:
+        # Refused before its first simulation: what is left must not block the folder for the mended command.
+        if not earlier and not any(event["event"] == "trial" for event in read_events(folder)):
+            journal.clear()
+        raise
     finally:
         journal.close()
         backend.close()
@@ -199,11 +205,5 @@ def _numbers(metrics: Metrics | None) -> dict[str, float | None]:
 
 def write_results(folder: Path, task: Task, config: RunConfig, backend_name: str, result: RunResult) -> None:
     """Write ``result.json`` and ``best_parameters.json``, each whole or not at all."""
-    _write_json(folder / "result.json", summary(task, config, backend_name, result))
-    _write_json(folder / "best_parameters.json", dict(result.best.candidate))
-
-
-def _write_json(path: Path, content: Mapping[str, Any]) -> None:
-    draft = path.with_suffix(".part")
-    draft.write_text(json.dumps(content, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-    draft.replace(path)
+    write_json(folder / "result.json", summary(task, config, backend_name, result), indent=2)
+    write_json(folder / "best_parameters.json", dict(result.best.candidate), indent=2)

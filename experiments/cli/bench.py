@@ -13,6 +13,14 @@ from . import shared_options as shared
 if TYPE_CHECKING:
     from ..suite.case import SuiteCase
 
+
+def _study_folder(out: Path) -> Path:
+    from ..studies.cell import check_study_folder
+
+    check_study_folder(out)
+    return out
+
+
 bench_app = typer.Typer(help="Run the studies: one command each, seeded, resumable.", no_args_is_help=True)
 
 Suite = Annotated[str, typer.Option(help="published, generated or random.")]
@@ -22,7 +30,7 @@ Simulations = Annotated[int, typer.Option(min=1, help="Simulations a run at most
 Workers = Annotated[int, typer.Option(min=1, help="Runs side by side.")]
 Seed = Annotated[int, typer.Option(min=0, help="Seed for everything random.")]
 Backend = Annotated[str, typer.Option(help="Language model, as bsa run takes it.")]
-Out = Annotated[Path, typer.Option(help="Folder for tables, figures and finished cells.")]
+Out = Annotated[Path, typer.Option(help="Folder for tables, figures and finished cells.", callback=_study_folder)]
 NoiseMv = Annotated[float, typer.Option(min=0.0, help="Measurement noise put on the targets' voltage, mV.")]
 Published = Annotated[
     Path | None,

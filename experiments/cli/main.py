@@ -11,6 +11,11 @@ from typing import NoReturn
 import typer
 
 from ...core.errors import BsaError
+from ...core.files import file_error
+from .progress import printable
+
+_LONGEST = 4000
+"""Characters of a message at most; the longest of ours list every parameter of a set."""
 
 USER_ERROR, INTERRUPTED = 2, 130
 
@@ -63,15 +68,22 @@ def _carry_out(commands: typer.Typer) -> NoReturn:
     try:
         commands()
     except BsaError as error:
-        print(f"BsaError: {error}", file=sys.stderr)
-        sys.exit(USER_ERROR)
+        _refuse(error)
     except KeyboardInterrupt:
         print("Interrupted.", file=sys.stderr)
         sys.exit(INTERRUPTED)
     except BrokenPipeError:
         # The reader of our output has gone (`bsa list | head`); nothing is wrong.
         sys.stdout = None
+    except OSError as error:
+        _refuse(file_error(error))
     sys.exit(0)
+
+
+def _refuse(error: BsaError) -> NoReturn:
+    # Names of files and what they hold are other people's words.
+    print(f"BsaError: {printable(str(error), _LONGEST)}", file=sys.stderr)
+    sys.exit(USER_ERROR)
 
 
 def _as_interrupt(number: int, frame: FrameType | None) -> NoReturn:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from ...core.errors import BsaError
+from ...core.journal import check_run_folder
 from . import shared_options as shared
 
 if TYPE_CHECKING:
@@ -73,6 +74,8 @@ def run(
     from ..run import Resources, read_request
     from ..tasks.records import RecordRequest, build_task
 
+    if out is not None:
+        check_run_folder(out)
     resources = Resources(workers or min(os.cpu_count() or 1, 4), max_tokens, max_cost)
     if resume is not None:
         earlier_task, config = read_request(resume)

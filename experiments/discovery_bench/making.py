@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...core.errors import BsaError
+from ...core.files import entries, foreign, write_json, write_text
 from ...core.segmentation import segment
 from ...core.trajectory import Trajectory
 from .cases import Recipe, base_cell, hide, recipes
@@ -37,9 +38,10 @@ def make_cases(
     from ...plugins.pybamm.parameter_sets import pybamm
     from ..discovery_case import effects_of
 
+    if entries(folder) and not any(folder.glob(f"case_*/{DESCRIPTION}")):
+        raise foreign(folder, "a folder of blind cases")
     pybamm.set_logging_level("CRITICAL")
     effects = effects_of(None)
-    folder.mkdir(parents=True, exist_ok=True)
     answers: dict[str, Any] = {}
     made = []
     for number, recipe in enumerate(list(recipes())[:count], start=1):
@@ -56,14 +58,38 @@ def make_cases(
             break
         else:
             raise BsaError(f"{name} could not be simulated in {_DRAWS} draws.", "another --seed may do.")
-    (folder / SEALED).write_bytes(base64.b64encode(zlib.compress(json.dumps(answers).encode())))
+    write_text(folder / SEALED, base64.b64encode(zlib.compress(json.dumps(answers).encode())).decode())
     return made
 
 
 def unseal(folder: Path) -> dict[str, Any]:
     """The answers; read when scoring and at no other time."""
-    content: dict[str, Any] = json.loads(zlib.decompress(base64.b64decode((folder / SEALED).read_bytes())))
+    path = folder / SEALED
+    try:
+        content: dict[str, Any] = json.loads(zlib.decompress(base64.b64decode(path.read_bytes())))
+    except (OSError, ValueError, zlib.error) as error:
+        raise BsaError(f"{path} cannot be read ({error}).", "give a folder of bsa bench discovery --make.") from None
     return content
+
+
+def read_rows(folder: Path, results: str) -> list[dict[str, Any]]:
+    """What was written of each case, one JSON object a line; none if there is no such file yet.
+
+    Raises
+    ------
+    BsaError
+        If ``results`` is no name of a file in the folder, or its content is not ours.
+    """
+    path = folder / results
+    if Path(results).name != results or path.is_symlink():
+        raise BsaError(f'"{results}" is no file in {folder}.', "give a name, without a path.")
+    try:
+        rows = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()] if path.exists() else []
+    except (OSError, ValueError, RecursionError) as error:
+        raise BsaError(f"{path} cannot be read ({error}).", "choose another name with --results.") from None
+    if not all(isinstance(row, dict) and isinstance(row.get("case"), str) for row in rows):
+        raise foreign(path, "a file of results")
+    return rows
 
 
 def _make(folder: Path, recipe: Recipe, effects: Any, rng: np.random.Generator) -> dict[str, Any]:
@@ -73,7 +99,6 @@ def _make(folder: Path, recipe: Recipe, effects: Any, rng: np.random.Generator) 
     values = load(cell.parameter_set)
     lower, upper = float(values["Lower voltage cut-off [V]"]), float(values["Upper voltage cut-off [V]"])
     hidden = hide(recipe, effects, float(values["Nominal cell capacity [A.h]"]), rng)
-    folder.mkdir(parents=True, exist_ok=True)
     ambients = recipe.ambients_c or (25.0,) * (len(recipe.profiles) + 1)
     files = []
     for profile, ambient in zip((*recipe.profiles, "check"), ambients, strict=True):
@@ -84,7 +109,7 @@ def _make(folder: Path, recipe: Recipe, effects: Any, rng: np.random.Generator) 
         _write(folder / name, record)
         files.append({"file": name, "ambient_c": ambient})
     description = {"parameters": cell.parameter_set, "model": cell.model, "records": files}
-    (folder / DESCRIPTION).write_text(json.dumps(description, indent=1), encoding="utf-8")
+    write_json(folder / DESCRIPTION, description, indent=1)
     return {
         "effects": [effect.name for effect in hidden.effects],
         "keys": [effect.key for effect in hidden.effects],
@@ -101,4 +126,4 @@ def _write(path: Path, record: Trajectory) -> None:
     rows = ["Time [s],Current [A],Voltage [V],Temperature [degC]"]
     columns = zip(record.time, -record.current, record.voltage, record.temperature - 273.15, strict=True)
     rows += [f"{t:.4f},{i:.5f},{v:.4f},{c:.2f}" for t, i, v, c in columns]
-    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(rows) + "\n")

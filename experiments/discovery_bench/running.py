@@ -11,10 +11,11 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
+from ...core.errors import BsaError
 from ..discover import backend_or_none, discover_on
 from ..discovery_case import DiscoverOptions, read_case
 from ..discovery_workbench import set_up
-from .making import DESCRIPTION
+from .making import DESCRIPTION, read_rows
 
 RESULTS = "results.jsonl"
 
@@ -51,8 +52,10 @@ def run_cases(
         The results.
     """
     path = folder / results
-    done = {json.loads(line)["case"] for line in path.read_text().splitlines()} if path.exists() else set()
+    done = {row["case"] for row in read_rows(folder, results)}
     names = sorted(p.name for p in folder.glob("case_*") if (p / DESCRIPTION).exists())
+    if not names:
+        raise BsaError(f"{folder} holds no blind case.", "bsa bench discovery --make makes some.")
     names = [name for name in names if name not in done and (only is None or name in only)]
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(workers, mp_context=context, max_tasks_per_child=1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .making import unseal
+from .making import read_rows, unseal
 from .running import RESULTS
 
 
@@ -59,7 +58,7 @@ class Marked:
 def mark_cases(folder: Path, results: str = RESULTS) -> list[Marked]:
     """Mark every case that has a result."""
     answers = unseal(folder)
-    rows = [json.loads(line) for line in (folder / results).read_text(encoding="utf-8").splitlines()]
+    rows = read_rows(folder, results)
     return [_mark(row, answers[row["case"]]) for row in sorted(rows, key=lambda row: row["case"])]
 
 

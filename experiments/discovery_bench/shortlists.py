@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
@@ -12,7 +11,7 @@ from ...core.discovery.ranking import ask
 from ..discover import backend_or_none
 from ..discovery_case import read_case
 from ..discovery_workbench import set_up
-from .making import unseal
+from .making import read_rows, unseal
 from .running import options_of
 
 SHORTLISTS = "shortlists.jsonl"
@@ -70,7 +69,7 @@ def shortlist_table(folder: Path, results: str = SHORTLISTS) -> str:
     was there to be ranked.
     """
     answers = unseal(folder)
-    rows = [json.loads(line) for line in (folder / results).read_text(encoding="utf-8").splitlines()]
+    rows = read_rows(folder, results)
     told = [(row, set(answers[row["case"]]["effects"])) for row in rows if row["effects"]]
     single = [(row, hidden) for row, hidden in told if len(hidden) == 1]
     ways = [how for how in _WORDS if any(how in row for row, _ in single)]

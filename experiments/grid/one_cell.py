@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ...core.errors import BsaError
+from ...core.files import read_json, write_json
+from ...core.journal import CLAIM
 from ...core.loop import RunResult
 from ...core.messages import Backend
 from ...core.run_config import RunConfig
@@ -17,11 +19,9 @@ from ...core.task import Task
 from .claim import claim
 from .expansion import GridCell
 from .model_places import SharedBackend
-from .store import FAILURE, FINAL, TRACE, Store, read_json, write_json
+from .store import FAILURE, FINAL, TRACE, Store
 
 State = Literal["done", "busy", "stopped", "failed", "lost"]
-
-_CLAIM = "claim"
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def carry_out(order: Order) -> Report:
     """
     store = Store(Path(order.store))
     folder = store.cell(order.identity)
-    with claim(folder / _CLAIM) as ours:
+    with claim(folder / CLAIM) as ours:
         if not ours:
             return Report(order.identity, "busy")
         # Another process may have finished it since the order was written.

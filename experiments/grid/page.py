@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from ...core.errors import BsaError
+from ...core.files import foreign, write_text
 from ...core.reply_parsing import strip_control
 from ..report import build_report
 from ..report.wording import clipped, number, quantity, short_name
@@ -21,7 +23,7 @@ from ..story import Round, read_run
 from .figures import draw_all
 from .results import Row, grid_folder, read_manifest, rows_of
 from .statistics import compare
-from .store import Store, write_text
+from .store import Store
 from .tables import METRICS, RESULTS, Block, blocks, check_metric, effort, reference_of
 
 if TYPE_CHECKING:
@@ -63,6 +65,11 @@ _CAPTIONS = {
 }
 
 
+_GENERATOR = b'<meta name="generator" content="battery-sim-agent">'
+_HEAD_BYTES = 2048
+"""The head of a page fits in."""
+
+
 def build_page(
     grid: str | Path, store: Path = RESULTS, out: Path | None = None, full: bool = False, metric: str = "mape"
 ) -> Path:
@@ -90,12 +97,13 @@ def build_page(
         If the grid has not been run in this store.
     """
     check_metric(metric)
+    if out is not None and not _is_page(out):
+        raise foreign(out, "a page of a grid")
     place = Store(store)
     folder = grid_folder(grid, place)
     manifest = read_manifest(folder)
     rows = rows_of(manifest, place)
     path = out or folder / FILE_NAME
-    path.parent.mkdir(parents=True, exist_ok=True)
     if full:
         for row in rows:
             if row["state"] == "done":
@@ -123,6 +131,15 @@ def build_page(
     )
     write_text(path, page)
     return path
+
+
+def _is_page(path: Path) -> bool:
+    """Whether a page may be written there: nothing is, or a page of ours."""
+    if not path.exists() and not path.is_symlink():
+        return True
+    with suppress(OSError), path.open("rb") as file:
+        return path.is_file() and _GENERATOR in file.read(_HEAD_BYTES)
+    return False
 
 
 def _ranked(block: Block) -> dict[str, Any]:

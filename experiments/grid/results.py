@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import importlib.util
 import math
 from collections.abc import Mapping, Sequence
@@ -10,14 +9,18 @@ from pathlib import Path
 from typing import Any
 
 from ...core.errors import BsaError
+from ...core.files import begins, entries, foreign, read_json, replacing, write_csv, write_json
 from ...core.journal import read_events
 from ...core.metrics import Metrics
 from .expansion import GridCell
 from .grid_file import GridFile
 from .one_cell import Report
-from .store import FAILURE, FINAL, MANIFEST, RESULT, TRACE, Store, read_json, write_json
+from .store import FAILURE, FINAL, MANIFEST, RESULT, TRACE, Store
 
 Row = dict[str, Any]
+
+_BEGINNING = b'{"grid": {'
+"""How every manifest begins."""
 
 _METRICS = tuple(Metrics.__dataclass_fields__)
 _SPENT = (
@@ -49,6 +52,18 @@ def write_manifest(grid: GridFile, cells: Sequence[GridCell], store: Store) -> P
     content = {"grid": grid.model_dump(mode="json"), "cells": entries, "methods": list(dict.fromkeys(methods.values()))}
     write_json(folder / MANIFEST, content)
     return folder
+
+
+def check_grid_folder(folder: Path) -> None:
+    """Refuse a folder that holds anything else than a grid; nothing is written.
+
+    Raises
+    ------
+    BsaError
+        If there are files without a manifest of ours.
+    """
+    if entries(folder) and not begins(folder / MANIFEST, _BEGINNING):
+        raise foreign(folder, "a grid")
 
 
 def _label(cell: GridCell) -> dict[str, Any]:
@@ -187,17 +202,14 @@ def write_rows(rows: Sequence[Row], folder: Path) -> list[str]:
     list of str
         What could not be written, and what would make it so.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "cells.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]) if rows else [])
-        writer.writeheader()
-        writer.writerows(rows)
+    write_csv(folder / "cells.csv", rows)
     if importlib.util.find_spec("pyarrow") is None:
         return ['cells.parquet needs pyarrow, which is not installed: pip install "battery-sim-agent[cluster]"']
     import pyarrow
     from pyarrow import parquet
 
-    parquet.write_table(pyarrow.Table.from_pylist(list(rows), schema=_schema(pyarrow)), folder / "cells.parquet")
+    with replacing(folder / "cells.parquet") as file:
+        parquet.write_table(pyarrow.Table.from_pylist(list(rows), schema=_schema(pyarrow)), file)
     return []
 
 

@@ -15,7 +15,7 @@ from .expansion import GridCell, expand
 from .grid_file import GridFile, grid_path, load_grid
 from .one_cell import Report
 from .pool import Pool
-from .results import Row, read_manifest, rows_of, write_manifest, write_rows
+from .results import Row, check_grid_folder, read_manifest, rows_of, write_manifest, write_rows
 from .store import Store
 from .task_sources import Say
 
@@ -71,7 +71,9 @@ def plan_grid(
         If the grid, or anything it names, does not exist.
     """
     place = Store(store)
+    place.check()
     grid = load_grid(name_or_path, changes)
+    check_grid_folder(place.grid(grid.name))
     cells = expand(grid, place, grid_path(name_or_path).parent, say, make)
     if not cells:
         raise BsaError(f'the grid "{grid.name}" has no cells.', "exclude less.")

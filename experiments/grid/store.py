@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ...core.encoding import decode_task, encode_task
 from ...core.errors import BsaError
+from ...core.files import entries, foreign, read_json, write_text
 from ...core.journal import FILE_NAME
 from ...core.task import Task
 
@@ -19,6 +18,10 @@ FINAL = frozenset({"converged", "finished", "rounds-spent", "simulations-spent"}
 """How a run ends when nothing is left to do; any other status is taken up again."""
 
 RESULT, TRACE, FAILURE, MANIFEST = "result.json", "trace.json", "failure.json", "grid.json"
+
+_PARTS = frozenset({"cells", "grids", "places", "tasks"})
+_STUDIES = frozenset({"suite", "runtime", "recovery", "warmup", "no-harm"})
+"""Default folders of the studies, which lie beside a store in ``results``."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,18 @@ class Store:
     """
 
     root: Path
+
+    def check(self) -> None:
+        """Refuse a folder that holds anything else than a store; nothing is written.
+
+        Raises
+        ------
+        BsaError
+            If there is something in it, and nothing that grids or studies make.
+        """
+        found = entries(self.root)
+        if found and not found & _PARTS and found - _STUDIES:
+            raise foreign(self.root, "a store of grids")
 
     def cell(self, identity: str) -> Path:
         """The folder of a cell."""
@@ -60,10 +75,9 @@ class Store:
     def put_task(self, task: Task) -> str:
         """Keep a task and say under which digest (32 hex digits)."""
         text = json.dumps(encode_task(task), sort_keys=True)
-        digest = hashlib.sha256(text.encode()).hexdigest()[:32]
-        path = self._task(digest)
-        if not path.is_file():
-            write_text(path, text)
+        digest = _digest(text.encode())
+        if not self.has_task(digest):
+            write_text(self._task(digest), text)
         return digest
 
     def get_task(self, digest: str) -> Task:
@@ -74,36 +88,21 @@ class Store:
         BsaError
             If it is not there, or damaged.
         """
-        content = read_json(self._task(digest))
+        content = read_json(self._task(digest)) if self.has_task(digest) else None
         if content is None:
             raise BsaError(f"{self._task(digest)} is missing or damaged.", "start the grid again; it writes it anew.")
         return decode_task(content)
 
     def has_task(self, digest: str) -> bool:
-        """Whether a task was kept."""
-        return self._task(digest).is_file()
+        """Whether a task was kept, and is whole."""
+        try:
+            return _digest(self._task(digest).read_bytes()) == digest
+        except OSError:
+            return False
 
     def _task(self, digest: str) -> Path:
         return self.root / "tasks" / f"{digest}.json"
 
 
-def read_json(path: Path) -> dict[str, Any] | None:
-    """A JSON object; None where there is none, or half of one."""
-    try:
-        content = json.loads(path.read_bytes())
-    except (OSError, ValueError):
-        return None
-    return content if isinstance(content, dict) else None
-
-
-def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write a JSON object, whole or not at all."""
-    write_text(path, json.dumps(content, ensure_ascii=False))
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a text, whole or not at all, whoever else is writing it."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_name(f"{path.name}.{os.getpid()}.part")
-    draft.write_text(text, encoding="utf-8")
-    draft.replace(path)
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:32]

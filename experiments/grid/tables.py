@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...core.errors import BsaError, did_you_mean
+from ...core.files import begins, entries, foreign, write_text
 from ..studies.table import Statistic, ranks, statistic
 from .results import Row, grid_folder, read_manifest, rows_of, write_rows
 from .statistics import Comparison, compare
-from .store import Store, write_text
+from .store import Store
 
 METRICS = {"mape": "total MAPE, %", "rmse": "total RMSE", "v_rmse_mv": "voltage RMSE, mV"}
 RESULTS = Path("results")
@@ -79,7 +80,10 @@ def tables(grid: str | Path, store: Path = RESULTS, out: Path | None = None, met
     folder = grid_folder(grid, place)
     manifest = read_manifest(folder)
     rows = rows_of(manifest, place)
-    out = out or folder
+    if out is None:
+        out = folder
+    elif entries(out) and not begins(out / "cells.csv", b"grid,task,mode,"):
+        raise foreign(out, "tables of a grid")
     write_rows(rows, out)
     reference = reference_of(manifest["grid"].get("reference"), manifest["methods"])
     write_text(out / "tables.md", markdown(rows, reference, metric))

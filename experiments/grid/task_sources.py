@@ -11,12 +11,13 @@ from typing import Any
 
 from ...core.encoding import decode_task
 from ...core.errors import BsaError
+from ...core.files import read_json, write_json
 from ...core.task import Task
 from ..suite.case import SuiteCase
 from ..suite.selection import choose, load_suite
 from .grid_file import SuiteFilter, TaskChoice
 from .identity import versions_of
-from .store import Store, read_json, write_json
+from .store import Store
 
 Say = Callable[[str], None]
 

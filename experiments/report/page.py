@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
+from ...core.files import write_text
 from ...core.metrics import Metrics
 from ...core.parameters import Parameter
 from ...core.reply_parsing import strip_control
@@ -98,9 +99,7 @@ def build_report(folder: Path) -> Path:
         If there is no journal, or it is damaged.
     """
     path = folder / FILE_NAME
-    draft = path.with_suffix(".part")
-    draft.write_text(render(read_run(folder)), encoding="utf-8")
-    draft.replace(path)
+    write_text(path, render(read_run(folder)))
     return path
 
 

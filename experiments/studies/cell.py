@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.errors import BsaError
+from ...core.files import entries, foreign, write_json
 from ...core.journal import FILE_NAME
 from ...core.loop import RunResult
 from ...core.metrics import Metrics
@@ -163,6 +164,19 @@ def study_config(
     )
 
 
+def check_study_folder(out: Path) -> None:
+    """Refuse a folder that holds anything else than a study; nothing is written.
+
+    Raises
+    ------
+    BsaError
+        If there are files, and no cell of a study.
+    """
+    cells = (out / "runs").glob("*_*_*")
+    if entries(out) and not any(entries(folder) & {RECORD_FILE, FILE_NAME} for folder in cells):
+        raise foreign(out, "a study")
+
+
 def finished(cell: StudyCell, out: Path) -> CellRecord | None:
     """The record of an earlier run of the same cell, if it came to its end."""
     path = cell.folder(out) / RECORD_FILE
@@ -267,8 +281,5 @@ def _trials(result: RunResult) -> list[CellTrial]:
 
 
 def _write(folder: Path, record: CellRecord) -> CellRecord:
-    folder.mkdir(parents=True, exist_ok=True)
-    draft = folder / f"{RECORD_FILE}.part"
-    draft.write_text(json.dumps(asdict(record)), encoding="utf-8")
-    draft.replace(folder / RECORD_FILE)
+    write_json(folder / RECORD_FILE, asdict(record))
     return record

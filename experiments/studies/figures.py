@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ...core.files import replacing
 from .cell import CellRecord
 
 _FLOOR = 1e-4
@@ -116,5 +117,5 @@ def _panels(count: int, methods: int) -> tuple[Any, list[Any]]:
 
 def _save(figure: Any, path: Path, title: str) -> None:
     figure.suptitle(title)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=130)
+    with replacing(path) as file:
+        figure.savefig(file, format="png", dpi=130)

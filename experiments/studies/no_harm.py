@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from ...core.files import write_text
 from ...core.scaffold import Scaffold
 from ..suite.case import SuiteCase
 from .cell import CellRecord, StudyCell, study_config
@@ -108,8 +109,7 @@ def no_harm_study(
         ]
     records = run_cells(cells, out, workers, say)
     found = verdicts(records)
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "no_harm.md").write_text(markdown(found, simulations), encoding="utf-8")
+    write_text(out / "no_harm.md", markdown(found, simulations))
     write_csv(out / "cells.csv", rows_of(records))
     write_csv(out / "verdicts.csv", [asdict(verdict) for verdict in found])
     write_json(out / "no_harm.json", {"simulations": simulations, "hybrid_simulations": more, **summary(found)})

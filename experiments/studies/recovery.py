@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from ...core.files import write_text
 from ...core.metrics import evaluate
 from ...core.parameters import Candidate, ParameterSpace
 from ...core.scaffold import Scaffold
@@ -79,7 +80,7 @@ def recovery_study(
     write_csv(out / "recovery.csv", rows)
     write_csv(out / "held_out.csv", held)
     write_json(out / "recovery.json", summary)
-    (out / "recovery.md").write_text(_markdown(summary), encoding="utf-8")
+    write_text(out / "recovery.md", _markdown(summary))
     return summary
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...core.files import write_text
 from ...core.scaffold import Scaffold
 from ..suite.case import SuiteCase
 from .cell import CellRecord, run_cell
@@ -53,7 +54,7 @@ def runtime_study(
     rows = [runtime_row(record) for record in records]
     write_csv(out / "runtime.csv", rows)
     write_json(out / "runtime.json", {"rows": rows, "rounds": {r.method: [vars(t) for t in r.rounds] for r in records}})
-    (out / "runtime.md").write_text(_markdown(rows), encoding="utf-8")
+    write_text(out / "runtime.md", _markdown(rows))
     round_times(records, out / "runtime.png")
     return rows
 

@@ -7,6 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from ...core.files import write_text
 from ...core.scaffold import Scaffold
 from ..suite.case import SuiteCase
 from .cell import CellRecord
@@ -59,9 +60,8 @@ def suite_study(
 
 def write_suite(records: Sequence[CellRecord], out: Path) -> None:
     """The table and figures of finished cells."""
-    out.mkdir(parents=True, exist_ok=True)
     tables = "\n".join(markdown(records, metric) for metric in METRICS)
-    (out / "table.md").write_text(tables, encoding="utf-8")
+    write_text(out / "table.md", tables)
     write_csv(out / "cells.csv", rows_of(records))
     summary = {
         metric: {

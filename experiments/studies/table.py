@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ...core import files
 from ...core.validation import read_yaml
 from .cell import CellRecord
 
@@ -188,18 +187,12 @@ def rows_of(records: Sequence[CellRecord]) -> list[dict[str, Any]]:
 
 def write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
     """Write flat rows; numbers in full, nothing known as an empty field."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]) if rows else [])
-        writer.writeheader()
-        for row in rows:
-            writer.writerow({key: "" if _is_nan(value) else value for key, value in row.items()})
+    files.write_csv(path, [{key: "" if _is_nan(value) else value for key, value in row.items()} for row in rows])
 
 
 def write_json(path: Path, content: Any) -> None:
     """Write JSON that every reader takes: NaN and infinity become null."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(_finite(content), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    files.write_json(path, _finite(content), indent=2)
 
 
 def _is_nan(value: Any) -> bool:

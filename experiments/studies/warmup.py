@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from ...core.files import write_text
 from ...core.scaffold import PluginChoice, Scaffold, load_scaffold
 from ..suite.case import SuiteCase
 from .cell import CellRecord
@@ -61,7 +62,7 @@ def warmup_study(
     for method in methods:
         entries = [str(statistic([row[name] for row in rows if row["method"] == method])) for name in names]
         lines.append(f"| {method} | " + " | ".join(entries) + " |")
-    (out / "warmup.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(out / "warmup.md", "\n".join(lines) + "\n")
     box_plots(records, lambda record: "MAPE", out / "warmup_mape.png", "Warm-up strategies")
     box_plots(
         records,

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from ...core.files import write_text
 from ...core.validation import read_yaml
 from .case import SuiteCase
 from .filters import CompiledFilter
@@ -172,7 +173,7 @@ def write(cases: list[SuiteCase], path: Path = CASES_FILE) -> None:
     lines = "".join(
         f"  - {yaml.safe_dump(entry, default_flow_style=True, sort_keys=False, width=10_000)}" for entry in entries
     )
-    path.write_text(f"{head}cases:\n{lines}", encoding="utf-8")
+    write_text(path, f"{head}cases:\n{lines}")
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ import numpy as np
 
 from ...core.encoding import decode_trajectory, encode_trajectory
 from ...core.errors import BsaError
+from ...core.files import write_json
 from ...core.parameters import Candidate
 from ...core.simulation import ExperimentRun, SimulationFailure
 from ...core.target import CellChange
@@ -106,10 +107,7 @@ def reference_run(cell: CellModel, experiment: Experiment, candidate: Candidate,
         except (ValueError, KeyError, TypeError):
             path.unlink()  # damaged by a crash of the machine: make it again
     run = _solve(cell, experiment, candidate)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_suffix(f".{os.getpid()}.part")
-    draft.write_text(json.dumps(_encode(run)), encoding="utf-8")
-    draft.replace(path)
+    write_json(path, _encode(run))
     return run
 
 

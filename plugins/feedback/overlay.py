@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ...core.feedback import Feedback
+from ...core.files import replacing
 from ...core.hooks import NoOptions, RunContext, hookimpl
 from ...core.metrics import Metrics
 from ...core.simulation import Outcome
@@ -36,7 +37,6 @@ def draw_overlay(task: Task, outcome: Outcome, path: Path) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    path.parent.mkdir(parents=True, exist_ok=True)
     count = len(task.experiments)
     figure = Figure(figsize=(5.2 * min(count, 3), 4.6), dpi=80, layout="constrained")
     FigureCanvasAgg(figure)
@@ -54,4 +54,5 @@ def draw_overlay(task: Task, outcome: Outcome, path: Path) -> None:
     axes[0, 0].set_ylabel("current [A]")
     axes[1, 0].set_ylabel("voltage [V]")
     axes[0, 0].legend(fontsize=8)
-    figure.savefig(path)
+    with replacing(path) as file:
+        figure.savefig(file, format="png")

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ...core.errors import BsaError
+from ...core.files import write_text
 from ...core.record import ReadOptions, Record
 from ...core.trajectory import Trajectory
 from .columns import split_name
@@ -71,6 +72,6 @@ def write(data: Record | Trajectory, path: Path) -> None:
         ",".join(map(repr, row)) for row in zip(*(values.tolist() for values in columns.values()), strict=True)
     )
     try:
-        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        write_text(path, "\n".join(lines) + "\n")
     except OSError as error:
         raise BsaError(f"{shown(path)} cannot be written: {shown(error.strerror)}.", "choose another place.") from None

@@ -15,10 +15,11 @@ from typing import Any
 
 import yaml
 from bsa.core.encoding import encode_task
+from bsa.core.files import read_json
 from bsa.experiments.grid.local_pool import LocalPool
 from bsa.experiments.grid.one_cell import Report
 from bsa.experiments.grid.running import Plan, plan_grid, run_grid
-from bsa.experiments.grid.store import TRACE, read_json
+from bsa.experiments.grid.store import TRACE
 from bsa_toy_cell import toy_task
 
 _EARLY = 50

@@ -1,6 +1,5 @@
 """Whatever a person gets wrong: one line, a hint, exit code 2, no traceback, nothing lost."""
 
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -135,7 +134,7 @@ def test_a_file_that_is_not_text(
 def test_another_run_in_the_folder_is_not_overwritten(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kept = json.dumps({"event": "run", "format": 1, "config": {}, "versions": {}, "task": {}}) + "\n"
+    kept = '{"event":"run","format":1,"config":{},"versions":{},"task":{}}\n'
     (folder / "old").mkdir()
     (folder / "old" / FILE_NAME).write_text(kept)
     message = told(["demo", "--out", "old"], capsys, monkeypatch)
