@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from ..core.messages import Message
-
-_SECTION = re.compile(r"(?m)^(?=## )")
-_DISPENSABLE = "## Memory"
+from ..core.prompt_sections import without_first_memory
 
 
 class ContextTooSmallError(Exception):
@@ -17,7 +14,7 @@ class ContextTooSmallError(Exception):
 
 
 def drop_memory(messages: Sequence[Message]) -> tuple[list[Message], str] | None:
-    """Drop the first section headed ``## Memory...``, which is the oldest or least important.
+    """Drop the first section headed `MEMORY`, which is the oldest or least important.
 
     Returns
     -------
@@ -26,12 +23,10 @@ def drop_memory(messages: Sequence[Message]) -> tuple[list[Message], str] | None
     """
     messages = list(messages)
     for place, message in enumerate(messages):
-        sections = _SECTION.split(message.text)
-        for index, section in enumerate(sections):
-            if section.startswith(_DISPENSABLE):
-                heading = section.partition("\n")[0].removeprefix("## ")
-                shorter = "".join(sections[:index] + sections[index + 1 :])
-                return [*messages[:place], replace(message, text=shorter), *messages[place + 1 :]], heading
+        found = without_first_memory(message.text)
+        if found is not None:
+            shorter, heading = found
+            return [*messages[:place], replace(message, text=shorter), *messages[place + 1 :]], heading
     return None
 
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from .numbers import finite_numbers
+
 
 @dataclass(frozen=True)
 class Feedback:
@@ -22,3 +24,8 @@ class Feedback:
 
     content: Mapping[str, Any] = field(default_factory=dict)
     images: tuple[Path, ...] = ()
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """What is to become zero, by name: the features, or the residuals where there are no features."""
+        return finite_numbers(self.content.get("features")) or finite_numbers(self.content.get("residuals"))

@@ -71,7 +71,7 @@ class Recollection:
     Attributes
     ----------
     title : str
-        Heading of the section, ``"Memory: rounds so far"``.
+        Heading of the section, ``"Memory: trials so far"``; see `prompt_sections` for those that have a form.
     content : mapping
         JSON-ready, compact and rounded.
     priority : int

@@ -214,6 +214,10 @@ class ParameterSpace:
         """The candidate at coordinates of shape (p,), in deviations from the initial values."""
         return {parameter.name: parameter.at_coordinate(float(value)) for parameter, value in zip(self, u, strict=True)}
 
+    def steps_between(self, start: Candidate, end: Candidate) -> FloatArray:
+        """How many typical steps each parameter rises from ``start`` to ``end``, shape (p,)."""
+        return np.array([p.in_steps(end[p.name]) - p.in_steps(start[p.name]) for p in self])
+
     def sample(self, rng: np.random.Generator) -> dict[str, float]:
         """A candidate drawn evenly from the unit box."""
         return self.from_unit(rng.random(len(self)))

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .coordinates import to_steps
-from .reading import Prompt
+from .reading import DomainRule, Prompt
 
 Matrix = NDArray[np.float64]
 
@@ -59,14 +59,14 @@ def infer(prompt: Prompt) -> Sensitivity:
     features = tuple(prompt.features)
     mismatch = np.array([prompt.features[name] for name in features])
     tolerance = np.array([_tolerance(name) for name in features])
-    if prompt.effects:
-        slopes = np.array(
-            [[float(prompt.effects.get(p, {}).get(f, 0.0)) for p in parameters] for f in features]
-        ).reshape(len(features), len(parameters))
-        source = "learnt sensitivities"
-    else:
-        slopes = _from_rules(prompt.rules, parameters, features)
-        source = "domain rules" if np.any(slopes) else "nothing yet"
+    slopes = _from_rules(prompt.rules, parameters, features)
+    source = "domain rules" if np.any(slopes) else "nothing yet"
+    for column, parameter in enumerate(parameters):
+        effects = prompt.sensitivities.effects.get(parameter)
+        if effects:
+            # Of a parameter whose effects are told, those left out are the smallest.
+            slopes[:, column] = [effects.get(feature, 0.0) for feature in features]
+            source = "learnt sensitivities"
     changes, responses = _differences(prompt, parameters, features)
     if len(changes):
         slopes = _updated(slopes, changes, responses)
@@ -86,22 +86,13 @@ def _differences(prompt: Prompt, parameters: tuple[str, ...], features: tuple[st
     changes: list[Matrix] = []
     responses: list[Matrix] = []
     for trial in prompt.trials:
-        values = [float(value) for value in trial.get("values", ())]
-        numbers = _numbers(trial, prompt.trial_features)
-        if len(values) != len(now) or not all(name in numbers for name in features):
+        if len(trial.values) != len(now) or not all(name in trial.numbers for name in features):
             continue
-        change = np.array([to_steps(value, step) for value, step in zip(values, steps, strict=True)]) - now
+        change = np.array([to_steps(value, step) for value, step in zip(trial.values, steps, strict=True)]) - now
         if np.all(np.isfinite(change)) and np.max(np.abs(change)) > 1e-5:
             changes.append(change)
-            responses.append(np.array([numbers[name] for name in features]) - mismatch)
+            responses.append(np.array([trial.numbers[name] for name in features]) - mismatch)
     return np.array(changes), np.array(responses)
-
-
-def _numbers(trial: dict[str, Any], names: list[str]) -> dict[str, float]:
-    values = trial.get("features")
-    if isinstance(values, list) and len(values) == len(names):
-        return {name: float(value) for name, value in zip(names, values, strict=True) if value is not None}
-    return {name: float(value) for name, value in trial.items() if isinstance(value, (int, float))}
 
 
 def _updated(slopes: Matrix, changes: Matrix, responses: Matrix) -> Matrix:
@@ -116,17 +107,17 @@ def _updated(slopes: Matrix, changes: Matrix, responses: Matrix) -> Matrix:
     return slopes + np.linalg.solve(normal, weighted.T @ unexplained).T
 
 
-def _from_rules(rules: list[dict[str, Any]], parameters: tuple[str, ...], features: tuple[str, ...]) -> Matrix:
+def _from_rules(rules: Sequence[DomainRule], parameters: tuple[str, ...], features: tuple[str, ...]) -> Matrix:
     slopes = np.zeros((len(features), len(parameters)))
     for rule in rules:
         for column, parameter in enumerate(parameters):
-            if not parameter.startswith(str(rule.get("parameter"))):
+            if not parameter.startswith(rule.parameter):
                 continue
             for row, feature in enumerate(features):
                 quantity, sign, size = _quantity(feature)
-                if quantity in rule.get("raises", ()):
+                if quantity in rule.raises:
                     slopes[row, column] = sign * size
-                elif quantity in rule.get("lowers", ()):
+                elif quantity in rule.lowers:
                     slopes[row, column] = -sign * size
     return slopes
 

@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import BaseModel, Field
 
 from ...core.hooks import Recollection, RunContext, hookimpl
+from ...core.prompt_sections import TRIALS
 from ...core.proposal import Proposal
 from ...core.trial import Trial
 from ..feedback.rounding import rounded
@@ -66,7 +67,7 @@ class HistoryMemory:
                 "trials": [self._rows[place] for place in self._shown(count)],
             }
             if count <= 1 or len(json.dumps(content)) <= budget:
-                return Recollection("Memory: trials so far", content, priority=2)
+                return Recollection(TRIALS, content, priority=2)
             count -= 1
 
     def _shown(self, count: int) -> list[int]:

@@ -8,6 +8,7 @@ from typing import Any
 import yaml
 
 from ...core.hooks import NoOptions, Recollection, RunContext, hookimpl
+from ...core.prompt_sections import PRIORS
 from ..feedback.rounding import rounded
 
 RULES_FILE = Path(__file__).with_name("domain_rules.yaml")
@@ -31,4 +32,4 @@ class Priors:
         content = {"bounds": rounded(bounds), "rules": list(self._rules)}
         while len(str(content)) > budget and content["rules"]:
             content["rules"] = list(content["rules"])[:-1]
-        return Recollection("Priors", content, priority=1)
+        return Recollection(PRIORS, content, priority=1)

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from ...core.hooks import NoOptions, Recollection, RunContext, hookimpl
+from ...core.prompt_sections import SENSITIVITIES
 from ...core.proposal import Proposal
+from ...core.sensitivities import Sensitivities
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial
 from ..feedback.rounding import rounded
@@ -46,55 +50,36 @@ class SensitivityMemory:
         origin = self._initial if self._initial is not None and self._initial.ok else (good[0] if good else None)
         if origin is None or len(good) < 2:
             return None
-        names, changes, effects = self._regress(origin, good)
+        features = list(origin.feedback.numbers)
+        changes = np.array([self._space.steps_between(origin.candidate, trial.candidate) for trial in good])
+        responses = np.array([_responses(origin, trial, features) for trial in good])
+        slopes = np.array([self._slopes(changes, response) for response in responses.T]).reshape(-1, len(self._space))
+        remarks: dict[str, Any] = {"fit_quality_pct": 100.0 * _explained(changes, responses, slopes)}
         failed = [self._describe(trial) for trial in self._warm_up if not trial.ok]
-        content: dict[str, object] = {
-            "meaning": "change of each feature when one parameter rises by its typical step",
-            "learnt_from": f"{len(good)} warm-up simulations",
-            "fit_quality_pct": 100.0 * self._explained(changes, effects, good, origin, names),
-            "effects": {
-                name: dict(zip(names, effects[:, place], strict=True)) for place, name in enumerate(self._space.names)
-            },
-        }
         if failed:
-            content["made_the_simulation_fail"] = failed[:6]
-        content = rounded(content, digits=3)
-        while len(json.dumps(content)) > budget and content["effects"]:
-            content["effects"] = {
-                name: _without_smallest(rows)
-                for name, rows in content["effects"].items()  # type: ignore[attr-defined]
-                if len(rows) > 1
-            }
-        alike = {"move_the_features_alike": _alike(effects, self._space.names)}
+            remarks["made_the_simulation_fail"] = failed[:6]
+        effects = {
+            name: {feature: float(slope) for feature, slope in zip(features, column, strict=True) if np.isfinite(slope)}
+            for name, column in zip(self._space.names, slopes.T, strict=True)
+        }
+        learnt = Sensitivities(effects, f"{len(good)} warm-up simulations", rounded(remarks, digits=3))
+        content = learnt.content(budget)
+        alike = {"move_the_features_alike": _alike(slopes, self._space.names)}
         if alike["move_the_features_alike"] and len(json.dumps(content | alike)) <= budget:
             content |= alike
-        return Recollection("Memory: learnt sensitivities", content, priority=3)
+        return Recollection(SENSITIVITIES, content, priority=3)
 
-    def _regress(self, origin: Trial, good: list[Trial]) -> tuple[list[str], FloatArray, FloatArray]:
-        names = list(_features(origin))
-        changes = np.array([self._steps(origin, trial) for trial in good])
-        responses = np.array(
-            [[_features(trial).get(n, np.nan) - _features(origin)[n] for n in names] for trial in good]
-        )
-        responses = np.nan_to_num(responses)
-        scale = float(np.trace(changes.T @ changes)) / len(self._space) or 1.0
-        normal = changes.T @ changes + _RIDGE * scale * np.eye(len(self._space))
-        return names, changes, np.linalg.solve(normal, changes.T @ responses).T
-
-    def _steps(self, origin: Trial, trial: Trial) -> FloatArray:
-        """Change of every parameter in typical steps, shape (p,)."""
-        return np.array(
-            [p.in_steps(trial.candidate[p.name]) - p.in_steps(origin.candidate[p.name]) for p in self._space]
-        )
-
-    def _explained(
-        self, changes: FloatArray, effects: FloatArray, good: list[Trial], origin: Trial, names: list[str]
-    ) -> float:
-        """Share of the responses' variance that the linear rules explain, 0 to 1."""
-        responses = np.array([[_features(trial).get(n, 0.0) - _features(origin)[n] for n in names] for trial in good])
-        spread = np.sqrt(np.mean(responses**2, axis=0)) + 1e-12
-        error = (responses - changes @ effects.T) / spread
-        return float(max(0.0, 1.0 - np.mean(error**2)))
+    def _slopes(self, changes: FloatArray, response: FloatArray) -> FloatArray:
+        """Change of one feature per typical step, shape (p,); NaN for parameters that no trial showing it moved."""
+        shown = np.isfinite(response)
+        moves, response = changes[shown], response[shown]
+        moved = np.any(moves != 0.0, axis=0)
+        moves = moves[:, moved]
+        slopes = np.full(len(self._space), np.nan)
+        if np.any(moved):
+            damping = _RIDGE * float(np.sum(moves**2)) / moves.shape[1]
+            slopes[moved] = np.linalg.solve(moves.T @ moves + damping * np.eye(moves.shape[1]), moves.T @ response)
+        return slopes
 
     def _describe(self, trial: Trial) -> str:
         changed = ", ".join(
@@ -105,17 +90,27 @@ class SensitivityMemory:
         return f"{changed or 'a small change'}: {trial.failure.cause if trial.failure else 'nothing to compare'}"
 
 
-def _features(trial: Trial) -> dict[str, float]:
-    """What a trial's feedback says in numbers: its features, or its residuals where it has no others."""
-    content = trial.feedback.content
-    return dict(content.get("features") or content.get("residuals") or {})
+def _responses(origin: Trial, trial: Trial, features: Sequence[str]) -> FloatArray:
+    """Change of each feature from the origin, shape (f,); NaN where the trial does not show it."""
+    before, after = origin.feedback.numbers, trial.feedback.numbers
+    return np.array([after.get(feature, np.nan) - before[feature] for feature in features])
+
+
+def _explained(changes: FloatArray, responses: FloatArray, slopes: FloatArray) -> float:
+    """Share of the responses' variance that the slopes explain, 0 to 1."""
+    shown = np.isfinite(responses)
+    seen = np.where(shown, responses, 0.0)
+    spread = np.sqrt(np.mean(seen**2, axis=0)) + 1e-12
+    error = np.where(shown, seen - changes @ np.nan_to_num(slopes).T, 0.0) / spread
+    return float(max(0.0, 1.0 - np.mean(error**2))) if error.size else 0.0
 
 
 def _alike(effects: FloatArray, names: tuple[str, ...]) -> list[list[str]]:
     """Pairs of parameters that do the same to all features, which no feedback can tell apart.
 
-    Each feature counts by the size of its own strongest effect.
+    Each feature counts by the size of its own strongest effect, and nothing is said of effects that are NaN.
     """
+    effects = np.nan_to_num(effects)
     strength = np.maximum(np.max(np.abs(effects), axis=1, keepdims=True), 1e-12)
     columns = effects / strength
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0, keepdims=True), 1e-12)
@@ -126,8 +121,3 @@ def _alike(effects: FloatArray, names: tuple[str, ...]) -> list[list[str]]:
         for second in range(first + 1, len(names))
         if cosines[first, second] > _ALIKE
     ]
-
-
-def _without_smallest(effects: dict[str, float]) -> dict[str, float]:
-    smallest = min(effects, key=lambda name: abs(effects[name]))
-    return {name: value for name, value in effects.items() if name != smallest}

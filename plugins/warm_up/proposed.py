@@ -9,6 +9,7 @@ from ...core.errors import BsaError
 from ...core.hooks import NoOptions, ProposeContext, RunContext, hookimpl
 from ...core.messages import JsonSchema, Message
 from ...core.parameters import Candidate, ParameterSpace
+from ...core.prompt_sections import INSTRUCTION, title
 from ...core.proposal import Proposal
 from ..agent.conversation import ask
 from ..agent.prompt import SYSTEM, situation
@@ -32,7 +33,7 @@ class ProposedWarmUp:
         space, base, wanted = context.task.space, context.best, context.simulations_left
         sections, images = situation(context, base, None, _MEMORY_BUDGET)
         sections.append(
-            f"## What to do\nBefore the search, we learn what each parameter does. Propose {wanted} "
+            f"{title(INSTRUCTION)}Before the search, we learn what each parameter does. Propose {wanted} "
             "perturbations of the current values; each will be simulated. Choose them so that every "
             'parameter\'s effect can be told from the others. Write changes as "*1.1" or "+0.02".'
         )

@@ -5,8 +5,9 @@ from bsa.backends.rules.backend import RulesBackend
 from bsa.backends.rules.coordinates import change_by, to_steps
 from bsa.backends.rules.reading import read_prompt
 from bsa.core.messages import Message
+from bsa.core.prompt_sections import FEEDBACK, PRIORS, SENSITIVITIES, TASK, TRIALS, section
 from bsa.core.proposal import apply_change
-from bsa.plugins.agent.prompt import section
+from bsa.core.sensitivities import Sensitivities
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -18,7 +19,7 @@ SCHEMA = {"properties": {"analysis": {}, "hypothesis": {}, "updated_params": {},
 
 
 def ask(*sections: str) -> dict[str, object]:
-    task = section("Task", {"parameters": PARAMETERS})
+    task = section(TASK, {"parameters": PARAMETERS})
     messages = [Message("system", "s"), Message("user", "\n\n".join([task, *sections]))]
     answer = json.loads(RulesBackend().complete(messages, SCHEMA, seed=0).text)
     assert set(answer) == set(SCHEMA["properties"])
@@ -26,11 +27,11 @@ def ask(*sections: str) -> dict[str, object]:
 
 
 def feedback(**features: float) -> str:
-    return section("Feedback", {"trial": 0, "features": features})
+    return section(FEEDBACK, {"trial": 0, "features": features})
 
 
 def effects(**content: dict[str, float]) -> str:
-    return section("Memory: learnt sensitivities", {"effects": content})
+    return section(SENSITIVITIES, Sensitivities(content).content(9000))
 
 
 def test_it_solves_what_the_learnt_sensitivities_say() -> None:
@@ -49,7 +50,7 @@ def test_linear_parameters_are_moved_by_adding() -> None:
 
 def test_without_memory_it_goes_by_the_domain_rules() -> None:
     priors = section(
-        "Priors",
+        PRIORS,
         {
             "bounds": {"Capacity [A.h]": [0.5, 3.0]},
             "rules": [{"parameter": "Capacity [A.h]", "raises": ["discharge_time"], "lowers": []}],
@@ -61,7 +62,7 @@ def test_without_memory_it_goes_by_the_domain_rules() -> None:
 
 
 def test_bounds_told_in_the_prompt_are_kept() -> None:
-    priors = section("Priors", {"bounds": {"Capacity [A.h]": [0.5, 1.05]}, "rules": []})
+    priors = section(PRIORS, {"bounds": {"Capacity [A.h]": [0.5, 1.05]}, "rules": []})
     learnt = effects(**{"Capacity [A.h]": {"cc_discharge_time_mismatch_s": 100.0}})
     answer = ask(feedback(cc_discharge_time_mismatch_s=-600.0), priors, learnt)
     assert apply_change(1.0, answer["updated_params"]["Capacity [A.h]"]) == pytest.approx(1.05, rel=1e-4)
@@ -70,7 +71,7 @@ def test_bounds_told_in_the_prompt_are_kept() -> None:
 def test_knowing_nothing_it_probes_one_parameter_at_a_time() -> None:
     first = ask(feedback(cc_discharge_time_mismatch_s=-600.0))
     assert len(first["updated_params"]) == 1
-    history = section("Memory: trials so far", {"parameters": [], "features": [], "trials": [{}, {}]})
+    history = section(TRIALS, {"parameters": [], "features": [], "trials": [{}, {}]})
     later = ask(feedback(cc_discharge_time_mismatch_s=-600.0), history)
     assert set(later["updated_params"]) != set(first["updated_params"])
 
@@ -82,7 +83,7 @@ def test_it_answers_a_prompt_it_cannot_read() -> None:
 
 def test_warm_up_designs_change_each_parameter_alone_first() -> None:
     schema = {"properties": {"perturbations": {"maxItems": 4}}}
-    messages = [Message("user", section("Task", {"parameters": PARAMETERS}))]
+    messages = [Message("user", section(TASK, {"parameters": PARAMETERS}))]
     rows = json.loads(RulesBackend().complete(messages, schema, seed=0).text)["perturbations"]
     assert [list(row) for row in rows[:2]] == [["Capacity [A.h]"], ["Initial state of charge"]]
     assert rows[0]["Capacity [A.h]"] == "*1.1"
@@ -98,8 +99,8 @@ def test_steps_there_and_back(steps: float, step: str, value: float) -> None:
 
 def test_it_sees_only_the_first_user_message() -> None:
     messages = [
-        Message("user", section("Task", {"parameters": PARAMETERS})),
+        Message("user", section(TASK, {"parameters": PARAMETERS})),
         Message("assistant", "{}"),
-        Message("user", section("Task", {"parameters": {}})),
+        Message("user", section(TASK, {"parameters": {}})),
     ]
     assert list(read_prompt(messages).parameters) == list(PARAMETERS)

@@ -2,16 +2,18 @@ from typing import Any
 
 import pytest
 from bsa.backends.rules.acting import act
+from bsa.backends.rules.numerics import Numerics
 from bsa.backends.rules.reading import Prompt
+from bsa.core.sensitivities import Sensitivities
 
 
 def prompt(**numerics: Any) -> Prompt:
     return Prompt(
         parameters={"a": 1.0, "b": 2.0},
         steps={"a": "*1.1", "b": "*1.1"},
-        feedback={"features": {"discharge_time_s": 100.0}},
-        effects={"a": {"discharge_time_s": 50.0}, "b": {"discharge_time_s": 0.0}},
-        numerics={"you_may_spend": 3, **numerics},
+        features={"discharge_time_s": 100.0},
+        sensitivities=Sensitivities({"a": {"discharge_time_s": 50.0}}),
+        numerics=Numerics.read({"you_may_spend": 3, **numerics}),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,14 +13,12 @@ from ....core.parameters import Candidate, ParameterSpace
 from ....core.trajectory import FloatArray
 from ....core.trial import Trial
 
-PER_RISE = float(np.log(1.1))
-"""Effects are told for a rise by 10 %, as the warm-up's sensitivities are."""
-
 _SAME = 1e-9
+"""Typical steps below which a parameter has not been moved."""
 
 
 def effects(base: Trial, differences: Sequence[Trial], space: ParameterSpace) -> dict[str, dict[str, float]]:
-    """Change of every feature when one parameter rises by 10 %, from trials that differ in one parameter.
+    """Change of every feature when one parameter rises by its typical step, from trials that differ in one parameter.
 
     Parameters
     ----------
@@ -32,17 +30,17 @@ def effects(base: Trial, differences: Sequence[Trial], space: ParameterSpace) ->
         The parameters.
     """
     found: dict[str, dict[str, float]] = {}
-    before = _features(base)
+    before = base.feedback.numbers
     for trial in differences:
-        changed = [name for name in space.names if _relative(trial, base, name) > _SAME]
-        if len(changed) != 1 or not trial.ok:
+        rises = space.steps_between(base.candidate, trial.candidate)
+        (moved,) = np.nonzero(np.abs(rises) > _SAME)
+        if len(moved) != 1 or not trial.ok:
             continue
-        (name,) = changed
-        old, new = base.candidate[name], trial.candidate[name]
-        rise = float(np.log(new / old)) if old > 0 < new else (new - old) / (abs(old) or 1.0)
-        after = _features(trial)
-        found[name] = {
-            feature: (after[feature] - value) / rise * PER_RISE for feature, value in before.items() if feature in after
+        after = trial.feedback.numbers
+        found[space.names[moved[0]]] = {
+            feature: (after[feature] - value) / float(rises[moved[0]])
+            for feature, value in before.items()
+            if feature in after
         }
     return found
 
@@ -69,13 +67,3 @@ def settled_questions(
         "leaves_open": list(found.open),
         "only_together": [list(group) for group in found.correlated],
     }
-
-
-def _relative(trial: Trial, base: Trial, name: str) -> float:
-    return abs(trial.candidate[name] - base.candidate[name]) / (abs(base.candidate[name]) or 1.0)
-
-
-def _features(trial: Trial) -> Mapping[str, float]:
-    content = trial.feedback.content
-    numbers = content.get("features") or content.get("residuals") or {}
-    return {name: value for name, value in numbers.items() if isinstance(value, (int, float))}

@@ -7,11 +7,10 @@ from typing import Any
 
 from ....core.hooks import ProposeContext
 from ....core.messages import Message
+from ....core.prompt_sections import INSTRUCTION, NUMERICS, section, title
 from ....core.trial import Trial
-from ...agent.prompt import SYSTEM, section, situation
+from ...agent.prompt import SYSTEM, situation
 from ...feedback.rounding import rounded
-
-NUMERICS = "Numerics"
 
 _INSTRUCTION = """\
 A least-squares fit works beside you and does the arithmetic. You decide what to try. Give your analysis, one \
@@ -49,5 +48,5 @@ def build_messages(
     """
     sections, images = situation(context, base, last, budget)
     sections.append(section(NUMERICS, rounded(dict(numerics))))
-    sections.append(f"## What to do\n{_INSTRUCTION} Simulations left: {context.simulations_left}.")
+    sections.append(f"{title(INSTRUCTION)}{_INSTRUCTION} Simulations left: {context.simulations_left}.")
     return [Message("system", SYSTEM), Message("user", "\n\n".join(sections), images)]

@@ -14,7 +14,6 @@ NeurIPS 2024, arXiv:2410.10452.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from typing import Any
 
@@ -23,11 +22,12 @@ from pydantic import Field
 
 from ....core.hooks import ProposeContext, Recollection, RunContext, hookimpl
 from ....core.parameters import Candidate
+from ....core.prompt_sections import SENSITIVITIES
 from ....core.proposal import Proposal
+from ....core.sensitivities import Sensitivities
 from ....core.trial import Trial
 from ...agent.conversation import Answer, ask
 from ...agent.proposer import require_backend
-from ...feedback.rounding import rounded
 from ..descent import Descent, DescentOptions, rms
 from ..detours import LOWERED, Detour, Easings, ShortenedFit, SlowedClimb
 from ..feasibility import gentle_direction, progress
@@ -104,20 +104,12 @@ class HybridProposer:
         """See `RunHooks.recall`: what the Jacobian says, in terms of the feedback's features."""
         if not self._effects:
             return None
-        content: dict[str, Any] = {
-            "meaning": "change of each feature when one parameter rises by 10 %",
-            "learnt_from": "finite differences at an earlier best point",
-            "effects": self._effects,
-        }
+        remarks: dict[str, Any] = {}
         best = self._main.best if self._main is not None else None
         if best is not None and best.jacobian is not None and best.residual is not None:
-            content |= open_questions(best.jacobian, best.residual, self._space, self._space.from_unit(best.point))
-        content = rounded(content, digits=3)
-        while len(json.dumps(content)) > budget and any(len(rows) > 1 for rows in content["effects"].values()):
-            for rows in content["effects"].values():
-                if len(rows) > 1:
-                    del rows[min(rows, key=lambda name: abs(rows[name] or 0.0))]
-        return Recollection("Memory: learnt sensitivities", content, priority=3)
+            remarks = open_questions(best.jacobian, best.residual, self._space, self._space.from_unit(best.point))
+        learnt = Sensitivities(self._effects, "finite differences at an earlier best point", remarks)
+        return Recollection(SENSITIVITIES, learnt.content(budget), priority=3)
 
     def _take(self, context: ProposeContext) -> Descent:
         """Hand the new trials to those who asked for them."""

@@ -117,3 +117,18 @@ def test_parameters_that_do_the_same_are_named(context: RunContext) -> None:
     effects = np.array([[10.0, 5.0, 1.0], [-2.0, -1.0, 0.4], [0.3, 0.15, -0.9]])
     assert _alike(effects, ("a", "b", "c")) == [["a", "b"]]
     assert _alike(np.zeros((3, 2)), ("a", "b")) == []
+
+
+def test_what_the_warm_up_did_not_measure_is_absent(context: RunContext) -> None:
+    memory = SensitivityMemory(NoOptions(), context)
+    memory.remember(trial(context, 0, "initial", space().initial), None)
+    for index, factor in enumerate((1.1, 1.2, 1.3), start=1):
+        moved = trial(context, index, "warm-up", {**space().initial, CAPACITY: factor})
+        shown = {name: value for name, value in moved.feedback.numbers.items() if "time" not in name}
+        memory.remember(Trial(**{**moved.__dict__, "feedback": Feedback({"features": shown})}), None)
+    recollection = memory.recall(9000)
+    assert recollection is not None
+    effects = recollection.content["effects"]
+    assert set(effects) == {CAPACITY}
+    assert "cc_discharge_early_shift_mv" in effects[CAPACITY]
+    assert "cc_discharge_time_mismatch_s" not in effects[CAPACITY]

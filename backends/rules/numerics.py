@@ -1,0 +1,81 @@
+"""What the prompt says of the numerical fit beside the agent."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ...core.numbers import finite_number
+
+
+@dataclass(frozen=True)
+class Record:
+    """Names of the parameters that the measured record fixes, leaves open, or tells only together."""
+
+    fixes: tuple[str, ...] = ()
+    leaves_open: tuple[str, ...] = ()
+    only_together: tuple[tuple[str, ...], ...] = ()
+
+
+@dataclass(frozen=True)
+class Numerics:
+    """Where the fit stands.
+
+    Attributes
+    ----------
+    status : str
+        What the fit is doing.
+    misfit : float or None
+        In tolerances; None where it is not known.
+    misfits : tuple of float
+        Those of the latest rounds.
+    allowance : int
+        Simulations that the agent may direct, at least 1.
+    actions : tuple of str
+        Kinds of the agent's latest actions.
+    record : Record or None
+        None while no slopes are known.
+    """
+
+    status: str = ""
+    misfit: float | None = None
+    misfits: tuple[float, ...] = ()
+    allowance: int = 1
+    actions: tuple[str, ...] = ()
+    record: Record | None = None
+
+    @classmethod
+    def read(cls, content: object) -> Numerics:
+        """From the content of a section; whatever is not of its form is left out."""
+        if not isinstance(content, Mapping):
+            return cls()
+        misfits = [finite_number(value) for value in entries(content.get("misfit_by_round"))]
+        actions = [entry for entry in entries(content.get("your_last_actions")) if isinstance(entry, Mapping)]
+        return cls(
+            status=str(content.get("status", "")),
+            misfit=finite_number(content.get("misfit_tolerances")),
+            misfits=tuple(value for value in misfits if value is not None),
+            allowance=max(int(finite_number(content.get("you_may_spend")) or 1), 1),
+            actions=tuple(str(entry.get("action", "")) for entry in actions),
+            record=_record(content.get("the_record")),
+        )
+
+
+def _record(content: object) -> Record | None:
+    if not isinstance(content, Mapping):
+        return None
+    groups = [words(group) for group in entries(content.get("only_together"))]
+    return Record(
+        words(content.get("fixes")), words(content.get("leaves_open")), tuple(group for group in groups if group)
+    )
+
+
+def entries(content: object) -> list[Any]:
+    """The entries of a list; none for what is no list."""
+    return content if isinstance(content, list) else []
+
+
+def words(content: object) -> tuple[str, ...]:
+    """The strings in a list."""
+    return tuple(entry for entry in entries(content) if isinstance(entry, str))

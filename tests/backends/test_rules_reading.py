@@ -1,0 +1,108 @@
+"""Whatever a plugin writes under a heading that the rules know, they answer."""
+
+import copy
+import json
+from typing import Any
+
+import pytest
+from bsa.backends.rules.backend import RulesBackend
+from bsa.backends.rules.reading import read_prompt
+from bsa.core.messages import Message
+from bsa.core.prompt_sections import FEEDBACK, LAST_ATTEMPT, NUMERICS, PRIORS, SENSITIVITIES, TASK, TRIALS, section
+from bsa.core.sensitivities import Sensitivities
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+A, B = "Capacity [A.h]", "Initial state of charge"
+SECTIONS: dict[str, Any] = {
+    TASK: {
+        "parameters": {
+            A: {"initial": 1.0, "current": 1.0, "typical_step": "*1.1"},
+            B: {"initial": 0.5, "current": 0.5, "typical_step": "+0.05"},
+        }
+    },
+    PRIORS: {
+        "bounds": {A: [0.5, 3.0], B: [0.0, 1.0]},
+        "rules": [{"parameter": "Capacity", "raises": ["discharge_time"], "lowers": ["polarisation"]}],
+    },
+    TRIALS: {
+        "features": ["cc_discharge_time_mismatch_s"],
+        "trials": [{"values": [1.1, 0.5], "features": [-500.0]}, {"values": [1.2, 0.6], "total_mape_pct": 3.0}],
+    },
+    SENSITIVITIES: Sensitivities({A: {"cc_discharge_time_mismatch_s": 300.0}}).content(1000),
+    FEEDBACK: {"trial": 3, "features": {"cc_discharge_time_mismatch_s": -600.0}},
+    LAST_ATTEMPT: {"trial": 4},
+    NUMERICS: {
+        "status": "descending",
+        "misfit_tolerances": 9.0,
+        "misfit_by_round": [10.0, 9.9, 9.8, 9.8, 9.7, 9.7],
+        "you_may_spend": 3,
+        "your_last_actions": [{"action": "ease"}],
+        "the_record": {"fixes": [A], "leaves_open": [B], "only_together": [[A, B]]},
+    },
+}
+SCHEMAS = [{"properties": {key: {"maxItems": 3}}} for key in ("updated_params", "action", "perturbations")]
+
+NUMBERS = st.integers() | st.floats() | st.sampled_from([0, -1, 1e-300, 1e300, 10**400, float("nan"), float("inf")])
+ANY_JSON = st.recursive(
+    st.none() | st.booleans() | NUMBERS | st.text(max_size=6) | st.sampled_from([A, B, "*1e300", "+1e-300", "done"]),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from([A, B, "x"]), inner, max_size=3),
+    max_leaves=8,
+)
+
+
+def places(content: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """The path of every part of a JSON value."""
+    inner = content.items() if isinstance(content, dict) else enumerate(content) if isinstance(content, list) else ()
+    return [path, *(found for key, value in inner for found in places(value, (*path, key)))]
+
+
+def replaced(content: Any, path: tuple[Any, ...], value: Any) -> Any:
+    if not path:
+        return value
+    copied = copy.copy(content)
+    copied[path[0]] = replaced(content[path[0]], path[1:], value)
+    return copied
+
+
+def conversation(sections: list[tuple[str, Any]]) -> list[Message]:
+    return [Message("user", "\n\n".join(section(heading, content) for heading, content in sections))]
+
+
+def answer(messages: list[Message]) -> None:
+    for schema in SCHEMAS:
+        assert isinstance(json.loads(RulesBackend().complete(messages, schema, seed=0).text), dict)
+
+
+@given(st.sampled_from([(heading, path) for heading in SECTIONS for path in places(SECTIONS[heading])]), ANY_JSON)
+@example((NUMERICS, ("status",)), "done")
+@example((SENSITIVITIES, ("effects",)), {A: {"cc_discharge_time_mismatch_s": 1e300}})
+def test_any_part_of_any_section_may_be_anything(place: tuple[str, tuple[Any, ...]], value: Any) -> None:
+    heading, path = place
+    answer(conversation(list((SECTIONS | {heading: replaced(SECTIONS[heading], path, value)}).items())))
+
+
+@given(st.sampled_from(sorted(SECTIONS)), ANY_JSON)
+def test_a_memory_under_a_known_heading_may_say_anything(heading: str, content: Any) -> None:
+    sections = list(SECTIONS.items())
+    messages = conversation([sections[0], (heading, content), *sections[1:]])
+    answer(messages)
+    prompt = read_prompt(messages)
+    assert list(prompt.parameters) == [A, B]
+    assert prompt.features == SECTIONS[FEEDBACK]["features"]
+
+
+def test_what_does_not_nest_sanely_is_passed_over() -> None:
+    text = f"## {TRIALS}\n```json\n{'[' * 100_000}\n```"
+    answer([Message("user", text)])
+
+
+@pytest.mark.parametrize("known", [A, B])
+def test_a_parameter_without_a_measured_effect_goes_by_the_rules_of_thumb(known: str) -> None:
+    from bsa.backends.rules.sensitivity import infer
+
+    measured = Sensitivities({known: {"cc_discharge_time_mismatch_s": 7.0}}).content(1000)
+    sections = {TASK: SECTIONS[TASK], PRIORS: SECTIONS[PRIORS], SENSITIVITIES: measured, FEEDBACK: SECTIONS[FEEDBACK]}
+    slopes = dict(zip((A, B), infer(read_prompt(conversation(list(sections.items())))).slopes[0], strict=True))
+    assert slopes[known] == 7.0
+    assert slopes[A] > 0
