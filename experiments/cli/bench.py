@@ -65,6 +65,9 @@ def suite_command(
     backend_option: shared.BackendOption = None,
     published: Published = None,
     noise_mv: NoiseMv = 0.0,
+    own_budget: Annotated[
+        list[str] | None, typer.Option(help="Simulations of one base cell's cases, ORegan2022=50; repeat.")
+    ] = None,
     out: Out = Path("results/suite"),
 ) -> None:
     """The paper's main table: errors by mode and chemistry, with the paper's rows beside."""
@@ -79,8 +82,20 @@ def suite_command(
         seed,
         backend,
         shared.reaching(via, base_url, backend_option),
+        own_budgets=_own_budgets(own_budget),
     )
     print(f"{out / 'table.md'}")
+
+
+def _own_budgets(pairs: list[str] | None) -> dict[str, int]:
+    from ...core.errors import BsaError
+    from ..request import key_values
+
+    budgets = key_values(pairs, "--own-budget")
+    for name, count in budgets.items():
+        if type(count) is not int or count < 1:
+            raise BsaError(f"--own-budget {name}={count}: not a number of simulations.", "write ORegan2022=50.")
+    return budgets
 
 
 @bench_app.command("runtime")

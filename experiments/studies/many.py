@@ -5,14 +5,14 @@ from __future__ import annotations
 import multiprocessing
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from itertools import product
 from pathlib import Path
 from typing import Any
 
-from ...core.errors import BsaError
+from ...core.errors import BsaError, did_you_mean
 from ...core.scaffold import Scaffold
 from ..suite.case import SuiteCase
 from .cell import CellRecord, StudyCell, finished, run_cell, study_config
@@ -39,13 +39,30 @@ def make_cells(
     seed: int,
     backend: str = "rules",
     backend_options: dict[str, Any] | None = None,
+    own_budgets: Mapping[str, int] | None = None,
 ) -> list[StudyCell]:
-    """Every case with every method, case by case, so that a study cut short has whole rows."""
+    """Every case with every method, case by case, so that a study cut short has whole rows.
+
+    Cases of a parameter set that ``own_budgets`` names have that many simulations in place of ``simulations``.
+
+    Raises
+    ------
+    BsaError
+        If no case is of a set that it names.
+    """
+    cases, budgets = list(cases), own_budgets or {}
+    sets = {case.parameter_set for case in cases}
+    for name in budgets:
+        if name not in sets:
+            raise BsaError(
+                f'no case is of the base cell "{name}", which has a budget of its own.',
+                did_you_mean(name, sets) or f"base cells of these cases: {', '.join(sorted(sets))}.",
+            )
     return [
         StudyCell(
             case,
             scaffold if isinstance(scaffold, str) else scaffold.name,
-            study_config(scaffold, simulations, seed, backend, backend_options or {}),
+            study_config(scaffold, budgets.get(case.parameter_set, simulations), seed, backend, backend_options or {}),
         )
         for case, scaffold in product(cases, scaffolds)
     ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,7 @@ def suite_study(
     backend_options: dict[str, Any] | None = None,
     keep_runs: bool = False,
     say: Say = print,
+    own_budgets: Mapping[str, int] | None = None,
 ) -> list[CellRecord]:
     """Fit every case by every method and write ``table.md``, ``cells.csv``, ``table.json`` and figures.
 
@@ -50,8 +51,10 @@ def suite_study(
         Whether journals and reports are kept.
     say : callable
         Takes a line of progress.
+    own_budgets : mapping of str to int, optional
+        Simulations for the cases of one parameter set, in place of ``simulations``.
     """
-    cells = make_cells(cases, scaffolds, simulations, seed, backend, backend_options)
+    cells = make_cells(cases, scaffolds, simulations, seed, backend, backend_options, own_budgets)
     records = run_cells(cells, out, workers, say, keep_runs)
     write_suite(records, out)
     say(f"Written to {out}: table.md, cells.csv, table.json, figures.")
@@ -60,13 +63,13 @@ def suite_study(
 
 def write_suite(records: Sequence[CellRecord], out: Path) -> None:
     """The table and figures of finished cells."""
-    tables = "\n".join(markdown(records, metric) for metric in METRICS)
-    write_text(out / "table.md", tables)
-    write_csv(out / "cells.csv", rows_of(records))
+    rows = rows_of(records)
+    write_text(out / "table.md", "\n".join(markdown(rows, metric) for metric in METRICS))
+    write_csv(out / "cells.csv", rows)
     summary = {
         metric: {
-            mode: {method: {name: asdict(entry) for name, entry in row.items()} for method, row in rows.items()}
-            for mode, rows in main_table(records, metric).items()
+            mode: {method: {name: asdict(entry) for name, entry in row.items()} for method, row in methods.items()}
+            for mode, methods in main_table(rows, metric).items()
         }
         for metric in METRICS
     }

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,36 +15,24 @@ from ...core import files
 from ...core.validation import read_yaml
 from .cell import CellRecord
 
+REPORTED = ("mape", "q_mape", "i_mape", "v_mape", "rmse", "v_rmse_mv", "capacity_error")
+"""Metrics of the best candidate that a row holds."""
+
 PAPER_ROWS_FILE = Path(__file__).with_name("paper_rows.yaml")
 
 EARLY = 20
 """Simulations after which a method is looked at early, as the paper's runtime study does."""
 
 
-@dataclass(frozen=True)
-class TableMetric:
-    """What a table compares.
-
-    Attributes
-    ----------
-    title : str
-        Its name and unit.
-    value : callable
-        Reads it off a record; NaN where there is none.
-    """
-
-    title: str
-    value: Callable[[CellRecord], float]
-
+Row = Mapping[str, Any]
+"""A cell as `rows_of` writes it and `read_csv` reads it."""
 
 METRICS = {
-    "mape": TableMetric("total MAPE, %", lambda record: record.metric("mape")),
-    "rmse": TableMetric("total RMSE", lambda record: record.metric("rmse")),
-    "early_mape": TableMetric(
-        f"total MAPE, %, after {EARLY} simulations of the same runs, on the search mesh",
-        lambda record: record.best_mape_after(EARLY),
-    ),
+    "mape": "total MAPE, %",
+    "rmse": "total RMSE",
+    "early_mape": f"total MAPE, %, after {EARLY} simulations of the same runs, on the search mesh",
 }
+"""What a table compares: column of the rows, and its title."""
 
 
 @dataclass(frozen=True)
@@ -88,15 +77,15 @@ def statistic(values: Sequence[float]) -> Statistic:
     return Statistic(float(known.mean()), deviation, float(known.max()), known.size, len(values) - known.size)
 
 
-def main_table(records: Sequence[CellRecord], metric: str = "mape") -> dict[str, dict[str, dict[str, Statistic]]]:
+def main_table(rows: Sequence[Row], metric: str = "mape") -> dict[str, dict[str, dict[str, Statistic]]]:
     """Statistics by mode, method and base cell, in order of appearance."""
     groups: dict[str, dict[str, dict[str, list[float]]]] = {}
-    for record in records:
-        row = groups.setdefault(record.mode, {}).setdefault(record.method, {})
-        row.setdefault(record.parameter_set, []).append(METRICS[metric].value(record))
+    for row in rows:
+        own = groups.setdefault(row["mode"], {}).setdefault(row["method"], {})
+        own.setdefault(row["parameter_set"], []).append(row[metric])
     return {
-        mode: {method: {name: statistic(values) for name, values in row.items()} for method, row in rows.items()}
-        for mode, rows in groups.items()
+        mode: {method: {name: statistic(values) for name, values in row.items()} for method, row in methods.items()}
+        for mode, methods in groups.items()
     }
 
 
@@ -115,20 +104,22 @@ def paper_rows(metric: str = "mape") -> dict[str, dict[str, dict[str, Statistic]
     }
 
 
-def markdown(records: Sequence[CellRecord], metric: str = "mape", with_paper: bool = True) -> str:
+def markdown(rows: Sequence[Row], metric: str = "mape", with_paper: bool = True) -> str:
     """The table as Markdown; the paper's rows stand below, for reference, outside the ranking."""
-    ours, theirs = main_table(records, metric), paper_rows(metric) if with_paper else {}
+    ours, theirs = main_table(rows, metric), paper_rows(metric) if with_paper else {}
     parts: list[str] = []
-    for mode, rows in ours.items():
-        sets = list(dict.fromkeys(name for row in rows.values() for name in row))
+    for mode, methods in ours.items():
+        sets = list(dict.fromkeys(name for row in methods.values() for name in row))
         lines = [
-            f"**{mode}** ({METRICS[metric].title}; best bold, second underlined)",
+            f"**{mode}** ({METRICS[metric]}; best bold, second underlined)",
             "",
             "| method | " + " | ".join(sets) + " | cases | worst |",
             "|" + " --- |" * (len(sets) + 3),
         ]
-        places = {name: ranks({method: row[name].mean for method, row in rows.items() if name in row}) for name in sets}
-        for method, row in rows.items():
+        places = {
+            name: ranks({method: row[name].mean for method, row in methods.items() if name in row}) for name in sets
+        }
+        for method, row in methods.items():
             entries = [_marked(str(row[name]), places[name].get(method)) if name in row else "" for name in sets]
             lines.append(f"| {method} | " + " | ".join(entries) + f" | {_cases(row)} |")
         for method, row in theirs.get(mode, {}).items():
@@ -166,10 +157,7 @@ def rows_of(records: Sequence[CellRecord]) -> list[dict[str, Any]]:
             "rates": record.rates,
             "method": record.method,
             "status": record.status,
-            **{
-                f"{name}": record.metric(name)
-                for name in ("mape", "q_mape", "i_mape", "v_mape", "rmse", "v_rmse_mv", "capacity_error")
-            },
+            **{name: record.metric(name) for name in REPORTED},
             "initial_mape": math.nan if record.initial is None else record.initial["mape"],
             "early_mape": record.best_mape_after(EARLY),
             "simulations": record.simulations,
@@ -183,6 +171,19 @@ def rows_of(records: Sequence[CellRecord]) -> list[dict[str, Any]]:
         }
         for record in records
     ]
+
+
+def read_csv(path: Path) -> list[dict[str, Any]]:
+    """Rows that `write_csv` wrote: numbers as floats, an empty field as NaN, anything else as text."""
+    with path.open(newline="", encoding="utf-8") as file:
+        return [{key: _number_or_text(value) for key, value in row.items()} for row in csv.DictReader(file)]
+
+
+def _number_or_text(text: str) -> float | str:
+    try:
+        return float(text or "nan")
+    except ValueError:
+        return text
 
 
 def write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:

@@ -1,6 +1,8 @@
 import inspect
 
-from bsa.experiments.cli.bench import bench_app
+import pytest
+from bsa.core.errors import BsaError
+from bsa.experiments.cli.bench import bench_app, suite_command
 from bsa.experiments.cli.discover import discover
 from bsa.experiments.cli.run import run
 
@@ -18,3 +20,10 @@ def test_every_command_that_takes_a_backend_can_be_told_how_to_reach_it():
     of_a_backend = {name for name, options in takes.items() if "backend" in options}
     assert {"run", "discover", "suite_command", "discovery_command"} <= of_a_backend
     assert {n for n in of_a_backend if not {"via", "base_url", "backend_option"} <= takes[n]} == set()
+
+
+@pytest.mark.parametrize("budget", ["Chen2020", "Chen2020=x", "Chen2020=0", "Chen2020=1.5", "Chen2020=true"])
+def test_a_budget_that_is_no_number_of_simulations_is_refused_before_anything_is_run(budget, tmp_path):
+    with pytest.raises(BsaError, match="--own-budget"):
+        suite_command(suite="generated", cases="1", own_budget=[budget], out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()

@@ -20,7 +20,7 @@ from bsa.experiments.studies.many import make_cells, run_cells
 from bsa.experiments.studies.recovery import recovery_study, within_case
 from bsa.experiments.studies.runtime import runtime_study
 from bsa.experiments.studies.suite import suite_study
-from bsa.experiments.studies.table import main_table, markdown, paper_rows, statistic
+from bsa.experiments.studies.table import REPORTED, main_table, markdown, paper_rows, rows_of, statistic
 from bsa.experiments.studies.warmup import warmup_study, with_warm_up
 from bsa.experiments.suite.case import SuiteCase
 from bsa_toy_cell import CAPACITY, HIDDEN, SERIES, record, space, toy_scaffold, toy_task
@@ -87,6 +87,14 @@ def test_another_budget_seed_or_method_is_another_cell() -> None:
     ]
     assert len({cell.identity for cell in cells}) == len(cells)
     assert make_cells(CASES, scaffolds("random"), 6, 1)[0].identity == cells[0].identity
+
+
+def test_a_base_cell_may_have_a_budget_of_its_own() -> None:
+    cells = make_cells(CASES, scaffolds("random"), 6, 1, own_budgets={CASES[0].parameter_set: 3})
+    expected = {case.key: 3 if case.parameter_set == CASES[0].parameter_set else 6 for case in CASES}
+    assert {cell.case.key: cell.config.simulations for cell in cells} == expected
+    with pytest.raises(BsaError, match='did you mean "Chen2020"'):
+        make_cells(CASES, scaffolds("random"), 6, 1, own_budgets={"Chen2002": 3})
 
 
 def test_an_interrupted_cell_goes_on_from_its_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -191,14 +199,15 @@ def test_within_case_correlations() -> None:
 
 
 def _cell(method: str, mape: float, mode: str = "regular", parameter_set: str = "A") -> CellRecord:
-    best = None if math.isnan(mape) else {"mape": mape, "rmse": mape}
+    best = None if math.isnan(mape) else dict.fromkeys(REPORTED, mape)
     return CellRecord("x", f"{mode}-1", mode, parameter_set, "1C/1C", method, "finished", None, best)
 
 
 def test_table_marks_best_and_second_and_counts_what_is_missing() -> None:
     records = [_cell("a", 3.0), _cell("a", 5.0), _cell("b", 1.0), _cell("c", 9.0), _cell("c", math.nan)]
-    assert main_table(records)["regular"]["a"]["A"].mean == 4.0
-    table = markdown(records, with_paper=False)
+    rows = rows_of(records)
+    assert main_table(rows)["regular"]["a"]["A"].mean == 4.0
+    table = markdown(rows, with_paper=False)
     assert "| b | **1.00** |" in table
     assert "<u>4.00±1.41</u>" in table
     assert "(1 without result)" in table
