@@ -1,18 +1,20 @@
 """Lays a simulation over a target step by step, each step on its own clock.
 
-Absolute time misleads: a charge that ends a minute early shifts everything after it. Compared at equal
+Absolute time misleads: a step that ends a minute early shifts everything after it. Compared at equal
 fractions of its own duration, a step's curve and its duration are smooth functions of the parameters.
 """
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from .signals import Signal
 from .task import Experiment
-from .trajectory import FloatArray, Step, StepKind, Trajectory
+from .trajectory import FloatArray, Step, Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,34 +31,36 @@ class StepPair:
         The simulation's samples; None if the step vanished or was never reached.
     name : str
         ``"CC charge"``, with a number where the kind occurs more than once (``"rest 2"``).
-    fallback_v : float
-        The simulated voltage where the step should have been, for a vanished step; NaN if never reached.
+    fallback : mapping of str to float, or None
+        The simulated signals where the step should have been, for a vanished step; None if never reached.
     """
 
     step: Step
     measured: Trajectory
     simulated: Trajectory | None
     name: str
-    fallback_v: float
+    fallback: Mapping[str, float] | None
 
     @property
     def duration_s(self) -> tuple[float, float]:
         """Measured and simulated duration in seconds; 0 for a vanished step."""
         return self.measured.duration, self.simulated.duration if self.simulated is not None else 0.0
 
-    def voltage(self, fractions: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Measured and simulated voltage at fractions (0 to 1) of each step's own duration, V."""
-        measured = at_fractions(self.measured, self.measured.voltage, fractions)
-        if self.simulated is None:
-            return measured, np.full_like(fractions, self.fallback_v)
-        return measured, at_fractions(self.simulated, self.simulated.voltage, fractions)
+    @property
+    def reached(self) -> bool:
+        """Whether the simulation got as far as the step, even if the step vanished."""
+        return self.simulated is not None or self.fallback is not None
 
-    def current(self, fractions: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Measured and simulated current at fractions (0 to 1) of each step's own duration, A."""
-        measured = at_fractions(self.measured, self.measured.current, fractions)
-        if self.simulated is None:
-            return measured, np.zeros_like(fractions)
-        return measured, at_fractions(self.simulated, self.simulated.current, fractions)
+    def curves(self, signal: Signal, fractions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """A signal, measured and simulated, at fractions (0 to 1) of each step's own duration.
+
+        In a vanished step an observed signal stays where it was, and nothing is driven.
+        """
+        measured = at_fractions(self.measured, self.measured.values(signal.name), fractions)
+        if self.simulated is not None:
+            return measured, at_fractions(self.simulated, self.simulated.values(signal.name), fractions)
+        stays = (self.fallback or {}).get(signal.name, np.nan) if signal.role == "observed" else 0.0
+        return measured, np.full_like(fractions, stays)
 
 
 def at_fractions(piece: Trajectory, signal: FloatArray, fractions: FloatArray) -> FloatArray:
@@ -73,14 +77,14 @@ def pair_steps(simulated: Trajectory | None, experiment: Experiment) -> list[Ste
     step which a candidate makes vanish does not shift the ones behind it.
     """
     wanted = [step for step in experiment.target.steps if experiment.scored_cycle in (None, step.cycle)]
-    found: dict[tuple[int, StepKind, int], Step] = {}
+    found: dict[tuple[int, str, int], Step] = {}
     reached_cycle = 0
     if simulated is not None and simulated.steps:
         found = dict(zip(_keys(simulated.steps), simulated.steps, strict=True))
         reached_cycle = simulated.steps[-1].cycle
     totals = Counter((step.cycle, step.kind) for step in wanted)
     pairs: list[StepPair] = []
-    fallback = float("nan")
+    fallback: dict[str, float] | None = None
     for step, key in zip(wanted, _keys(wanted), strict=True):
         cycle, kind, occurrence = key
         name = str(kind) if totals[cycle, kind] == 1 else f"{kind} {occurrence}"
@@ -90,15 +94,15 @@ def pair_steps(simulated: Trajectory | None, experiment: Experiment) -> list[Ste
         piece = None
         if counterpart is not None and simulated is not None:
             piece = simulated.slice(counterpart.start, counterpart.stop)
-            fallback = float(piece.voltage[-1])
+            fallback = {signal: float(values[-1]) for signal, values in piece.signals.items()}
         measured = experiment.target.slice(step.start, step.stop)
-        pairs.append(StepPair(step, measured, piece, name, fallback if cycle <= reached_cycle else float("nan")))
+        pairs.append(StepPair(step, measured, piece, name, fallback if cycle <= reached_cycle else None))
     return pairs
 
 
-def _keys(steps: tuple[Step, ...] | list[Step]) -> list[tuple[int, StepKind, int]]:
-    counts: Counter[tuple[int, StepKind]] = Counter()
-    keys: list[tuple[int, StepKind, int]] = []
+def _keys(steps: tuple[Step, ...] | list[Step]) -> list[tuple[int, str, int]]:
+    counts: Counter[tuple[int, str]] = Counter()
+    keys: list[tuple[int, str, int]] = []
     for step in steps:
         counts[step.cycle, step.kind] += 1
         keys.append((step.cycle, step.kind, counts[step.cycle, step.kind]))

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import base64
 import zlib
-from collections.abc import Mapping
-from dataclasses import asdict
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from .cell import CELL
+from .domain import Domain
 from .easing import Easing
 from .feedback import Feedback
-from .metrics import Metrics
+from .metrics import decode_metrics
 from .parameters import Parameter, ParameterSpace
 from .proposal import Proposal
+from .signals import Signal
 from .simulation import SimulationFailure
 from .target import CyclableLithium, EffectValue, Factor, InitialSoc, Target, Value, target_named
 from .task import CellModel, Experiment, Task
-from .trajectory import FloatArray, Step, StepKind, Trajectory
+from .trajectory import FloatArray, Step, Trajectory
 from .trial import Trial
 
 Json = dict[str, Any]
@@ -37,22 +40,16 @@ def decode_array(text: str) -> FloatArray:
 
 def encode_trajectory(trajectory: Trajectory) -> Json:
     """A trajectory with its steps."""
-    signals = {
-        name: encode_array(getattr(trajectory, name))
-        for name in ("time", "current", "voltage", "temperature")
-        if getattr(trajectory, name) is not None
-    }
-    return {**signals, "steps": [asdict(step) for step in trajectory.steps]}
+    signals = {name: encode_array(values) for name, values in trajectory.signals.items()}
+    return {"time": encode_array(trajectory.time), **signals, "steps": [asdict(step) for step in trajectory.steps]}
 
 
 def decode_trajectory(record: Mapping[str, Any]) -> Trajectory:
     """The inverse of `encode_trajectory`."""
     return Trajectory(
         decode_array(record["time"]),
-        decode_array(record["current"]),
-        decode_array(record["voltage"]),
-        decode_array(record["temperature"]) if "temperature" in record else None,
-        tuple(Step(**{**step, "kind": StepKind(step["kind"])}) for step in record["steps"]),
+        steps=tuple(Step(**step) for step in record["steps"]),
+        signals={name: decode_array(text) for name, text in record.items() if name not in ("time", "steps")},
     )
 
 
@@ -85,8 +82,9 @@ def decode_parameter(record: Mapping[str, Any]) -> Parameter:
 
 
 def encode_task(task: Task) -> Json:
-    """A task with its records."""
+    """A task with its records. What is the same for all tasks of a cell is left out, as it always was."""
     return {
+        **_encode_domain(task),
         "name": task.name,
         "cell": {**asdict(task.cell), "options": dict(task.cell.options), "overrides": dict(task.cell.overrides)},
         "space": [encode_parameter(parameter) for parameter in task.space],
@@ -103,6 +101,26 @@ def encode_task(task: Task) -> Json:
         ],
         "notes": list(task.notes),
     }
+
+
+def _encode_domain(task: Task) -> Json:
+    record: Json = {"simulator": task.simulator} if task.simulator else {}
+    if task.domain != CELL:
+        record["domain"] = asdict(replace(task.domain, rules=tuple(dict(rule) for rule in task.domain.rules)))
+    if task.signals != task.domain.signals:
+        record["signals"] = [asdict(signal) for signal in task.signals]
+    return record
+
+
+def _decode_domain(record: Mapping[str, Any]) -> Domain:
+    if "domain" not in record:
+        return CELL
+    content = dict(record["domain"])
+    return Domain(**{**content, "rules": tuple(content["rules"]), "signals": _decode_signals(content["signals"])})
+
+
+def _decode_signals(records: Iterable[Mapping[str, Any]]) -> tuple[Signal, ...]:
+    return tuple(Signal(**{**record, "observed_in": tuple(record["observed_in"])}) for record in records)
 
 
 def decode_task(record: Mapping[str, Any]) -> Task:
@@ -123,6 +141,9 @@ def decode_task(record: Mapping[str, Any]) -> Task:
             for experiment in record["experiments"]
         ),
         tuple(record["notes"]),
+        domain=_decode_domain(record),
+        signals=_decode_signals(record.get("signals", ())),
+        simulator=record.get("simulator", ""),
     )
 
 
@@ -133,7 +154,7 @@ def encode_trial(trial: Trial, folder: Path) -> Json:
         "phase": trial.phase,
         "round": trial.round,
         "candidate": dict(trial.candidate),
-        "metrics": None if trial.metrics is None else asdict(trial.metrics),
+        "metrics": None if trial.metrics is None else trial.metrics.as_json(),
         "failure": None if trial.failure is None else asdict(trial.failure),
         "residuals": None if trial.residuals is None else encode_array(trial.residuals),
         "feedback": dict(trial.feedback.content),
@@ -152,7 +173,7 @@ def decode_trial(record: Mapping[str, Any], folder: Path) -> Trial:
         phase=record["phase"],
         round=record["round"],
         candidate=record["candidate"],
-        metrics=None if record["metrics"] is None else Metrics(**record["metrics"]),
+        metrics=decode_metrics(record["metrics"]),
         failure=None if record["failure"] is None else SimulationFailure(**record["failure"]),
         residuals=None if record["residuals"] is None else decode_array(record["residuals"]),
         feedback=Feedback(record["feedback"], tuple(folder / image for image in record["images"])),

@@ -22,7 +22,7 @@ from .feedback import Feedback
 from .hooks import ProposeContext
 from .journal import Journal
 from .messages import BudgetSpent, Usage
-from .metrics import Metrics, evaluate
+from .metrics import Metrics, decode_metrics, evaluate
 from .parameters import Candidate
 from .proposal import Proposal
 from .recording import RecordingBackend
@@ -367,7 +367,7 @@ class Run:
         for which, trial in (("initial", self._trials[0]), ("best", best)):
             known = self._earlier_scores.get(which)
             if known is not None and known["index"] == trial.index:
-                scores[which] = None if known["metrics"] is None else Metrics(**known["metrics"])
+                scores[which] = decode_metrics(known["metrics"])
         missing = [which for which in ("initial", "best") if which not in scores]
         chosen = {"initial": self._trials[0], "best": best}
         if missing:
@@ -386,7 +386,7 @@ class Run:
                 f"({outcome.failure.cause if outcome.failure else 'nothing to compare'}); its search score stands."
             )
             metrics = trial.metrics
-        record = None if metrics is None else asdict(metrics)
+        record = None if metrics is None else metrics.as_json()
         self._journal.append("score", which=which, index=trial.index, metrics=record)
         return metrics
 

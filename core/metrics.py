@@ -1,61 +1,32 @@
-"""How well a simulation matches a record: the paper's metric, and the honest ones beside it."""
+"""Which errors a task is judged by, and how they are called: one choice, made by the task's domain."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from typing import Any
 
-import numpy as np
-from scipy.interpolate import PchipInterpolator
-
-from .alignment import pair_steps
+from . import paper_metrics as paper
+from .paper_metrics import PaperMetrics
+from .signal_metrics import MISFIT, Metrics, Quantity, SignalMetrics, evaluate_signals, signal_errors
 from .simulation import Outcome
-from .task import Experiment, Task
-from .trajectory import FloatArray, StepKind, Trajectory
+from .task import Task
 
-_ZERO = 1e-8
-"""Reference samples smaller than this count as zero: a relative error would mean nothing."""
+__all__ = [
+    "Metrics",
+    "PaperMetrics",
+    "Quantity",
+    "SignalMetrics",
+    "decode_metrics",
+    "errors_of",
+    "evaluate",
+    "headline_of",
+    "objective_of",
+    "told_of",
+]
 
-_DURATION_FLOOR_S = 1.0
 
-_JUMP_S = 1e-6
-"""Samples closer than this stand on the two sides of a jump of the current."""
-
-
-@dataclass(frozen=True)
-class Metrics:
-    """Errors of one trial, averaged over the experiments of its task.
-
-    Attributes
-    ----------
-    objective : float
-        The number that "best" means: ``mape`` where a protocol was simulated, ``v_rmse_mv`` where the
-        measured current drove the cell (current and charge then match by construction).
-    mape : float
-        The paper's total: ``q_mape + i_mape + v_mape``, in percent.
-    q_mape : float
-        Percentage error of the charge drawn from the start of the record to the end of the scored part,
-        one number (the reading that reproduces the paper's "Default" rows; as a curve it does not).
-    i_mape, v_mape : float
-        Mean absolute percentage error of current and voltage.
-    rmse : float
-        Sum of the three root-mean-square errors (A.h, A, V), as in the paper.
-    v_rmse_mv : float
-        Root-mean-square voltage error over the time both records cover, in mV.
-    step_duration_error : float
-        Mean over the steps of ``|ln(simulated duration / measured duration)|``.
-    capacity_error : float
-        Relative error of the discharged capacity of the scored part.
-    """
-
-    objective: float
-    mape: float
-    q_mape: float
-    i_mape: float
-    v_mape: float
-    rmse: float
-    v_rmse_mv: float
-    step_duration_error: float
-    capacity_error: float
+def _by_paper(task: Task) -> bool:
+    return task.domain.metric == "paper"
 
 
 def evaluate(task: Task, outcome: Outcome) -> Metrics | None:
@@ -66,127 +37,31 @@ def evaluate(task: Task, outcome: Outcome) -> Metrics | None:
     Metrics or None
         None if an experiment failed before the part that is scored.
     """
-    rows: list[Metrics] = []
-    for experiment, run in zip(task.experiments, outcome.runs, strict=True):
-        simulated = scored_part(run.trajectory, experiment)
-        if simulated is None:
-            return None
-        assert run.trajectory is not None
-        rows.append(_compare(simulated, run.trajectory, experiment))
-    names = Metrics.__dataclass_fields__
-    means = {name: float(np.mean([getattr(row, name) for row in rows])) for name in names}
-    # A root mean square over several records is the root of the mean square.
-    means["v_rmse_mv"] = float(np.sqrt(np.mean([row.v_rmse_mv**2 for row in rows])))
-    if all(experiment.protocol is None for experiment in task.experiments):
-        means["objective"] = means["v_rmse_mv"]
-    return Metrics(**means)
+    return paper.evaluate(task, outcome) if _by_paper(task) else evaluate_signals(task, outcome)
 
 
-def scored_part(simulated: Trajectory | None, experiment: Experiment) -> Trajectory | None:
-    """The part of a simulation that is compared; None if it was not reached."""
-    if simulated is None or experiment.scored_cycle is None:
-        return simulated
-    return simulated.cycle(experiment.scored_cycle) if experiment.scored_cycle in simulated.cycles else None
+def decode_metrics(content: Mapping[str, Any] | None) -> Metrics | None:
+    """The inverse of `Metrics.as_json`."""
+    if content is None:
+        return None
+    return PaperMetrics(**content) if "mape" in content else SignalMetrics.from_json(content)
 
 
-def _compare(simulated: Trajectory, whole: Trajectory, experiment: Experiment) -> Metrics:
-    target = experiment.scored_target
-    q_ours, q_theirs = _final_charge(whole, experiment), _final_charge(experiment.target, experiment)
-    q_mape = _mape(np.array([q_ours]), np.array([q_theirs]))
-    i_mape, i_rmse = _curve_errors(simulated, target, "current")
-    v_mape, v_rmse = _curve_errors(simulated, target, "voltage")
-    mape = q_mape + i_mape + v_mape
-    v_rmse_mv = _overlap_rmse_mv(simulated, target, experiment.protocol is None)
-    return Metrics(
-        objective=mape if experiment.protocol is not None else v_rmse_mv,
-        mape=mape,
-        q_mape=q_mape,
-        i_mape=i_mape,
-        v_mape=v_mape,
-        rmse=abs(q_ours - q_theirs) + i_rmse + v_rmse,
-        v_rmse_mv=v_rmse_mv,
-        step_duration_error=_step_duration_error(whole, experiment),
-        capacity_error=_capacity_error(simulated, target),
-    )
+def objective_of(task: Task) -> Quantity:
+    """The error that "best" means."""
+    return paper.objective_of(task) if _by_paper(task) else MISFIT
 
 
-def _final_charge(record: Trajectory, experiment: Experiment) -> float:
-    """Net charge drawn from the start of the record to the end of its scored part, A.h."""
-    stops = [step.stop for step in record.steps if step.cycle == experiment.scored_cycle]
-    return float(record.discharge_capacity[(stops[-1] if stops else len(record)) - 1])
+def headline_of(task: Task) -> tuple[Quantity, ...]:
+    """The errors that are shown first."""
+    return paper.headline_of(task) if _by_paper(task) else (MISFIT, *signal_errors(task))
 
 
-def _curve_errors(simulated: Trajectory, target: Trajectory, signal: str) -> tuple[float, float]:
-    """MAPE in percent and RMSE of a signal on the common grid, the shorter padded with zeros at its end."""
-    ours, theirs = _resampled(simulated, signal), _resampled(target, signal)
-    length = max(len(ours), len(theirs))
-    ours, theirs = np.pad(ours, (0, length - len(ours))), np.pad(theirs, (0, length - len(theirs)))
-    return _mape(ours, theirs), float(np.sqrt(np.mean((ours - theirs) ** 2)))
+def errors_of(task: Task) -> tuple[Quantity, ...]:
+    """All errors, for a table."""
+    return paper.ERRORS if _by_paper(task) else (MISFIT, *signal_errors(task))
 
 
-def _resampled(record: Trajectory, signal: str) -> FloatArray:
-    """A signal on a grid of 1 s from its own start, by PCHIP (paper, Sec. 4.1)."""
-    values = getattr(record, signal)
-    # The two sides of a jump share a stamp, or not, by rounding. Dropping one side would turn the jump into a
-    # ramp to the next sample, half a minute on; so the stamps are rounded and then kept a microsecond apart.
-    gaps = _JUMP_S * np.arange(len(record))
-    time = np.maximum.accumulate(np.round(record.time - record.time[0], 6) - gaps) + gaps
-    if len(time) < 2:
-        return np.asarray(values[-1:])
-    return np.asarray(PchipInterpolator(time, values)(np.arange(0.0, time[-1], 1.0)), dtype=np.float64)
-
-
-def _mape(simulated: FloatArray, reference: FloatArray) -> float:
-    counted = np.abs(reference) > _ZERO
-    if not np.any(counted):
-        return 0.0
-    return float(100.0 * np.mean(np.abs((simulated[counted] - reference[counted]) / reference[counted])))
-
-
-def _overlap_rmse_mv(simulated: Trajectory, target: Trajectory, driven: bool) -> float:
-    ours, theirs = _without_ties(simulated.time), _without_ties(target.time)
-    end = min(ours[-1], theirs[-1])
-    # Under a measured current both jump at the same instants, and the samples say all. Under a protocol
-    # a jump comes a moment early or late; judged at sparse samples alone it would count for a whole interval.
-    time = theirs if driven else np.union1d(ours, theirs)
-    time = time[time <= end + _JUMP_S]
-    difference = np.interp(time, ours, simulated.voltage) - np.interp(time, theirs, target.voltage)
-    return 1e3 * _time_weighted_rms(time, difference)
-
-
-def _without_ties(time: FloatArray) -> FloatArray:
-    """Time from zero, samples that share a stamp (the two sides of a jump) moved a microsecond apart."""
-    time = time - time[0]
-    tied = np.diff(time) <= _JUMP_S
-    time[:-1][tied] -= 0.5 * _JUMP_S
-    time[1:][tied] += 0.5 * _JUMP_S
-    return time
-
-
-def _time_weighted_rms(time: FloatArray, values: FloatArray) -> float:
-    """Root mean square over time, so that denser sampling does not count more."""
-    if len(time) < 2 or time[-1] <= time[0]:
-        return float(np.sqrt(np.mean(values**2)))
-    return float(np.sqrt(np.trapezoid(values**2, time) / (time[-1] - time[0])))
-
-
-def _step_duration_error(simulated: Trajectory | None, experiment: Experiment) -> float:
-    errors = [
-        abs(np.log((pair.duration_s[1] + _DURATION_FLOOR_S) / (pair.duration_s[0] + _DURATION_FLOOR_S)))
-        for pair in pair_steps(simulated, experiment)
-    ]
-    return float(np.mean(errors)) if errors else 0.0
-
-
-def _capacity_error(simulated: Trajectory, target: Trajectory) -> float:
-    ours, theirs = discharged_ah(simulated), discharged_ah(target)
-    return abs(ours - theirs) / theirs if theirs > 0 else 0.0
-
-
-def discharged_ah(record: Trajectory) -> float:
-    """Charge drawn during the discharge steps of a record, A.h; pulses and rests left out."""
-    return sum(
-        max(float(piece.discharge_capacity[-1]), 0.0)
-        for step, piece in record.pieces()
-        if step.kind in (StepKind.CC_DISCHARGE, StepKind.DRIVE)
-    )
+def told_of(task: Task) -> tuple[Quantity, ...]:
+    """The errors that a proposer is told."""
+    return paper.TOLD if _by_paper(task) else (MISFIT, *signal_errors(task))

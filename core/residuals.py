@@ -7,32 +7,38 @@ from dataclasses import replace
 import numpy as np
 
 from .alignment import StepPair, pair_steps
+from .signals import Signal
 from .simulation import ExperimentRun, Outcome
 from .task import Experiment, Task
-from .trajectory import FloatArray, StepKind
+from .trajectory import FloatArray
 
-VOLTAGE_TOLERANCE_V = 1e-3
 DURATION_TOLERANCE = 1e-3
-CURRENT_TOLERANCE = 1e-2
 
 _POINTS = 16
-"""Points a step under a protocol."""
+"""Points of a signal in a step under a protocol."""
 
 _DRIVEN_POINTS = 40
-"""Points a step under a measured current, where steps are few and long."""
+"""Points of a signal in a step under a measured drive, where steps are few and long."""
 
-_DURATION_FLOOR_S = 5.0
-"""Added to both durations, so that a vanishing step has a finite logarithm and a 1 s rest no weight."""
+_OSCILLATING_POINTS = 200
+"""Points at least of a signal that swings within a step: ten for each of twenty periods."""
+
+_ZERO_SHARE = 0.1
+"""Share of its peak by which a relative tolerance is wider, so that it is not zero where the signal is."""
+
+_FLOORS_IN_BRIEF = 12.0
+"""A brief step over this is added to both durations, so that a vanishing step has a finite logarithm and a 1 s rest
+no weight (5 s for a cell)."""
 
 
 def residuals(task: Task, outcome: Outcome) -> FloatArray | None:
     """Step-aligned residuals of all experiments, one after the other.
 
-    Under a protocol each step of the scored cycle gives voltage residuals (current residuals during a
-    voltage hold) at equal fractions of its own duration, and one residual for the logarithm of its
-    duration. Under a measured current the durations are given, and each step gives voltage residuals
-    weighted by its share of time, so that the sum of squares is the mean squared voltage error times the
-    number of points.
+    Under a protocol each step of the scored cycle gives residuals of its compared signals (of a cell the
+    voltage, during a voltage hold the current) at equal fractions of its own duration, and one residual for
+    the logarithm of its duration. Under a measured drive the durations are given, and each step gives
+    residuals of the observed signals weighted by its share of time, so that the sum of squares is the mean
+    squared error times the number of points.
 
     Parameters
     ----------
@@ -51,9 +57,9 @@ def residuals(task: Task, outcome: Outcome) -> FloatArray | None:
     parts: list[FloatArray] = []
     for experiment, run in zip(task.experiments, outcome.runs, strict=True):
         pairs = pair_steps(run.trajectory, experiment)
-        if any(np.isnan(pair.fallback_v) for pair in pairs if pair.simulated is None):
+        if not all(pair.reached for pair in pairs):
             return None
-        parts += _by_step(pairs, experiment)
+        parts += _by_step(task, pairs, experiment)
     return np.concatenate(parts)
 
 
@@ -72,7 +78,7 @@ def partial_residuals(task: Task, outcome: Outcome) -> FloatArray | None:
         whole = replace(experiment, scored_cycle=None)
         pairs = pair_steps(run.trajectory, whole)
         reached = _finished(pairs, run)
-        for place, part in enumerate(_by_step(pairs, whole)):
+        for place, part in enumerate(_by_step(task, pairs, whole)):
             parts.append(part if place < reached else np.full_like(part, np.nan))
     joined = np.concatenate(parts)
     return None if np.all(np.isnan(joined)) else joined
@@ -93,38 +99,49 @@ def _finished(pairs: list[StepPair], run: ExperimentRun) -> int:
     return behind[-1] + 1 if behind else 0
 
 
-def _by_step(pairs: list[StepPair], experiment: Experiment) -> list[FloatArray]:
-    return _driven(pairs) if experiment.protocol is None else _protocol(pairs, experiment)
+def _by_step(task: Task, pairs: list[StepPair], experiment: Experiment) -> list[FloatArray]:
+    return _driven(task, pairs, experiment) if experiment.protocol is None else _protocol(task, pairs, experiment)
 
 
-def _protocol(pairs: list[StepPair], experiment: Experiment) -> list[FloatArray]:
-    peak = float(np.max(np.abs(experiment.target.current))) or 1.0
-    fractions = np.linspace(0.0, 1.0, _POINTS)
+def _protocol(task: Task, pairs: list[StepPair], experiment: Experiment) -> list[FloatArray]:
+    brief_s = task.domain.brief_s
+    floor_s = brief_s / _FLOORS_IN_BRIEF
     parts: list[FloatArray] = []
     for pair in pairs:
-        if pair.step.kind is StepKind.CV_HOLD:
-            measured, simulated = pair.current(fractions)
-            tolerance = CURRENT_TOLERANCE * (np.abs(measured) + 0.1 * peak)
-            curve = (simulated - measured) / tolerance
-        else:
-            measured, simulated = pair.voltage(fractions)
+        curves = [
+            _mismatch(pair, signal, experiment, np.linspace(0.0, 1.0, _points(signal, _POINTS)))
             # A rest of a second says what its neighbours say; let it not count 16 times.
-            weight = min(1.0, pair.measured.duration / 60.0) ** 0.5
-            curve = weight * (simulated - measured) / VOLTAGE_TOLERANCE_V
+            * (1.0 if signal.relative else min(1.0, pair.measured.duration / brief_s) ** 0.5)
+            for signal in task.compared(pair.step.kind, experiment)
+        ]
         measured_s, simulated_s = pair.duration_s
-        ratio = np.log((simulated_s + _DURATION_FLOOR_S) / (measured_s + _DURATION_FLOOR_S))
-        parts.append(np.append(curve, ratio / DURATION_TOLERANCE))
+        ratio = np.log((simulated_s + floor_s) / (measured_s + floor_s))
+        parts.append(np.append(np.concatenate(curves), ratio / DURATION_TOLERANCE))
     return parts
 
 
-def _driven(pairs: list[StepPair]) -> list[FloatArray]:
+def _driven(task: Task, pairs: list[StepPair], experiment: Experiment) -> list[FloatArray]:
     total = sum(pair.measured.duration for pair in pairs) or 1.0
-    count = _DRIVEN_POINTS * len(pairs)
     parts: list[FloatArray] = []
     for pair in pairs:
-        # Midpoints: the ends of a step are where two records agree least about the clock.
-        fractions = (np.arange(_DRIVEN_POINTS) + 0.5) / _DRIVEN_POINTS
-        measured, simulated = pair.voltage(fractions)
-        weight = np.sqrt(pair.measured.duration / total / _DRIVEN_POINTS * count)
-        parts.append(weight * (simulated - measured) / VOLTAGE_TOLERANCE_V)
+        weight = np.sqrt(pair.measured.duration / total * len(pairs))
+        curves = []
+        for signal in task.compared(pair.step.kind, experiment):
+            points = _points(signal, _DRIVEN_POINTS)
+            # Midpoints: the ends of a step are where two records agree least about the clock.
+            curves.append(weight * _mismatch(pair, signal, experiment, (np.arange(points) + 0.5) / points))
+        parts.append(np.concatenate(curves))
     return parts
+
+
+def _mismatch(pair: StepPair, signal: Signal, experiment: Experiment, fractions: FloatArray) -> FloatArray:
+    """Simulated minus measured in tolerances."""
+    measured, simulated = pair.curves(signal, fractions)
+    if not signal.relative:
+        return (simulated - measured) / signal.tolerance
+    peak = float(np.max(np.abs(experiment.target.values(signal.name)))) or 1.0
+    return (simulated - measured) / (signal.tolerance * (np.abs(measured) + _ZERO_SHARE * peak))
+
+
+def _points(signal: Signal, usual: int) -> int:
+    return max(usual, _OSCILLATING_POINTS) if signal.oscillates else usual

@@ -6,8 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from .cell import CELL
+from .domain import Domain
 from .errors import BsaError
 from .parameters import ParameterSpace
+from .signals import Signal, compared, driven, observed
 from .trajectory import Trajectory
 
 Protocol = tuple[tuple[str, ...], ...]
@@ -20,12 +23,12 @@ class CellModel:
 
     Attributes
     ----------
-    model : {'SPM', 'SPMe', 'DFN'}
-        The model's name.
-    options : mapping
-        PyBaMM model options, ``{"thermal": "lumped"}``.
     parameter_set : str
-        Name of a PyBaMM parameter set.
+        Name of a PyBaMM parameter set; empty for a simulator that has none.
+    model : str
+        The model's name: ``"SPM"``, ``"SPMe"`` or ``"DFN"`` for PyBaMM.
+    options : mapping
+        The model's options, ``{"thermal": "lumped"}``.
     overrides : mapping of str to float
         Values that replace those of the set and are not searched.
     """
@@ -47,8 +50,8 @@ class Experiment:
     target : Trajectory
         What was measured, cut into steps.
     protocol : Protocol or None
-        The steps that the simulator is to run; None drives it by the measured current, with the
-        voltage cut-offs widened.
+        The steps that the simulator is to run; None drives it by what was measured of the driven signals
+        (a cell by its current, with the voltage cut-offs widened).
     scored_cycle : int or None
         The cycle on which the match is judged (the paper scores cycle 2); None for all of it.
     temperature_k : float or None
@@ -87,6 +90,12 @@ class Task:
         The records to match, at least one.
     notes : tuple of str
         What was assumed or repaired while the task was put together; shown to the user.
+    domain : Domain
+        The wording of the task's field; by default that of a lithium-ion cell.
+    signals : tuple of Signal
+        What is driven and what is observed; by default the domain's.
+    simulator : str
+        The simulator that the task is made for; empty leaves it to the scaffold.
     """
 
     name: str
@@ -94,9 +103,41 @@ class Task:
     space: ParameterSpace
     experiments: tuple[Experiment, ...]
     notes: tuple[str, ...] = ()
+    domain: Domain = CELL
+    signals: tuple[Signal, ...] = ()
+    simulator: str = ""
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "signals", self.signals or self.domain.signals)
         if not self.experiments:
             raise BsaError(f'task "{self.name}" has no record to match.', "give it at least one experiment.")
         if not len(self.space):
             raise BsaError(f'task "{self.name}" searches no parameter.', "name at least one parameter to search.")
+        if not observed(self.signals):
+            raise BsaError(f'task "{self.name}" observes no signal.', 'give a signal the role "observed".')
+        for experiment in self.experiments:
+            lacking = [signal.name for signal in self.signals if signal.name not in experiment.target.signals]
+            if lacking:
+                raise BsaError(
+                    f'record "{experiment.name}" of task "{self.name}" lacks the signals {lacking}.',
+                    f"it has {list(experiment.target.signals)}.",
+                )
+
+    @property
+    def given_drive(self) -> bool:
+        """Whether measured driven signals drive every simulation, so that only what is observed can differ."""
+        return all(experiment.protocol is None for experiment in self.experiments)
+
+    @property
+    def observed(self) -> tuple[Signal, ...]:
+        """The signals that the match is judged by."""
+        return observed(self.signals)
+
+    @property
+    def driven(self) -> tuple[Signal, ...]:
+        """The signals that the experiments impose."""
+        return driven(self.signals)
+
+    def compared(self, kind: str, experiment: Experiment) -> tuple[Signal, ...]:
+        """The signals that are compared in a step of an experiment."""
+        return compared(self.signals, kind, by_protocol=experiment.protocol is not None)

@@ -1,9 +1,9 @@
-"""Time, current and voltage of a cell, cut into the steps a cycler would name."""
+"""Signals over time, cut into the steps of an experiment."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -17,7 +17,7 @@ SECONDS_PER_HOUR = 3600.0
 
 
 class StepKind(StrEnum):
-    """What the cycler was doing during a step."""
+    """What a cycler was doing during a step. Steps of other experiments have kinds in their own words."""
 
     REST = "rest"
     CC_CHARGE = "CC charge"
@@ -27,14 +27,17 @@ class StepKind(StrEnum):
     DRIVE = "drive"
 
 
+_KINDS: dict[str, StepKind] = {str(kind): kind for kind in StepKind}
+
+
 @dataclass(frozen=True)
 class Step:
     """One step of a trajectory: the samples ``start`` to ``stop - 1``.
 
     Attributes
     ----------
-    kind : StepKind
-        What the cycler was doing.
+    kind : str
+        What was done: a `StepKind`, or for what is no cell any words, ``"free decay"``.
     start, stop : int
         First sample, and one past the last sample.
     cycle : int
@@ -45,45 +48,70 @@ class Step:
         Place of the step in its cycle, from 0. Gaps mean that the protocol's step was skipped.
     """
 
-    kind: StepKind
+    kind: str
     start: int
     stop: int
     cycle: int = 1
     label: str = ""
     position: int = 0
 
+    def __post_init__(self) -> None:
+        # A cycler's kinds are told by identity wherever a record comes from.
+        if self.kind in _KINDS:
+            object.__setattr__(self, "kind", _KINDS[self.kind])
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, init=False)
 class Trajectory:
-    """A simulated or measured record of one cell.
+    """A simulated or measured record.
+
+    Parameters
+    ----------
+    time : ndarray of shape (n,)
+        Seconds, never decreasing. Two samples may share a stamp where one step ends and the next begins.
+    current, voltage : ndarray of shape (n,), optional
+        The signals of a cell: ampere, **positive on discharge** (the convention of PyBaMM), and volt.
+    temperature : ndarray of shape (n,), optional
+        Kelvin, where known.
+    steps : tuple of Step
+        Consecutive steps that cover all samples; empty where the record has not been cut yet.
+    signals : mapping of str to ndarray of shape (n,), optional
+        Any other signals by name; each in the unit of the task's `Signal` of that name.
 
     Attributes
     ----------
     time : ndarray of shape (n,)
-        Seconds, never decreasing. Two samples may share a stamp where one step ends and the next begins.
-    current : ndarray of shape (n,)
-        Ampere, **positive on discharge** (the convention of PyBaMM).
-    voltage : ndarray of shape (n,)
-        Volt.
-    temperature : ndarray of shape (n,) or None
-        Kelvin, where known.
+        As given.
+    signals : mapping of str to ndarray of shape (n,)
+        All signals by name, those of a cell included.
     steps : tuple of Step
-        Consecutive steps that cover all samples; empty where the record has not been cut yet.
+        As given.
     """
 
     time: FloatArray
-    current: FloatArray
-    voltage: FloatArray
-    temperature: FloatArray | None = None
-    steps: tuple[Step, ...] = field(default=())
+    signals: Mapping[str, FloatArray]
+    steps: tuple[Step, ...]
 
-    def __post_init__(self) -> None:
-        for name in ("time", "current", "voltage", "temperature"):
-            values = getattr(self, name)
-            if values is None:
-                continue
-            values = np.asarray(values, dtype=np.float64)
-            object.__setattr__(self, name, values)
+    def __init__(
+        self,
+        time: FloatArray,
+        current: FloatArray | None = None,
+        voltage: FloatArray | None = None,
+        temperature: FloatArray | None = None,
+        steps: tuple[Step, ...] = (),
+        signals: Mapping[str, FloatArray] | None = None,
+    ) -> None:
+        of_a_cell = {"current": current, "voltage": voltage, "temperature": temperature}
+        given = {**(signals or {}), **{name: values for name, values in of_a_cell.items() if values is not None}}
+        object.__setattr__(self, "time", np.asarray(time, dtype=np.float64))
+        object.__setattr__(
+            self, "signals", {name: np.asarray(values, dtype=np.float64) for name, values in given.items()}
+        )
+        object.__setattr__(self, "steps", steps)
+        self._check()
+
+    def _check(self) -> None:
+        for name, values in {"time": self.time, **self.signals}.items():
             if values.shape != np.shape(self.time) or values.ndim != 1:
                 raise BsaError(
                     f"{name} has shape {values.shape}, but time has shape {np.shape(self.time)}.",
@@ -101,6 +129,37 @@ class Trajectory:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def values(self, name: str) -> FloatArray:
+        """A signal by its name, shape (n,).
+
+        Raises
+        ------
+        BsaError
+            If the record has no such signal.
+        """
+        try:
+            return self.signals[name]
+        except KeyError:
+            raise BsaError(
+                f'a record has no signal "{name}".',
+                f"it has {list(self.signals)}; every record and simulation needs the signals of its task.",
+            ) from None
+
+    @property
+    def current(self) -> FloatArray:
+        """Current of a cell in ampere, positive on discharge, shape (n,)."""
+        return self.values("current")
+
+    @property
+    def voltage(self) -> FloatArray:
+        """Voltage of a cell in volt, shape (n,)."""
+        return self.values("voltage")
+
+    @property
+    def temperature(self) -> FloatArray | None:
+        """Temperature in kelvin, shape (n,); None where unknown."""
+        return self.signals.get("temperature")
 
     @property
     def duration(self) -> float:
@@ -125,8 +184,7 @@ class Trajectory:
             for step in self.steps
             if step.start >= start and step.stop <= stop
         )
-        temperature = None if self.temperature is None else self.temperature[start:stop]
-        return Trajectory(self.time[start:stop], self.current[start:stop], self.voltage[start:stop], temperature, steps)
+        return self._with(lambda values: values[start:stop], steps)
 
     def cycle(self, number: int) -> Trajectory:
         """The samples of one cycle.
@@ -159,11 +217,14 @@ class Trajectory:
             new_steps.append(replace(step, start=count, stop=count + len(picks)))
             count += len(picks)
         index = np.concatenate(kept)
-        temperature = None if self.temperature is None else self.temperature[index]
+        return self._with(lambda values: values[index], tuple(new_steps) if self.steps else ())
+
+    def changed(self, time: FloatArray | None = None, **signals: FloatArray) -> Trajectory:
+        """A copy with another time or other signals, by name."""
+        return Trajectory(self.time if time is None else time, steps=self.steps, signals={**self.signals, **signals})
+
+    def _with(self, pick: Callable[[FloatArray], FloatArray], steps: tuple[Step, ...]) -> Trajectory:
+        """A copy of some of the samples."""
         return Trajectory(
-            self.time[index],
-            self.current[index],
-            self.voltage[index],
-            temperature,
-            tuple(new_steps) if self.steps else (),
+            pick(self.time), steps=steps, signals={name: pick(values) for name, values in self.signals.items()}
         )

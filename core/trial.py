@@ -74,5 +74,5 @@ class Trial:
 
     @property
     def objective(self) -> float:
-        """The number that "best" means: total MAPE, or infinity for a failed trial."""
+        """The number that "best" means, or infinity for a failed trial."""
         return self.metrics.objective if self.ok and self.metrics is not None else float("inf")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from ..core.hooks import RunContext
 from ..core.journal import FILE_NAME, FORMAT, Journal, read_events
 from ..core.loop import Listener, Run, RunResult
 from ..core.messages import Backend
-from ..core.metrics import Metrics
+from ..core.metrics import Metrics, errors_of
 from ..core.recording import LOST_CALL, REPLY, RecordingBackend
 from ..core.registry import installed
 from ..core.run_config import RunConfig
@@ -186,9 +186,9 @@ def summary(task: Task, config: RunConfig, backend_name: str, result: RunResult)
         "simulator_s": result.simulator_s,
         "backend_s": result.usage.seconds,
         "identifiability_simulations": 0 if result.appraisal is None else result.appraisal.simulations,
-        "initial": _numbers(result.initial_metrics),
+        "initial": _numbers(task, result.initial_metrics),
         "best": {
-            **_numbers(result.best_metrics),
+            **_numbers(task, result.best_metrics),
             "trial": result.best.index,
             "phase": result.best.phase,
             "round": result.best.round,
@@ -199,8 +199,10 @@ def summary(task: Task, config: RunConfig, backend_name: str, result: RunResult)
     }
 
 
-def _numbers(metrics: Metrics | None) -> dict[str, float | None]:
-    return dict.fromkeys(Metrics.__dataclass_fields__) if metrics is None else asdict(metrics)
+def _numbers(task: Task, metrics: Metrics | None) -> dict[str, float | None]:
+    if metrics is None:
+        return dict.fromkeys(["objective", *(quantity.key for quantity in errors_of(task))])
+    return dict(metrics.as_json())
 
 
 def write_results(folder: Path, task: Task, config: RunConfig, backend_name: str, result: RunResult) -> None:

@@ -13,7 +13,7 @@ from ..core.errors import BsaError
 from ..core.journal import FILE_NAME, read_events
 from ..core.loop import APPRAISAL
 from ..core.messages import Usage
-from ..core.metrics import Metrics
+from ..core.metrics import Metrics, decode_metrics
 from ..core.recording import LOST_CALL, REPLY
 from ..core.task import Task
 from ..core.trial import Phase, Trial
@@ -208,11 +208,6 @@ class RunRecord:
         """Time of all simulations, s; those that ran side by side are added up."""
         return sum(trial.seconds for trial in self.trials)
 
-    @property
-    def by_current(self) -> bool:
-        """Whether the measured current drove every simulation; the objective is then the voltage RMSE in mV."""
-        return all(experiment.protocol is None for experiment in self.task.experiments)
-
 
 def read_run(folder: Path) -> RunRecord:
     """Read the journal of a finished, interrupted or running run.
@@ -290,7 +285,7 @@ def _scores(events: Iterable[Mapping[str, Any]], wanted: Mapping[str, int]) -> d
     scores: dict[str, Metrics | None] = {}
     for event in events:
         if event["event"] == "score" and wanted.get(event["which"]) == event["index"]:
-            scores[event["which"]] = None if event["metrics"] is None else Metrics(**event["metrics"])
+            scores[event["which"]] = decode_metrics(event["metrics"])
     return scores
 
 

@@ -45,7 +45,7 @@ def is_long(specimen: Specimen) -> bool:
 
 def full_cycles(specimen: Specimen) -> int:
     """Cycles that contain both a charge and a discharge of some length; pulses and drives make no cycle."""
-    kinds: dict[int, set[StepKind]] = {}
+    kinds: dict[int, set[str]] = {}
     for step in specimen.record.steps:
         kinds.setdefault(step.cycle, set()).add(step.kind)
     both = {StepKind.CC_CHARGE, StepKind.CC_DISCHARGE}

@@ -69,7 +69,7 @@ class Observations:
         Samples in each stretch.
     step : ndarray of int
         Index of the step each stretch lies in.
-    kinds : tuple of StepKind
+    kinds : tuple of str
         Kind of each step of the record.
     cycle : ndarray of int
         Cycle of each stretch.
@@ -94,7 +94,7 @@ class Observations:
     sigma: FloatArray
     count: FloatArray
     step: NDArray[np.intp]
-    kinds: tuple[StepKind, ...]
+    kinds: tuple[str, ...]
     cycle: NDArray[np.intp]
     since: FloatArray
     charge: FloatArray

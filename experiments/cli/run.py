@@ -17,7 +17,7 @@ from . import shared_options as shared
 
 if TYPE_CHECKING:
     from ...core.loop import RunResult
-    from ...core.run_config import RunConfig
+    from ...core.task import Task
     from ..request import RunRequest
 
 DEMO = "demo"
@@ -122,12 +122,13 @@ def _no_parameter_set() -> NoReturn:
 
 def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability: bool) -> None:
     from ...backends.opening import open_backend
+    from ...core.metrics import objective_of
     from ..request import parse_backend_options
     from ..run import execute_run, summary
     from .progress import LiveProgress, PlainProgress
 
     task, config, folder = request.task, request.config, request.folder
-    unit = "% total MAPE" if any(experiment.protocol for experiment in task.experiments) else "mV voltage RMSE"
+    unit = objective_of(task).of_unit
     backend = open_backend(config.backend, parse_backend_options(config.backend_options))
     listener: LiveProgress | PlainProgress
     title = f"{task.name} · {config.scaffold.name} · {backend.name}"
@@ -145,25 +146,24 @@ def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability
     if as_json:
         print(json.dumps(summary(task, config, backend.name, result), indent=2))
     else:
-        _print_summary(result, config, folder)
+        _print_summary(task, result, folder)
     if result.status in ("interrupted", "budget-spent"):
         print(f"Stopped ({result.status}). Go on with: bsa-run --resume {shlex.quote(str(folder))}", file=sys.stderr)
         if result.status == "interrupted":
             raise typer.Exit(130)
 
 
-def _print_summary(result: RunResult, config: RunConfig, folder: Path) -> None:
-    initial, best = result.initial_metrics, result.best_metrics
+def _print_summary(task: Task, result: RunResult, folder: Path) -> None:
+    from ...core.metrics import headline_of
+    from ..report.wording import number
+
     failed = sum(trial.failed for trial in result.trials)
     print(f"{result.status} after {len(result.trials)} simulations ({failed} failed), {result.wall_s:.0f} s")
-    for label, attribute, unit in (
-        ("total MAPE", "mape", "%"),
-        ("voltage RMSE", "v_rmse_mv", "mV"),
-        ("capacity error", "capacity_error", "×"),
-    ):
-        before = "–" if initial is None else f"{getattr(initial, attribute):.4g}"
-        after = "–" if best is None else f"{getattr(best, attribute):.4g}"
-        print(f"  {label:15s} {before:>10s} → {after} {unit}")
+    shown = headline_of(task)
+    width = max(len(quantity.words) for quantity in shown)
+    for quantity in shown:
+        before, after = (number(quantity.shown(metrics)) for metrics in (result.initial_metrics, result.best_metrics))
+        print(f"  {quantity.words:{width}s} {before:>10s} → {after} {quantity.unit}")
     if result.appraisal is not None:
         from ..appraisal_words import caution_line, groups_line, next_line, verdict_line
 

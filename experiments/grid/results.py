@@ -11,7 +11,7 @@ from typing import Any
 from ...core.errors import BsaError
 from ...core.files import begins, entries, foreign, read_json, replacing, write_csv, write_json
 from ...core.journal import read_events
-from ...core.metrics import Metrics
+from ...core.metrics import PaperMetrics
 from .expansion import GridCell
 from .grid_file import GridFile
 from .one_cell import Report
@@ -22,7 +22,7 @@ Row = dict[str, Any]
 _BEGINNING = b'{"grid": {'
 """How every manifest begins."""
 
-_METRICS = tuple(Metrics.__dataclass_fields__)
+_METRICS = tuple(PaperMetrics.__dataclass_fields__)
 _SPENT = (
     "simulations",
     "failed_simulations",

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ...core.metrics import objective_of
 from ...core.trial import Trial
 from ..story import Round, RunRecord
 from .wording import clipped, duration, number
@@ -97,8 +98,8 @@ def _remedy(run: RunRecord) -> list[str]:
         spent[words] = spent.get(words, 0) + len(round_.trials)
         good = _first_good(round_)
         if good is not None:
-            unit = "mV voltage RMSE" if run.by_current else "% total MAPE"
-            found = f"Simulation {good.index} ran to its end, with {number(good.objective)} {unit}."
+            error = f"{number(good.objective)} {objective_of(run.task).of_unit}"
+            found = f"Simulation {good.index} ran to its end, with {error}."
             return [*(f"{words} ({count} simulations)" for words, count in spent.items()), found]
     tried = [f"{words} ({count} simulations)" for words, count in spent.items()]
     return [*tried, "Nothing was found that runs to its end."]

@@ -7,16 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from ...core.metrics import scored_part
-from ...core.task import Experiment
+from ...core.metrics import Quantity
+from ...core.overlap import scored_part
+from ...core.signals import Signal
+from ...core.task import Experiment, Task
 from ...core.trajectory import FloatArray, StepKind, Trajectory
 from ...core.trial import Trial
 from ..story import RunRecord
 from .chart import BOTTOM, GAP, TOP, Axis, Band, Chart, Key, Mark, Panel, horizontal, padded, vertical
-from .wording import number
+from .wording import number, unit
 
-_CURRENT_HEIGHT, _VOLTAGE_HEIGHT, _RESIDUAL_HEIGHT, _CONVERGENCE_HEIGHT = 96.0, 210.0, 110.0, 250.0
-_LEAST_RESIDUAL_MV = 0.5
+_DRIVEN_HEIGHT, _OBSERVED_HEIGHT, _RESIDUAL_HEIGHT, _CONVERGENCE_HEIGHT = 96.0, 210.0, 110.0, 250.0
+
+_LEAST_RESIDUAL = 0.5
+"""Smallest end of a residual's axis, in tolerances: below it there is nothing to see but noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,18 +32,17 @@ class Overlay:
     name : str
         The record's name. Untrusted.
     chart : Chart
-        Current above voltage above residual.
+        What was driven above what was observed, each above its residual.
     remarks : tuple of str
         What the reader must know to read it.
-    before_mv, after_mv : float or None
-        Root-mean-square voltage residual of the stored curves.
+    fit : str
+        Root-mean-square residuals of the stored curves before and after, in a sentence for each observed signal.
     """
 
     name: str
     chart: Chart
     remarks: tuple[str, ...]
-    before_mv: float | None
-    after_mv: float | None
+    fit: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,36 +56,33 @@ class _Curve:
     def time(self) -> FloatArray:
         return np.asarray(self.record.time - self.record.time[0])
 
-    @property
-    def current(self) -> FloatArray:
-        return self.record.current
+    def values(self, signal: Signal) -> FloatArray:
+        """A signal, in its unit."""
+        return self.record.values(signal.name)
 
-    @property
-    def voltage(self) -> FloatArray:
-        return self.record.voltage
-
-    def residual_mv(self, measured: _Curve) -> tuple[FloatArray, FloatArray]:
-        """Simulated minus measured voltage where both exist: times and mV.
+    def residual(self, measured: _Curve, signal: Signal) -> tuple[FloatArray, FloatArray]:
+        """Simulated minus measured where both exist: times, and values in the signal's shown unit.
 
         Stored curves are thinned; inside a step they are smooth, and monotone cubics give the samples between.
         """
         times: list[FloatArray] = []
-        voltages: list[FloatArray] = []
+        values: list[FloatArray] = []
         theirs = measured.time
         for step, piece in self.record.pieces():
             time, first = np.unique(piece.time - self.record.time[0], return_index=True)
-            voltage = piece.voltage[first]
+            value = piece.values(signal.name)[first]
             if len(time) > 2 and step.kind is not StepKind.DRIVE:
                 between = theirs[(theirs > time[0]) & (theirs < time[-1])]
-                curve = PchipInterpolator(time, voltage)
+                curve = PchipInterpolator(time, value)
                 time = np.union1d(time, between)
-                voltage = np.asarray(curve(time))
+                value = np.asarray(curve(time))
             times.append(time)
-            voltages.append(voltage)
+            values.append(value)
         time = np.concatenate(times) if times else self.time
-        voltage = np.concatenate(voltages) if times else self.voltage
+        value = np.concatenate(values) if times else self.values(signal)
         inside = time <= theirs[-1] + 1e-9
-        return time[inside], 1e3 * (voltage[inside] - np.interp(time[inside], theirs, measured.voltage))
+        measured_there = np.interp(time[inside], theirs, measured.values(signal))
+        return time[inside], signal.shown_scale * (value[inside] - measured_there)
 
 
 def overlays(run: RunRecord) -> list[Overlay]:
@@ -97,40 +97,35 @@ def _overlay(run: RunRecord, place: int, experiment: Experiment) -> Overlay:
     simulated = [curve for curve in (initial, best) if curve is not None]
     focus = best or initial
     longest = max([measured.time[-1], *(min(curve.time[-1], 1.5 * measured.time[-1]) for curve in simulated)])
-    scale, unit = _time_unit(float(longest))
+    scale, time_unit = _time_unit(float(longest))
     across = horizontal(0.0, float(longest) / scale)
-    current, voltage, residual = _panels(measured, simulated, focus)
-    for curve in (measured, *simulated):
-        current.draw(across, curve.time / scale, curve.current, curve.style)
-        voltage.draw(across, curve.time / scale, curve.voltage, curve.style)
-        if curve is not measured and residual is not None:
-            time, values = curve.residual_mv(measured)
-            residual.draw(across, time / scale, values, curve.style)
-    panels = [panel for panel in (current, voltage, residual) if panel is not None]
+    drawn = _panels(run.task, measured, simulated, focus)
+    for panel, signal, is_residual in drawn:
+        for curve in simulated if is_residual else (measured, *simulated):
+            time, values = curve.residual(measured, signal) if is_residual else (curve.time, curve.values(signal))
+            panel.draw(across, time / scale, values, curve.style)
+    panels = [panel for panel, _, _ in drawn]
     keys = [Key("measured", "measured")]
     if initial is not None:
         keys.append(Key("initial", "initial" if best is not None or run.best is not run.initial else "initial = best"))
     if best is not None:
         keys.append(Key("best", f"best (simulation {run.best.index})"))
-    before, after = (_rms_mv(curve, measured) for curve in (initial, focus))
+    names = [signal.words for signal in (*run.task.driven, *run.task.observed)]
     return Overlay(
         name=experiment.name,
         chart=Chart(
             name=f"overlay-{place}",
-            title="Current, voltage and voltage residual over time",
-            description=(
-                f"Measured record against the initial and the best simulation. Voltage RMSE {number(before)} mV "
-                f"before and {number(after)} mV after."
-            ),
+            title=f"{', '.join(names).capitalize()} and residuals over time",
+            description="Measured record against the initial and the best simulation. "
+            + _fit(run.task, "", initial, focus, measured),
             panels=panels,
             x_ticks=across.ticks(8),
-            x_label=f"Time / {unit}",
+            x_label=f"Time / {time_unit}",
             keys=keys,
             height=panels[-1].top + panels[-1].height + BOTTOM,
         ),
-        remarks=tuple(_remarks(run, place, experiment, residual, initial, measured)),
-        before_mv=before,
-        after_mv=after,
+        remarks=tuple(_remarks(run, place, experiment, drawn, initial, measured)),
+        fit=_fit(run.task, " of this record", initial, focus, measured),
     )
 
 
@@ -139,22 +134,34 @@ def _simulated(trial: Trial, place: int, experiment: Experiment, style: str) -> 
     return None if part is None or len(part) == 0 else _Curve(style, part)
 
 
-def _panels(measured: _Curve, simulated: list[_Curve], focus: _Curve | None) -> tuple[Panel, Panel, Panel | None]:
+Drawn = tuple[Panel, Signal, bool]
+"""A panel, the signal it shows, and whether it shows the signal's residual."""
+
+
+def _panels(task: Task, measured: _Curve, simulated: list[_Curve], focus: _Curve | None) -> list[Drawn]:
     top = TOP
-    current = _panel("Current / A", [c.current for c in (measured, *simulated)], top, _CURRENT_HEIGHT, 3)
-    current.zero = float(current.axis.pixels(0.0)) if current.axis.low < 0 < current.axis.high else None
-    top += _CURRENT_HEIGHT + GAP
-    voltage = _panel("Voltage / V", [c.voltage for c in (measured, *simulated)], top, _VOLTAGE_HEIGHT, 5)
-    if focus is None:
-        return current, voltage, None
-    top += _VOLTAGE_HEIGHT + GAP
-    _, values = focus.residual_mv(measured)
+    drawn: list[Drawn] = []
+    for signal in (*task.driven, *task.observed):
+        driven = signal.role == "driven"
+        height = _DRIVEN_HEIGHT if driven else _OBSERVED_HEIGHT
+        curves = [curve.values(signal) for curve in (measured, *simulated)]
+        panel = _panel(f"{signal.title} / {unit(signal.unit)}", curves, top, height, 3 if driven else 5)
+        if driven and panel.axis.low < 0 < panel.axis.high:
+            panel.zero = float(panel.axis.pixels(0.0))
+        drawn.append((panel, signal, False))
+        top += height + GAP
+        if focus is not None and not driven:
+            drawn.append((_residual_panel(focus.residual(measured, signal)[1], signal, top), signal, True))
+            top += _RESIDUAL_HEIGHT + GAP
+    return drawn
+
+
+def _residual_panel(values: FloatArray, signal: Signal, top: float) -> Panel:
     # Where a step ends a little early the residual is a spike: the scale serves what lies between.
     size = 1.4 * float(np.percentile(np.abs(values), 97)) if len(values) else 1.0
-    size = max(size, _LEAST_RESIDUAL_MV)
+    size = max(size, _LEAST_RESIDUAL * signal.tolerance * signal.shown_scale)
     axis = vertical(-size, size, top, _RESIDUAL_HEIGHT)
-    residual = Panel(axis, "Residual / mV", ticks=axis.ticks(4), zero=float(axis.pixels(0.0)))
-    return current, voltage, residual
+    return Panel(axis, f"Residual / {unit(signal.shown)}", ticks=axis.ticks(4), zero=float(axis.pixels(0.0)))
 
 
 def _panel(label: str, signals: list[FloatArray], top: float, height: float, ticks: int) -> Panel:
@@ -172,7 +179,7 @@ def _remarks(
     run: RunRecord,
     place: int,
     experiment: Experiment,
-    residual: Panel | None,
+    drawn: list[Drawn],
     initial: _Curve | None,
     measured: _Curve,
 ) -> list[str]:
@@ -180,13 +187,18 @@ def _remarks(
     if experiment.scored_cycle is not None:
         remarks.append(f"Cycle {experiment.scored_cycle} is scored and shown, each curve from its own start.")
     if experiment.protocol is None:
-        remarks.append("The measured current drives the simulation, so the currents coincide.")
+        names = " and ".join(signal.words for signal in run.task.driven)
+        if names:
+            remarks.append(f"The measured {names} drives the simulation, so measured and simulated {names} coincide.")
     if initial is None:
         remarks.append("The initial simulation did not reach the part that is shown.")
     elif run.initial.curves[place] is not None and run.initial.failure is not None:
         remarks.append("The initial simulation stopped early.")
-    if residual is not None:
-        beyond = initial is not None and np.any(np.abs(initial.residual_mv(measured)[1]) > residual.axis.high)
+    residuals = [(panel, signal) for panel, signal, is_residual in drawn if is_residual]
+    if residuals:
+        beyond = initial is not None and any(
+            np.any(np.abs(initial.residual(measured, signal)[1]) > panel.axis.high) for panel, signal in residuals
+        )
         remarks.append(
             "Residual: simulated minus measured, scaled for the best fit"
             + ("; larger values run off the panel." if beyond else ".")
@@ -194,10 +206,19 @@ def _remarks(
     return remarks
 
 
-def _rms_mv(curve: _Curve | None, measured: _Curve) -> float | None:
+def _fit(task: Task, where: str, initial: _Curve | None, best: _Curve | None, measured: _Curve) -> str:
+    """``"Voltage RMSE of this record: 12 mV before, 0.4 mV after."``, for each observed signal."""
+    sentences = []
+    for signal in task.observed:
+        before, after = (f"{number(_rms(curve, measured, signal))} {unit(signal.shown)}" for curve in (initial, best))
+        sentences.append(f"{signal.title} RMSE{where}: {before} before, {after} after.")
+    return " ".join(sentences)
+
+
+def _rms(curve: _Curve | None, measured: _Curve, signal: Signal) -> float | None:
     if curve is None:
         return None
-    time, values = curve.residual_mv(measured)
+    time, values = curve.residual(measured, signal)
     if len(time) < 2 or time[-1] <= time[0]:
         return None
     return float(np.sqrt(np.trapezoid(values**2, time) / (time[-1] - time[0])))
@@ -209,7 +230,7 @@ def _time_unit(seconds: float) -> tuple[float, str]:
     return (60.0, "min") if seconds > 300 else (1.0, "s")
 
 
-def convergence(run: RunRecord, objective: str, unit: str) -> Chart | None:
+def convergence(run: RunRecord, objective: Quantity) -> Chart | None:
     """The objective of every simulation, and the best so far; None if no simulation succeeded."""
     good = [trial for trial in run.trials if np.isfinite(trial.objective)]
     if not good:
@@ -219,13 +240,13 @@ def convergence(run: RunRecord, objective: str, unit: str) -> Chart | None:
     low, high = (float(positive.min()), float(positive.max())) if len(positive) else (0.1, 1.0)
     axis = vertical(low / 1.6, high * 2.2, TOP, _CONVERGENCE_HEIGHT, log=True)
     across = horizontal(-0.6, max(run.trials[-1].index, 1) + 0.6)
-    panel = Panel(axis, f"{objective} / {unit}", ticks=axis.ticks())
+    panel = Panel(axis, f"{objective.label} / {objective.unit}", ticks=axis.ticks())
     indices = np.array([trial.index for trial in good], dtype=np.float64)
     record = np.minimum.accumulate(values)
     steps_x = np.append(np.repeat(indices, 2)[1:], run.trials[-1].index)
     panel.draw(across, steps_x, np.repeat(record, 2), "best")
     for trial in run.trials:
-        panel.marks.append(_mark(trial, across, axis, unit, trial is run.best))
+        panel.marks.append(_mark(trial, across, axis, objective.unit, trial is run.best))
     keys = [Key("best", "best so far"), Key("search", "search", "dot")]
     if any(trial.phase == "warm-up" for trial in run.trials):
         keys.append(Key("warm-up", "warm-up", "dot"))
@@ -235,7 +256,8 @@ def convergence(run: RunRecord, objective: str, unit: str) -> Chart | None:
         name="convergence",
         title="Objective by simulation",
         description=(
-            f"{objective} fell from {number(run.initial.objective)} to {number(run.best.objective)} {unit} "
+            f"{objective.label} fell from {number(run.initial.objective)} to {number(run.best.objective)} "
+            f"{objective.unit} "
             f"in {len(run.trials)} simulations, {run.failed} of which failed."
         ),
         panels=[panel],
@@ -247,7 +269,7 @@ def convergence(run: RunRecord, objective: str, unit: str) -> Chart | None:
     )
 
 
-def _mark(trial: Trial, across: Axis, axis: Axis, unit: str, is_best: bool) -> Mark:
+def _mark(trial: Trial, across: Axis, axis: Axis, of_unit: str, is_best: bool) -> Mark:
     x = float(across.pixels(float(trial.index)))
     where = "initial" if trial.phase == "initial" else f"{trial.phase} round {trial.round}"
     if not trial.ok:
@@ -257,7 +279,7 @@ def _mark(trial: Trial, across: Axis, axis: Axis, unit: str, is_best: bool) -> M
         cause = trial.failure.cause if trial.failure else "nothing to compare"
         return Mark(x, axis.end + 9.0, "failed", f"Simulation {trial.index} ({where}) failed: {cause[:200]}")
     style = "champion" if is_best else trial.phase
-    title = f"Simulation {trial.index} ({where}): {number(trial.objective)} {unit}"
+    title = f"Simulation {trial.index} ({where}): {number(trial.objective)} {of_unit}"
     return Mark(x, float(np.clip(axis.pixels(trial.objective), axis.end, axis.start)), style, title)
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from ...core.files import write_text
-from ...core.metrics import Metrics
+from ...core.metrics import Quantity, errors_of, headline_of, objective_of
 from ...core.parameters import Parameter
 from ...core.reply_parsing import strip_control
 from ..story import UNFINISHED, RunRecord, read_run
@@ -105,19 +105,19 @@ def build_report(folder: Path) -> Path:
 
 def render(run: RunRecord) -> str:
     """The report as HTML."""
-    objective, objective_unit = ("Voltage RMSE", "mV") if run.by_current else ("Total MAPE", "%")
+    objective = objective_of(run.task)
     parameters = [_parameter_row(parameter, run) for parameter in run.task.space]
     return _template().render(
         run=run,
         usage=run.usage,
         status=_STATUS.get(run.status, run.status),
         objective=objective,
-        objective_unit=objective_unit,
-        gain=change(_value(run.initial_metrics, "objective"), _value(run.best_metrics, "objective")),
-        headline=_headline(run),
-        metrics=_metrics(run),
+        domain=run.task.domain,
+        gain=change(objective.shown(run.initial_metrics), objective.shown(run.best_metrics)),
+        headline=[_figure(run, quantity) for quantity in headline_of(run.task)],
+        metrics=[_figure(run, quantity) for quantity in errors_of(run.task)],
         overlays=overlays(run),
-        convergence=convergence(run, objective, objective_unit),
+        convergence=convergence(run, objective),
         parameters=parameters,
         at_bound=[row for row in parameters if row.bound],
         fixed=section(run),
@@ -149,44 +149,9 @@ def _printable(value: Any) -> Any:
     return strip_control(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
-def _value(metrics: Metrics | None, name: str) -> float | None:
-    return None if metrics is None else float(getattr(metrics, name))
-
-
-def _figure(run: RunRecord, label: str, name: str, of_unit: str, scale: float = 1.0) -> Figure:
-    before, after = (_value(metrics, name) for metrics in (run.initial_metrics, run.best_metrics))
-    return Figure(
-        label,
-        number(None if before is None else scale * before),
-        number(None if after is None else scale * after),
-        of_unit,
-        change(before, after),
-    )
-
-
-def _headline(run: RunRecord) -> list[Figure]:
-    total = _figure(run, "Total MAPE", "mape", "%")
-    voltage = _figure(run, "Voltage RMSE", "v_rmse_mv", "mV")
-    capacity = _figure(run, "Capacity error", "capacity_error", "%", 100.0)
-    # A measured current gives charge and current away; what is left to judge is the voltage.
-    return (
-        [voltage, _figure(run, "Voltage MAPE", "v_mape", "%"), capacity]
-        if run.by_current
-        else [total, voltage, capacity]
-    )
-
-
-def _metrics(run: RunRecord) -> list[Figure]:
-    return [
-        _figure(run, "Total MAPE (charge + current + voltage)", "mape", "%"),
-        _figure(run, "Charge MAPE", "q_mape", "%"),
-        _figure(run, "Current MAPE", "i_mape", "%"),
-        _figure(run, "Voltage MAPE", "v_mape", "%"),
-        _figure(run, "Sum of RMSE (A h, A, V)", "rmse", ""),
-        _figure(run, "Voltage RMSE where both records exist", "v_rmse_mv", "mV"),
-        _figure(run, "Step durations, mean |ln ratio|", "step_duration_error", ""),
-        _figure(run, "Discharge capacity error", "capacity_error", "%", 100.0),
-    ]
+def _figure(run: RunRecord, quantity: Quantity) -> Figure:
+    before, after = quantity.shown(run.initial_metrics), quantity.shown(run.best_metrics)
+    return Figure(quantity.label, number(before), number(after), quantity.unit, change(before, after))
 
 
 def _parameter_row(parameter: Parameter, run: RunRecord) -> ParameterRow:
@@ -218,7 +183,10 @@ def _notes(run: RunRecord) -> Sequence[str]:
     if lost:
         notes.append(f"{lost} of {len(run.exchanges)} calls of the language model gave no reply.")
     if run.best_metrics is not None and not run.scored_exactly:
-        notes.append("Errors are those of the search: the run has not scored its best candidate on the standard mesh.")
+        notes.append(
+            "Errors are those of the search: the run has not scored its best candidate with "
+            f"{run.task.domain.accuracy}."
+        )
     if run.resumed:
         notes.append(f"The run was taken up again {run.resumed} time{'s' * (run.resumed > 1)}.")
     left_out = len(notes) - _MOST_NOTES

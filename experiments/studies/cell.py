@@ -13,7 +13,7 @@ from ...core.errors import BsaError
 from ...core.files import entries, foreign, write_json
 from ...core.journal import FILE_NAME
 from ...core.loop import RunResult
-from ...core.metrics import Metrics
+from ...core.metrics import Metrics, PaperMetrics
 from ...core.run_config import RunConfig
 from ...core.scaffold import Scaffold, load_scaffold
 from ..run import Resources, execute_run, versions
@@ -264,19 +264,20 @@ def _record(cell: StudyCell, status: str, **content: Any) -> CellRecord:
 
 
 def _numbers(metrics: Metrics | None) -> dict[str, float] | None:
-    return None if metrics is None else asdict(metrics)
+    return None if metrics is None else metrics.as_json()
 
 
 def _trials(result: RunResult) -> list[CellTrial]:
+    scored = [(t, t.metrics if t.ok and isinstance(t.metrics, PaperMetrics) else None) for t in result.trials]
     return [
         CellTrial(
-            dict(trial.candidate),
-            trial.metrics.mape if trial.ok and trial.metrics is not None else None,
-            trial.metrics.rmse if trial.ok and trial.metrics is not None else None,
-            trial.phase,
-            trial.seconds,
+            dict(t.candidate),
+            None if metrics is None else metrics.mape,
+            None if metrics is None else metrics.rmse,
+            t.phase,
+            t.seconds,
         )
-        for trial in result.trials
+        for t, metrics in scored
     ]
 
 

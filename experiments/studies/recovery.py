@@ -12,7 +12,7 @@ import numpy as np
 from scipy import stats
 
 from ...core.files import write_text
-from ...core.metrics import evaluate
+from ...core.paper_metrics import evaluate
 from ...core.parameters import Candidate, ParameterSpace
 from ...core.scaffold import Scaffold
 from ...core.simulation import Outcome

@@ -133,7 +133,7 @@ def _noisy(clean: Trajectory, noise: Noise, key: str) -> Trajectory:
     rng = np.random.default_rng(list(key.encode()))
     current = clean.current * (1.0 + noise.current * rng.standard_normal(len(clean)))
     voltage = clean.voltage + noise.voltage_v * rng.standard_normal(len(clean))
-    return replace(clean, current=current, voltage=voltage)
+    return clean.changed(current=current, voltage=voltage)
 
 
 def _encode(run: ExperimentRun) -> dict[str, Any]:

@@ -5,24 +5,30 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.alignment import StepPair, pair_steps
+from ...core.signals import Signal, slug
 from ...core.simulation import Outcome
-from ...core.task import Task
-from ...core.trajectory import StepKind
+from ...core.task import Experiment, Task
+from ...core.trajectory import FloatArray, StepKind
 
 _PARTS = {"early": (0.05, 0.25), "middle": (0.40, 0.60), "late": (0.75, 0.95)}
+_POINTS, _SWING_POINTS = 9, 100
+"""Points of a part of a step by which a level is judged, and a swing of some ten periods."""
+
 _FEW = 12
 """Steps described in detail; of longer records the longest steps stand for all."""
 
-_SHORTEST_S = 20.0
-"""Steps shorter than this (the one-second rests of the paper's protocol) say nothing of their own."""
+_TOO_BRIEF = 1.0 / 3.0
+"""Share of a brief step below which a step (the one-second rests of the paper's protocol) says nothing of its own."""
 
 
 def features(task: Task, outcome: Outcome) -> dict[str, float]:
     """Signed mismatches, simulated minus measured, by name.
 
     Names end in their unit: ``cc_charge_time_mismatch_s``, ``cc_discharge_middle_shift_mv``,
-    ``cv_hold_middle_current_shift_pct``. The names depend on the task alone, except that steps a failed
-    simulation never reached are missing.
+    ``cv_hold_middle_current_shift_pct``. Where several signals are observed, their names stand in between:
+    ``free_decay_late_displacement_shift_mm``. A signal that oscillates has, for a shift, the mismatch of its
+    amplitude and its delay: ``..._amplitude_shift_mm``, ``..._lag_s``, positive where the simulation is late.
+    The names depend on the task alone, except that steps a failed simulation never reached are missing.
 
     Returns
     -------
@@ -31,37 +37,81 @@ def features(task: Task, outcome: Outcome) -> dict[str, float]:
     result: dict[str, float] = {}
     for number, (experiment, run) in enumerate(zip(task.experiments, outcome.runs, strict=True), start=1):
         prefix = f"record_{number}_" if len(task.experiments) > 1 else ""
-        pairs = [pair for pair in pair_steps(run.trajectory, experiment) if pair.measured.duration >= _SHORTEST_S]
+        shortest_s = _TOO_BRIEF * task.domain.brief_s
+        pairs = [pair for pair in pair_steps(run.trajectory, experiment) if pair.measured.duration >= shortest_s]
         longest = sorted(pairs, key=lambda pair: -pair.measured.duration)[:_FEW]
         # The last step of a failed simulation is cut short, and its duration says nothing.
         reached = [pair for pair in pairs if pair in longest and (pair.simulated is not None or run.failure is None)]
         for place, pair in enumerate(reached):
             truncated = run.failure is not None and place == len(reached) - 1
             if not truncated:
-                driven = experiment.protocol is None
-                result.update(_step_features(prefix + _slug(pair.name), pair, driven))
+                result.update(_step_features(prefix + slug(pair.name), pair, task, experiment))
     return result
 
 
-def _step_features(name: str, pair: StepPair, driven: bool) -> dict[str, float]:
+def _step_features(name: str, pair: StepPair, task: Task, experiment: Experiment) -> dict[str, float]:
     result: dict[str, float] = {}
-    if not driven and pair.step.kind is not StepKind.REST:
+    rests = pair.step.kind is StepKind.REST
+    if experiment.protocol is not None and not rests:
         measured_s, simulated_s = pair.duration_s
         result[f"{name}_time_mismatch_s"] = simulated_s - measured_s
-    holding = pair.step.kind is StepKind.CV_HOLD and not driven
     for part, (begin, end) in _PARTS.items():
-        fractions = np.linspace(begin, end, 9)
-        if holding:
-            measured, simulated = pair.current(fractions)
-            scale = float(np.mean(np.abs(measured))) or 1.0
-            result[f"{name}_{part}_current_shift_pct"] = (
-                100.0 * float(np.mean(np.abs(simulated) - np.abs(measured))) / scale
-            )
-        elif pair.step.kind is not StepKind.REST or part == "late":
-            measured, simulated = pair.voltage(fractions)
-            result[f"{name}_{part}_shift_mv"] = 1e3 * float(np.mean(simulated - measured))
+        if rests and part != "late":
+            continue
+        for signal in task.compared(pair.step.kind, experiment):
+            result.update(_signal_features(f"{name}_{part}", pair, signal, task, begin, end))
     return {key: value for key, value in result.items() if np.isfinite(value)}
 
 
-def _slug(name: str) -> str:
-    return name.lower().replace(" ", "_")
+def _signal_features(
+    name: str, pair: StepPair, signal: Signal, task: Task, begin: float, end: float
+) -> dict[str, float]:
+    if signal.oscillates:
+        return _swing_features(f"{name}_{signal.name}", pair, signal, begin, end)
+    measured, simulated = pair.curves(signal, np.linspace(begin, end, _POINTS))
+    if signal.relative:
+        scale = float(np.mean(np.abs(measured))) or 1.0
+        shift = 100.0 * float(np.mean(np.abs(simulated) - np.abs(measured))) / scale
+        return {f"{name}_{signal.name}_shift_pct": shift}
+    subject = "" if task.observed == (signal,) else f"_{signal.name}"
+    return {f"{name}{subject}_shift_{signal.suffix}": signal.shown_scale * float(np.mean(simulated - measured))}
+
+
+def _swing_features(name: str, pair: StepPair, signal: Signal, begin: float, end: float) -> dict[str, float]:
+    """How much larger a signal swings than the measured one, and how much later; smooth where both are small."""
+    fractions = np.linspace(begin, end, _SWING_POINTS)
+    measured, simulated = pair.curves(signal, fractions)
+    rate = np.gradient(measured, fractions * (pair.measured.duration or 1.0))
+    moved = float(rate @ rate)
+    # A curve that comes late by a short time lies off by that time times the slope.
+    lag_s = float(rate @ (measured - simulated)) / moved if moved > 0 else 0.0
+    return {
+        f"{name}_amplitude_shift_{signal.suffix}": signal.shown_scale * (_amplitude(simulated) - _amplitude(measured)),
+        f"{name}_lag_s": lag_s,
+    }
+
+
+def _amplitude(values: FloatArray) -> float:
+    """Of the sine with the same root mean square about its mean."""
+    return float(np.sqrt(2.0) * np.std(values))
+
+
+def good_enough(task: Task) -> dict[str, float]:
+    """Mismatches that are as good as none, by the end of a feature's name; for signals that oscillate.
+
+    A delay is one tolerance where it moves the curve, on average over the record, by that much.
+    """
+    found: dict[str, float] = {}
+    for signal in task.observed:
+        rates = [
+            np.gradient(piece.values(signal.name), piece.time)
+            for experiment in task.experiments
+            for _, piece in experiment.scored_target.pieces()
+            if len(piece) > 2 and np.all(np.diff(piece.time) > 0)
+        ]
+        swing = float(np.sqrt(np.mean(np.concatenate(rates) ** 2))) if rates else 0.0
+        shift = signal.tolerance * signal.shown_scale
+        found[f"{signal.name}_{'amplitude_shift' if signal.oscillates else 'shift'}_{signal.suffix}"] = shift
+        if signal.oscillates and swing > 0:
+            found[f"{signal.name}_lag_s"] = signal.tolerance / swing
+    return found

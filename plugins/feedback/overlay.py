@@ -14,6 +14,9 @@ from .structured import StructuredFeedback
 
 FOLDER = "overlays"
 
+_HOURS_BEYOND_S = 600.0
+"""A record longer than this is drawn over hours."""
+
 
 class OverlayFeedback:
     """The structured package and one PNG a trial, written into the run's folder."""
@@ -33,26 +36,28 @@ class OverlayFeedback:
 
 
 def draw_overlay(task: Task, outcome: Outcome, path: Path) -> None:
-    """Draw current above voltage over time, one column a record, as the paper's prompt shows them."""
+    """Draw the signals over time, driven ones on top, one column a record, as the paper's prompt shows them."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    count = len(task.experiments)
-    figure = Figure(figsize=(5.2 * min(count, 3), 4.6), dpi=80, layout="constrained")
+    count, signals = len(task.experiments), (*task.driven, *task.observed)
+    figure = Figure(figsize=(5.2 * min(count, 3), 2.3 * len(signals)), dpi=80, layout="constrained")
     FigureCanvasAgg(figure)
-    axes = figure.subplots(2, min(count, 3), sharex="col", squeeze=False)
+    axes = figure.subplots(len(signals), min(count, 3), sharex="col", squeeze=False)
+    longest = max(experiment.target.duration for experiment in task.experiments)
+    scale, unit = (3600.0, "h") if longest > _HOURS_BEYOND_S else (1.0, "s")
     for column, (experiment, run) in enumerate(zip(task.experiments[:3], outcome.runs, strict=False)):
         records = [(experiment.target, "tab:orange", "measured")]
         if run.trajectory is not None:
             records.append((run.trajectory, "tab:blue", "simulated"))
         for record, colour, label in records:
-            hours = (record.time - record.time[0]) / 3600.0
-            axes[0, column].plot(hours, record.current, color=colour, label=label, linewidth=1.2)
-            axes[1, column].plot(hours, record.voltage, color=colour, linewidth=1.2)
+            time = (record.time - record.time[0]) / scale
+            for row, signal in enumerate(signals):
+                axes[row, column].plot(time, record.values(signal.name), color=colour, label=label, linewidth=1.2)
         axes[0, column].set_title(experiment.name, fontsize=9)
-        axes[1, column].set_xlabel("time [h]")
-    axes[0, 0].set_ylabel("current [A]")
-    axes[1, 0].set_ylabel("voltage [V]")
+        axes[-1, column].set_xlabel(f"time [{unit}]")
+    for row, signal in enumerate(signals):
+        axes[row, 0].set_ylabel(f"{signal.words} [{signal.unit}]")
     axes[0, 0].legend(fontsize=8)
     with replacing(path) as file:
         figure.savefig(file, format="png")

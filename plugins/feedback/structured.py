@@ -6,34 +6,25 @@ from typing import Any
 
 from ...core.feedback import Feedback
 from ...core.hooks import NoOptions, RunContext, hookimpl
-from ...core.metrics import Metrics
+from ...core.metrics import Metrics, objective_of, told_of
+from ...core.signals import Signal
 from ...core.simulation import Outcome
 from ...core.task import Task
+from ...core.trajectory import Trajectory
 from .features import features
 from .rounding import rounded
 
 
-def scalar_residuals(metrics: Metrics | None) -> dict[str, float]:
+def scalar_residuals(task: Task, metrics: Metrics | None) -> dict[str, float]:
     """The one number a blind optimiser would see, by a name that carries its unit."""
-    if metrics is None:
-        return {}
-    if metrics.objective == metrics.v_rmse_mv:
-        return {"voltage_rmse_mv": metrics.v_rmse_mv}
-    return {"total_mape_pct": metrics.mape}
+    return {} if metrics is None else {objective_of(task).told: metrics.objective}
 
 
-def residuals_by_signal(metrics: Metrics | None) -> dict[str, float]:
+def residuals_by_signal(task: Task, metrics: Metrics | None) -> dict[str, float]:
     """The residuals taken apart, so that a cause can be told from its effect."""
     if metrics is None:
         return {}
-    return {
-        "total_mape_pct": metrics.mape,
-        "capacity_mape_pct": metrics.q_mape,
-        "current_mape_pct": metrics.i_mape,
-        "voltage_mape_pct": metrics.v_mape,
-        "voltage_rmse_mv": metrics.v_rmse_mv,
-        "discharged_capacity_error_pct": 100.0 * metrics.capacity_error,
-    }
+    return {quantity.told: quantity.scale * metrics.value(quantity.key) for quantity in told_of(task)}
 
 
 def events(task: Task, outcome: Outcome) -> list[str]:
@@ -51,10 +42,21 @@ def events(task: Task, outcome: Outcome) -> list[str]:
         if run.trajectory is not None:
             share = 100.0 * run.trajectory.duration / max(experiment.target.duration, 1e-9)
             lines.append(
-                f"reached {run.trajectory.duration:.0f} s ({share:.0f} % of the record), last voltage "
-                f"{run.trajectory.voltage[-1]:.3f} V at {run.trajectory.current[-1]:.3g} A"
+                f"reached {run.trajectory.duration:.6g} s ({share:.0f} % of the record), last "
+                f"{_last_values(task, run.trajectory)}"
             )
     return lines or ["simulation_success"]
+
+
+def _last_values(task: Task, trajectory: Trajectory) -> str:
+    """``"voltage 3.213 V at 1 A"``: the observed signals, and what was driven then."""
+
+    def last(signal: Signal) -> str:
+        return signal.printed(float(trajectory.values(signal.name)[-1]))
+
+    observed = ", ".join(f"{signal.words} {last(signal)}" for signal in task.observed)
+    driven = ", ".join(last(signal) for signal in task.driven)
+    return f"{observed} at {driven}" if driven else observed
 
 
 class ScalarFeedback:
@@ -67,7 +69,9 @@ class ScalarFeedback:
     def build_feedback(self, outcome: Outcome, metrics: Metrics | None, index: int) -> Feedback:
         """See `RunHooks.build_feedback`."""
         status = ["simulation_success"] if outcome.ok else ["simulation_failed"]
-        return Feedback(rounded({"residuals": scalar_residuals(metrics if outcome.ok else None), "events": status}))
+        return Feedback(
+            rounded({"residuals": scalar_residuals(self._task, metrics if outcome.ok else None), "events": status})
+        )
 
 
 class StructuredFeedback:
@@ -82,7 +86,7 @@ class StructuredFeedback:
         return Feedback(
             rounded(
                 {
-                    "residuals": residuals_by_signal(metrics if outcome.ok else None),
+                    "residuals": residuals_by_signal(self._task, metrics if outcome.ok else None),
                     "features": features(self._task, outcome),
                     "events": events(self._task, outcome),
                 }

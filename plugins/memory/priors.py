@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
-
-import yaml
 
 from ...core.hooks import NoOptions, Recollection, RunContext, hookimpl
 from ...core.prompt_sections import PRIORS
 from ..feedback.rounding import rounded
-
-RULES_FILE = Path(__file__).with_name("domain_rules.yaml")
 
 
 class Priors:
@@ -19,8 +14,8 @@ class Priors:
 
     def __init__(self, options: NoOptions, context: RunContext) -> None:
         self._space = context.task.space
-        rules = yaml.safe_load(RULES_FILE.read_text(encoding="utf-8"))
-        self._rules: list[dict[str, Any]] = [rule for rule in rules if self._applies(rule["parameter"])]
+        rules = context.task.domain.rules
+        self._rules: list[dict[str, Any]] = [dict(rule) for rule in rules if self._applies(rule["parameter"])]
 
     def _applies(self, parameter: str) -> bool:
         return any(name.startswith(parameter) for name in self._space.names)

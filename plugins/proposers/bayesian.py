@@ -13,6 +13,7 @@ from pydantic import BaseModel, Field
 
 from ...core.extras import require
 from ...core.hooks import ProposeContext, RunContext, hookimpl
+from ...core.paper_metrics import require_paper
 from ...core.parameters import ParameterSpace
 from ...core.proposal import Proposal
 from ...core.trajectory import FloatArray
@@ -123,6 +124,10 @@ class MultiObjectiveProposer(BayesianProposer):
 
     _outcomes: Mapping[str, str] = {"q": "q_mape", "i": "i_mape", "v": "v_mape"}
     _name = "qnehvi"
+
+    def __init__(self, options: BayesianOptions, context: RunContext) -> None:
+        require_paper(context.task, self._name)
+        super().__init__(options, context)
 
 
 def _position(arm: Mapping[str, Any], space: ParameterSpace) -> FloatArray:

@@ -9,6 +9,7 @@ from pydantic import BaseModel, Field
 from scipy.optimize import differential_evolution
 
 from ...core.hooks import ProposeContext, RunContext, hookimpl
+from ...core.paper_metrics import require_paper
 from ...core.proposal import Proposal
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial
@@ -119,6 +120,7 @@ class WeightedDifferentialEvolutionProposer(DifferentialEvolutionProposer):
     """Minimises a weighted sum of the three errors, each relative to where it started (paper, Sec. 4.4)."""
 
     def __init__(self, options: WeightedDifferentialEvolutionOptions, context: RunContext) -> None:
+        require_paper(context.task, "weighted-de")
         super().__init__(options, context)
         self._weights = {"q_mape": options.q_weight, "i_mape": options.i_weight, "v_mape": options.v_weight}
 

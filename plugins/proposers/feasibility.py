@@ -8,17 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from ...core.alignment import pair_steps
-from ...core.parameters import ParameterSpace
 from ...core.task import Task
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial
-from ...core.validation import read_yaml
-from ..memory.priors import RULES_FILE
 from .detours import Detour, Easings, ShortenedFit, SlowedClimb
 
 _STRIDES = (0.1, 0.25, 0.45, 0.7)
@@ -35,28 +31,26 @@ _TOO_LONG, _SHORT_S = 1.2, 60.0
 _HURTS, _HELPS = "raises", "lowers"
 
 
-def gentle_direction(space: ParameterSpace) -> FloatArray:
+def gentle_direction(task: Task) -> FloatArray:
     """Which way each parameter eases the cell, shape (p,): -1, 0 or 1 in the unit box.
 
     What raises polarisation is lowered and what lowers it is raised, by the rules of thumb that the
     priors show (smaller particles, higher porosity, lower Bruggeman exponents). Simulations fail above
     all where polarisation exhausts a concentration.
     """
-    rules: list[dict[str, Any]] = read_yaml(RULES_FILE)
-    direction = np.zeros(len(space))
-    for place, name in enumerate(space.names):
-        for rule in rules:
+    direction = np.zeros(len(task.space))
+    for place, name in enumerate(task.space.names):
+        for rule in task.domain.rules:
             if name.startswith(rule["parameter"]):
                 direction[place] = float("polarisation" in rule[_HELPS]) - float("polarisation" in rule[_HURTS])
     return direction
 
 
-def smaller_direction(space: ParameterSpace) -> FloatArray:
+def smaller_direction(task: Task) -> FloatArray:
     """Which way each parameter makes the cell hold less charge and does nothing else, shape (p,): -1 or 0."""
-    rules: list[dict[str, Any]] = read_yaml(RULES_FILE)
-    direction = np.zeros(len(space))
-    for place, name in enumerate(space.names):
-        for rule in rules:
+    direction = np.zeros(len(task.space))
+    for place, name in enumerate(task.space.names):
+        for rule in task.domain.rules:
             polarises = "polarisation" in (*rule[_HELPS], *rule[_HURTS])
             if name.startswith(rule["parameter"]) and "discharge_time" in rule[_HURTS] and not polarises:
                 direction[place] = -1.0
@@ -116,11 +110,11 @@ class Feasibility:
         self._space = task.space
         self._rng = np.random.default_rng(seed)
         self._too_large = too_large = outlasts(task, start)
-        self._gentle = smaller_direction(task.space) if too_large else gentle_direction(task.space)
+        self._gentle = smaller_direction(task) if too_large else gentle_direction(task)
         self._strides = list(_STRIDES) if np.any(self._gentle) else []
         self._farthest = start
         # Lower currents do not empty a cell that is too large any sooner.
-        self._detours = (["shortened"] if too_large else ["shortened", "slowed"]) if _has_protocols(task) else []
+        self._detours = (["shortened"] if too_large else ["shortened", "slowed"]) if _can_be_eased(task) else []
         self._detour: Detour | None = None
         self._asked: Easings = ()
 
@@ -141,7 +135,7 @@ class Feasibility:
             return self._detour.words
         if self._too_large:
             return "The cell holds more charge than its steps have time for: a smaller one first."
-        return "Nothing near the start could be simulated yet: looking for a gentler cell that can."
+        return "Nothing near the start could be simulated yet: looking for gentler values that can."
 
     def ask(self) -> list[FloatArray]:
         """The points to try next, in the unit box."""
@@ -195,9 +189,9 @@ class Feasibility:
         return None
 
 
-def _has_protocols(task: Task) -> bool:
-    """Whether a protocol drives every record: a measured current has no cut-offs that end its steps."""
-    return all(experiment.protocol is not None for experiment in task.experiments)
+def _can_be_eased(task: Task) -> bool:
+    """Whether a protocol drives every record (a measured drive has no cut-offs that end its steps) and may be eased."""
+    return bool(task.domain.drives) and all(experiment.protocol is not None for experiment in task.experiments)
 
 
 def _misfit(trial: Trial) -> float:

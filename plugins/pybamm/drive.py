@@ -39,14 +39,14 @@ class Piece:
     time, current : ndarray of shape (k,)
         Knots in s since ``begin`` and A, positive on discharge; linear in between. Two knots of one height are a
         constant current.
-    kind : StepKind
+    kind : str
         What the cycler was doing.
     """
 
     begin: float
     time: FloatArray
     current: FloatArray
-    kind: StepKind
+    kind: str
 
     @property
     def duration(self) -> float:
@@ -173,7 +173,7 @@ def pieces_of(record: Trajectory) -> list[Piece]:
     return result
 
 
-def _knots(time: FloatArray, current: FloatArray, kind: StepKind) -> tuple[FloatArray, FloatArray]:
+def _knots(time: FloatArray, current: FloatArray, kind: str) -> tuple[FloatArray, FloatArray]:
     """The fewest knots that say what the samples say."""
     mean = float(np.trapezoid(current, time) / time[-1])
     if kind is StepKind.REST and abs(mean) < 1e-6:

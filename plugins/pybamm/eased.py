@@ -34,7 +34,7 @@ def eased(experiment: Experiment, easing: Easing) -> Experiment:
         protocol = tuple(tuple(slowed(step, easing.rate) for step in cycle) for cycle in short.protocol)
         return replace(short, protocol=protocol)
     record = short.target
-    slow = replace(record, time=record.time / easing.rate, current=record.current * easing.rate)
+    slow = record.changed(time=record.time / easing.rate, current=record.current * easing.rate)
     return replace(short, target=slow)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -159,11 +159,12 @@ def at_samples_of(record: Trajectory, simulated: Trajectory) -> Trajectory | Non
     # A step ends with its last sample, which still shows the step's own current.
     query[[step.start for step in record.steps]] += _AT_JUMP_S
     query[[step.stop - 1 for step in record.steps if step.stop - step.start > 1]] -= _AT_JUMP_S
-    whole = replace(
-        record,
+    whole = Trajectory(
+        record.time,
         current=np.interp(query, simulated.time, simulated.current),
         voltage=np.interp(query, simulated.time, simulated.voltage),
         temperature=None if simulated.temperature is None else np.interp(query, simulated.time, simulated.temperature),
+        steps=record.steps,
     )
     finished = [step for step in record.steps if time[step.stop - 1] <= simulated.duration + _AT_JUMP_S]
     if not finished:

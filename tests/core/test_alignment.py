@@ -54,7 +54,7 @@ def test_a_vanished_step_does_not_shift_the_ones_behind_it() -> None:
     assert [pair.name for pair in pairs] == ["rest 1", "CC discharge", "rest 2"]
     assert pairs[1].simulated is None
     assert pairs[1].duration_s[1] == 0.0
-    assert pairs[1].fallback_v == whole.voltage[1]
+    assert pairs[1].fallback == {"current": whole.current[1], "voltage": whole.voltage[1]}
     assert pairs[2].simulated is not None
     assert residuals(TASK, Outcome((ExperimentRun(without),))) is not None
 

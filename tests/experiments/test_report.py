@@ -12,7 +12,7 @@ from bsa.core.encoding import encode_proposal, encode_task, encode_trial
 from bsa.core.errors import BsaError
 from bsa.core.feedback import Feedback
 from bsa.core.journal import Journal
-from bsa.core.metrics import Metrics
+from bsa.core.metrics import PaperMetrics
 from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.proposal import Proposal
 from bsa.core.simulation import SimulationFailure
@@ -44,7 +44,7 @@ def make_task(name="demo", experiments=1, protocol=(("Rest for 10 minutes", "Dis
 
 
 def metrics(objective):
-    return Metrics(objective, objective, 0.1, 0.2, objective, 0.01, 2 * objective, 0.001, 0.02)
+    return PaperMetrics(objective, objective, 0.1, 0.2, objective, 0.01, 2 * objective, 0.001, 0.02)
 
 
 def make_trial(task, index, phase, number_, objective, **values):

@@ -211,7 +211,7 @@ class HybridProposer:
         elif action.kind == "ease" and (action.rate is not None or action.cycles is not None):
             self._excursion = self._detour(action, context, count)
         elif action.kind == "ease":
-            start = self._space.to_unit(context.best.candidate) + _NUDGE * gentle_direction(self._space)
+            start = self._space.to_unit(context.best.candidate) + _NUDGE * gentle_direction(context.task)
             jacobian = None if allowance > len(self._space) + 1 else _jacobian(main_fit)
             self._excursion = Excursion(self._space, start, count, jacobian=jacobian, eased=True)
         elif action.kind == "restart":
@@ -242,7 +242,7 @@ class HybridProposer:
         if action.cycles is not None:
             return ShortenedFit(self._space, point, action.cycles, count)
         assert action.rate is not None
-        return SlowedClimb(self._space, point, gentle_direction(self._space), (action.rate, *_below(action.rate)))
+        return SlowedClimb(self._space, point, gentle_direction(context.task), (action.rate, *_below(action.rate)))
 
     def _trip(self, start: Trial, main_fit: Descent, count: int, allowance: int) -> Excursion:
         """From a trial, with derivatives of its own where the allowance covers them."""

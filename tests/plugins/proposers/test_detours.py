@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from bsa.core.easing import Easing
 from bsa.core.feedback import Feedback
-from bsa.core.metrics import Metrics
+from bsa.core.metrics import PaperMetrics
 from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.simulation import SimulationFailure
 from bsa.core.task import CellModel, Experiment, Task
@@ -17,7 +17,7 @@ from bsa.plugins.proposers.detours import Detour, ShortenedFit, SlowedClimb
 from bsa.plugins.proposers.feasibility import Feasibility, outlasts, progress, smaller_direction
 
 SPACE = ParameterSpace(tuple(Parameter(name, 0.5, 0.0, 1.0) for name in ("a", "b", "c")))
-GOOD = Metrics(1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
+GOOD = PaperMetrics(1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def discharge(seconds: float, drop_v: float = 0.0) -> Trajectory:
@@ -152,7 +152,7 @@ def test_a_cell_that_outlasts_its_steps_is_made_smaller() -> None:
     from bsa.plugins.pybamm.presets import preset_space
 
     space = preset_space("Chen2020", "geometry")
-    direction = dict(zip(space.names, smaller_direction(space), strict=True))
+    direction = dict(zip(space.names, smaller_direction(replace(failing_task(), space=space)), strict=True))
     assert direction["Negative electrode thickness [m]"] == direction["Positive electrode thickness [m]"] == -1
     assert sum(map(abs, direction.values())) == 2
     late = made(dict(SPACE.initial), None, False, 2000.0)

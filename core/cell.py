@@ -1,0 +1,41 @@
+"""The domain that tasks have by default: a lithium-ion cell under a cycler."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from .domain import Domain
+from .signals import Signal
+from .trajectory import StepKind
+from .validation import read_yaml
+
+CURRENT = Signal(
+    "current", "A", tolerance=1e-2, role="driven", relative=True, shown_unit="%", observed_in=(StepKind.CV_HOLD,)
+)
+VOLTAGE = Signal("voltage", "V", tolerance=1e-3, shown_unit="mV", shown_scale=1e3)
+
+CELL = Domain(
+    name="lithium-ion cell",
+    expert="""\
+You are an expert in lithium-ion cells and their physics-based models. You calibrate a PyBaMM model so that its
+simulated record matches a measured one: the durations of the steps, the capacity, and the shape of the voltage.""",
+    signals=(CURRENT, VOLTAGE),
+    metric="paper",
+    brief_s=60.0,
+    rules=tuple(read_yaml(Path(__file__).with_name("cell_rules.yaml"))),
+    drives="currents",
+    gentler="""\
+make the cell gentler first (a failing or vanished step comes back), match what is left, then come back. \
+With "ease_rate_percent" below 100 the currents are lowered until the cell runs, and raised again; with "ease_cycles" \
+only the record's first cycles are fitted before all of it.""",
+    start_of_next="from a fully charged cell",
+    accuracy="PyBaMM's standard mesh and tight tolerances",
+    search_accuracy="Errors during the search come from the search mesh and may differ slightly from the final scores "
+    "above.",
+    sign_note="Current is positive on discharge.",
+    errors_note="Total MAPE is the sum of its three parts.",
+    driven_note="The measured current drives the simulation, so charge and current do not judge the fit; percentages "
+    "of values near zero can be large.",
+    export_note="`best_parameters.py` beside this page needs PyBaMM alone and draws the best curve: "
+    "`python best_parameters.py --plot`.",
+)
