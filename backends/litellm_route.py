@@ -9,13 +9,18 @@ from contextlib import suppress
 from functools import cache
 from typing import Any
 
+import httpx
+
 from ..core.errors import BsaError
 from ..core.messages import Message, StructuredBy, Usage
-from .api_keys import OWN_SERVER_KEY, has_key, key_variables, provider_of
+from ..core.redaction import redact
+from .addresses import openai_address, shown
+from .api_keys import OWN_SERVER_KEY, has_key, key_variables, openai_server_key, provider_of
+from .bounded_http import BoundedTransport, OwnServerTransport
 from .images import data_urls
 from .options import BackendOptions
 from .prompt_fitting import ContextTooSmallError
-from .redaction import redact
+from .reaching import connection_failure
 from .retrying import TransientError, retry_after
 from .served import Answer, Request, ServedBackend
 from .strict_schema import strict, without_nulls
@@ -34,6 +39,9 @@ def _litellm() -> Any:
     os.environ.setdefault("LITELLM_MODE", "PRODUCTION")
     import litellm
 
+    transport = BoundedTransport()
+    litellm.client_session = httpx.Client(transport=transport)  # for what goes through the clients of openai
+    litellm.sync_transport = transport  # for everything else
     litellm.telemetry = False
     litellm.suppress_debug_info = True
     for name in ("LiteLLM", "LiteLLM Proxy", "LiteLLM Router", "httpx"):
@@ -66,7 +74,7 @@ class LiteLLMBackend(ServedBackend):
         base_url: str | None = None,
         key_variable: str = OWN_SERVER_KEY,
     ) -> None:
-        super().__init__(name, f"litellm {base_url} {model}", options)
+        super().__init__(name, f"litellm {shown(base_url or '')} {model}", options)
         self._litellm = _litellm()
         self._model = f"openai/{model}" if base_url else model
         self._base_url = base_url
@@ -141,8 +149,7 @@ class LiteLLMBackend(ServedBackend):
         if self.options.reasoning_effort is not None:
             arguments["reasoning_effort"] = self.options.reasoning_effort
         if self._base_url is not None:
-            # A placeholder rather than nothing, for which litellm would put OPENAI_API_KEY in.
-            arguments |= {"api_base": self._base_url, "api_key": os.environ.get(self._key_variable) or "none"}
+            arguments |= {"api_base": self._base_url, "client": self._own_client(self._base_url)}
         if request.form == "schema":
             # Servers of one's own enforce more of JSON Schema than the hosted models' strict subset.
             schema = dict(request.schema) if self._base_url else strict(request.schema)
@@ -153,6 +160,13 @@ class LiteLLMBackend(ServedBackend):
         elif request.form == "json":
             arguments["response_format"] = {"type": "json_object"}
         return arguments
+
+    def _own_client(self, address: str) -> Any:
+        import openai
+
+        transport = OwnServerTransport(os.environ.get(self._key_variable))
+        # The client wants some key, and would take OPENAI_API_KEY; the transport sends the right one.
+        return openai.OpenAI(base_url=address, api_key="none", http_client=httpx.Client(transport=transport))
 
     def _answer(self, response: Any, form: StructuredBy, notes: list[str]) -> Answer:
         choice = response.choices[0]
@@ -187,7 +201,10 @@ class LiteLLMBackend(ServedBackend):
         litellm = self._litellm
         status = getattr(error, "status_code", None)
         reason = redact(f"{type(error).__name__}: {' '.join(str(error).split())}")[:_REASON_CHARS]
-        where = self._base_url or self._provider
+        where = shown(self._base_url) if self._base_url else self._provider
+        failure = connection_failure(error)
+        if failure is not None:
+            return failure
         if isinstance(error, litellm.ContextWindowExceededError):
             return ContextTooSmallError()
         if status in (401, 403):
@@ -215,13 +232,11 @@ def openai_compatible(model: str, options: BackendOptions, name: str) -> LiteLLM
     BsaError
         If neither names a server.
     """
-    if options.base_url:
-        return LiteLLMBackend(model, options, name, options.base_url)
-    named = os.environ.get("OPENAI_BASE_URL")
-    if named:
-        # Whoever sets both variables means that key for that address.
-        key_variable = OWN_SERVER_KEY if os.environ.get(OWN_SERVER_KEY) else "OPENAI_API_KEY"
-        return LiteLLMBackend(model, options, name, named.rstrip("/"), key_variable)
+    address = openai_address(options.base_url)
+    if address is not None:
+        return LiteLLMBackend(
+            model, options, name, address, openai_server_key(address, by_option=options.base_url is not None)
+        )
     raise BsaError(
         f"openai:{model} needs the address of a server.",
         f"add --base-url http://127.0.0.1:8000/v1, or write litellm:openai/{model} for OpenAI itself.",

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
 from typing import Any
 
 from ..core.errors import BsaError
 from ..core.messages import Message, Usage
+from ..core.redaction import redact
+from .addresses import ollama_address, shown
+from .api_keys import OLLAMA_KEY, OWN_SERVER_KEY, ollama_server_key
+from .bounded_http import OwnServerTransport
 from .options import BackendOptions
 from .prompt_fitting import ContextTooSmallError
-from .redaction import redact
-from .retrying import TransientError
+from .reaching import connection_failure
+from .retrying import TransientError, UnreachableError
 from .served import Answer, Request, ServedBackend
 from .structured_output import FormRefusedError
 
@@ -43,32 +48,42 @@ class OllamaBackend(ServedBackend):
     """
 
     def __init__(self, model: str, options: BackendOptions, name: str) -> None:
-        super().__init__(name, f"ollama {options.base_url} {model}", options)
         import ollama
 
+        self._address = ollama_address(options.base_url)
+        self._key_variable = ollama_server_key(self._address, by_option=options.base_url is not None)
+        super().__init__(name, f"ollama {shown(self._address)} {model}", options)
         self._ollama = ollama
         self._model = model
-        self._client = ollama.Client(host=options.base_url, timeout=options.server_timeout_s)
         capabilities, self._context_tokens = self._look_up()
         self.sees_images = "vision" in capabilities if options.sees_images is None else options.sees_images
         self._thinks = "thinking" in capabilities
 
+    def _client(self, timeout_s: float) -> Any:
+        # Ollama's client adds OLLAMA_API_KEY for any address; the transport sends what belongs there.
+        transport = OwnServerTransport(os.environ.get(self._key_variable or ""))
+        return self._ollama.Client(host=self._address, timeout=timeout_s, transport=transport)
+
     def _look_up(self) -> tuple[list[str], int | None]:
         """Capabilities and longest context of the model."""
-        client = self._ollama.Client(host=self.options.base_url, timeout=_LOOK_UP_TIMEOUT_S)
         try:
-            shown = client.show(self._model)
+            found = self._client(_LOOK_UP_TIMEOUT_S).show(self._model)
         except Exception as error:
             raise self._unusable(error) from None
-        information = shown.modelinfo or {}
+        information = found.modelinfo or {}
         lengths = [value for key, value in information.items() if key.endswith(".context_length")]
         context = lengths[0] if lengths and isinstance(lengths[0], int) and lengths[0] > 0 else None
-        return list(shown.capabilities or ()), context
+        return list(found.capabilities or ()), context
 
     def _unusable(self, error: Exception) -> BsaError:
         reason = redact(" ".join(str(error).split()))[:_REASON_CHARS]
         if isinstance(error, self._ollama.ResponseError) and error.status_code == 404:
             return BsaError(f'Ollama does not hold the model "{self._model}".', f"ollama pull {self._model}")
+        failure = connection_failure(error)
+        if isinstance(failure, UnreachableError):
+            return BsaError(
+                f"Ollama does not answer: {failure.what}.", f"{failure.hint}; ollama serve starts one here."
+            )
         return BsaError(f"Ollama does not answer ({reason}).", "ollama serve")
 
     def ask(self, request: Request, notes: list[str]) -> Answer:
@@ -84,7 +99,7 @@ class OllamaBackend(ServedBackend):
         form: Any = {"schema": dict(request.schema), "json": "json", "text": None}[request.form]
         think = self.options.reasoning_effort if self._thinks else None
         try:
-            response = self._client.chat(
+            response = self._client(request.timeout_s).chat(
                 model=self._model,
                 messages=[_as_ollama(message) for message in request.messages],
                 format=form,
@@ -125,14 +140,15 @@ class OllamaBackend(ServedBackend):
         if status == 404:
             return self._unusable(error)
         if status in (401, 403):
-            return BsaError(f"the Ollama server did not accept the key ({reason}).", "export OLLAMA_API_KEY=...")
+            return BsaError(f"the Ollama server did not accept the key ({reason}).", self._key_hint())
         if status in (400, 422, 501):
             return FormRefusedError(reason)
-        return TransientError(reason, server_fault=status == 500)
+        return connection_failure(error) or TransientError(reason, server_fault=status == 500)
 
-    def close(self) -> None:
-        """Close the connection."""
-        self._client.close()
+    def _key_hint(self) -> str:
+        if self._key_variable is not None:
+            return f"export {self._key_variable}=..."
+        return f"{OLLAMA_KEY} goes to the server of OLLAMA_HOST, by https; {OWN_SERVER_KEY} goes with --base-url."
 
 
 def _as_ollama(message: Message) -> dict[str, Any]:

@@ -55,6 +55,8 @@ class BackendOptions(BaseModel, extra="forbid", frozen=True):
         parts = urlsplit(address)
         if parts.scheme not in ("http", "https") or not parts.hostname:
             raise ValueError("an address starts with http:// or https://")
+        if parts.port == 0:
+            raise ValueError("a port is a number from 1 to 65535")
         if parts.username or parts.password or parts.query or parts.fragment:
             raise ValueError(
                 "an address holds no user name, key or query; a key belongs into the environment (BSA_API_KEY)"

@@ -10,7 +10,8 @@ from importlib.util import find_spec
 from shutil import which
 from typing import Any
 
-from .api_keys import OWN_SERVER_KEY, has_key, key_variables, provider_of
+from .addresses import ollama_address, openai_address, shown
+from .api_keys import has_key, key_variables, ollama_server_key, openai_server_key, provider_of
 from .deadline import within
 from .loaded_model import INSTALL_HINT
 from .model_files import model_folder
@@ -18,7 +19,6 @@ from .options import BackendOptions, Route
 from .presets import Preset, load_presets
 
 _LOOK_TIMEOUT_S = 0.8
-_OLLAMA_PORT = 11434
 _OLLAMA_HOME = "https://ollama.com/download"
 
 
@@ -73,23 +73,24 @@ def check(backend: str, route: Route, model: str, options: BackendOptions) -> Re
 
 
 def _openai(model: str, options: BackendOptions) -> tuple[str, str]:
-    address = options.base_url if options.via in (None, "openai") else None
-    address = (address or os.environ.get("OPENAI_BASE_URL") or "").rstrip("/")
-    if not address:
+    by_option = options.base_url if options.via in (None, "openai") else None
+    address = openai_address(by_option)
+    if address is None:
         return "no server named", f"vllm serve {model}  # then --base-url http://127.0.0.1:8000/v1"
-    key = os.environ.get(OWN_SERVER_KEY)
-    content, problem = _look(f"{address}/models", key)
+    content, problem = _look(f"{address}/models", openai_server_key(address, by_option is not None))
     if problem:
-        return f"{address}: {problem}", f"vllm serve {model}"
+        return f"{shown(address)}: {problem}", f"vllm serve {model}"
     listed = content.get("data") if isinstance(content, Mapping) else None
     served = [str(item.get("id")) for item in listed or [] if isinstance(item, Mapping)]
     if served and model not in served:
-        return f"{address} serves {', '.join(served[:3])}", f"vllm serve {model}"
+        return f"{shown(address)} serves {', '.join(served[:3])}", f"vllm serve {model}"
     return "", ""
 
 
 def _ollama(model: str, options: BackendOptions) -> tuple[str, str]:
-    content, problem = _look(f"{ollama_address(options)}/api/tags", None)
+    by_option = options.base_url if options.via == "ollama" else None
+    address = ollama_address(by_option)
+    content, problem = _look(f"{address}/api/tags", ollama_server_key(address, by_option is not None))
     if problem:
         installed = which("ollama") is not None
         return f"Ollama {problem}", "ollama serve" if installed else f"install Ollama ({_OLLAMA_HOME})"
@@ -98,16 +99,6 @@ def _ollama(model: str, options: BackendOptions) -> tuple[str, str]:
     if not {model, f"{model}:latest"} & held:
         return "Ollama does not hold it", f"ollama pull {model}"
     return "", ""
-
-
-def ollama_address(options: BackendOptions) -> str:
-    """Where Ollama's own client would look for the server."""
-    named = options.base_url if options.via == "ollama" else None
-    named = named or os.environ.get("OLLAMA_HOST") or f"127.0.0.1:{_OLLAMA_PORT}"
-    address = named if "://" in named else f"http://{named}"
-    scheme, _, rest = address.rstrip("/").partition("://")
-    host = rest.replace("0.0.0.0", "127.0.0.1")
-    return f"{scheme}://{host}" if ":" in host or scheme == "https" else f"{scheme}://{host}:{_OLLAMA_PORT}"
 
 
 def _transformers(model: str, options: BackendOptions) -> tuple[str, str]:
@@ -127,29 +118,32 @@ def _litellm(model: str, options: BackendOptions) -> tuple[str, str]:
     return "", ""
 
 
-def _look(address: str, key: str | None) -> tuple[Any, str]:
+def _look(address: str, key_variable: str | None) -> tuple[Any, str]:
     """The JSON at an address and an empty string, or None and what is wrong."""
-    return _look_once(address, key, os.getpid())
+    return _look_once(address, os.environ.get(key_variable or ""), os.getpid())
 
 
 @cache
 def _look_once(address: str, key: str | None, _process: int) -> tuple[Any, str]:
     import httpx
 
-    headers = {"authorization": f"Bearer {key}"} if key else {}
+    from .bounded_http import OwnServerTransport
+    from .reaching import connection_failure
+
+    def ask() -> httpx.Response:
+        with httpx.Client(transport=OwnServerTransport(key), timeout=_LOOK_TIMEOUT_S) as client:
+            return client.get(address)
+
     try:
-        response = within(
-            _LOOK_TIMEOUT_S,
-            lambda: httpx.get(address, headers=headers, timeout=_LOOK_TIMEOUT_S, follow_redirects=False),
-        )
+        response = within(_LOOK_TIMEOUT_S, ask)
         if response.status_code != 200:
             return None, f"answers with HTTP status {response.status_code}"
         return response.json(), ""
     except (httpx.TimeoutException, TimeoutError):
         return None, f"does not answer within {_LOOK_TIMEOUT_S} s"
-    except httpx.HTTPError:
-        return None, "does not answer"
-    except ValueError:
+    except httpx.RequestError as error:
+        return None, f"does not answer ({connection_failure(error)})"
+    except (ValueError, RecursionError):
         return None, "answers with something else than JSON"
 
 

@@ -10,11 +10,14 @@ from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from typing import TypeVar
 
-from ..core.messages import BackendFailure
+from ..core.messages import BackendFailure, BackendUnreachable
 
 T = TypeVar("T")
 
 _MAX_ATTEMPTS = 8
+_MAX_ATTEMPTS_UNREACHED = 3
+"""Attempts, within about three seconds, at a server that was never reached: its address is most likely wrong. One
+that has answered before is most likely starting again, and gets as many as for any other failure."""
 _FIRST_WAIT_S = 1.0
 _LONGEST_WAIT_S = 60.0
 
@@ -37,6 +40,26 @@ class TransientError(Exception):
         self.reason = reason
         self.retry_after_s = retry_after_s
         self.server_fault = server_fault
+
+
+class UnreachableError(TransientError):
+    """There is no connection to the server, or none that makes sense.
+
+    Parameters
+    ----------
+    reason : str
+        What is wrong, with the address.
+    hint : str
+        What to do about it.
+    may_pass : bool
+        Whether it can pass by itself: a server may be starting, but a wrong scheme stays wrong.
+    """
+
+    def __init__(self, reason: str, hint: str, may_pass: bool = False) -> None:
+        super().__init__(f"{reason}; {hint}")
+        self.what = reason
+        self.hint = hint
+        self.may_pass = may_pass
 
 
 @dataclass(frozen=True)
@@ -66,12 +89,15 @@ class Persistence:
         Is told of every further attempt.
     jitter : random.Random
         Spreads the waits, so that many runs do not come back at the same moment.
+    reached : bool
+        Whether this server has answered before.
     """
 
-    def __init__(self, patience: Patience, notes: list[str], jitter: random.Random) -> None:
+    def __init__(self, patience: Patience, notes: list[str], jitter: random.Random, reached: bool = False) -> None:
         self._patience = patience
         self._notes = notes
         self._jitter = jitter
+        self._unreached = _MAX_ATTEMPTS if reached else _MAX_ATTEMPTS_UNREACHED
         self._started = time.monotonic()
         self._attempts = 0
 
@@ -89,6 +115,8 @@ class Persistence:
 
         Raises
         ------
+        BackendUnreachable
+            When there is no connection to the server.
         BackendFailure
             When a limit is reached.
         """
@@ -104,14 +132,21 @@ class Persistence:
                 wait = failure.retry_after_s
                 if wait is None:
                     wait = min(_FIRST_WAIT_S * 2 ** (number - 1), _LONGEST_WAIT_S) * self._jitter.uniform(0.5, 1.0)
-                if number == _MAX_ATTEMPTS or wait >= self._left_s:
-                    raise self._failure(failure.reason) from None
+                if number == self._most(failure) or wait >= self._left_s:
+                    raise self._failure(failure.reason, type(failure)) from None
                 self._notes.append(f"attempt {self._attempts}: {failure.reason}; tried again after {wait:.1f} s")
                 time.sleep(wait)
         raise AssertionError("the last attempt returns or raises")
 
-    def _failure(self, reason: str) -> BackendFailure:
+    def _most(self, failure: TransientError) -> int:
+        if isinstance(failure, UnreachableError):
+            return self._unreached if failure.may_pass else 1
+        return _MAX_ATTEMPTS
+
+    def _failure(self, reason: str, after: type[TransientError] = TransientError) -> BackendFailure:
         tries = f"{self._attempts} attempt{'s' * (self._attempts > 1)}"
+        if issubclass(after, UnreachableError):
+            return BackendUnreachable(f"not reached in {tries}: {reason}")
         return BackendFailure(f"no reply after {tries}, {self._patience.limit_s:g} s allowed: {reason}")
 
 
@@ -129,7 +164,7 @@ def retry_after(headers: Mapping[str, str] | None) -> float | None:
             pass
         try:
             moment = parsedate_to_datetime(value)
-        except ValueError:
+        except (ValueError, TypeError, OverflowError):
             continue
         return max(0.0, (moment.astimezone(UTC) - datetime.now(UTC)).total_seconds())
     return None

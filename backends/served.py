@@ -9,13 +9,21 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from ..core.messages import BackendFailure, JsonSchema, Message, Reply, StructuredBy, Usage
+from ..core.messages import (
+    BackendFailure,
+    JsonSchema,
+    Message,
+    PromptRefused,
+    Reply,
+    StructuredBy,
+    Usage,
+)
+from ..core.redaction import redact
 from ..core.reply_parsing import MAX_REPLY_CHARS
 from .deadline import within
 from .images import showable
 from .options import BackendOptions
 from .prompt_fitting import ContextTooSmallError, drop_memory
-from .redaction import redact
 from .retrying import Patience, Persistence, TransientError
 from .structured_output import FormRefusedError, descend, held_by, with_schema_in_prompt
 
@@ -93,6 +101,7 @@ class ServedBackend(ABC):
         self.name = name
         self.options = options
         self._server = server
+        self._reached = False
 
     @abstractmethod
     def ask(self, request: Request, notes: list[str]) -> Answer:
@@ -102,6 +111,8 @@ class ServedBackend(ABC):
         ------
         TransientError
             If another attempt may work.
+        TimeoutError
+            If the answer did not end in time.
         FormRefusedError
             If the server does not take this form of request.
         ContextTooSmallError
@@ -116,7 +127,7 @@ class ServedBackend(ABC):
         started = time.monotonic()
         shown = showable(messages, self.sees_images, notes)
         patience = Patience(self.options.server_timeout_s, self.options.retry_limit_s)
-        persistence = Persistence(patience, notes, random.Random(seed))
+        persistence = Persistence(patience, notes, random.Random(seed), self._reached)
 
         def in_form(form: StructuredBy) -> Answer:
             prompt = with_schema_in_prompt(shown, schema, form)
@@ -144,17 +155,19 @@ class ServedBackend(ABC):
             except ContextTooSmallError:
                 shorter = drop_memory(shown)
                 if shorter is None:
-                    raise BackendFailure(f"{self.name}: the prompt is longer than the model's context") from None
+                    raise PromptRefused(f"{self.name}: the prompt is longer than the model's context") from None
                 shown, heading = shorter
                 notes.append(f'the section "{heading}" was left out: the context is too small')
             except FormRefusedError as refusal:
-                raise BackendFailure(redact(f"{self.name} refuses the request: {refusal}")) from None
+                raise PromptRefused(redact(f"{self.name} refuses the request: {refusal}")) from None
             except BackendFailure as failure:
-                raise BackendFailure(redact(f"{self.name}: {failure}")) from None
+                raise type(failure)(redact(f"{self.name}: {failure}")) from None
+        self._reached = True
         return self._reply(answer, form, schema, notes, time.monotonic() - started)
 
     def _reply(self, answer: Answer, form: StructuredBy, schema: JsonSchema, notes: list[str], seconds: float) -> Reply:
-        text = answer.text
+        # Before it is cut: half a key is not recognised.
+        text = redact(answer.text)
         if answer.cut:
             notes.append("the reply was cut at its longest length (--max-reply-tokens)")
         if len(text) > MAX_REPLY_CHARS:
@@ -164,7 +177,7 @@ class ServedBackend(ABC):
         if held != form:
             notes.append(f"the server took the request for {form} but did not keep to it")
         return Reply(
-            text=redact(text),
+            text=text,
             usage=replace(answer.usage, seconds=seconds),
             model=redact(answer.model)[:200],
             structured_by=held,

@@ -99,7 +99,8 @@ class BackendFailure(Exception):
 class BackendUnreachable(BackendFailure):
     """Nothing listens where the model should be: connection refused, unknown host, no route.
 
-    Trying again within seconds does not help, so a backend raises it at once, without its retries.
+    Trying again within seconds rarely helps, so a backend raises it after a few attempts at most, unless the
+    server has answered before and may be starting again.
     """
 
 

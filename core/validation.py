@@ -9,6 +9,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from .errors import BsaError, did_you_mean
+from .redaction import redact
 
 
 def explain(error: ValidationError, where: str, model: type[BaseModel]) -> BsaError:
@@ -34,7 +35,8 @@ def explain(error: ValidationError, where: str, model: type[BaseModel]) -> BsaEr
         return BsaError(f'{where}: "{key}" is not a known key{more}.', hint)
     if first["type"] == "missing":
         return BsaError(f'{where}: "{key}" is missing{more}.', "add it.")
-    shown = repr(first.get("input"))
+    # Before it is cut: half a password is not recognised.
+    shown = redact(repr(first.get("input")))
     shown = shown if len(shown) <= 60 else shown[:57] + "..."
     reason = first["msg"].removeprefix("Value error, ")
     return BsaError(f'{where}: "{key}" is {shown}: {reason}{more}.', "")

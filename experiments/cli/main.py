@@ -12,6 +12,7 @@ import typer
 
 from ...core.errors import BsaError
 from ...core.files import file_error
+from ...core.redaction import redact
 from .progress import printable
 
 _LONGEST = 4000
@@ -82,7 +83,7 @@ def _carry_out(commands: typer.Typer) -> NoReturn:
 
 def _refuse(error: BsaError) -> NoReturn:
     # Names of files and what they hold are other people's words.
-    print(f"BsaError: {printable(str(error), _LONGEST)}", file=sys.stderr)
+    print(f"BsaError: {printable(redact(str(error)), _LONGEST)}", file=sys.stderr)
     sys.exit(USER_ERROR)
 
 

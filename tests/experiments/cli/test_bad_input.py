@@ -67,6 +67,7 @@ COMMANDS = [
     (["--data", "record.csv", "--parameters", "Chen2020", "--column", "voltage=Ecell"], "Ecell", ""),
     (["--backend-option", "temprature=1"], "temprature", 'did you mean "temperature"'),
     (["--base-url", "127.0.0.1"], "base_url", ""),
+    (["--base-url", "http://127.0.0.1:99999/v1"], "Port out of range", ""),
 ]
 
 
@@ -83,6 +84,18 @@ def test_a_mistyped_command(
     assert wrong in line
     assert hint in line
     assert not list(Path().glob("runs/*/result.json"))
+
+
+@pytest.mark.parametrize("login", ["me:hunter2", "me:hunt/er2", "me:" + "x" * 40 + "hunter2"])
+@pytest.mark.parametrize("option", ["--base-url=", "--backend-option=base_url="])
+def test_no_password_of_an_address_is_shown(
+    login: str, option: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    message = told(["--backend", "openai:m", f"{option}http://{login}@127.0.0.1:1/v1"], capsys, monkeypatch)
+    assert "base_url" in message
+    assert "er2" not in message
+    assert "xxx" not in message
+    assert not any(b"er2" in path.read_bytes() for path in Path().rglob("*") if path.is_file())
 
 
 def test_a_mistyped_discovery(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
