@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from ..core.errors import BsaError, did_you_mean
+from ..core.yaml_text import read_yaml
 from .options import ROUTES, Route
+
+_SHIPPED = Path(__file__).with_name("presets.yaml")
 
 USER_FILE_VARIABLE = "BSA_PRESETS"
 USER_FILE = "bsa-presets.yaml"
@@ -47,24 +47,16 @@ def load_presets() -> dict[str, Preset]:
     BsaError
         If the user's file cannot be read or holds an unknown route.
     """
-    presets = _parse(files(__package__).joinpath("presets.yaml").read_text("utf-8"), "presets.yaml")
+    presets = _parse(read_yaml(_SHIPPED), _SHIPPED.name)
     named = os.environ.get(USER_FILE_VARIABLE)
     path = Path(named) if named else Path(USER_FILE)
     if named or path.is_file():
-        try:
-            presets |= _parse(path.read_text("utf-8"), str(path))
-        except (OSError, UnicodeDecodeError) as error:
-            raise BsaError(f"{path} cannot be read: {error}.", f"mend it, or unset {USER_FILE_VARIABLE}.") from None
+        presets |= _parse(read_yaml(path), str(path))
     return presets
 
 
-def _parse(text: str, where: str) -> dict[str, Preset]:
-    try:
-        content = yaml.safe_load(text) or {}
-    except yaml.YAMLError as error:
-        raise BsaError(
-            f"{where} is not YAML: {' '.join(str(error).split())}.", "mend the line that it names."
-        ) from None
+def _parse(content: Any, where: str) -> dict[str, Preset]:
+    content = content or {}
     if not isinstance(content, dict):
         raise BsaError(f"{where} holds no presets.", "write `my-model:` and below it `  ollama: my-model:8b`.")
     return {str(name): Preset(str(name), _models(str(name), routes, where)) for name, routes in content.items()}

@@ -7,7 +7,7 @@ from pathlib import Path
 from .domain import Domain
 from .signals import Signal
 from .trajectory import StepKind
-from .validation import read_yaml
+from .yaml_text import read_yaml
 
 CURRENT = Signal(
     "current", "A", tolerance=1e-2, role="driven", relative=True, shown_unit="%", observed_in=(StepKind.CV_HOLD,)

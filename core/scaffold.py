@@ -8,7 +8,8 @@ from typing import Any
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from .errors import BsaError, did_you_mean
-from .validation import explain, read_yaml
+from .validation import explain
+from .yaml_text import read_yaml
 
 BUILT_IN = Path(__file__).parent.parent / "scaffolds"
 

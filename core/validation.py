@@ -1,11 +1,7 @@
-"""Reads what people write: YAML files, and what is wrong with them in one line."""
+"""What is wrong with what people wrote, in one line."""
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
-import yaml
 from pydantic import BaseModel, ValidationError
 
 from .errors import BsaError, did_you_mean
@@ -40,23 +36,3 @@ def explain(error: ValidationError, where: str, model: type[BaseModel]) -> BsaEr
     shown = shown if len(shown) <= 60 else shown[:57] + "..."
     reason = first["msg"].removeprefix("Value error, ")
     return BsaError(f'{where}: "{key}" is {shown}: {reason}{more}.', "")
-
-
-def read_yaml(path: Path) -> Any:
-    """The content of a YAML file written by a person.
-
-    Raises
-    ------
-    BsaError
-        If the file is missing or is not YAML, with the line.
-    """
-    try:
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise BsaError(f"{path} does not exist.", "check the path.") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise BsaError(f"{path} cannot be read: {error}.", "give a UTF-8 text file.") from None
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f" at line {mark.line + 1}" if mark is not None else ""
-        raise BsaError(f"{path} is not valid YAML{where}.", "check indentation and colons there.") from None

@@ -19,7 +19,8 @@ from ..core.record import ReadOptions
 from ..core.registry import Registry, installed
 from ..core.target import CyclableLithium, Factor, Value, factor_name, target_named
 from ..core.task import CellModel
-from ..core.validation import explain, read_yaml
+from ..core.validation import explain
+from ..core.yaml_text import read_yaml
 
 _ADDED = ("Contact resistance [Ohm]",)
 """Overrides that a calibration task brings along with its options."""

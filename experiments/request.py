@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import yaml
 from pydantic import ValidationError
 
 from ..core.errors import BsaError
@@ -16,6 +15,7 @@ from ..core.run_config import RunConfig
 from ..core.scaffold import load_scaffold
 from ..core.task import Task
 from ..core.validation import explain
+from ..core.yaml_text import parse_yaml
 
 if TYPE_CHECKING:
     from ..backends.options import BackendOptions
@@ -100,8 +100,25 @@ def _put(content: dict[str, Any], path: Sequence[str], value: Any, key: str) -> 
     place[last] = value
 
 
+def key_texts(pairs: Sequence[str] | None, option: str) -> dict[str, str]:
+    """``["a=010", "b=x"]`` as a mapping of texts.
+
+    Raises
+    ------
+    BsaError
+        If a pair has no ``=``.
+    """
+    result: dict[str, str] = {}
+    for pair in pairs or ():
+        key, sign, value = (part.strip() for part in pair.partition("="))
+        if not sign or not key:
+            raise BsaError(f'{option} "{pair}" is not key=value.', f'write {option} "key=value".')
+        result[key] = value
+    return result
+
+
 def key_values(pairs: Sequence[str] | None, option: str) -> dict[str, Any]:
-    """``["a=1", "b=x"]`` as a mapping; values are read as YAML scalars.
+    """``["a=1", "b=x"]`` as a mapping; values are read as YAML, and stay text where they are none.
 
     Raises
     ------
@@ -109,19 +126,16 @@ def key_values(pairs: Sequence[str] | None, option: str) -> dict[str, Any]:
         If a pair has no ``=``.
     """
     result: dict[str, Any] = {}
-    for pair in pairs or ():
-        key, sign, value = pair.partition("=")
-        if not sign or not key:
-            raise BsaError(f'{option} "{pair}" is not key=value.', f'write {option} "key=value".')
+    for key, text in key_texts(pairs, option).items():
         try:
-            result[key.strip()] = yaml.safe_load(value)
-        except yaml.YAMLError:
-            result[key.strip()] = value
+            result[key] = parse_yaml(text, option)
+        except BsaError:
+            result[key] = text
     return result
 
 
 def read_options(
-    columns: dict[str, Any], units: dict[str, Any], where: dict[str, Any], cycles: str | None, **others: Any
+    columns: dict[str, str], units: dict[str, str], where: dict[str, str], cycles: str | None, **others: Any
 ) -> ReadOptions:
     """What the command line says about a file.
 
@@ -133,9 +147,9 @@ def read_options(
     from .tasks.records import parse_cycles
 
     content: dict[str, Any] = {
-        "columns": _texts(columns),
-        "units": _texts(units),
-        "where": _texts(where),
+        "columns": columns,
+        "units": units,
+        "where": where,
         "cycles": None if cycles is None else parse_cycles(cycles),
         **others,
     }
@@ -143,10 +157,6 @@ def read_options(
         return ReadOptions.model_validate(content)
     except ValidationError as error:
         raise explain(error, "the options of the record", ReadOptions) from None
-
-
-def _texts(values: dict[str, Any]) -> dict[str, str]:
-    return {key: str(value) for key, value in values.items()}
 
 
 def parse_backend_options(content: dict[str, Any]) -> BackendOptions:

@@ -45,12 +45,12 @@ def reading(
     temperature: float | None,
 ) -> ReadOptions:
     """What the command line says about the records."""
-    from ..request import key_values, read_options
+    from ..request import key_texts, read_options
 
     return read_options(
-        columns=key_values(column, "--column"),
-        units=key_values(unit, "--unit"),
-        where=key_values(where, "--where"),
+        columns=key_texts(column, "--column"),
+        units=key_texts(unit, "--unit"),
+        where=key_texts(where, "--where"),
         cycles=cycles,
         current_sign=current_sign,
         constant_current_a=constant_current,

@@ -14,7 +14,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from ...core.errors import BsaError
 from ...core.extras import require
 from ...core.interrupts import interrupts_stay
-from ...core.validation import explain, read_yaml
+from ...core.validation import explain
+from ...core.yaml_text import read_yaml
 from .local_pool import THREAD_VARIABLES
 from .one_cell import Order, Report, carry_out
 

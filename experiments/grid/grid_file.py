@@ -10,7 +10,8 @@ from typing import Any, Literal
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
 from ...core.errors import BsaError, did_you_mean
-from ...core.validation import explain, read_yaml
+from ...core.validation import explain
+from ...core.yaml_text import read_yaml
 
 SHIPPED = Path(__file__).parent.parent / "grids"
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...core import files
-from ...core.validation import read_yaml
+from ...core.yaml_text import read_yaml
 from .cell import CellRecord
 
 REPORTED = ("mape", "q_mape", "i_mape", "v_mape", "rmse", "v_rmse_mv", "capacity_error")

@@ -19,7 +19,7 @@ import numpy as np
 import yaml
 
 from ...core.files import write_text
-from ...core.validation import read_yaml
+from ...core.yaml_text import read_yaml
 from .case import SuiteCase
 from .filters import CompiledFilter
 

@@ -7,7 +7,8 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from ...core.errors import BsaError
-from ...core.validation import explain, read_yaml
+from ...core.validation import explain
+from ...core.yaml_text import read_yaml
 from .case import SuiteCase
 
 FILES = {

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ...core.errors import BsaError, did_you_mean
 from ...core.task import Task
-from ...core.validation import read_yaml
+from ...core.yaml_text import read_yaml
 from .task_file import load_task_file
 
 PACKAGED = Path(__file__).with_name("packaged")

@@ -10,7 +10,8 @@ from pydantic import BaseModel, Field, ValidationError
 from ...core.errors import BsaError
 from ...core.record import ReadOptions
 from ...core.task import Task
-from ...core.validation import explain, read_yaml
+from ...core.validation import explain
+from ...core.yaml_text import read_yaml
 from .records import RecordRequest, build_task
 
 ZERO_CELSIUS_K = 273.15

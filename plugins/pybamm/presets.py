@@ -13,7 +13,8 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 from ...core.errors import BsaError, did_you_mean
 from ...core.parameters import Parameter, ParameterSpace, Scale
 from ...core.target import Factor, Target, Value, factor_name, target_named
-from ...core.validation import explain, read_yaml
+from ...core.validation import explain
+from ...core.yaml_text import read_yaml
 from .parameter_sets import initial_value, is_function, load, target_in
 
 PRESETS_FILE = Path(__file__).with_name("search_presets.yaml")

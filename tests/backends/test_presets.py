@@ -56,7 +56,7 @@ def test_a_user_adds_a_preset_in_four_lines(tmp_path, monkeypatch):
         ("m:\n  olama: x", 'did you mean "ollama"'),
         ("m: x", "names no route"),
         ("m:\n  ollama: 3", "names 3"),
-        ("m: [", "not YAML"),
+        ("m: [", "not valid YAML"),
         ("- m", "holds no presets"),
     ],
 )

@@ -7,6 +7,9 @@ from pathlib import Path
 import pytest
 from bsa.core.journal import FILE_NAME
 from bsa.experiments.cli.main import main, run_main
+from bsa.experiments.cli.shared_options import reading
+from bsa.experiments.request import key_values
+from bsa.plugins.readers.reading import read_record
 
 GOOD_CSV = "Test Time / s,Voltage / V,Current / A\n" + "\n".join(
     f"{10 * k},{4.1 - 0.001 * k:.4f},{-1.0 if k > 2 else 0.0}" for k in range(60)
@@ -167,3 +170,28 @@ def test_help_is_quick_and_needs_no_heavy_library() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "calibrat" in done.stdout.casefold()
+
+
+def test_options_about_the_record_are_text() -> None:
+    read = reading(["time=1e3"], ["current=off"], ["Step=010", "On=yes"], "charge-positive", None, None, None, None)
+    assert read.columns == {"time": "1e3"}
+    assert read.units == {"current": "off"}
+    assert read.where == {"Step": "010", "On": "yes"}
+
+
+def test_where_takes_the_rows_that_say_the_same(folder: Path) -> None:
+    lines = GOOD_CSV.splitlines()
+    steps = ["Step", *("010" if k < 40 else "8" for k in range(60))]
+    (folder / "steps.csv").write_text("\n".join(f"{line},{step}" for line, step in zip(lines, steps, strict=True)))
+    read = reading(None, None, ["Step=010"], "charge-positive", None, None, None, None)
+    assert len(read_record(folder / "steps.csv", read).trajectory) == 40
+
+
+def test_settings_keep_the_values_of_yaml() -> None:
+    assert key_values(["a=010", "b=[1, x]", "c=", "d=2020-13-45", "e=[[["], "--set") == {
+        "a": 8,
+        "b": [1, "x"],
+        "c": None,
+        "d": "2020-13-45",
+        "e": "[[[",
+    }
