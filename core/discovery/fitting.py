@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from .findings import Listener, Settings
 from .first_cycles import first_cycle, longer, near_cycles
 from .laboratory import Prediction
 from .problem import Problem
-from .refit import Refit, differences, refit
+from .refit import Refit, Residuals, differences, refit
 from .rules import CLEAR_BIC, bic_difference
 from .score import Score
 
@@ -71,9 +71,9 @@ class Fitter:
 
     # --- fits -----------------------------------------------------------------------------------------------
 
-    def residual(self, effects: Sequence[Effect]) -> Callable[[dict[str, float]], FloatArray | None]:
-        """Weighted residuals of a candidate with the effects, at the present misfit."""
-        return lambda candidate: self.problem.residual(effects, candidate)
+    def residuals(self, effects: Sequence[Effect]) -> Residuals:
+        """Weighted residuals of candidates with the effects, at the present misfit."""
+        return lambda candidates: self.problem.residuals([(effects, candidate) for candidate in candidates])
 
     def fit(
         self,
@@ -85,7 +85,7 @@ class Fitter:
         jacobian: FloatArray | None = None,
     ) -> Refit | None:
         """Fit at the present misfit; None if the start cannot be simulated."""
-        found = refit(self.residual(effects), space, start, jacobian, budget, tolerance)
+        found = refit(self.residuals(effects), space, start, jacobian, budget, tolerance)
         return None if found is None else replace(found, deviation=self.problem.deviation())
 
     def onwards(self, effects: Sequence[Effect], fit: Refit, budget: int, tolerance: float = 2e-3) -> Refit:
@@ -103,7 +103,7 @@ class Fitter:
         self, effects: tuple[Effect, ...], space: ParameterSpace, u: FloatArray, score: Score | None = None
     ) -> Explanation | None:
         """What is explained at given coordinates, without a fit; None if they cannot be simulated."""
-        here = self.residual(effects)(space.at(u))
+        here = self.residuals(effects)([space.at(u)])[0]
         if here is None:
             return None
         return self.explain(effects, Refit(space, u, here, np.zeros((len(here), len(space))), False, 1), score)
@@ -165,13 +165,11 @@ class Fitter:
     def _fit_from_somewhere(self, start: FloatArray) -> Refit:
         # A cell that is too small, or too slow for its current, is empty before its record ends, and a fit that
         # starts there is soon lost: start from the best of some roomier, faster and less full ones.
-        residual = self.residual(())
         costs: dict[tuple[float, float], float] = {}
         for ease in (0.0, 0.5, 1.0, 1.5):
-            for soc_shift in (0.0, 3.0, -4.0):
-                here = residual(self.space.at(self._eased(start, ease, soc_shift)))
-                if here is not None:
-                    costs[ease, soc_shift] = float(here @ here)
+            shifts = [(ease, soc_shift) for soc_shift in (0.0, 3.0, -4.0)]
+            found = self.residuals(())([self.space.at(self._eased(start, *shift)) for shift in shifts])
+            costs |= {shift: float(r @ r) for shift, r in zip(shifts, found, strict=True) if r is not None}
             if costs and min(costs.values()) < _GOOD_START**2 * len(self.problem.fitted[0]):
                 break
         places = [min(costs, key=costs.__getitem__)] if costs else []
@@ -226,16 +224,17 @@ class Fitter:
         """
         space, count = known.space, len(self.space)
         lowest, highest = space.lowest[count], space.highest[count]
-        residual, best = self.residual(effects), None
+        starts = []
         for share in _SHARES_OF_STRENGTH:
             start = np.concatenate([leader.fit.u[:count], known.u[count:]])
             # The strength's coordinate is -1 at its null.
             start[count] = np.clip(share * (start[count] + 1.0) - 1.0, lowest, highest)
-            here = residual(space.at(start))
-            if here is not None and (best is None or float(here @ here) < best[0]):
-                best = float(here @ here), start
+            starts.append(start)
+        found = self.residuals(effects)([space.at(start) for start in starts])
+        costs = [np.inf if residual is None else float(residual @ residual) for residual in found]
+        best = int(np.argmin(costs))
         budget = self.settings.refit_budget
-        fit = None if best is None else self.fit(effects, space, best[1], budget // 3)
+        fit = None if np.isinf(costs[best]) else self.fit(effects, space, starts[best], budget // 3)
         if fit is None or fit.cost > leader.fit.cost + LAG:
             return None
         return self.explain(effects, fit if fit.converged else self.onwards(effects, fit, budget), score)
@@ -253,7 +252,7 @@ class Fitter:
         if not calm.fit.converged:
             # Scores and short refits stand on this Jacobian: after many updates it is no derivative any more.
             fit = calm.fit
-            slopes, _ = differences(self.residual(base.effects), fit.space, fit.u, fit.residual, fit.jacobian)
+            slopes, _ = differences(self.residuals(base.effects), fit.space, fit.u, fit.residual, fit.jacobian)
             calm.fit = replace(fit, jacobian=slopes)
         return calm
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..trajectory import Step, StepKind, Trajectory
 from .explanation import Explanation
-from .laboratory import Laboratory, Specimen
+from .laboratory import Laboratory, Moments, Request, Specimen
 
 Phase = tuple[float, float]
 """C-rate (positive on discharge) and seconds."""
@@ -112,15 +112,12 @@ def propose(
     """
     best: NextExperiment | None = None
     for protocol in PROTOCOLS:
-        specimen, times = _specimen(protocol, capacity_ah, ambient_k)
-        voltages = []
-        for explanation in (first, second):
-            candidate = explanation.fit.candidate
-            current = np.interp(times, specimen.record.time, specimen.record.current)
-            prediction = laboratory.predict(explanation.effects, candidate, specimen, times, current, soc=protocol.soc)
-            if prediction is None:
-                break
-            voltages.append(prediction.voltage)
+        specimen = _specimen(protocol, capacity_ah, ambient_k)
+        moments = Moments.single(specimen.record.time, specimen.record.current)
+        found = laboratory.predict(
+            [Request(e.effects, e.fit.candidate, specimen, moments, soc=protocol.soc) for e in (first, second)]
+        )
+        voltages = [prediction.voltage for prediction in found if prediction is not None]
         if len(voltages) < 2:
             continue
         difference = voltages[0] - voltages[1]
@@ -134,7 +131,7 @@ def propose(
     return best
 
 
-def _specimen(protocol: Protocol, capacity_ah: float, ambient_k: float | None) -> tuple[Specimen, np.ndarray]:
+def _specimen(protocol: Protocol, capacity_ah: float, ambient_k: float | None) -> Specimen:
     times: list[np.ndarray] = []
     currents: list[np.ndarray] = []
     steps: list[Step] = []
@@ -149,4 +146,4 @@ def _specimen(protocol: Protocol, capacity_ah: float, ambient_k: float | None) -
         start += seconds
     time = np.concatenate(times)
     record = Trajectory(time, np.concatenate(currents), np.full(len(time), 3.7), None, tuple(steps))
-    return Specimen(protocol.title, record, ambient_k), time
+    return Specimen(protocol.title, record, ambient_k)

@@ -45,17 +45,15 @@ def nominate(
     fitter: Fitter, base: Explanation, catalogue: Sequence[Effect], evidence: Evidence, listener: Listener
 ) -> list[Nomination]:
     """Score every effect of a catalogue on what the base model leaves, the most promising first."""
-    nominations = []
-    for effect in catalogue:
-        nomination = Nomination(effect, effect.lacks(evidence) if effect.lacks is not None else "")
-        if not nomination.lacks:
-            mark = mark_of(fitter, base, effect)
-            if mark is None:
-                nomination.lacks = "could not be simulated at the base fit"
-            else:
-                nomination.mark, nomination.deviation = mark, fitter.problem.deviation()
-                nomination.score = score_of(base, effect, mark)
-        nominations.append(nomination)
+    nominations = [Nomination(e, e.lacks(evidence) if e.lacks is not None else "") for e in catalogue]
+    shown = [nomination for nomination in nominations if not nomination.lacks]
+    marks = marks_of(fitter, base, [nomination.effect for nomination in shown])
+    for nomination, mark in zip(shown, marks, strict=True):
+        if mark is None:
+            nomination.lacks = "could not be simulated at the base fit"
+        else:
+            nomination.mark, nomination.deviation = mark, fitter.problem.deviation()
+            nomination.score = score_of(base, nomination.effect, mark)
     nominations.sort(key=lambda n: -(n.score.gain if n.score else -1.0))
     for n in nominations[:6]:
         if n.score:
@@ -80,22 +78,22 @@ def nominate_beside(fitter: Fitter, first: Explanation, nominations: Sequence[No
     return sorted(found, key=lambda n: -n.gain)
 
 
-def mark_of(fitter: Fitter, explanation: Explanation, effect: Effect) -> FloatArray | None:
-    """Derivative of the weighted residual by an effect's strength (per probe), given an explanation.
+def marks_of(fitter: Fitter, explanation: Explanation, effects: Sequence[Effect]) -> list[FloatArray | None]:
+    """Derivatives of the weighted residual by the strength (per probe) of each effect, given an explanation.
 
     Against the effect's own null rather than the base model: an option may change the approximation a
     little even at strength zero, and that is not the effect.
     """
-    effects = (*explanation.effects, effect)
-    off = explanation.fit.candidate | {effect.full_name(p): p.null for p in effect.parameters}
-    on = explanation.fit.candidate | {effect.full_name(p): p.probe for p in effect.parameters}
-    for p in effect.parameters[1:]:
-        off[effect.full_name(p)] = p.probe
-    lit = fitter.problem.residual(effects, on)
-    if lit is None:
-        return None
-    dark = fitter.problem.residual(effects, off)
-    return lit - (dark if dark is not None else explanation.fit.residual)
+    wanted = []
+    for effect in effects:
+        on = {effect.full_name(p): p.probe for p in effect.parameters}
+        off = on | {effect.full_name(effect.strength): effect.strength.null}
+        wanted += [((*explanation.effects, effect), explanation.fit.candidate | values) for values in (on, off)]
+    found = fitter.problem.residuals(wanted)
+    marks: list[FloatArray | None] = []
+    for lit, dark in zip(found[::2], found[1::2], strict=True):
+        marks.append(None if lit is None else lit - (explanation.fit.residual if dark is None else dark))
+    return marks
 
 
 def score_of(explanation: Explanation, effect: Effect, mark: FloatArray) -> Score:
@@ -264,7 +262,7 @@ def _start(
     # The strength's coordinate is 0 at the probe and -1 at the null.
     there = np.concatenate([u, [strength - 1.0], np.zeros(len(nomination.effect.parameters) - 1)])
     candidate = space.at(there)
-    here = fitter.residual(effects)(candidate)
+    here = fitter.residuals(effects)([candidate])[0]
     if here is None:
         return None
     found = Refit(space, there, here, before.fit.jacobian, False, 1)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..trajectory import FloatArray, StepKind, Trajectory
+from .laboratory import Moments
 from .noise import voltage_noise
 
 FLOOR_V = 3e-4
@@ -28,29 +29,6 @@ _MOMENTS = 8
 
 _SINGLE = 5
 """Samples after a current step that stand alone: what happens there happens fast."""
-
-
-@dataclass(frozen=True, eq=False)
-class Moments:
-    """When a simulation is looked at to be averaged as the record is; shapes are (m,).
-
-    A simulated voltage at the middle of a stretch is not its mean where the voltage bends: over a quarter of an hour
-    before a cell is empty the two are 40 mV apart.
-
-    Attributes
-    ----------
-    time, current : ndarray
-        When, s, and the measured current then, A.
-    share : ndarray
-        Of the stretch's samples, those that the moment stands for; adds up to 1 over a stretch.
-    stretch : ndarray of int
-        The stretch it belongs to.
-    """
-
-    time: FloatArray
-    current: FloatArray
-    share: FloatArray
-    stretch: NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,11 +83,6 @@ class Observations:
 
     def __len__(self) -> int:
         return len(self.time)
-
-    def averaged(self, values: FloatArray) -> FloatArray:
-        """What was simulated at the moments, shape (m,), averaged over each stretch, shape (n,)."""
-        summed = np.bincount(self.moments.stretch, self.moments.share * values, len(self))
-        return np.asarray(summed, dtype=np.float64)
 
 
 def observe(

@@ -14,7 +14,7 @@ from ..parameters import Candidate
 from ..trajectory import FloatArray
 from .evidence import is_long
 from .far_errors import drawn_in
-from .laboratory import Laboratory, Prediction, Specimen
+from .laboratory import Laboratory, Prediction, Request, Specimen
 from .observations import Observations, subset
 
 _BLOCK = 6
@@ -95,28 +95,46 @@ class Problem:
         kept_back = [o for o, mask in zip(self.observations, self.fitted, strict=True) if not np.all(mask)]
         return _together([*kept_back, *self.held_observations])
 
-    def predict(self, effects: Sequence[Effect], candidate: Candidate, fine: bool = False) -> list[Prediction] | None:
+    def predict(self, effects: Sequence[Effect], candidate: Candidate) -> list[Prediction] | None:
         """Predictions for the fitted records, corrected for the mesh; None if one of them fails."""
-        self.simulations += 1
-        result: list[Prediction] = []
-        for specimen, observed in zip(self.specimens, self.observations, strict=True):
-            prediction = self._one(effects, candidate, specimen, observed, fine)
-            if prediction is None:
-                return None
-            result.append(prediction)
-        return result
+        return self.predict_all([(effects, candidate)])[0]
+
+    def predict_all(self, wanted: Sequence[tuple[Sequence[Effect], Candidate]]) -> list[list[Prediction] | None]:
+        """Predictions as by `predict` for several candidates, each with its effects, side by side."""
+        self.simulations += len(wanted)
+        rows = list(zip(self.specimens, self.observations, strict=True))
+        found = iter(self._ask([(*one, *row) for one in wanted for row in rows]))
+        results = [[next(found) for _ in rows] for _ in wanted]
+        return [None if None in result else [p for p in result if p is not None] for result in results]
 
     def _one(
-        self, effects: Sequence[Effect], candidate: Candidate, specimen: Specimen, observed: Observations, fine: bool
+        self,
+        effects: Sequence[Effect],
+        candidate: Candidate,
+        specimen: Specimen,
+        observed: Observations,
+        fine: bool = False,
     ) -> Prediction | None:
-        moments, soc = observed.moments, candidate.get(specimen.soc_name)
-        simulated = self.laboratory.predict(effects, candidate, specimen, moments.time, moments.current, fine, soc)
-        if simulated is None:
-            return None
-        voltage, kelvin = observed.averaged(simulated.voltage), simulated.temperature
-        if not fine and specimen.name in self.corrections:
-            voltage = voltage + self.corrections[specimen.name]
-        return Prediction(voltage, None if kelvin is None else observed.averaged(kelvin))
+        return self._ask([(effects, candidate, specimen, observed)], fine)[0]
+
+    def _ask(
+        self, wanted: Sequence[tuple[Sequence[Effect], Candidate, Specimen, Observations]], fine: bool = False
+    ) -> list[Prediction | None]:
+        found = self.laboratory.predict(
+            [
+                Request(tuple(effects), candidate, specimen, observed.moments, fine, candidate.get(specimen.soc_name))
+                for effects, candidate, specimen, observed in wanted
+            ]
+        )
+        if fine:
+            return found
+        return [self._corrected(one[2], prediction) for one, prediction in zip(wanted, found, strict=True)]
+
+    def _corrected(self, specimen: Specimen, prediction: Prediction | None) -> Prediction | None:
+        correction = self.corrections.get(specimen.name)
+        if prediction is None or correction is None:
+            return prediction
+        return Prediction(prediction.voltage + correction, prediction.temperature)
 
     def errors(self, predictions: Sequence[Prediction]) -> list[FloatArray]:
         """Measured minus predicted voltage by record, V."""
@@ -135,13 +153,17 @@ class Problem:
         parts = [self.sigma(observed)[mask] for observed, mask in zip(self.observations, self.fitted, strict=True)]
         return np.asarray(np.sqrt(np.concatenate(parts) ** 2 + self.misfit_v**2))
 
-    def residual(self, effects: Sequence[Effect], candidate: Candidate) -> FloatArray | None:
-        """Weighted residuals of the fitted stretches, misfit included; None if a simulation fails."""
-        predictions = self.predict(effects, candidate)
-        if predictions is None:
-            return None
+    def residuals(self, wanted: Sequence[tuple[Sequence[Effect], Candidate]]) -> list[FloatArray | None]:
+        """Weighted residuals of the fitted stretches, misfit included, of several candidates, each with its effects.
+
+        None where a simulation fails.
+        """
+        deviation = self.deviation()
+        return [None if found is None else self._weighted(found) / deviation for found in self.predict_all(wanted)]
+
+    def _weighted(self, predictions: Sequence[Prediction]) -> FloatArray:
         errors = zip(self.errors(predictions), self.fitted, strict=True)
-        return drawn_in(np.concatenate([error[mask] for error, mask in errors])) / self.deviation()
+        return drawn_in(np.concatenate([error[mask] for error, mask in errors]))
 
     def correct_mesh(self, effects: Sequence[Effect], candidate: Candidate) -> float:
         """Measure at one candidate what the mesh and the tolerances do to the voltage, and correct for it.
@@ -161,8 +183,8 @@ class Problem:
             own = dict(candidate)
             if specimen.soc_name not in own:
                 own[specimen.soc_name] = self._first_soc(candidate)
-            usual = self._one(effects, own, specimen, observed, False)
-            fine = self._one(effects, own, specimen, observed, True)
+            usual = self._one(effects, own, specimen, observed)
+            fine = self._one(effects, own, specimen, observed, fine=True)
             self.simulations += 2
             if usual is None or fine is None:
                 if known is not None:
@@ -219,7 +241,7 @@ class Problem:
 
         def error_at(soc: float) -> FloatArray | None:
             self.simulations += 1
-            prediction = self._one(effects, {**candidate, specimen.soc_name: soc}, specimen, observed, False)
+            prediction = self._one(effects, {**candidate, specimen.soc_name: soc}, specimen, observed)
             return None if prediction is None else observed.voltage - prediction.voltage
 
         key = (specimen.name, " + ".join(effect.key for effect in effects))

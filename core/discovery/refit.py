@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..parameters import ParameterSpace
+from ..parameters import Parameter, ParameterSpace
 from ..trajectory import FloatArray
 from .linear_step import linear_step
 
-Residual = Callable[[dict[str, float]], FloatArray | None]
-"""Weighted residuals (data minus model, in standard deviations) of a candidate; None where it cannot be simulated."""
+Residuals = Callable[[Sequence[dict[str, float]]], Sequence[FloatArray | None]]
+"""Weighted residuals (data minus model, in standard deviations) of candidates that may be simulated side by side; None
+for one that cannot be simulated."""
 
 _VISIBLE = 2.0
 """Root mean square change of the residuals, in deviations, over which a slope is taken."""
@@ -81,14 +82,14 @@ class Refit:
 
 
 def differences(
-    residual: Residual, space: ParameterSpace, u: FloatArray, here: FloatArray, known: FloatArray | None = None
+    residuals: Residuals, space: ParameterSpace, u: FloatArray, here: FloatArray, known: FloatArray | None = None
 ) -> tuple[FloatArray, int]:
     """Jacobian by forward differences, turned inwards at a bound, and the simulations it took.
 
     Parameters
     ----------
-    residual : callable
-        Weighted residuals of a candidate.
+    residuals : callable
+        Weighted residuals of candidates.
     space : ParameterSpace
         What is varied.
     u : ndarray of shape (p,)
@@ -106,33 +107,64 @@ def differences(
     """
     jacobian = np.zeros((len(here), len(space)))
     visible = _VISIBLE * float(np.sqrt(len(here)))
+    columns = [
+        _Column(place, parameter, u[place], 0.0 if known is None else float(np.linalg.norm(known[:, place])), visible)
+        for place, parameter in enumerate(space)
+    ]
     spent = 0
-    lowest, highest = space.lowest, space.highest
-    for column, parameter in enumerate(space):
-        lower, upper = lowest[column], highest[column]
-        widest = parameter.difference if parameter.prior else max(parameter.difference, 0.03 * abs(u[column]))
-        norm = 0.0 if known is None else float(np.linalg.norm(known[:, column]))
-        step = widest if norm * widest < visible else max(visible / norm, _SMALLEST_STEP * widest)
-        for sign in (1.0, -1.0, 1.0):
-            moved = u.copy()
-            moved[column] = np.clip(u[column] + sign * step, lower, upper)
-            change = moved[column] - u[column]
-            if abs(change) < 0.2 * step:
-                continue
-            there = residual(space.at(moved))
-            spent += 1
-            if there is None:
-                continue
-            jacobian[:, column] = (there - here) / change
-            seen = float(np.linalg.norm(there - here))
-            if seen < 5 * visible or step <= _SMALLEST_STEP * widest:
-                break
-            step = max(step * visible / seen, _SMALLEST_STEP * widest)
+    while asking := [column for column in columns if column.wanted is not None]:
+        moved = []
+        for column in asking:
+            there = u.copy()
+            there[column.place] = column.wanted
+            moved.append(space.at(there))
+        spent += len(moved)
+        for column, there_residual in zip(asking, residuals(moved), strict=True):
+            change = column.wanted - u[column.place]
+            if there_residual is not None:
+                jacobian[:, column.place] = (there_residual - here) / change
+            column.take(None if there_residual is None else float(np.linalg.norm(there_residual - here)))
     return jacobian, spent
 
 
+class _Column:
+    """One column of a Jacobian: the coordinate at which its difference is wanted next, until one will do.
+
+    Forwards first, then backwards, then forwards once more: after a failure, where there is no room, and with a
+    shorter step where the change was far larger than the data need to see it.
+    """
+
+    def __init__(self, place: int, parameter: Parameter, u: float, norm: float, visible: float) -> None:
+        self.place = place
+        self._u, self._visible = float(u), visible
+        self._lower, self._upper = parameter.coordinate(parameter.lower), parameter.coordinate(parameter.upper)
+        widest = parameter.difference if parameter.prior else max(parameter.difference, 0.03 * abs(self._u))
+        self._smallest = _SMALLEST_STEP * widest
+        self._step = widest if norm * widest < visible else max(visible / norm, self._smallest)
+        self._signs = [1.0, -1.0, 1.0]
+        self.wanted: float | None = None
+        self._next()
+
+    def _next(self) -> None:
+        self.wanted = None
+        while self._signs:
+            wanted = float(np.clip(self._u + self._signs.pop(0) * self._step, self._lower, self._upper))
+            if abs(wanted - self._u) >= 0.2 * self._step:
+                self.wanted = wanted
+                return
+
+    def take(self, seen: float | None) -> None:
+        """Note by how much the residuals changed (their norm); None for a simulation that failed."""
+        if seen is not None and (seen < 5 * self._visible or self._step <= self._smallest):
+            self.wanted = None
+            return
+        if seen is not None:
+            self._step = max(self._step * self._visible / seen, self._smallest)
+        self._next()
+
+
 def refit(
-    residual: Residual,
+    residuals: Residuals,
     space: ParameterSpace,
     start: FloatArray,
     jacobian: FloatArray | None = None,
@@ -146,8 +178,8 @@ def refit(
 
     Parameters
     ----------
-    residual : callable
-        Weighted residuals of a candidate.
+    residuals : callable
+        Weighted residuals of candidates.
     space : ParameterSpace
         What to fit.
     start : ndarray of shape (p,)
@@ -166,14 +198,14 @@ def refit(
     """
     lower, upper, beliefs = space.lowest, space.highest, space.prior_weights
     u = np.clip(np.asarray(start, dtype=np.float64), lower, upper)
-    first = residual(space.at(u))
+    first = residuals([space.at(u)])[0]
     spent = 1
     if first is None:
         return None
     here: FloatArray = first
     fresh = jacobian is None
     if jacobian is None:
-        slopes, used = differences(residual, space, u, here)
+        slopes, used = differences(residuals, space, u, here)
         spent += used
     else:
         slopes = jacobian
@@ -186,7 +218,7 @@ def refit(
             break
         improved = False
         if enough:
-            there = residual(space.at(u + step))
+            there = residuals([space.at(u + step)])[0]
             spent += 1
             if there is not None:
                 new_cost = float(there @ there + np.sum((beliefs * (u + step)) ** 2))
@@ -207,7 +239,7 @@ def refit(
                 continue
             if spent + len(space) > budget:
                 break
-            slopes, used = differences(residual, space, u, here, slopes)
+            slopes, used = differences(residuals, space, u, here, slopes)
             spent += used
             fresh = True
     # Small steps promise little by being small: what counts is what a full one would.

@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 
 from ...core.discovery.evidence import is_long
-from ...core.discovery.laboratory import Prediction, Specimen
+from ...core.discovery.laboratory import Prediction, Request, Specimen
 from ...core.effect import Effect
 from ...core.errors import BsaError
 from ...core.parameters import Candidate
 from ...core.target import Target
 from ...core.task import CellModel
-from ...core.trajectory import FloatArray
 from .augmentation import part_of
 from .driven_cell import FINE, SEARCH, Curve, DrivenCell, Resolution
 
@@ -56,32 +55,29 @@ class PyBaMMLaboratory:
         self.simulations = 0
         self.refused: dict[str, str] = {}
 
-    def predict(
-        self,
-        effects: Sequence[Effect],
-        candidate: Candidate,
-        specimen: Specimen,
-        times: FloatArray,
-        current: FloatArray,
-        fine: bool = False,
-        soc: float | None = None,
-    ) -> Prediction | None:
-        """Simulate; see `Laboratory.predict`."""
-        present = tuple(effect for effect in effects if not _is_absent(effect, candidate))
-        driven = self._driven(present, specimen, fine)
+    def predict(self, requests: Sequence[Request]) -> list[Prediction | None]:
+        """Simulate one after the other; see `Laboratory.predict`."""
+        return [self._predict(request) for request in requests]
+
+    def _predict(self, request: Request) -> Prediction | None:
+        candidate, specimen, moments = request.candidate, request.specimen, request.moments
+        present = tuple(effect for effect in request.effects if not _is_absent(effect, candidate))
+        driven = self._driven(present, specimen, request.fine)
         if driven is None:
             return None
-        own = (*(candidate.get(name) for name in self._targets), *(effect.values(candidate) for effect in present), soc)
+        own = (*(candidate.get(name) for name in self._targets), *(effect.values(candidate) for effect in present))
         # Not the identity of the compiled cell: once it is let go, another may have the same.
-        of = (tuple(effect.key for effect in present), id(specimen), fine)
-        key = (of, repr(own), len(times), float(np.sum(times)))
+        of = (tuple(effect.key for effect in present), id(specimen), request.fine)
+        key = (of, repr(own), request.soc, len(moments.time), float(np.sum(moments.time)))
         if key not in self._recent:
             self.simulations += 1
-            self._recent[key] = driven.solve(candidate, times, current, soc)
+            self._recent[key] = driven.solve(candidate, moments.time, moments.current, request.soc)
             while len(self._recent) > _RECENT:
                 self._recent.popitem(last=False)
         curve = self._recent[key]
-        return None if curve is None else Prediction(curve.voltage, curve.temperature)
+        if curve is None:
+            return None
+        return Prediction(moments.averaged(curve.voltage), moments.averaged(curve.temperature))
 
     def _driven(self, effects: tuple[Effect, ...], specimen: Specimen, fine: bool) -> DrivenCell | None:
         # The specimen itself is kept, so that its identity stays its own.

@@ -37,7 +37,7 @@ def test_a_simulation_is_averaged_as_the_record_is():
 
     discharge = observed.step % 2 == 0
     in_the_middle = observed.voltage - simulated(observed.time)
-    averaged = observed.voltage - observed.averaged(simulated(observed.moments.time))
+    averaged = observed.voltage - observed.moments.averaged(simulated(observed.moments.time))
     assert np.max(np.abs(in_the_middle[discharge])) > 0.02
     assert np.max(np.abs(averaged[discharge])) < 0.002
 
@@ -46,8 +46,8 @@ def test_a_simulation_is_averaged_as_the_record_is():
 def test_moments_stand_for_every_sample_once(points, cycles):
     record = emptying(cycles=cycles)
     observed = observe("x", record, points=points)
-    assert observed.averaged(np.ones(len(observed.moments.time))) == pytest.approx(np.ones(len(observed)))
-    assert observed.averaged(observed.moments.current) == pytest.approx(observed.current)
+    assert observed.moments.averaged(np.ones(len(observed.moments.time))) == pytest.approx(np.ones(len(observed)))
+    assert observed.moments.averaged(observed.moments.current) == pytest.approx(observed.current)
     assert np.all(np.diff(observed.moments.stretch) >= 0)
 
 
@@ -57,7 +57,9 @@ def test_a_subset_keeps_its_own_moments(seed):
     mask = np.random.default_rng(seed).random(len(observed)) < 0.5
     mask[0] = True
     part = subset(observed, mask)
-    assert part.averaged(part.moments.time) == pytest.approx(observed.averaged(observed.moments.time)[mask])
+    assert part.moments.averaged(part.moments.time) == pytest.approx(
+        observed.moments.averaged(observed.moments.time)[mask]
+    )
 
 
 @pytest.mark.parametrize("logged_twice", [False, True])

@@ -12,10 +12,10 @@ class Stairs(toy.ToyLaboratory):
     def __init__(self, begin, height):
         self.begin, self.height = begin, height
 
-    def predict(self, effects, candidate, specimen, times, current, fine=False, soc=None):
-        usual = super().predict(effects, candidate, specimen, times, current).voltage
+    def one(self, request):
+        times = request.moments.time
         fall = np.where(times > self.begin, np.sin(np.arange(len(times))), 0.0)
-        return Prediction(usual + fine * self.height * fall)
+        return Prediction(super().one(request).voltage + request.fine * self.height * request.moments.averaged(fall))
 
 
 @pytest.mark.parametrize("height", [0.002, 0.1])

@@ -10,6 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 
+def each(residual):
+    """Residuals of one candidate as a function of several."""
+    return lambda candidates: [residual(candidate) for candidate in candidates]
+
+
 def space(count):
     return ParameterSpace(tuple(Parameter(f"p{k}", 0.0, -50.0, 50.0, deviation=1.0) for k in range(count)))
 
@@ -73,7 +78,7 @@ def test_a_fit_converges_inside_bounds_and_counts_what_it_spends():
         calls += 1
         return target - matrix @ np.array([candidate[f"p{k}"] for k in range(3)])
 
-    fit = refit(residual, space(3), np.zeros(3), tolerance=1e-8)
+    fit = refit(each(residual), space(3), np.zeros(3), tolerance=1e-8)
     assert fit is not None
     assert fit.converged
     assert fit.simulations == calls
@@ -86,10 +91,10 @@ def test_a_fit_survives_candidates_that_fail():
         x = candidate["p0"]
         return None if x > 2.5 else np.array([x - 2.0, 0.1 * (x - 2.0)])
 
-    fit = refit(residual, space(1), np.array([-4.0]))
+    fit = refit(each(residual), space(1), np.array([-4.0]))
     assert fit is not None
     assert fit.candidate["p0"] == pytest.approx(2.0, abs=2e-2)
-    assert refit(lambda candidate: None, space(1), np.zeros(1)) is None
+    assert refit(each(lambda candidate: None), space(1), np.zeros(1)) is None
 
 
 @settings(max_examples=20)
@@ -108,10 +113,10 @@ def test_a_slope_is_taken_over_what_the_data_can_see():
         return 100 * np.exp(30 * candidate["p0"]) * np.ones(50) + candidate["p1"]
 
     both = ParameterSpace(tuple(Parameter(f"p{k}", 0.0, -5.0, 5.0, deviation=1.0, prior=True) for k in range(2)))
-    jacobian, spent = differences(residual, both, np.zeros(2), residual({"p0": 0.0, "p1": 0.0}))
+    jacobian, spent = differences(each(residual), both, np.zeros(2), residual({"p0": 0.0, "p1": 0.0}))
     assert jacobian[0, 0] == pytest.approx(3000, rel=0.05)
     assert jacobian[0, 1] == pytest.approx(1.0)
-    again, fewer = differences(residual, both, np.zeros(2), residual({"p0": 0.0, "p1": 0.0}), jacobian)
+    again, fewer = differences(each(residual), both, np.zeros(2), residual({"p0": 0.0, "p1": 0.0}), jacobian)
     assert fewer == 2 < spent
     assert again[0, 0] == pytest.approx(3000, rel=0.05)
 
@@ -120,11 +125,11 @@ def test_a_fit_without_a_fresh_jacobian_promises_anything():
     def residual(candidate):
         return np.array([candidate["p0"] - 1.0, 10 * (candidate["p1"] - candidate["p0"] ** 2)])
 
-    short = refit(residual, space(2), np.array([-1.0, 1.0]), np.eye(2), budget=2)
+    short = refit(each(residual), space(2), np.array([-1.0, 1.0]), np.eye(2), budget=2)
     assert short is not None
     assert short.promised == np.inf
     assert not short.converged
-    whole = refit(residual, space(2), np.array([-1.0, 1.0]), budget=200)
+    whole = refit(each(residual), space(2), np.array([-1.0, 1.0]), budget=200)
     assert whole is not None
     assert whole.promised < 1e-2
     assert whole.converged

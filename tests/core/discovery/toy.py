@@ -43,16 +43,24 @@ def marks(current, time):
 class ToyLaboratory:
     """V = 3.8 - 0.2 q + offset - R I + the effects' marks."""
 
-    def predict(self, effects, candidate, specimen: Specimen, times, current, fine=False, soc=None):
-        record = specimen.record
+    def predict(self, requests):
+        return [self.one(request) for request in requests]
+
+    def one(self, request):
+        candidate, record, times, current = (
+            request.candidate,
+            request.specimen.record,
+            request.moments.time,
+            request.moments.current,
+        )
         charge = np.interp(times, record.time, record.discharge_capacity)
-        start = 3.6 + 0.2 * (0.9 if soc is None else soc)
+        start = 3.6 + 0.2 * (0.9 if request.soc is None else request.soc)
         voltage = start - 0.2 * charge - candidate["resistance factor"] * 0.05 * current
         full = marks(record.current, record.time)
-        for added in effects:
+        for added in request.effects:
             mark = np.interp(times, record.time, full[added.name])
             voltage = voltage + added.values(candidate)["size"] * mark
-        return Prediction(voltage)
+        return Prediction(request.moments.averaged(voltage))
 
 
 CHECK = ((0, 60), (1, 600), (0, 400), (2.5, 300), (0, 400), (-1, 500), (0, 300), (1.8, 200), (0, 200))
