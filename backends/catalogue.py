@@ -19,28 +19,36 @@ def bsa_backends() -> Iterable[Entry]:
     from .bad_advice import AdversarialAdvice, RandomAdvice
     from .rules.backend import RulesBackend
 
-    yield Entry("rules", RulesBackend, "A deterministic reasoner that reads the prompt; needs no model.")
+    yield Entry("rules", RulesBackend, "A deterministic reasoner that reads the prompt; needs no model.", api=1)
     for name, preset in load_presets().items():
-        yield Entry(name, partial(open_preset, preset), preset.summary, BackendOptions)
-    yield Entry("random-advice", RandomAdvice, "Answers at random, for measuring what bad advice costs.")
-    yield Entry("adversarial-advice", AdversarialAdvice, "Sends the search into corners, for the same purpose.")
-    yield Entry("litellm", _litellm, "litellm:PROVIDER/MODEL, any hosted model that litellm knows.", BackendOptions)
+        yield Entry(name, partial(open_preset, preset), preset.summary, BackendOptions, api=1)
+    yield Entry("random-advice", RandomAdvice, "Answers at random, for measuring what bad advice costs.", api=1)
+    yield Entry("adversarial-advice", AdversarialAdvice, "Sends the search into corners, for the same purpose.", api=1)
+    yield Entry(
+        "litellm", _litellm, "litellm:PROVIDER/MODEL, any hosted model that litellm knows.", BackendOptions, api=1
+    )
     yield Entry(
         "openai",
         _openai,
         "openai:MODEL of an OpenAI-compatible server at --base-url (vLLM, llama.cpp).",
         BackendOptions,
+        api=1,
     )
-    yield Entry("ollama", _ollama, "ollama:MODEL of an Ollama server.", BackendOptions)
+    yield Entry("ollama", _ollama, "ollama:MODEL of an Ollama server.", BackendOptions, api=1)
     yield Entry(
         "transformers",
         _transformers,
         "transformers:FOLDER_OR_NAME, a Hugging Face model in this process.",
         BackendOptions,
+        api=1,
     )
-    yield Entry("replay", _replay, "replay:RUN, the replies of an earlier run, without a model.", BackendOptions)
+    yield Entry("replay", _replay, "replay:RUN, the replies of an earlier run, without a model.", BackendOptions, api=1)
     yield Entry(
-        "manual", _manual, "A person or another program, at the terminal or by files (--exchange).", BackendOptions
+        "manual",
+        _manual,
+        "A person or another program, at the terminal or by files (--exchange).",
+        BackendOptions,
+        api=1,
     )
 
 

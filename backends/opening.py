@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
-from ..core.errors import BsaError, did_you_mean
-from ..core.hooks import Entry
+from pydantic import ValidationError
+
+from ..core.errors import BsaError
 from ..core.messages import Backend
 from ..core.registry import Registry, installed
+from ..core.validation import explain
+from .checked import CheckedBackend
 from .options import BackendOptions, Route
 from .presets import Preset
 
 _WRAPPERS = {"votes", "review"}
+"""Options that stand around any backend and are none of its own."""
 
 
-def open_backend(spec: str, options: BackendOptions | None = None, registry: Registry | None = None) -> Backend:
+Given = Mapping[str, Any] | BackendOptions
+"""Options of a backend, as written; as `BackendOptions` where it is one of ours."""
+
+
+def open_backend(spec: str, options: Given | None = None, registry: Registry | None = None) -> Backend:
     """Open a language model.
 
     Parameters
@@ -24,57 +32,60 @@ def open_backend(spec: str, options: BackendOptions | None = None, registry: Reg
         ``NAME`` or ``NAME:MODEL``: a preset (``qwen2.5-14b``), a route and its model
         (``litellm:openai/o3``, ``openai:my-model``, ``ollama:qwen2.5:14b``, ``transformers:PATH``,
         ``replay:RUN``), ``manual``, ``rules``, or what a third party offers.
-    options : BackendOptions, optional
-        What is to be set.
+    options : mapping or BackendOptions, optional
+        Options of the backend, only what is to be set. They are checked against its ``config_type``; ``votes`` and
+        ``review`` go with any backend.
     registry : Registry, optional
         Where to look the name up; the installed one if unset.
 
     Returns
     -------
     Backend
-        Wrapped for votes and review where asked for.
+        Checked, and wrapped for votes and review where asked for.
 
     Raises
     ------
     BsaError
-        If there is no such backend, or it is not ready; the hint says what would make it so.
+        If there is no such backend, it has no such option, or it is not ready; the hint says what would make it so.
     """
-    options = options or BackendOptions()
     registry = registry or installed()
-    name, colon, model = spec.partition(":")
-    if colon and not model:
-        raise BsaError(f'the backend "{spec}" names no model behind its colon.', f"write {name}:MODEL.")
-    if model:
-        options = options.model_copy(update={"model": model})
-    backend: Backend = _open(registry, name, options)
-    if options.votes > 1:
+    name, own, around = _parted(spec, options, registry)
+    backend: Backend = CheckedBackend(registry.make("backend", name, own), registry.find("backend", name).who)
+    if around.votes > 1:
         from .voting import VotingBackend
 
-        backend = VotingBackend(backend, options.votes)
-    if options.review:
+        backend = VotingBackend(backend, around.votes)
+    if around.review:
         from .reviewing import ReviewingBackend
 
         backend = ReviewingBackend(backend)
     return backend
 
 
-def _open(registry: Registry, name: str, options: BackendOptions) -> Backend:
-    names = registry.names("backend")
-    if name not in names:
-        nearest = did_you_mean(name, names)
-        raise BsaError(
-            f'there is no backend "{name}".',
-            f"{nearest} " * bool(nearest)
-            + f"Available: {', '.join(sorted(names))}; litellm:PROVIDER/MODEL takes any model that litellm knows.",
-        )
-    entry: Entry = registry.get("backend", name)
-    if entry.config_type is BackendOptions:
-        backend: Backend = entry.factory(options)
-        return backend
-    # Only what was set: a backend with its own options refuses what it does not know.
-    settings: dict[str, Any] = options.model_dump(include=options.model_fields_set - _WRAPPERS)
-    made: Backend = entry.factory(registry.configure("backend", name, settings))
-    return made
+def check_backend(spec: str, options: Given | None = None, registry: Registry | None = None) -> None:
+    """Whether there is such a backend and it takes these options, without opening it; as in `open_backend`."""
+    registry = registry or installed()
+    name, own, _ = _parted(spec, options, registry)
+    registry.configure("backend", name, own)
+
+
+def _parted(spec: str, options: Given | None, registry: Registry) -> tuple[str, dict[str, Any], BackendOptions]:
+    """The backend's name, its own options, and those that go around it."""
+    name, colon, model = spec.partition(":")
+    if colon and not model:
+        raise BsaError(f'the backend "{spec}" names no model behind its colon.', f"write {name}:MODEL.")
+    try:
+        registry.find("backend", name)
+    except BsaError as error:
+        hint = f"{error.hint} litellm:PROVIDER/MODEL takes any model that litellm knows."
+        raise BsaError(error.message, hint) from None
+    said = options.model_dump(exclude_unset=True) if isinstance(options, BackendOptions) else dict(options or {})
+    given = {**said, "model": model} if model else said
+    try:
+        around = BackendOptions.model_validate({key: value for key, value in given.items() if key in _WRAPPERS})
+    except ValidationError as error:
+        raise explain(error, "backend options", BackendOptions) from None
+    return name, {key: value for key, value in given.items() if key not in _WRAPPERS}, around
 
 
 def open_preset(preset: Preset, options: BackendOptions) -> Backend:

@@ -5,7 +5,7 @@ Nothing here counts as a simulation of the search: it begins when the search has
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -41,19 +41,17 @@ _ALONG = 0.02
 _MOST_DIRECTIONS = 6
 _FULL = 1.0
 
-Report = Callable[[int, Outcome], None]
-
 
 class Simulating(Protocol):
     """What an appraisal needs of a run's plugins."""
 
-    def simulate(self, candidates: Sequence[Candidate], exact: bool, report: Report) -> Sequence[Outcome]:
+    def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
         """See `RunHooks.simulate`."""
         ...
 
     def simulate_variant(
-        self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...], report: Report
-    ) -> Sequence[Outcome] | None:
+        self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...]
+    ) -> Iterator[tuple[int, Outcome]] | None:
         """See `RunHooks.simulate_variant`."""
         ...
 
@@ -179,15 +177,17 @@ class _Spent:
     simulations: int = 0
     seconds: float = 0.0
 
-    def whole_task(self, place: int, outcome: Outcome) -> None:
-        """A task counts as one simulation however many records it has, as in the search."""
-        self.simulations += 1
-        self.seconds += outcome.seconds
+    def counted(self, outcomes: Iterator[tuple[int, Outcome]], records: int) -> list[Outcome]:
+        """The outcomes in the order of their candidates, each counted as so many simulations.
 
-    def each_record(self, place: int, outcome: Outcome) -> None:
-        """Every suggested record counts."""
-        self.simulations += len(outcome.runs)
-        self.seconds += outcome.seconds
+        A task counts as one simulation however many records it has, as in the search; every suggested record counts.
+        """
+        found: dict[int, Outcome] = {}
+        for place, outcome in outcomes:
+            found[place] = outcome
+            self.simulations += records
+            self.seconds += outcome.seconds
+        return [found[place] for place in range(len(found))]
 
 
 def appraise(task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulating) -> Appraisal | None:
@@ -240,7 +240,7 @@ def _jacobian(
             point = centre.copy()
             point[place] = np.clip(point[place] + attempt * side[place] * DIFFERENCE, 0.0, 1.0)
             points.append(point)
-        outcomes = plugins.simulate([space.from_unit(point) for point in points], False, spent.whole_task)
+        outcomes = spent.counted(plugins.simulate([space.from_unit(point) for point in points], False), 1)
         for place, point, outcome in zip(missing, points, outcomes, strict=True):
             change = float(point[place] - centre[place])
             there = residuals(task, outcome)
@@ -271,10 +271,10 @@ def _suggestions(
     space = task.space
     points = [beside(space, best.candidate, direction, _ALONG) for direction in directions]
     candidates = [dict(best.candidate), *(space.from_unit(point) for point in points)]
-    outcomes = plugins.simulate_variant(candidates, experiments, spent.each_record)
+    outcomes = plugins.simulate_variant(candidates, experiments)
     if outcomes is None:
         return ()
-    here, *around = outcomes
+    here, *around = spent.counted(outcomes, len(experiments))
     moved = np.array(points) - space.to_unit(best.candidate)
     rows: dict[str, FloatArray] = {}
     hours: dict[str, float] = {}

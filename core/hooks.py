@@ -54,14 +54,15 @@ class Entry:
     config_type : type of pydantic.BaseModel
         What can be configured, with a sentence on every field.
     api : int
-        Version of this interface that the plugin was written for.
+        Version of this interface that the plugin was written for: the number, by name, so that a plugin that was
+        not changed along with the interface can be told.
     """
 
     name: str
     factory: Callable[..., Any]
     summary: str
     config_type: type[BaseModel] = NoOptions
-    api: int = API_VERSION
+    api: int = field(kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -180,9 +181,7 @@ class RunHooks:
     """What takes part in a run."""
 
     @hookspec(firstresult=True)
-    def simulate(
-        self, candidates: Sequence[Candidate], exact: bool, report: Callable[[int, Outcome], None]
-    ) -> Sequence[Outcome] | None:
+    def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterable[tuple[int, Outcome]]:
         """Simulate candidates of the task, side by side where the simulator can.
 
         Exactly one plugin of a run implements this.
@@ -195,19 +194,23 @@ class RunHooks:
             Whether to use the reference discretisation and tolerances (for the final score) rather
             than the fast ones.
 
-        Returns
-        -------
-        sequence of Outcome
-            One for each candidate, in order. A failed simulation is an outcome, never an exception.
+        Yields
+        ------
+        place : int
+            Place of the candidate in ``candidates``, from 0.
+        outcome : Outcome
+            With one run for each experiment of the task. A failed simulation is an outcome, never an exception.
+
+        Notes
+        -----
+        Every candidate is answered once, in any order. What is yielded is in the journal before the next candidate
+        is asked for, so yield each outcome as soon as it is known: an interrupted run then loses none.
         """
 
     @hookspec(firstresult=True)
     def simulate_variant(
-        self,
-        candidates: Sequence[Candidate],
-        experiments: tuple[Experiment, ...],
-        report: Callable[[int, Outcome], None],
-    ) -> Sequence[Outcome] | None:
+        self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...]
+    ) -> Iterable[tuple[int, Outcome]] | None:
         """Simulate candidates of the task's cell under other experiments than the task's.
 
         Optional: a simulator without it neither eases a task nor says what to measure next.
@@ -218,13 +221,11 @@ class RunHooks:
             As for `simulate`.
         experiments : tuple of Experiment
             What to simulate instead; their targets may be empty.
-        report : callable
-            As for `simulate`.
 
-        Returns
-        -------
-        sequence of Outcome
-            One for each candidate, with one run for each of these experiments.
+        Yields
+        ------
+        place, outcome
+            As for `simulate`, with one run for each of these experiments.
         """
 
     @hookspec(firstresult=True)

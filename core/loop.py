@@ -274,17 +274,18 @@ class Run:
         places: Sequence[int],
         report: Callable[[int, Outcome], None],
     ) -> None:
-        def at_its_place(position: int, outcome: Outcome) -> None:
+        for position, outcome in self._outcomes(candidates, easing):
             report(places[position], outcome)
 
+    def _outcomes(self, candidates: Sequence[Candidate], easing: Easing | None) -> Iterable[tuple[int, Outcome]]:
         if easing is None:
-            self._plugins.simulate(candidates, False, at_its_place)
-            return
+            return self._plugins.simulate(candidates, False)
         experiments = self._plugins.ease(easing)
-        if experiments is None or self._plugins.simulate_variant(candidates, experiments, at_its_place) is None:
+        outcomes = None if experiments is None else self._plugins.simulate_variant(candidates, experiments)
+        if outcomes is None:
             refused = ExperimentRun(None, SimulationFailure("this simulator cannot ease a task"))
-            for position in range(len(candidates)):
-                at_its_place(position, Outcome((refused,) * len(self._task.experiments)))
+            return enumerate([Outcome((refused,) * len(self._task.experiments))] * len(candidates))
+        return outcomes
 
     def _trial(
         self, index: int, phase: Phase, number: int, candidate: Candidate, outcome: Outcome, easing: Easing | None
@@ -371,11 +372,9 @@ class Run:
         missing = [which for which in ("initial", "best") if which not in scores]
         chosen = {"initial": self._trials[0], "best": best}
         if missing:
-            outcomes = self._plugins.simulate(
-                [chosen[which].candidate for which in missing], True, lambda position, outcome: None
-            )
-            for which, outcome in zip(missing, outcomes, strict=True):
-                scores[which] = self._exact(which, chosen[which], outcome)
+            outcomes = dict(self._plugins.simulate([chosen[which].candidate for which in missing], True))
+            for place, which in enumerate(missing):
+                scores[which] = self._exact(which, chosen[which], outcomes[place])
         return scores
 
     def _exact(self, which: str, trial: Trial, outcome: Outcome) -> Metrics | None:

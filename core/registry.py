@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import Distribution, distributions
+from importlib.metadata import EntryPoint, distributions
 from typing import Any, Literal
 
-import pluggy
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
+from .border import border, in_words
 from .errors import BsaError, did_you_mean
+from .hook_methods import call, hook_methods
 from .hooks import API_VERSION, PROJECT, CatalogueHooks, Entry
+from .printable import shown
 from .validation import explain
 
 Kind = Literal["simulator", "feedback", "memory", "proposer", "warm-up", "backend", "reader", "effect"]
@@ -28,6 +31,9 @@ _HOOKS: dict[Kind, str] = {
     "effect": "bsa_effects",
 }
 KINDS: tuple[Kind, ...] = tuple(_HOOKS)
+
+OWN = "battery-sim-agent"
+"""Our own distribution: a name that it uses stays its own."""
 
 _NAME = re.compile(r"[a-z0-9][a-z0-9.+-]*")
 
@@ -50,96 +56,133 @@ class Listing:
     entry: Entry
     origin: str
 
+    @property
+    def who(self) -> str:
+        """Kind, name, distribution and version, for messages: ``"memory notebook of my-plugin 0.1"``."""
+        return f"{self.kind} {self.entry.name} of {self.origin}"
 
-def _origin(distribution: Distribution) -> str:
-    return f"{distribution.metadata['Name']} {distribution.version}"
+    @property
+    def own(self) -> bool:
+        """Whether it is built in."""
+        return self.origin.startswith(f"{OWN} ")
+
+
+@dataclass(frozen=True)
+class Unusable:
+    """What a distribution offers and nobody can use.
+
+    Attributes
+    ----------
+    name : str
+        Name of the entry, or of the entry point where the fault is not that of one entry.
+    reason : str
+        What is wrong, in one line.
+    origin : str
+        Distribution and version.
+    kind : str or None
+        Kind of the entry; None for a whole plugin, or one of its hooks.
+    """
+
+    name: str
+    reason: str
+    origin: str
+    kind: Kind | None = None
 
 
 class Registry:
     """Every entry that the installed distributions offer.
 
-    Raises
-    ------
-    BsaError
-        If two distributions claim one plugin name or offer two entries of one kind and name, if a
-        plugin cannot be imported, or if it implements a hook that does not exist.
+    A plugin that cannot be used is passed over and kept in `unusable` with its reason: it is an error where it is
+    asked for by name, and nowhere else.
     """
 
     def __init__(self) -> None:
-        self._manager = pluggy.PluginManager(PROJECT)
-        self._manager.add_hookspecs(CatalogueHooks)
-        self._origins: dict[str, str] = {}
+        self._plugins: list[tuple[object, str, str]] = []
         self._listings: dict[tuple[Kind, str], Listing] = {}
+        self._not_loaded: list[Unusable] = []
+        self._not_listed: list[Unusable] = []
+
+    @property
+    def unusable(self) -> list[Unusable]:
+        """What is offered and cannot be used."""
+        return [*self._not_loaded, *self._not_listed]
 
     def load_entry_points(self) -> Registry:
         """Register everything in the entry-point group ``bsa`` and collect the entries."""
-        seen_distributions: set[str] = set()
+        seen: set[str] = set()
         for distribution in distributions():
-            name = distribution.metadata["Name"]
-            # The first distribution of a name on the path is the one that imports see.
-            if name is None or name in seen_distributions:
+            try:
+                name, version = distribution.metadata["Name"], distribution.version
+                points = [point for point in distribution.entry_points if point.group == PROJECT]
+            except Exception:  # metadata that cannot be read: whose they are cannot be said either
                 continue
-            seen_distributions.add(name)
-            for point in distribution.entry_points:
-                if point.group == PROJECT:
-                    self._load(point, _origin(distribution))
+            # The first distribution of a name on the path is the one that imports see.
+            if name is None or _normalised(name) in seen:
+                continue
+            seen.add(_normalised(name))
+            for point in points:
+                self._load(point, f"{name} {version}")
         return self.collect()
 
-    def _load(self, point: Any, origin: str) -> None:
+    def _load(self, point: EntryPoint, origin: str) -> None:
         try:
             plugin = point.load()
-        except Exception as error:
-            raise BsaError(
-                f'plugin "{point.name}" of {origin} cannot be imported: {type(error).__name__}: {error}.',
-                f"repair or uninstall {origin.split()[0]}.",
-            ) from error
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # whatever a stranger's module does when it is imported, SystemExit included
+            self._not_loaded.append(Unusable(point.name, f"cannot be imported: {_reason(error)}", origin))
+            return
         self.register(plugin, point.name, origin)
 
     def register(self, plugin: object, name: str, origin: str) -> None:
         """Add one catalogue plugin; entries appear after `collect`."""
-        if name in self._origins:
-            raise BsaError(
-                f'two distributions offer a plugin named "{name}": {self._origins[name]} and {origin}.',
-                "uninstall one of them, or ask its author to rename the entry point.",
-            )
-        self._origins[name] = origin
-        self._manager.register(plugin, name)
+        self._plugins.append((plugin, name, origin))
 
     def collect(self) -> Registry:
-        """Check the registered plugins and list their entries."""
-        try:
-            self._manager.check_pending()
-        except pluggy.PluginValidationError as error:
-            raise BsaError(f"a plugin implements an unknown hook: {error}", "check the hook's name.") from error
-        self._listings.clear()
-        for kind, hook_name in _HOOKS.items():
-            hook = getattr(self._manager.hook, hook_name)
-            for implementation in hook.get_hookimpls():
-                origin = self._origins[implementation.plugin_name]
-                for entry in implementation.function():
-                    self._add(kind, entry, origin)
+        """Ask the registered plugins for their entries, and settle who has a name that several offer."""
+        self._not_listed.clear()
+        offered: dict[tuple[Kind, str], list[Listing]] = {}
+        for plugin, name, origin in self._plugins:
+            for listing in self._listings_of(plugin, name, origin):
+                offered.setdefault((listing.kind, listing.entry.name), []).append(listing)
+        self._listings = {}
+        for key, rivals in offered.items():
+            own = [listing for listing in rivals if listing.own]
+            if len(rivals) == 1 or len(own) == 1:
+                self._listings[key] = (own or rivals)[0]
+            for listing in rivals:
+                if self._listings.get(key) is not listing:
+                    others = " and ".join(other.origin for other in rivals if other is not listing)
+                    reason = "the name is taken by" if key in self._listings else "the name is also offered by"
+                    self._not_listed.append(Unusable(key[1], f"{reason} {others}", listing.origin, key[0]))
         return self
 
-    def _add(self, kind: Kind, entry: Entry, origin: str) -> None:
-        if not isinstance(entry, Entry):
-            raise BsaError(f"{origin} lists {entry!r} as a {kind}.", "yield bsa.core.hooks.Entry objects.")
-        if not _NAME.fullmatch(entry.name):
-            raise BsaError(
-                f'{origin} names a {kind} "{entry.name}".', "use lower-case letters, digits, hyphens, dots and plus."
-            )
-        if entry.api != API_VERSION:
-            raise BsaError(
-                f'{kind} "{entry.name}" of {origin} was written for plugin interface {entry.api}, '
-                f"but this is interface {API_VERSION}.",
-                f"install a version of {origin.split()[0]} made for interface {API_VERSION}.",
-            )
-        other = self._listings.get((kind, entry.name))
-        if other is not None:
-            raise BsaError(
-                f'two plugins offer a {kind} named "{entry.name}": {other.origin} and {origin}.',
-                "uninstall one of them, or rename its entry.",
-            )
-        self._listings[kind, entry.name] = Listing(kind, entry, origin)
+    def _listings_of(self, plugin: object, name: str, origin: str) -> Iterable[Listing]:
+        """The entries of a plugin that can be used; the others are noted."""
+        try:
+            methods, faults = hook_methods(plugin, CatalogueHooks)
+        except Exception as error:  # a stranger's object need not even bear being looked at
+            methods, faults = {}, [_reason(error)]
+        self._not_listed += [Unusable(name, fault, origin) for fault in faults]
+        for kind, hook in _HOOKS.items():
+            if hook not in methods:
+                continue
+            entries: list[Any] = []
+            try:
+                for entry in call(methods[hook], {}):
+                    entries.append(entry)  # one by one: what came before an exception counts
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:
+                self._not_listed.append(Unusable(name, f"{_reason(error)} in {hook}", origin))
+            for entry in entries:
+                fault = _fault(entry)
+                if fault and isinstance(entry, Entry) and isinstance(entry.name, str):
+                    self._not_listed.append(Unusable(shown(entry.name), fault, origin, kind))
+                elif fault:
+                    self._not_listed.append(Unusable(name, f"{fault} (in {hook})", origin))
+                else:
+                    yield Listing(kind, entry, origin)
 
     def listings(self, kind: Kind | None = None) -> list[Listing]:
         """The entries of a kind, or all of them, in order of registration."""
@@ -149,25 +192,34 @@ class Registry:
         """The names of a kind."""
         return [listing.entry.name for listing in self.listings(kind)]
 
-    def get(self, kind: Kind, name: str) -> Entry:
-        """The entry of this kind and name.
+    def find(self, kind: Kind, name: str) -> Listing:
+        """The entry of this kind and name, with its origin.
 
         Raises
         ------
         BsaError
-            If there is none, with the nearest name.
+            If there is none, with the nearest name, or if nobody can use it, with the reason and who offers it.
         """
         listing = self._listings.get((kind, name))
-        if listing is None:
-            names = self.names(kind)
-            nearest = did_you_mean(name, names)
-            raise BsaError(
-                f'there is no {kind} "{name}".',
-                f"{nearest} " * bool(nearest) + f"Available: {', '.join(sorted(names)) or 'none'}.",
-            )
-        return listing.entry
+        if listing is not None:
+            return listing
+        at_fault = [item for item in self.unusable if (item.kind, item.name) == (kind, name)]
+        if at_fault:
+            reasons = "; ".join(f"{item.origin}: {item.reason}" for item in at_fault)
+            distributions = " or ".join(dict.fromkeys(item.origin.split()[0] for item in at_fault))
+            raise BsaError(f'the {kind} "{name}" cannot be used ({reasons}).', f"update or uninstall {distributions}.")
+        names = self.names(kind)
+        nearest = did_you_mean(name, names)
+        # What a plugin would offer that cannot even be imported is not known: it may be what is looked for.
+        missing = [f"{item.origin} cannot be used ({item.reason})." for item in self.unusable if item.kind is None]
+        parts = [nearest, f"Available: {', '.join(sorted(names)) or 'none'}.", *missing]
+        raise BsaError(f'there is no {kind} "{name}".', " ".join(part for part in parts if part))
 
-    def configure(self, kind: Kind, name: str, options: dict[str, Any]) -> Any:
+    def get(self, kind: Kind, name: str) -> Entry:
+        """The entry of this kind and name; see `find`."""
+        return self.find(kind, name).entry
+
+    def configure(self, kind: Kind, name: str, options: Mapping[str, Any]) -> Any:
         """Check a plugin's options against its configuration type.
 
         Raises
@@ -175,11 +227,58 @@ class Registry:
         BsaError
             Naming the plugin, the key and the nearest valid key.
         """
-        entry = self.get(kind, name)
-        try:
-            return entry.config_type.model_validate(options)
-        except ValidationError as error:
-            raise explain(error, f'{kind} "{name}"', entry.config_type) from None
+        listing = self.find(kind, name)
+        with border(listing.who, "its options"):
+            try:
+                return listing.entry.config_type.model_validate(dict(options))
+            except ValidationError as error:
+                raise explain(error, f'{kind} "{name}"', listing.entry.config_type) from None
+
+    def make(self, kind: Kind, name: str, options: Mapping[str, Any], *more: Any) -> Any:
+        """What the factory of this kind and name makes of checked options and whatever else it takes.
+
+        Raises
+        ------
+        BsaError
+            If there is no such plugin, an option is wrong, or the factory fails.
+        """
+        listing, checked = self.find(kind, name), self.configure(kind, name, options)
+        with border(listing.who, "its factory"):
+            return listing.entry.factory(checked, *more)
+
+
+def _fault(entry: Any) -> str:
+    """Why an entry cannot be used; empty if it can."""
+    if not isinstance(entry, Entry):
+        return f"it lists {shown(_described(entry))}: yield bsa.core.hooks.Entry objects"
+    if not isinstance(entry.name, str) or not _NAME.fullmatch(entry.name):
+        return f"the name {shown(repr(entry.name))}: use lower-case letters, digits, hyphens, dots and plus"
+    if not isinstance(entry.api, int) or entry.api != API_VERSION:
+        return f"it was written for plugin interface {shown(repr(entry.api))}, but this is interface {API_VERSION}"
+    if not callable(entry.factory):
+        return f"its factory {shown(_described(entry.factory))} cannot be called"
+    if not isinstance(entry.summary, str):
+        return f"its summary {shown(_described(entry.summary))} is no text"
+    if not isinstance(entry.config_type, type) or not issubclass(entry.config_type, BaseModel):
+        return f"its config_type {shown(_described(entry.config_type))} is no pydantic model"
+    return ""
+
+
+def _described(value: object) -> str:
+    try:
+        return repr(value)
+    except Exception:
+        return type(value).__name__
+
+
+def _reason(error: BaseException) -> str:
+    words, kind = in_words(error), type(error).__name__
+    return words if words == kind else f"{kind}: {words}"
+
+
+def _normalised(name: str) -> str:
+    """A distribution's name as installers compare it."""
+    return re.sub(r"[-_.]+", "-", name).lower()
 
 
 @cache

@@ -1,16 +1,21 @@
-"""The plugins of one run behind a typed façade: the rest of the code never touches pluggy."""
+"""The plugins of one run behind a typed façade: what they are asked, and what they answer, is checked here."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import pluggy
 
+from . import products
+from .border import Unfit, border
 from .easing import Easing
 from .errors import BsaError
 from .feedback import Feedback
-from .hooks import PROJECT, ProposeContext, Recollection, RunContext, RunHooks
+from .hook_methods import call, hook_methods
+from .hooks import ProposeContext, Recollection, RunContext, RunHooks
+from .messages import BackendFailure
 from .metrics import Metrics
 from .parameters import Candidate
 from .proposal import Proposal
@@ -20,7 +25,38 @@ from .simulation import Outcome
 from .task import Experiment, Protocol
 from .trial import Trial
 
-_EXACTLY_ONE = ("simulate", "build_feedback", "propose")
+_MAIN_HOOK: dict[Kind, str] = {
+    "simulator": "simulate",
+    "feedback": "build_feedback",
+    "memory": "recall",
+    "proposer": "propose",
+    "warm-up": "warm_up",
+}
+"""What a plugin of each kind is there for."""
+
+_BROADCAST = ("recall", "remember", "close")
+"""Hooks that every plugin may implement; each of the others has one answer."""
+
+
+@dataclass(frozen=True, eq=False)
+class Participant:
+    """A plugin of a run.
+
+    Attributes
+    ----------
+    who : str
+        Kind, name, distribution and version.
+    hooks : mapping of str to pluggy.HookImpl
+        What it implements.
+    """
+
+    who: str
+    hooks: Mapping[str, pluggy.HookImpl]
+
+    def call(self, hook: str, **arguments: Any) -> Any:
+        """Call one of its hooks, with those arguments that it names."""
+        with border(self.who, hook):
+            return call(self.hooks[hook], arguments)
 
 
 class RunPlugins:
@@ -34,16 +70,26 @@ class RunPlugins:
         What they may know when they are made.
     registry : Registry
         Where they are found.
+    note : callable, optional
+        Told in one line what was left out of a plugin's answers.
 
     Raises
     ------
     BsaError
-        If a plugin does not exist, is configured wrongly, or two implement a hook that takes one.
+        If a plugin does not exist, is configured wrongly, has methods that would never be called, or two implement
+        a hook that takes one. During the run: if a plugin raises, or answers what its hook does not promise.
     """
 
-    def __init__(self, scaffold: Scaffold, context: RunContext, registry: Registry) -> None:
-        self._manager = pluggy.PluginManager(PROJECT)
-        self._manager.add_hookspecs(RunHooks)
+    def __init__(
+        self,
+        scaffold: Scaffold,
+        context: RunContext,
+        registry: Registry,
+        note: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        self._context, self._note = context, note
+        self._noted: set[str] = set()
+        self._participants: list[Participant] = []
         choices: list[tuple[Kind, PluginChoice]] = [
             ("simulator", scaffold.simulator),
             ("feedback", scaffold.feedback),
@@ -52,80 +98,164 @@ class RunPlugins:
         ]
         if scaffold.warm_up is not None:
             choices.append(("warm-up", scaffold.warm_up))
-        for kind, choice in choices:
-            options = registry.configure(kind, choice.use, choice.options)
-            plugin = registry.get(kind, choice.use).factory(options, context)
-            try:
-                self._manager.register(plugin, f"{kind} {choice.use}")
-            except ValueError:
-                raise BsaError(
-                    f'scaffold "{scaffold.name}" lists the {kind} "{choice.use}" twice.', "list it once."
-                ) from None
-        self._check(scaffold)
+        for place, (kind, choice) in enumerate(choices):
+            if any((kind, choice.use) == (other, earlier.use) for other, earlier in choices[:place]):
+                raise BsaError(f'scaffold "{scaffold.name}" lists the {kind} "{choice.use}" twice.', "list it once.")
+        try:
+            for kind, choice in choices:
+                plugin = registry.make(kind, choice.use, choice.options, context)
+                self._participants.append(_participant(plugin, kind, registry.find(kind, choice.use).who))
+            self._check_alone(scaffold)
+        except BaseException:
+            # What was made before may hold processes and files.
+            self.close()
+            raise
 
-    def _check(self, scaffold: Scaffold) -> None:
-        for name in _EXACTLY_ONE:
-            found = [implementation.plugin_name for implementation in getattr(self._hook, name).get_hookimpls()]
-            if len(found) != 1:
+    def _check_alone(self, scaffold: Scaffold) -> None:
+        for hook in (name for name in vars(RunHooks) if not name.startswith("_") and name not in _BROADCAST):
+            found = [participant.who for participant in self._participants if hook in participant.hooks]
+            if len(found) > 1:
                 raise BsaError(
-                    f'scaffold "{scaffold.name}" has {len(found)} plugins that implement "{name}" ({found}), not one.',
-                    "a run needs exactly one simulator, one feedback builder and one proposer.",
+                    f'scaffold "{scaffold.name}" has {len(found)} plugins that implement "{hook}" '
+                    f"({', '.join(found)}), not one.",
+                    "leave one of them out.",
                 )
 
-    @property
-    def _hook(self) -> Any:
-        return self._manager.hook
+    def _only(self, hook: str) -> Participant | None:
+        return next((participant for participant in self._participants if hook in participant.hooks), None)
 
-    def simulate(
-        self, candidates: Sequence[Candidate], exact: bool, report: Callable[[int, Outcome], None]
-    ) -> Sequence[Outcome]:
+    def _main(self, hook: str) -> Participant:
+        found = self._only(hook)
+        assert found is not None  # `_participant` has checked that the plugin of this kind has it
+        return found
+
+    def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
         """See `RunHooks.simulate`."""
-        return self._hook.simulate(candidates=candidates, exact=exact, report=report)  # type: ignore[no-any-return]
+        simulator = self._main("simulate")
+        pairs = simulator.call("simulate", candidates=[dict(candidate) for candidate in candidates], exact=exact)
+        return _outcomes(simulator, "simulate", pairs, len(candidates), len(self._context.task.experiments))
 
     def simulate_variant(
-        self,
-        candidates: Sequence[Candidate],
-        experiments: tuple[Experiment, ...],
-        report: Callable[[int, Outcome], None],
-    ) -> Sequence[Outcome] | None:
+        self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...]
+    ) -> Iterator[tuple[int, Outcome]] | None:
         """See `RunHooks.simulate_variant`; None where the simulator knows the task alone."""
-        return self._hook.simulate_variant(  # type: ignore[no-any-return]
-            candidates=candidates, experiments=experiments, report=report
-        )
+        hook, simulator = "simulate_variant", self._only("simulate_variant")
+        if simulator is None:
+            return None
+        copies = [dict(candidate) for candidate in candidates]
+        pairs = simulator.call(hook, candidates=copies, experiments=experiments)
+        return None if pairs is None else _outcomes(simulator, hook, pairs, len(candidates), len(experiments))
+
+    def _optional(self, hook: str, check: Callable[[Any], Any], **arguments: Any) -> Any:
+        """The checked answer of the plugin that implements the hook; that of none is None."""
+        participant = self._only(hook)
+        if participant is None:
+            return check(None)
+        found = participant.call(hook, **arguments)
+        with border(participant.who, hook):
+            return check(found)
 
     def ease(self, easing: Easing) -> tuple[Experiment, ...] | None:
         """See `RunHooks.ease`; None where the simulator cannot."""
-        return self._hook.ease(easing=easing)  # type: ignore[no-any-return]
+        count = len(self._context.task.experiments)
+        return self._optional("ease", lambda found: products.experiments(found, count), easing=easing)  # type: ignore[no-any-return]
 
     def next_protocols(self) -> Mapping[str, Protocol]:
         """See `RunHooks.next_protocols`."""
-        return self._hook.next_protocols() or {}
+        return self._optional("next_protocols", products.protocols)  # type: ignore[no-any-return]
 
     def build_feedback(self, outcome: Outcome, metrics: Metrics | None, index: int) -> Feedback:
         """See `RunHooks.build_feedback`."""
-        return self._hook.build_feedback(outcome=outcome, metrics=metrics, index=index) or Feedback()
+        return self._optional(  # type: ignore[no-any-return]
+            "build_feedback",
+            lambda found: products.feedback(found, self._context.folder),
+            outcome=outcome,
+            metrics=metrics,
+            index=index,
+        )
 
     def propose(self, context: ProposeContext) -> Proposal:
-        """See `RunHooks.propose`."""
-        return self._hook.propose(context=context) or Proposal((), lost="the proposer had nothing to offer")
+        """See `RunHooks.propose`; a lost call that the proposer lets pass is a lost round."""
+        try:
+            return self._optional(  # type: ignore[no-any-return]
+                "propose", lambda found: products.proposal(found, context.task.space), context=context
+            )
+        except BackendFailure as failure:
+            return Proposal((), lost=f"no reply: {failure}")
 
     def warm_up(self, context: ProposeContext) -> Proposal | None:
         """See `RunHooks.warm_up`; None where the scaffold has no warm-up."""
-        return self._hook.warm_up(context=context)  # type: ignore[no-any-return]
+        try:
+            return self._optional(  # type: ignore[no-any-return]
+                "warm_up",
+                lambda found: None if found is None else products.proposal(found, context.task.space),
+                context=context,
+            )
+        except BackendFailure as failure:
+            return Proposal((), lost=f"no reply: {failure}")
 
     def recall(self, budget: int) -> list[Recollection]:
-        """What the memories contribute, in the scaffold's order."""
-        # pluggy calls the last registered first.
-        return [section for section in reversed(self._hook.recall(budget=budget)) if section is not None]
+        """What the memories contribute, in the scaffold's order; a section longer than the budget is left out."""
+        sections: list[Recollection] = []
+        for participant in self._participants:
+            if "recall" not in participant.hooks:
+                continue
+            found = participant.call("recall", budget=budget)
+            with border(participant.who, "recall"):
+                section, length = products.recollection(found)
+            if section is None:
+                continue
+            if length <= budget:
+                sections.append(section)
+            elif participant.who not in self._noted:
+                self._noted.add(participant.who)
+                self._note(
+                    f"{participant.who}: recall gave {length} characters for a budget of {budget}; "
+                    "such sections are left out of the prompt."
+                )
+        return sections
 
     def remember(self, trial: Trial, proposal: Proposal | None) -> None:
         """See `RunHooks.remember`."""
-        self._hook.remember(trial=trial, proposal=proposal)
+        for participant in self._participants:
+            if "remember" in participant.hooks:
+                participant.call("remember", trial=trial, proposal=proposal)
 
     def export(self, candidate: Candidate) -> Mapping[str, str]:
         """See `RunHooks.export`."""
-        return self._hook.export(candidate=candidate) or {}
+        return self._optional("export", products.files, candidate=dict(candidate))  # type: ignore[no-any-return]
 
     def close(self) -> None:
-        """See `RunHooks.close`."""
-        self._hook.close()
+        """See `RunHooks.close`; what goes wrong here is noted, for the run is over and the others are closed too."""
+        for participant in self._participants:
+            if "close" in participant.hooks:
+                try:
+                    participant.call("close")
+                except BsaError as error:
+                    self._note(str(error))
+
+
+def _participant(plugin: object, kind: Kind, who: str) -> Participant:
+    """What a factory made, after a look at its methods."""
+    with border(who, "its factory"):
+        if plugin is None:
+            raise Unfit("returned None", "a factory returns the object whose methods are the hooks.")
+        methods, faults = hook_methods(plugin, RunHooks)
+    main = _MAIN_HOOK[kind]
+    if not faults and main not in methods:
+        faults = [f'it does not implement "{main}", which is what a {kind} is for']
+    if faults:
+        raise BsaError(f"{who}: {'; '.join(faults)}.", "docs/plugins.md lists the hooks of a run.")
+    return Participant(who, methods)
+
+
+def _outcomes(
+    simulator: Participant, hook: str, pairs: object, candidates: int, experiments: int
+) -> Iterator[tuple[int, Outcome]]:
+    checked = products.outcomes(pairs, candidates, experiments)
+    while True:
+        with border(simulator.who, hook):
+            pair = next(checked, None)
+        if pair is None:
+            return
+        yield pair

@@ -9,7 +9,6 @@ from typing import Any
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
-from ..backends.options import BackendOptions
 from ..core.discovery.findings import Settings
 from ..core.discovery.laboratory import Specimen
 from ..core.discovery.observations import FLOOR_V
@@ -72,7 +71,7 @@ class DiscoverOptions(BaseModel, extra="forbid"):
     )
     effects: list[str] | None = Field(default=None, description="Effects to consider; left out, the whole catalogue.")
     backend: str | None = Field(default=None, description="Language model that ranks effects too.")
-    backend_options: BackendOptions = Field(default=BackendOptions(), description="How it is reached and asked.")
+    backend_options: dict[str, Any] = Field(default={}, description="How it is reached and asked: its own options.")
     hide_names: bool = Field(default=False, description="Show the language model effects under names without meaning.")
     max_effects: int = Field(default=2, ge=1, le=3, description="Effects in one explanation at most.")
     seed: int = Field(default=0, ge=0, description="Seed for everything random.")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -16,9 +16,6 @@ from ..core.scaffold import load_scaffold
 from ..core.task import Task
 from ..core.validation import explain
 from ..core.yaml_text import parse_yaml
-
-if TYPE_CHECKING:
-    from ..backends.options import BackendOptions
 
 
 @dataclass(frozen=True)
@@ -157,22 +154,6 @@ def read_options(
         return ReadOptions.model_validate(content)
     except ValidationError as error:
         raise explain(error, "the options of the record", ReadOptions) from None
-
-
-def parse_backend_options(content: dict[str, Any]) -> BackendOptions:
-    """The checked options of a backend.
-
-    Raises
-    ------
-    BsaError
-        Naming the key at fault and the nearest valid one.
-    """
-    from ..backends.options import BackendOptions
-
-    try:
-        return BackendOptions.model_validate(content)
-    except ValidationError as error:
-        raise explain(error, "backend options", BackendOptions) from None
 
 
 def numbered_folder(parent: Path, name: str) -> Path:

@@ -104,7 +104,13 @@ def execute_run(
         exchanges = [event for event in earlier if event["event"] in (REPLY, LOST_CALL)]
         recorder = RecordingBackend(backend, journal, exchanges, resources.max_tokens, resources.max_cost_usd)
         context = RunContext(task, config.seed, folder, recorder, resources.workers)
-        plugins = RunPlugins(config.scaffold, context, installed())
+
+        def note(text: str) -> None:
+            journal.append("note", text=text)
+            if listener:
+                listener.noted(text)
+
+        plugins = RunPlugins(config.scaffold, context, installed(), note)
         try:
             if listener:
                 for text in (*task.notes, *journal.warnings):

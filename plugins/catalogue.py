@@ -12,7 +12,7 @@ def bsa_simulators() -> Iterable[Entry]:
     """PyBaMM."""
     from .pybamm.simulator import PyBaMMOptions, PyBaMMSimulator
 
-    yield Entry("pybamm", PyBaMMSimulator, "PyBaMM's SPM, SPMe and DFN, compiled once a run.", PyBaMMOptions)
+    yield Entry("pybamm", PyBaMMSimulator, "PyBaMM's SPM, SPMe and DFN, compiled once a run.", PyBaMMOptions, api=1)
 
 
 @hookimpl
@@ -21,9 +21,9 @@ def bsa_feedback_builders() -> Iterable[Entry]:
     from .feedback.overlay import OverlayFeedback
     from .feedback.structured import ScalarFeedback, StructuredFeedback
 
-    yield Entry("scalar", ScalarFeedback, "The total error and nothing else.")
-    yield Entry("structured", StructuredFeedback, "Residuals by signal, features by step, events.")
-    yield Entry("overlay", OverlayFeedback, "Structured feedback with a PNG of simulated over measured.")
+    yield Entry("scalar", ScalarFeedback, "The total error and nothing else.", api=1)
+    yield Entry("structured", StructuredFeedback, "Residuals by signal, features by step, events.", api=1)
+    yield Entry("overlay", OverlayFeedback, "Structured feedback with a PNG of simulated over measured.", api=1)
 
 
 @hookimpl
@@ -33,9 +33,9 @@ def bsa_memories() -> Iterable[Entry]:
     from .memory.priors import Priors
     from .memory.sensitivities import SensitivityMemory
 
-    yield Entry("history", HistoryMemory, "The best and the latest trials, as a table.", HistoryOptions)
-    yield Entry("sensitivities", SensitivityMemory, "What the warm-up showed each parameter to do.")
-    yield Entry("priors", Priors, "Bounds and domain rules, given before the first simulation.")
+    yield Entry("history", HistoryMemory, "The best and the latest trials, as a table.", HistoryOptions, api=1)
+    yield Entry("sensitivities", SensitivityMemory, "What the warm-up showed each parameter to do.", api=1)
+    yield Entry("priors", Priors, "Bounds and domain rules, given before the first simulation.", api=1)
 
 
 @hookimpl
@@ -44,8 +44,8 @@ def bsa_warm_ups() -> Iterable[Entry]:
     from .warm_up.proposed import ProposedWarmUp
     from .warm_up.random import RandomWarmUp, RandomWarmUpOptions
 
-    yield Entry("random", RandomWarmUp, "Random perturbations of all parameters.", RandomWarmUpOptions)
-    yield Entry("proposed", ProposedWarmUp, "Perturbations that the model proposes.")
+    yield Entry("random", RandomWarmUp, "Random perturbations of all parameters.", RandomWarmUpOptions, api=1)
+    yield Entry("proposed", ProposedWarmUp, "Perturbations that the model proposes.", api=1)
 
 
 @hookimpl
@@ -66,21 +66,30 @@ def bsa_proposers() -> Iterable[Entry]:
     from .proposers.least_squares import LeastSquaresProposer
     from .proposers.random import RandomOptions, RandomProposer
 
-    yield Entry("agent", AgentProposer, "Asks the backend for a hypothesis and a change.", AgentOptions)
-    yield Entry("hybrid", HybridProposer, "The agent picks what to try beside a least-squares fit.", HybridOptions)
-    yield Entry("least-squares", LeastSquaresProposer, "Levenberg-Marquardt on step-aligned residuals.", DescentOptions)
-    yield Entry("default", DefaultProposer, "No fit: the parameter set as it is.")
-    yield Entry("random", RandomProposer, "Random search over the whole space.", RandomOptions)
-    yield Entry("bo", BayesianProposer, "Bayesian optimisation by Ax (extra: bo).", BayesianOptions)
-    yield Entry("cma-es", CmaEsProposer, "CMA-ES by pycma.", CmaEsOptions)
-    yield Entry("de", DifferentialEvolutionProposer, "Differential evolution by SciPy.", DifferentialEvolutionOptions)
+    yield Entry("agent", AgentProposer, "Asks the backend for a hypothesis and a change.", AgentOptions, api=1)
+    yield Entry(
+        "hybrid", HybridProposer, "The agent picks what to try beside a least-squares fit.", HybridOptions, api=1
+    )
+    yield Entry(
+        "least-squares", LeastSquaresProposer, "Levenberg-Marquardt on step-aligned residuals.", DescentOptions, api=1
+    )
+    yield Entry("default", DefaultProposer, "No fit: the parameter set as it is.", api=1)
+    yield Entry("random", RandomProposer, "Random search over the whole space.", RandomOptions, api=1)
+    yield Entry("bo", BayesianProposer, "Bayesian optimisation by Ax (extra: bo).", BayesianOptions, api=1)
+    yield Entry("cma-es", CmaEsProposer, "CMA-ES by pycma.", CmaEsOptions, api=1)
+    yield Entry(
+        "de", DifferentialEvolutionProposer, "Differential evolution by SciPy.", DifferentialEvolutionOptions, api=1
+    )
     yield Entry(
         "weighted-de",
         WeightedDifferentialEvolutionProposer,
         "Differential evolution on a weighted sum of the errors of charge, current and voltage.",
         WeightedDifferentialEvolutionOptions,
+        api=1,
     )
-    yield Entry("qnehvi", MultiObjectiveProposer, "Multi-objective optimisation by Ax (extra: bo).", BayesianOptions)
+    yield Entry(
+        "qnehvi", MultiObjectiveProposer, "Multi-objective optimisation by Ax (extra: bo).", BayesianOptions, api=1
+    )
 
 
 @hookimpl
@@ -91,10 +100,14 @@ def bsa_readers() -> Iterable[Entry]:
     from .readers.digatron_csv import DigatronCsv
     from .readers.generic_csv import GenericCsv
 
-    yield Entry("bdf-csv", lambda options: BdfCsv(), "Battery Data Format: Test Time / s, Voltage / V, Current / A.")
-    yield Entry("arbin-xlsx", lambda options: ArbinXlsx(), "Arbin workbooks, or a folder of them.")
-    yield Entry("digatron-csv", lambda options: DigatronCsv(), "Digatron exports: Prog Time, Voltage, Current.")
-    yield Entry("generic-csv", lambda options: GenericCsv(), "Any text table (.csv, .txt, .gz), with column mapping.")
+    yield Entry(
+        "bdf-csv", lambda options: BdfCsv(), "Battery Data Format: Test Time / s, Voltage / V, Current / A.", api=1
+    )
+    yield Entry("arbin-xlsx", lambda options: ArbinXlsx(), "Arbin workbooks, or a folder of them.", api=1)
+    yield Entry("digatron-csv", lambda options: DigatronCsv(), "Digatron exports: Prog Time, Voltage, Current.", api=1)
+    yield Entry(
+        "generic-csv", lambda options: GenericCsv(), "Any text table (.csv, .txt, .gz), with column mapping.", api=1
+    )
 
 
 @hookimpl

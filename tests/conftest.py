@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import signal
+import textwrap
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -11,6 +13,7 @@ import pytest
 from bsa.backends.rules.backend import RulesBackend
 from bsa.core.loop import RunResult
 from bsa.core.messages import Backend
+from bsa.core.registry import installed
 from bsa.core.run_config import RunConfig
 from bsa.core.scaffold import Scaffold
 from bsa.core.task import Task
@@ -18,6 +21,9 @@ from bsa_toy_cell import toy_scaffold, toy_task
 from hypothesis import settings
 
 RunToy = Callable[..., RunResult]
+Install = Callable[..., Path]
+
+_module_numbers = itertools.count()
 
 # How long an example takes says how busy the machine is.
 settings.register_profile("any machine", deadline=None)
@@ -55,3 +61,23 @@ def run_toy(tmp_path: Path) -> RunToy:
         )
 
     return run
+
+
+@pytest.fixture
+def stranger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
+    """Installs distributions of strangers into a folder of the path, as pip would; gives the folder."""
+    folder = tmp_path / "site-packages"
+
+    def install(code: str, name: str = "zz-fault", version: str = "0.1") -> Path:
+        module = f"zz_module_{next(_module_numbers)}"
+        about = folder / f"{name.replace('-', '_')}-{version}.dist-info"
+        about.mkdir(parents=True)
+        (folder / f"{module}.py").write_text(textwrap.dedent(code))
+        (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
+        (about / "entry_points.txt").write_text(f"[bsa]\n{name} = {module}\n")
+        monkeypatch.syspath_prepend(str(folder))
+        installed.cache_clear()
+        return folder
+
+    yield install
+    installed.cache_clear()

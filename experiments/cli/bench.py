@@ -256,7 +256,6 @@ def discovery_command(
     from ..discovery_bench.running import run_case, run_cases
     from ..discovery_bench.scoring import as_markdown, case_table, mark_cases
     from ..discovery_bench.shortlists import SHORTLISTS, shortlist_case, shortlist_table
-    from ..request import parse_backend_options
 
     if make is None and run is None and score is None and shortlist is None:
         from ...core.errors import BsaError
@@ -264,8 +263,10 @@ def discovery_command(
         raise BsaError("nothing was asked for.", "give --make, --run, --score or --shortlist DIR, or several of them.")
     if make is not None:
         make_cases(make, count, seed, print)
-    reached = parse_backend_options(shared.reaching(via, base_url, backend_option))
-    model: dict[str, Any] = {"backend": backend, "backend_options": reached}
+    model: dict[str, Any] = {
+        "backend": backend,
+        "backend_options": shared.reaching(via, base_url, backend_option),
+    }
     if run is not None:
         work = partial(run_case, **model, hide_names=hide_names)
         run_cases(run, work, workers, only, results, print)

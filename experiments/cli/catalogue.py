@@ -34,6 +34,9 @@ def plugins() -> None:
             for listing in sorted(registry.listings(kind), key=lambda listing: listing.entry.name)
         ]
         _table(f"{kind}s" if kind != "memory" else "memories", rows)
+    _table(
+        "not usable", [(f"{item.kind or 'plugin'} {item.name}", item.origin, item.reason) for item in registry.unusable]
+    )
 
 
 @list_app.command()

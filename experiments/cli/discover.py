@@ -51,7 +51,7 @@ def discover(
     from ...core.validation import explain
     from ..discover import discover as find
     from ..discovery_case import DiscoverOptions
-    from ..request import key_values, parse_backend_options
+    from ..request import key_values
 
     read = shared.reading(column, unit, where, current_sign, constant_current, cycles, sheet, temperature)
 
@@ -72,7 +72,7 @@ def discover(
                 "search": search,
                 "effects": effect,
                 "backend": backend,
-                "backend_options": parse_backend_options(shared.reaching(via, base_url, backend_option)),
+                "backend_options": shared.reaching(via, base_url, backend_option),
                 "max_effects": max_effects,
                 "seed": seed,
                 "out": out,

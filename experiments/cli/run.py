@@ -123,13 +123,12 @@ def _no_parameter_set() -> NoReturn:
 def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability: bool) -> None:
     from ...backends.opening import open_backend
     from ...core.metrics import objective_of
-    from ..request import parse_backend_options
     from ..run import execute_run, summary
     from .progress import LiveProgress, PlainProgress
 
     task, config, folder = request.task, request.config, request.folder
     unit = objective_of(task).of_unit
-    backend = open_backend(config.backend, parse_backend_options(config.backend_options))
+    backend = open_backend(config.backend, config.backend_options)
     listener: LiveProgress | PlainProgress
     title = f"{task.name} · {config.scaffold.name} · {backend.name}"
     live = sys.stderr.isatty() and not as_json

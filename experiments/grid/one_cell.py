@@ -130,10 +130,9 @@ def _run(order: Order, store: Store, folder: Path) -> dict[str, Any]:
 
 def _backend(order: Order, store: Store) -> Backend:
     from ...backends.opening import open_backend
-    from ..request import parse_backend_options
 
     name = str(order.config["backend"])
-    backend = open_backend(name, parse_backend_options(order.backend_options))
+    backend = open_backend(name, order.backend_options)
     if order.places is None:
         return backend
     address = str(order.backend_options.get("base_url", ""))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+from ...backends.opening import check_backend
 from ...core.errors import BsaError
 from ...core.registry import installed
 from .execution import Allowance, Watcher, run_cells
@@ -86,7 +87,7 @@ def _check_plugins(cells: Sequence[GridCell]) -> None:
     registry = installed()
     for config in {cell.config.model_dump_json(exclude={"seed"}): cell.config for cell in cells}.values():
         scaffold = config.scaffold
-        registry.get("backend", config.backend.partition(":")[0])
+        check_backend(config.backend, config.backend_options, registry)
         registry.configure("simulator", scaffold.simulator.use, scaffold.simulator.options)
         registry.configure("feedback", scaffold.feedback.use, scaffold.feedback.options)
         registry.configure("proposer", scaffold.proposer.use, scaffold.proposer.options)

@@ -251,9 +251,8 @@ def run_cell(cell: StudyCell, out: Path, simulators: int = 1, keep_runs: bool = 
 
 def _backend(config: RunConfig) -> Any:
     from ...backends.opening import open_backend
-    from ..request import parse_backend_options
 
-    return open_backend(config.backend, parse_backend_options(config.backend_options))
+    return open_backend(config.backend, config.backend_options)
 
 
 def _record(cell: StudyCell, status: str, **content: Any) -> CellRecord:

@@ -107,7 +107,7 @@ def _pool(assignment: Assignment, workers: int, first: Candidate) -> Iterator[Ca
     pool = WorkerPool(assignment, workers, 60.0)
 
     def simulate(candidates: Sequence[Candidate]) -> object:
-        return pool.simulate(candidates, False, lambda place, outcome: None)
+        return list(pool.simulate(candidates, False))
 
     try:
         simulate([first] * workers)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from pydantic import BaseModel, Field
 
@@ -44,24 +44,19 @@ class PyBaMMSimulator:
         )
 
     @hookimpl
-    def simulate(
-        self, candidates: Sequence[Candidate], exact: bool, report: Callable[[int, Outcome], None]
-    ) -> list[Outcome]:
+    def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
         """Simulate side by side; ``exact`` uses PyBaMM's standard mesh and tight tolerances."""
-        return self._pool.simulate(candidates, exact, report)
+        return self._pool.simulate(candidates, exact)
 
     @hookimpl
     def simulate_variant(
-        self,
-        candidates: Sequence[Candidate],
-        experiments: tuple[Experiment, ...],
-        report: Callable[[int, Outcome], None],
-    ) -> list[Outcome]:
+        self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...]
+    ) -> Iterator[tuple[int, Outcome]]:
         """Simulate other experiments on the task's cell, with the search's accuracy.
 
         An experiment that the task does not have begins at its own state of charge, whatever is searched.
         """
-        return self._variant_pool(experiments).simulate(candidates, False, report)
+        return self._variant_pool(experiments).simulate(candidates, False)
 
     def _variant_pool(self, experiments: tuple[Experiment, ...]) -> WorkerPool:
         """Processes that keep these experiments compiled; one set at a time, for each process takes 300 MB."""

@@ -7,7 +7,7 @@ import os
 import signal
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
@@ -202,26 +202,28 @@ class WorkerPool:
     def __init__(self, assignment: Assignment, size: int, time_limit_s: float) -> None:
         self._workers = [Worker(assignment, time_limit_s) for _ in range(max(size, 1))]
 
-    def simulate(
-        self, candidates: Sequence[Candidate], exact: bool, report: Callable[[int, Outcome], None]
-    ) -> list[Outcome]:
-        """Simulate all candidates and return their outcomes in order; report each as it finishes."""
-        outcomes: dict[int, Outcome] = {}
+    def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
+        """Simulate all candidates; yield the place and outcome of each as it finishes.
+
+        Workers that are still busy when the caller stops listening are ended: their answers would be taken for those
+        of the next candidates.
+        """
         waiting = list(enumerate(candidates))[::-1]
         busy: dict[Worker, int] = {}
         idle = list(self._workers)[::-1]
-        while waiting or busy:
-            while waiting and idle:
-                worker = idle.pop()
-                number, candidate = waiting.pop()
-                worker.submit(candidate, exact)
-                busy[worker] = number
-            for worker, outcome in self._finished(list(busy)):
-                number = busy.pop(worker)
-                outcomes[number] = outcome
-                report(number, outcome)
-                idle.append(worker)
-        return [outcomes[number] for number in range(len(candidates))]
+        try:
+            while waiting or busy:
+                while waiting and idle:
+                    worker = idle.pop()
+                    number, candidate = waiting.pop()
+                    worker.submit(candidate, exact)
+                    busy[worker] = number
+                for worker, outcome in self._finished(list(busy)):
+                    idle.append(worker)
+                    yield busy.pop(worker), outcome
+        finally:
+            for worker in busy:
+                worker.stop()
 
     def _finished(self, busy: list[Worker]) -> Iterator[tuple[Worker, Outcome]]:
         by_connection = {worker.connection: worker for worker in busy}

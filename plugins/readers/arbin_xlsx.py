@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import BsaError, did_you_mean
+from ...core.printable import listed, shown
 from ...core.record import ReadOptions, Record
 from ...core.trajectory import FloatArray
 from .checks import to_record
 from .clock import RESTART_S
 from .columns import Column, resolve, signal_of
 from .samples import Samples
-from .source import MAX_SAMPLES, listed, shown
+from .source import MAX_SAMPLES
 
 SUFFIXES = (".xlsx", ".xlsm", ".xls")
 

@@ -9,11 +9,12 @@ import numpy as np
 
 from ...core.errors import BsaError
 from ...core.files import write_text
+from ...core.printable import shown
 from ...core.record import ReadOptions, Record
 from ...core.trajectory import Trajectory
 from .columns import split_name
 from .generic_csv import first_lines, is_text_table, read_table
-from .source import load_text, shown
+from .source import load_text
 from .table import find_table
 
 _LABELS = re.compile(r"^(test time|voltage|current) / \S+$")

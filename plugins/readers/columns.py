@@ -10,9 +10,9 @@ from typing import get_args
 import numpy as np
 
 from ...core.errors import BsaError, did_you_mean
+from ...core.printable import listed, shown
 from ...core.record import ReadOptions, Signal
 from ...core.trajectory import FloatArray
-from .source import listed, shown
 
 SIGNALS: tuple[Signal, ...] = get_args(Signal)
 

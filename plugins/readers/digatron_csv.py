@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ...core.printable import shown
 from ...core.record import ReadOptions, Record
 from .generic_csv import first_lines, is_text_table, read_table
-from .source import load_text, shown
+from .source import load_text
 from .table import find_table
 
 

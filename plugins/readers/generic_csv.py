@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ...core.printable import shown
 from ...core.record import ReadOptions, Record
 from ...core.trajectory import FloatArray
 from .checks import to_record
 from .columns import SIGNALS, resolve
 from .samples import Samples
-from .source import head, load_text, shown
+from .source import head, load_text
 from .table import Table, find_table, numbers
 
 SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".bdf")

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from ...core.errors import BsaError
 from ...core.hooks import Entry
+from ...core.printable import shown
 from ...core.record import Reader, ReadOptions, Record
 from ...core.registry import Registry, installed
-from .source import shown
 
 FALLBACK = "generic-csv"
 """Asked last, since it takes any text table."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import gzip
 import zlib
-from collections.abc import Iterable
 from pathlib import Path
 from typing import IO, cast
 
 from ...core.errors import BsaError
+from ...core.printable import shown
 
 MAX_BYTES = 512 * 2**20
 """Largest file that is read, decompressed."""
@@ -17,22 +17,6 @@ MAX_SAMPLES = 5_000_000
 """Largest number of rows that is read."""
 
 _HEAD_BYTES = 65536
-
-
-def shown(text: object, limit: int = 60) -> str:
-    """The text on one line, control characters escaped and long texts cut, fit for a message."""
-    printable = "".join(
-        character if character.isprintable() else character.encode("unicode_escape").decode()
-        for character in str(text)[: 4 * limit]
-    )
-    return printable if len(printable) <= limit else printable[: limit - 3] + "..."
-
-
-def listed(names: Iterable[object], limit: int = 20) -> str:
-    """Names in quotes, the first ``limit`` of them."""
-    everything = [f'"{shown(name, 40)}"' for name in names]
-    more = f" and {len(everything) - limit} more" if len(everything) > limit else ""
-    return ", ".join(everything[:limit]) + more
 
 
 def head(path: Path) -> bytes:

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import BsaError, did_you_mean
+from ...core.printable import listed, shown
 from ...core.trajectory import FloatArray
-from .source import MAX_SAMPLES, listed, shown
+from .source import MAX_SAMPLES
 
 _PREAMBLE_LINES = 200
 _SEPARATORS: tuple[str | None, ...] = (";", "\t", ",", None)

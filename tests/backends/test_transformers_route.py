@@ -61,7 +61,7 @@ def test_the_same_seed_gives_the_same_reply(tiny_model, messages, schema):
 
 def test_the_model_is_loaded_once_and_named(tiny_model, messages, schema):
     first, second = _open(tiny_model), _open(tiny_model, temperature=0.5)
-    assert first._loaded is second._loaded is load(str(tiny_model), "auto")
+    assert first._inner._loaded is second._inner._loaded is load(str(tiny_model), "auto")
     reply = first.complete(messages, schema, seed=0)
     assert "cpu" in reply.notes[0] or "cuda" in reply.notes[0]
     assert reply.usage.prompt_tokens > 10

@@ -131,9 +131,7 @@ def test_a_simulator_that_cannot_ease_says_so_and_the_run_goes_on(
 ) -> None:
     from bsa_toy_cell import ToyCell
 
-    def cannot(
-        self: ToyCell, candidates: Sequence[object], experiments: tuple[Experiment, ...], report: object
-    ) -> None:
+    def cannot(self: ToyCell, candidates: Sequence[object], experiments: tuple[Experiment, ...]) -> None:
         return None
 
     from bsa.core.hooks import hookimpl

@@ -4,7 +4,6 @@ import zlib
 from types import SimpleNamespace
 
 import pytest
-from bsa.backends.options import BackendOptions
 from bsa.core.discovery.findings import Nomination
 from bsa.core.discovery.score import Score
 from bsa.core.effect import Effect, EffectParameter
@@ -114,7 +113,7 @@ def test_a_backend_ranks_the_effects_of_a_case_with_names_and_without(tmp_path, 
     )
 
     def options_of(folder, backend=None):
-        return SimpleNamespace(settings=None, seed=1, backend=backend, backend_options=BackendOptions())
+        return SimpleNamespace(settings=None, seed=1, backend=backend, backend_options={})
 
     monkeypatch.setattr(shortlists, "options_of", options_of)
     monkeypatch.setattr(shortlists, "read_case", lambda options: None)

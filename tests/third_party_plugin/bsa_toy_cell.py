@@ -6,7 +6,7 @@ resistor-capacitor pair. The record is a rest, a constant-current discharge to a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -95,29 +95,18 @@ class ToyCell:
         self._experiment = context.task.experiments[0]
 
     @hookimpl
-    def simulate(
-        self, candidates: Sequence[Candidate], exact: bool, report: Callable[[int, Outcome], None]
-    ) -> list[Outcome]:
+    def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
         """See `RunHooks.simulate`."""
-        outcomes = [self._simulate(candidate) for candidate in candidates]
-        for number, outcome in enumerate(outcomes):
-            report(number, outcome)
-        return outcomes
+        for place, candidate in enumerate(candidates):
+            yield place, Outcome((self._run(candidate, CURRENT_A),), 1e-4)
 
     @hookimpl
     def simulate_variant(
-        self,
-        candidates: Sequence[Candidate],
-        experiments: tuple[Experiment, ...],
-        report: Callable[[int, Outcome], None],
-    ) -> list[Outcome]:
+        self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...]
+    ) -> Iterator[tuple[int, Outcome]]:
         """See `RunHooks.simulate_variant`; the discharge's current is read from the protocol."""
-        outcomes = []
-        for number, candidate in enumerate(candidates):
-            runs = [self._run(candidate, discharge_a(experiment)) for experiment in experiments]
-            outcomes.append(Outcome(tuple(runs), 1e-4))
-            report(number, outcomes[-1])
-        return outcomes
+        for place, candidate in enumerate(candidates):
+            yield place, Outcome(tuple(self._run(candidate, discharge_a(e)) for e in experiments), 1e-4)
 
     @hookimpl
     def ease(self, easing: Easing) -> tuple[Experiment, ...]:
@@ -136,9 +125,6 @@ class ToyCell:
             for amperes in (0.1, 1.0, 4.0)
         }
 
-    def _simulate(self, candidate: Candidate) -> Outcome:
-        return Outcome((self._run(candidate, CURRENT_A),), 1e-4)
-
     def _run(self, candidate: Candidate, current_a: float) -> ExperimentRun:
         whole = record(candidate, current_a)
         if candidate[SERIES] * current_a <= self._breaks_above * CURRENT_A:
@@ -156,4 +142,4 @@ def discharge_a(experiment: Experiment) -> float:
 @hookimpl
 def bsa_simulators() -> Iterable[Entry]:
     """The toy."""
-    yield Entry("toy-cell", ToyCell, "A cell with four parameters, solved on paper.", ToyOptions)
+    yield Entry("toy-cell", ToyCell, "A cell with four parameters, solved on paper.", ToyOptions, api=1)

@@ -30,23 +30,21 @@ def pool() -> Iterator[WorkerPool]:
     pool.close()
 
 
-def simulate(pool: WorkerPool, *radii: float, exact: bool = False) -> tuple[list[Outcome], list[int]]:
-    reported: list[int] = []
-    outcomes = pool.simulate([{NAME: radius} for radius in radii], exact, lambda place, outcome: reported.append(place))
-    return outcomes, reported
+def simulate(pool: WorkerPool, *radii: float, exact: bool = False) -> list[Outcome]:
+    outcomes = dict(pool.simulate([{NAME: radius} for radius in radii], exact))
+    return [outcomes[place] for place in range(len(radii))]
 
 
-def test_outcomes_come_in_order_and_are_reported_as_they_finish(pool: WorkerPool) -> None:
-    outcomes, reported = simulate(pool, 4e-6, 5e-6, 6e-6, 7e-6)
+def test_every_candidate_is_answered_at_its_place(pool: WorkerPool) -> None:
+    outcomes = simulate(pool, 4e-6, 5e-6, 6e-6, 7e-6)
     assert all(outcome.ok for outcome in outcomes)
-    assert sorted(reported) == [0, 1, 2, 3]
     ends = [outcome.runs[0].trajectory.voltage[-1] for outcome in outcomes if outcome.runs[0].trajectory]
     assert ends == sorted(ends, reverse=True)
 
 
 def test_the_reference_agrees_with_the_search(pool: WorkerPool) -> None:
-    (search,), _ = simulate(pool, 5e-6)
-    (exact,), _ = simulate(pool, 5e-6, exact=True)
+    (search,) = simulate(pool, 5e-6)
+    (exact,) = simulate(pool, 5e-6, exact=True)
     a, b = search.runs[0].trajectory, exact.runs[0].trajectory
     assert a is not None
     assert b is not None
@@ -57,19 +55,19 @@ def test_a_killed_worker_costs_one_trial(pool: WorkerPool) -> None:
     simulate(pool, 5e-6)
     victim = pool._workers[0]
     victim._process.kill()
-    outcomes, _ = simulate(pool, 5e-6, 5e-6, 5e-6)
+    outcomes = simulate(pool, 5e-6, 5e-6, 5e-6)
     failures = [outcome for outcome in outcomes if not outcome.ok]
     assert len(failures) == 1
     assert failures[0].failure is not None
     assert "process died" in failures[0].failure.cause
-    assert all(outcome.ok for outcome in simulate(pool, 5e-6, 5e-6)[0])
+    assert all(outcome.ok for outcome in simulate(pool, 5e-6, 5e-6))
 
 
 def test_a_hang_is_stopped_at_the_time_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(worker, "_COMPILE_LIMIT_S", 0.2)
     pool = WorkerPool(assignment("Discharge at 1C for 1 minute"), 1, 0.1)
     try:
-        (outcome,), _ = simulate(pool, 5e-6)
+        (outcome,) = simulate(pool, 5e-6)
         assert outcome.failure is not None
         assert "time limit of 0.1 s" in outcome.failure.cause
     finally:
@@ -80,9 +78,17 @@ def test_a_task_that_cannot_be_built_is_the_users_error() -> None:
     pool = WorkerPool(assignment("Discharge at 1C for 1 minute", searched=("Nonsense [m]",)), 1, 30.0)
     try:
         with pytest.raises(BsaError, match="PyBaMM cannot build the model"):
-            pool.simulate([{"Nonsense [m]": 1.0}], False, lambda place, outcome: None)
+            list(pool.simulate([{"Nonsense [m]": 1.0}], False))
     finally:
         pool.close()
+
+
+def test_workers_that_nobody_waits_for_are_ended(pool: WorkerPool) -> None:
+    answers = pool.simulate([{NAME: 4e-6}, {NAME: 9e-6}, {NAME: 9e-6}], False)
+    next(answers)
+    answers.close()
+    ends = [outcome.runs[0].trajectory.voltage[-1] for outcome in simulate(pool, *[4e-6] * 4)]  # type: ignore[union-attr]
+    assert ends == pytest.approx([ends[0]] * 4, abs=1e-9)
 
 
 @pytest.mark.usefixtures("ctrl_c")

@@ -1,0 +1,62 @@
+"""Which hooks a plugin implements, and what about its methods would silently be passed over."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from typing import Any
+
+import pluggy
+
+from .errors import did_you_mean
+from .hooks import PROJECT
+
+
+def hook_methods(plugin: object, specifications: type) -> tuple[Mapping[str, pluggy.HookImpl], list[str]]:
+    """The hooks that an object implements.
+
+    Parameters
+    ----------
+    plugin : object
+        A module, or what a factory made.
+    specifications : type
+        `CatalogueHooks` or `RunHooks`.
+
+    Returns
+    -------
+    methods : mapping of str to pluggy.HookImpl
+        By the hook's name.
+    faults : list of str
+        What is wrong with others: a name that is no hook, a hook without its mark, arguments that the hook does not
+        have.
+    """
+    known = [name for name, _ in inspect.getmembers(specifications, inspect.isfunction)]
+    manager = pluggy.PluginManager(PROJECT)
+    manager.add_hookspecs(specifications)
+    try:
+        manager.register(plugin, "plugin")
+    except pluggy.PluginValidationError as error:
+        return {}, [" ".join(str(error).split()).removeprefix("Plugin 'plugin' for hook ")]
+    methods: dict[str, pluggy.HookImpl] = {}
+    callers = {caller.name: caller for caller in manager.get_hookcallers(plugin) or ()}
+    faults: list[str] = []
+    for name, caller in callers.items():
+        (method,) = caller.get_hookimpls()
+        if not caller.has_spec():
+            faults.append(f'"{name}" is no hook: {did_you_mean(name, known) or "see docs/plugins.md"}')
+        elif method.hookwrapper or method.wrapper:
+            faults.append(f'"{name}" wraps the hook; wrappers are not called')
+        else:
+            methods[name] = method
+    faults += [
+        f'"{name}" is named as a hook and not marked: put @hookimpl above it, or rename it'
+        for name in known
+        if name not in callers and inspect.isroutine(getattr(plugin, name, None))
+    ]
+    return methods, faults
+
+
+def call(method: pluggy.HookImpl, arguments: Mapping[str, Any]) -> Any:
+    """Call a hook's method with those arguments that it names."""
+    named = [arguments[name] for name in method.argnames]
+    return method.function(*named, **{name: arguments[name] for name in method.kwargnames if name in arguments})

@@ -1,0 +1,21 @@
+"""Text that nobody vouches for, made fit for a message."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+def shown(text: object, limit: int = 60) -> str:
+    """The text on one line, control characters escaped and long texts cut, fit for a message."""
+    printable = "".join(
+        character if character.isprintable() else character.encode("unicode_escape").decode()
+        for character in str(text)[: 4 * limit]
+    )
+    return printable if len(printable) <= limit else printable[: limit - 3] + "..."
+
+
+def listed(names: Iterable[object], limit: int = 20) -> str:
+    """Names in quotes, the first ``limit`` of them."""
+    everything = [f'"{shown(name, 40)}"' for name in names]
+    more = f" and {len(everything) - limit} more" if len(everything) > limit else ""
+    return ", ".join(everything[:limit]) + more
