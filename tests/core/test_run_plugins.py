@@ -413,7 +413,7 @@ class Memory:
 
     @hookimpl
     def remember(self, trial):
-        if trial.index == 5 and (self.folder / "fault").exists():
+        if trial.index == 5 and self.folder.with_suffix(".fault").exists():
             raise RuntimeError("boom")
 
 @hookimpl
@@ -429,12 +429,11 @@ def test_a_run_that_a_plugin_ends_keeps_its_journal_and_is_resumed(
     scaffold = toy_scaffold(memories=["history", "zz-mem"])
     whole = run_toy(tmp_path / "whole", scaffold=scaffold, simulations=10, backend=RulesBackend())
     folder = tmp_path / "cut"
-    folder.mkdir()
-    (tmp_path / "cut" / "fault").touch()
+    (tmp_path / "cut.fault").touch()
     with pytest.raises(BsaError, match=r"^memory zz-mem of zz-fault 0\.1: boom in remember\. Hint: RuntimeError at"):
         run_toy(folder, scaffold=scaffold, simulations=10)
     kept = {event["index"] for event in read_events(folder) if event["event"] == "trial"}
     assert kept >= {0, 1, 2, 3, 4, 5}
-    (tmp_path / "cut" / "fault").unlink()
+    (tmp_path / "cut.fault").unlink()
     resumed = run_toy(folder, scaffold=scaffold, simulations=10)
     assert [dict(t.candidate) for t in resumed.trials] == [dict(t.candidate) for t in whole.trials]
