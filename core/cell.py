@@ -22,6 +22,7 @@ simulated record matches a measured one: the durations of the steps, the capacit
     signals=(CURRENT, VOLTAGE),
     metric="paper",
     brief_s=60.0,
+    signals_told=False,
     rules=tuple(read_yaml(Path(__file__).with_name("cell_rules.yaml"))),
     drives="currents",
     gentler="""\

@@ -28,6 +28,8 @@ class Domain:
         percentage errors of charge, current and voltage.
     brief_s : float
         Steps shorter than this say little of their own and count less, s.
+    signals_told : bool
+        Whether the agent is told the signals with their units and tolerances; needless where its field knows them.
     rules : tuple of mapping
         Rules of thumb for the priors: ``parameter`` (or the beginning of its name), ``raises``, ``lowers``, ``why``.
     drives : str
@@ -56,9 +58,13 @@ class Domain:
     signals: tuple[Signal, ...] = ()
     metric: Metric = "misfit"
     brief_s: float = 1.0
+    signals_told: bool = True
     rules: tuple[Mapping[str, Any], ...] = ()
     drives: str = ""
-    gentler: str = ""
+    gentler: str = (
+        "go to gentler values first (a failing or vanished step comes back), match what is left with large residuals "
+        "flattened, then come back."
+    )
     start_of_next: str = ""
     accuracy: str = "the simulator's reference accuracy"
     search_accuracy: str = "Errors during the search may differ slightly from the final scores above."
@@ -74,3 +80,8 @@ class Domain:
             f"You are an expert in models of the system at hand ({self.name}). You calibrate such a model so that its "
             "simulated record matches a measured one."
         )
+
+    @property
+    def too_brief_s(self) -> float:
+        """Steps shorter than this say nothing of their own, s."""
+        return self.brief_s / 3.0

@@ -39,7 +39,9 @@ Status = Literal["converged", "finished", "rounds-spent", "simulations-spent", "
 APPRAISAL = "appraisal"
 
 _IMPROVEMENT = 1e-3
-_CURVE_SAMPLES_PER_STEP = 60
+_CURVE_SAMPLES_PER_STEP, _SWING_SAMPLES_PER_STEP = 60, 600
+"""Samples of a step that a trial's curves keep, and those of one in which a signal oscillates."""
+
 _PHASE_CODE: dict[Phase, int] = {"initial": 0, "warm-up": 1, "search": 2}
 
 
@@ -291,9 +293,9 @@ class Run:
         self, index: int, phase: Phase, number: int, candidate: Candidate, outcome: Outcome, easing: Easing | None
     ) -> Trial:
         metrics = None if easing is not None else evaluate(self._task, outcome)
-        curves = tuple(
-            None if run.trajectory is None else run.trajectory.thinned(_CURVE_SAMPLES_PER_STEP) for run in outcome.runs
-        )
+        swings = any(signal.oscillates for signal in self._task.observed)
+        samples = _SWING_SAMPLES_PER_STEP if swings else _CURVE_SAMPLES_PER_STEP
+        curves = tuple(None if run.trajectory is None else run.trajectory.thinned(samples) for run in outcome.runs)
         return Trial(
             index=index,
             phase=phase,

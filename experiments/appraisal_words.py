@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..core.appraisal import Appraisal, Suggestion
-from .report.wording import number, short_name
+from ..core.domain import Domain
+from ..core.residuals import DURATION_TOLERANCE
+from ..core.task import Task
+from .report.wording import number, short_name, unit
 
 
 def verdict_line(appraisal: Appraisal) -> str:
@@ -35,7 +38,7 @@ def groups_line(appraisal: Appraisal) -> str:
     return f"Known only together: {'; '.join(groups)}." if groups else ""
 
 
-def next_line(appraisal: Appraisal) -> str:
+def next_line(appraisal: Appraisal, domain: Domain) -> str:
     """What to measure next and what it would do; empty if nothing was found that helps."""
     if not appraisal.measure_next:
         return ""
@@ -43,11 +46,28 @@ def next_line(appraisal: Appraisal) -> str:
     now = appraisal.identifiability.intervals[appraisal.worst].share_of_range
     if first.forecast.worst_share >= now:
         return "None of the protocols considered would shrink the widest interval."
+    length = f"{number(first.hours, 2)} h {domain.start_of_next}".strip()
     return (
-        f"To measure next: {first.name} ({number(first.hours, 2)} h from full): the widest 95 % interval would go "
+        f"To measure next: {first.name} ({length}): the widest 95 % interval would go "
         f"from {share(now)} of its range ({short_name(appraisal.worst)}) to {share(first.forecast.worst_share)} "
         f"({short_name(first.forecast.worst)})."
     )
+
+
+def tolerance_words(task: Task) -> str:
+    """``"1 mV, 0.1 % of a duration, about 1 % of a current"``: what a tolerance is in this task."""
+    several = len(task.observed) > 1
+    parts = [
+        f"{number(signal.shown_scale * signal.tolerance)} {unit(signal.shown)}" + f" of {signal.words}" * several
+        for signal in task.observed
+        if not signal.relative
+    ]
+    if not task.given_drive:
+        parts.append(f"{number(100.0 * DURATION_TOLERANCE)} % of a duration")
+    answering = [signal for signal in task.driven if signal.observed_in and not task.given_drive]
+    shares = [signal for signal in (*task.observed, *answering) if signal.relative]
+    parts += [f"about {number(100.0 * signal.tolerance)} % of a {signal.words}" for signal in shares]
+    return ", ".join(parts)
 
 
 def steps_of(suggestion: Suggestion) -> str:

@@ -21,10 +21,10 @@ def act(prompt: Prompt) -> dict[str, Any]:
     status = prompt.numerics.status
     if status == "infeasible":
         return _reply(
-            "Nothing could be simulated yet; polarisation exhausts the cell before the record ends.",
-            "The cell is harsher than the model can bear.",
+            "Nothing could be simulated yet: the model gives up before the record ends.",
+            "The values are harsher than the model can bear.",
             "ease",
-            "A gentler cell first: smaller particles, more pores.",
+            "Gentler values first.",
             simulations=prompt.numerics.allowance,
         )
     if status == "done":
@@ -70,7 +70,7 @@ def _after_the_end(prompt: Prompt) -> dict[str, Any]:
             "The fit has ended far from the record: a trap, as where a step has vanished.",
             "A step that vanished hides what the parameters do.",
             "ease",
-            "Bring it back with a gentler cell, match the rest, then everything.",
+            "Bring it back with gentler values, match the rest, then everything.",
             simulations=_TRIP,
         )
     if tried[-1] != "jacobian" and tried.count("jacobian") < 2:

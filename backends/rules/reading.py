@@ -58,7 +58,7 @@ class Prompt:
     Attributes
     ----------
     parameters : dict of str to float
-        The searched parameters and their current values.
+        The searched parameters and their present values.
     steps : dict of str to str
         A change of each parameter that is worth trying, ``"*1.1"`` or ``"+0.03"``.
     features : dict of str to float
@@ -71,6 +71,8 @@ class Prompt:
         Empty without memory.
     rules : tuple of DomainRule
         Empty without priors.
+    good_enough : dict of str to float
+        Mismatches that are as good as none, by the end of a feature's name.
     bounds : dict of str to (lower, upper)
         Empty without priors.
     numerics : Numerics
@@ -84,6 +86,7 @@ class Prompt:
     sensitivities: Sensitivities = field(default_factory=lambda: Sensitivities({}))
     trials: tuple[PastTrial, ...] = ()
     rules: tuple[DomainRule, ...] = ()
+    good_enough: dict[str, float] = field(default_factory=dict)
     bounds: dict[str, tuple[float, float]] = field(default_factory=dict)
     numerics: Numerics = field(default_factory=Numerics)
 
@@ -93,7 +96,8 @@ def read_prompt(messages: Sequence[Message]) -> Prompt:
     text = next((message.text for message in messages if message.role == "user"), "")
     sections = read_sections(text)
     # Memories stand between the task and the feedback: one with the heading of either must not stand in for it.
-    parameters, steps = _parameters(next((_mapping(content) for heading, content in sections if heading == TASK), {}))
+    task = next((_mapping(content) for heading, content in sections if heading == TASK), {})
+    parameters, steps = _parameters(task)
     last = {heading: _mapping(content) for heading, content in sections}
     priors = last.get(PRIORS, {})
     return Prompt(
@@ -104,6 +108,7 @@ def read_prompt(messages: Sequence[Message]) -> Prompt:
         sensitivities=Sensitivities.read(last.get(SENSITIVITIES)),
         trials=_trials(last.get(TRIALS, {})),
         rules=_rules(priors.get("rules")),
+        good_enough={name: size for name, size in finite_numbers(task.get("good_enough")).items() if size > 0},
         bounds=_bounds(priors.get("bounds"), steps),
         numerics=Numerics.read(last.get(NUMERICS)),
     )
@@ -113,7 +118,7 @@ def _parameters(task: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, st
     values: dict[str, float] = {}
     steps: dict[str, str] = {}
     for name, entry in _mapping(task.get("parameters")).items():
-        value, step = finite_number(_mapping(entry).get("current")), str(_mapping(entry).get("typical_step"))
+        value, step = finite_number(_mapping(entry).get("now")), str(_mapping(entry).get("typical_step"))
         if value is not None and _is_step(step) and abs(to_steps(value, step)) < _MOST_STEPS:
             values[name], steps[name] = value, step
     return values, steps

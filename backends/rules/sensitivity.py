@@ -24,12 +24,12 @@ _TYPICAL_TIME_S, _TYPICAL_SHIFT_MV, _TYPICAL_PERCENT = 60.0, 3.0, 2.0
 """Guessed effect of a typical step of a parameter that a rule names."""
 
 TOLERANCES = {"_s": 5.0, "_mv": 2.0, "_pct": 1.0}
-"""Mismatch that is as good as none, by the unit at the end of a feature's name."""
+"""Mismatch that is as good as none, by the unit at the end of a feature's name, where the task tells no other."""
 
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """A linear model of the features around the current values.
+    """A linear model of the features around the present values.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ def infer(prompt: Prompt) -> Sensitivity:
     parameters = tuple(prompt.parameters)
     features = tuple(prompt.features)
     mismatch = np.array([prompt.features[name] for name in features])
-    tolerance = np.array([_tolerance(name) for name in features])
+    tolerance = np.array([_tolerance(name, prompt) for name in features])
     slopes = _from_rules(prompt.rules, parameters, features)
     source = "domain rules" if np.any(slopes) else "nothing yet"
     for column, parameter in enumerate(parameters):
@@ -74,8 +74,9 @@ def infer(prompt: Prompt) -> Sensitivity:
     return Sensitivity(parameters, features, slopes, mismatch, tolerance, source)
 
 
-def _tolerance(feature: str) -> float:
-    return next((value for suffix, value in TOLERANCES.items() if feature.endswith(suffix)), 1.0)
+def _tolerance(feature: str, prompt: Prompt) -> float:
+    known = {**prompt.good_enough, **TOLERANCES}
+    return next((value for suffix, value in known.items() if feature.endswith(suffix)), 1.0)
 
 
 def _differences(prompt: Prompt, parameters: tuple[str, ...], features: tuple[str, ...]) -> tuple[Matrix, Matrix]:

@@ -166,6 +166,7 @@ def _print_summary(task: Task, result: RunResult, folder: Path) -> None:
     if result.appraisal is not None:
         from ..appraisal_words import caution_line, groups_line, next_line, verdict_line
 
-        lines = [words(result.appraisal) for words in (verdict_line, caution_line, groups_line, next_line)]
+        lines = [words(result.appraisal) for words in (verdict_line, caution_line, groups_line)]
+        lines.append(next_line(result.appraisal, task.domain))
         print(*(f"  {line}" for line in lines if line), "  (see the report)", sep="\n")
     print(f"  report: {folder / 'report.html'}")

@@ -6,7 +6,16 @@ from dataclasses import dataclass
 
 from ...core.appraisal import Appraisal
 from ...core.parameters import Parameter
-from ..appraisal_words import caution_line, groups_line, named, next_line, share, steps_of, verdict_line
+from ..appraisal_words import (
+    caution_line,
+    groups_line,
+    named,
+    next_line,
+    share,
+    steps_of,
+    tolerance_words,
+    verdict_line,
+)
 from ..story import RunRecord
 from .wording import number, short_name, unit
 
@@ -55,6 +64,7 @@ class Section:
     rows: list[IntervalRow]
     protocols: list[NextRow]
     combinations: list[str]
+    tolerance: str
     noise: str
     simulations: int
     reused: int
@@ -69,7 +79,7 @@ def section(run: RunRecord) -> Section | None:
         verdict=verdict_line(found),
         caution=caution_line(found),
         groups=groups_line(found),
-        next=next_line(found),
+        next=next_line(found, run.task.domain),
         unknown=named(found.unknown),
         rows=[_row(run.task.space[name], found) for name in found.identifiability.intervals if name in run.task.space],
         protocols=[
@@ -82,6 +92,7 @@ def section(run: RunRecord) -> Section | None:
             for suggestion in found.measure_next
         ],
         combinations=_combinations(found),
+        tolerance=tolerance_words(run.task),
         noise=number(found.identifiability.noise, 2),
         simulations=found.simulations,
         reused=found.reused,

@@ -17,9 +17,6 @@ _POINTS, _SWING_POINTS = 9, 100
 _FEW = 12
 """Steps described in detail; of longer records the longest steps stand for all."""
 
-_TOO_BRIEF = 1.0 / 3.0
-"""Share of a brief step below which a step (the one-second rests of the paper's protocol) says nothing of its own."""
-
 
 def features(task: Task, outcome: Outcome) -> dict[str, float]:
     """Signed mismatches, simulated minus measured, by name.
@@ -37,8 +34,9 @@ def features(task: Task, outcome: Outcome) -> dict[str, float]:
     result: dict[str, float] = {}
     for number, (experiment, run) in enumerate(zip(task.experiments, outcome.runs, strict=True), start=1):
         prefix = f"record_{number}_" if len(task.experiments) > 1 else ""
-        shortest_s = _TOO_BRIEF * task.domain.brief_s
-        pairs = [pair for pair in pair_steps(run.trajectory, experiment) if pair.measured.duration >= shortest_s]
+        found = pair_steps(run.trajectory, experiment)
+        # The one-second rests of the paper's protocol say nothing of their own.
+        pairs = [pair for pair in found if pair.measured.duration >= task.domain.too_brief_s]
         longest = sorted(pairs, key=lambda pair: -pair.measured.duration)[:_FEW]
         # The last step of a failed simulation is cut short, and its duration says nothing.
         reached = [pair for pair in pairs if pair in longest and (pair.simulated is not None or run.failure is None)]
@@ -73,8 +71,13 @@ def _signal_features(
         scale = float(np.mean(np.abs(measured))) or 1.0
         shift = 100.0 * float(np.mean(np.abs(simulated) - np.abs(measured))) / scale
         return {f"{name}_{signal.name}_shift_pct": shift}
-    subject = "" if task.observed == (signal,) else f"_{signal.name}"
-    return {f"{name}{subject}_shift_{signal.suffix}": signal.shown_scale * float(np.mean(simulated - measured))}
+    return {f"{name}_{_shift(task, signal)}": signal.shown_scale * float(np.mean(simulated - measured))}
+
+
+def _shift(task: Task, signal: Signal) -> str:
+    """The end of a feature's name; a single observed signal goes without saying."""
+    subject = "" if task.observed == (signal,) else f"{signal.name}_"
+    return f"{subject}shift_{signal.suffix}"
 
 
 def _swing_features(name: str, pair: StepPair, signal: Signal, begin: float, end: float) -> dict[str, float]:
@@ -97,7 +100,7 @@ def _amplitude(values: FloatArray) -> float:
 
 
 def good_enough(task: Task) -> dict[str, float]:
-    """Mismatches that are as good as none, by the end of a feature's name; for signals that oscillate.
+    """Mismatches that are as good as none, by the end of a feature's name.
 
     A delay is one tolerance where it moves the curve, on average over the record, by that much.
     """
@@ -110,8 +113,8 @@ def good_enough(task: Task) -> dict[str, float]:
             if len(piece) > 2 and np.all(np.diff(piece.time) > 0)
         ]
         swing = float(np.sqrt(np.mean(np.concatenate(rates) ** 2))) if rates else 0.0
-        shift = signal.tolerance * signal.shown_scale
-        found[f"{signal.name}_{'amplitude_shift' if signal.oscillates else 'shift'}_{signal.suffix}"] = shift
+        amplitude = f"{signal.name}_amplitude_shift_{signal.suffix}"
+        found[amplitude if signal.oscillates else _shift(task, signal)] = signal.tolerance * signal.shown_scale
         if signal.oscillates and swing > 0:
             found[f"{signal.name}_lag_s"] = signal.tolerance / swing
     return found

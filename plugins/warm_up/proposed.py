@@ -12,7 +12,7 @@ from ...core.parameters import Candidate, ParameterSpace
 from ...core.prompt_sections import INSTRUCTION, title
 from ...core.proposal import Proposal
 from ..agent.conversation import ask
-from ..agent.prompt import SYSTEM, situation
+from ..agent.prompt import situation, system_message
 from ..agent.proposer import require_backend
 from ..agent.reply_schema import apply_updates, updates_schema
 from .random import RandomWarmUp, RandomWarmUpOptions
@@ -34,10 +34,10 @@ class ProposedWarmUp:
         sections, images = situation(context, base, None, _MEMORY_BUDGET)
         sections.append(
             f"{title(INSTRUCTION)}Before the search, we learn what each parameter does. Propose {wanted} "
-            "perturbations of the current values; each will be simulated. Choose them so that every "
+            "perturbations of the present values; each will be simulated. Choose them so that every "
             'parameter\'s effect can be told from the others. Write changes as "*1.1" or "+0.02".'
         )
-        messages = [Message("system", SYSTEM), Message("user", "\n\n".join(sections), images)]
+        messages = [system_message(context.task), Message("user", "\n\n".join(sections), images)]
         answer = ask(
             self._backend,
             messages,

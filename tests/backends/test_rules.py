@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 PARAMETERS = {
-    "Capacity [A.h]": {"initial": 1.0, "current": 1.0, "typical_step": "*1.1"},
-    "Initial state of charge": {"initial": 0.5, "current": 0.5, "typical_step": "+0.05"},
+    "Capacity [A.h]": {"initial": 1.0, "now": 1.0, "typical_step": "*1.1"},
+    "Initial state of charge": {"initial": 0.5, "now": 0.5, "typical_step": "+0.05"},
 }
 SCHEMA = {"properties": {"analysis": {}, "hypothesis": {}, "updated_params": {}, "rationale": {}}}
 

@@ -17,8 +17,8 @@ A, B = "Capacity [A.h]", "Initial state of charge"
 SECTIONS: dict[str, Any] = {
     TASK: {
         "parameters": {
-            A: {"initial": 1.0, "current": 1.0, "typical_step": "*1.1"},
-            B: {"initial": 0.5, "current": 0.5, "typical_step": "+0.05"},
+            A: {"initial": 1.0, "now": 1.0, "typical_step": "*1.1"},
+            B: {"initial": 0.5, "now": 0.5, "typical_step": "+0.05"},
         }
     },
     PRIORS: {

@@ -21,6 +21,11 @@ _MOST_SIMULATIONS = 40
 _DEFAULT_SIMULATIONS = 5
 _LOWEST_RATE_PERCENT = 10
 
+_EASED_BY: JsonSchema = {
+    "ease_rate_percent": {"type": "integer", "minimum": _LOWEST_RATE_PERCENT, "maximum": 100},
+    "ease_cycles": {"type": "integer", "minimum": 1},
+}
+
 
 @dataclass(frozen=True)
 class Action:
@@ -66,8 +71,16 @@ class Action:
         return self.kind == "refine" and not self.parameters
 
 
-def action_schema(space: ParameterSpace) -> JsonSchema:
-    """JSON Schema of a reply: the agent's own (`reply_schema`) with an action and what it needs, still flat."""
+def action_schema(space: ParameterSpace, drives: bool = True) -> JsonSchema:
+    """JSON Schema of a reply: the agent's own (`reply_schema`) with an action and what it needs, still flat.
+
+    Parameters
+    ----------
+    space : ParameterSpace
+        What is searched.
+    drives : bool
+        Whether the task can be eased by what drives it (`Domain.drives`).
+    """
     agent = reply_schema(space)
     properties = dict(agent["properties"])
     updates = {key: value for key, value in properties["updated_params"].items() if key != "minProperties"}
@@ -85,8 +98,7 @@ def action_schema(space: ParameterSpace) -> JsonSchema:
             },
             "simulations": {"type": "integer", "minimum": 1, "maximum": _MOST_SIMULATIONS},
             "trial": {"type": "integer", "minimum": 0},
-            "ease_rate_percent": {"type": "integer", "minimum": _LOWEST_RATE_PERCENT, "maximum": 100},
-            "ease_cycles": {"type": "integer", "minimum": 1},
+            **(_EASED_BY if drives else {}),
             "rationale": properties["rationale"],
         },
         "required": ["analysis", "hypothesis", "action", "rationale"],

@@ -9,19 +9,17 @@ from ....core.hooks import ProposeContext
 from ....core.messages import Message
 from ....core.prompt_sections import INSTRUCTION, NUMERICS, section, title
 from ....core.trial import Trial
-from ...agent.prompt import SYSTEM, situation
+from ...agent.prompt import situation, system_message
 from ...feedback.rounding import rounded
 
 _INSTRUCTION = """\
 A least-squares fit works beside you and does the arithmetic. You decide what to try. Give your analysis, one \
 hypothesis about the physical cause, one action and your reasons. The actions:
 - "refine": let the fit go on for "simulations" steps. With "refine_params" only those parameters move for a while.
-- "set": try the values in "updated_params" ("*1.2", "+0.02", or an absolute value; applied to the current values).
-- "jacobian": measure again what each parameter does at the current values.
+- "set": try the values in "updated_params" ("*1.2", "+0.02", or an absolute value; applied to the present values).
+- "jacobian": measure again what each parameter does at the present values.
 - "restart": go on from the earlier trial with the number "trial".
-- "ease": make the cell gentler first (a failing or vanished step comes back), match what is left, then come back. \
-With "ease_rate_percent" below 100 the currents are lowered until the cell runs, and raised again; with "ease_cycles" \
-only the record's first cycles are fitted before all of it.
+- "ease": {gentler}
 "the_record" under Numerics says which parameters the record fixes, which it leaves open, and which move together: \
 do not look for causes in open ones.
 Let the fit go on while it gets on. Step in when it is stuck, when simulations fail or a step has vanished, or when \
@@ -47,6 +45,7 @@ def build_messages(
         Characters for each memory.
     """
     sections, images = situation(context, base, last, budget)
+    instruction = _INSTRUCTION.replace("{gentler}", context.task.domain.gentler)
     sections.append(section(NUMERICS, rounded(dict(numerics))))
-    sections.append(f"{title(INSTRUCTION)}{_INSTRUCTION} Simulations left: {context.simulations_left}.")
-    return [Message("system", SYSTEM), Message("user", "\n\n".join(sections), images)]
+    sections.append(f"{title(INSTRUCTION)}{instruction} Simulations left: {context.simulations_left}.")
+    return [system_message(context.task), Message("user", "\n\n".join(sections), images)]

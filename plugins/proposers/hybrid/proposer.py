@@ -181,7 +181,7 @@ class HybridProposer:
         return ask(
             self._backend,
             messages,
-            action_schema(self._space),
+            action_schema(self._space, bool(context.task.domain.drives)),
             lambda reply: check_action(reply, self._space, base.candidate, context.trials),
             context.seed,
         )
@@ -208,7 +208,7 @@ class HybridProposer:
             self._hold = action.simulations
         elif action.kind == "set":
             return [] if action.candidate is None or _known(action.candidate, context) else [action.candidate]
-        elif action.kind == "ease" and (action.rate is not None or action.cycles is not None):
+        elif action.kind == "ease" and context.task.domain.drives and (action.rate or action.cycles):
             self._excursion = self._detour(action, context, count)
         elif action.kind == "ease":
             start = self._space.to_unit(context.best.candidate) + _NUDGE * gentle_direction(context.task)
