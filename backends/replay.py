@@ -4,24 +4,26 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ..core.errors import BsaError
 from ..core.journal import FILE_NAME, read_events
-from ..core.messages import BackendFailure, BudgetSpent, JsonSchema, Message, Reply, Usage
-from ..core.recording import LOST_CALL, REPLY
+from ..core.messages import BackendFailure, BudgetSpent, JsonSchema, Message, PromptRefused, Reply, ReplyRefused, Usage
+from ..core.recording import LOST_CALL, REPLY, REVIEW, VOTE, is_outcome
+from .reviewing import Verdict
 
 
 class ReplayBackend:
-    """Gives recorded replies in order, lost calls included.
+    """Gives again, in order, what the proposer of a run was given: votes merged, and refusals.
 
     Tokens and cost are the original run's, so that its report comes out the same.
 
     Parameters
     ----------
     events : iterable of mapping
-        A journal's events; only replies and lost calls count.
+        A journal's events.
     name : str
         The backend's name.
     """
@@ -30,8 +32,8 @@ class ReplayBackend:
 
     def __init__(self, events: Iterable[Mapping[str, Any]], name: str) -> None:
         self.name = name
-        self._events = deque(event for event in events if event["event"] in (REPLY, LOST_CALL))
-        self._count = len(self._events)
+        self._given = deque(given(events))
+        self._count = len(self._given)
 
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
         """See `bsa.core.messages.Backend.complete`.
@@ -41,22 +43,48 @@ class ReplayBackend:
         BudgetSpent
             When no reply is left, so that the run stops cleanly where the original did.
         """
-        if not self._events:
+        if not self._given:
             raise BudgetSpent(f"all {self._count} replies of {self.name} have been given")
-        event = self._events.popleft()
-        if event["event"] == LOST_CALL:
-            raise BackendFailure(str(event.get("reason", "")))
-        usage = {key: value for key, value in event.get("usage", {}).items() if key in Usage.__dataclass_fields__}
-        return Reply(
-            text=str(event.get("text", "")),
-            usage=Usage(**usage),
-            model=str(event.get("model", "")),
-            structured_by=event.get("structured_by", "text"),
-            notes=tuple(event.get("notes", ())),
-        )
+        found = self._given.popleft()
+        if isinstance(found, BackendFailure):
+            raise found
+        return found
 
     def close(self) -> None:
         """Nothing to release."""
+
+
+def given(events: Iterable[Mapping[str, Any]]) -> list[Reply | BackendFailure]:
+    """What the proposer of a run was given, in order; of votes their outcome, with what they cost together."""
+    found: list[Reply | BackendFailure] = []
+    for event in filter(is_outcome, events):
+        kind, text = event["event"], str(event.get("text", ""))
+        last = found[-1] if found else None
+        if kind == REPLY:
+            found.append(_reply(event, text))
+        elif kind == VOTE and isinstance(last, Reply):
+            count = max(len(event.get("ballots", ())), 1)
+            votes = [reply for reply in found[-count:] if isinstance(reply, Reply)]
+            found[-count:] = [replace(last, text=text, usage=sum((vote.usage for vote in votes), Usage()))]
+        elif kind == REVIEW and isinstance(last, Reply):
+            try:
+                found[-1] = Verdict(event.get("verdict", "accept"), text).on(last)
+            except ReplyRefused as refusal:
+                found[-1] = refusal
+        elif kind == LOST_CALL:
+            found.append(PromptRefused(str(event.get("reason", ""))))
+    return found
+
+
+def _reply(event: Mapping[str, Any], text: str) -> Reply:
+    usage = {key: value for key, value in event.get("usage", {}).items() if key in Usage.__dataclass_fields__}
+    return Reply(
+        text=text,
+        usage=Usage(**usage),
+        model=str(event.get("model", "")),
+        structured_by=event.get("structured_by", "text"),
+        notes=tuple(event.get("notes", ())),
+    )
 
 
 def replay(run: str) -> ReplayBackend:

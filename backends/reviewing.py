@@ -11,15 +11,12 @@ import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, TextIO
+from typing import Literal, TextIO
 
 from ..core.errors import BsaError
-from ..core.messages import Backend, BudgetSpent, JsonSchema, Message, Reply
+from ..core.messages import Backend, BudgetSpent, JsonSchema, Message, Reply, ReplyRefused
+from ..core.recording import REVIEW, Recorder
 from ..core.reply_parsing import parse_object, strip_control
-
-UPDATES = "updated_params"
-REFUSED = "refused"
-"""Key under which a refused reply holds the reviewer's reason."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +34,18 @@ class Verdict:
     kind: Literal["accept", "edit", "refuse"]
     text: str = ""
 
+    def on(self, reply: Reply) -> Reply:
+        """The reply as it passes on.
+
+        Raises
+        ------
+        ReplyRefused
+            If it does not.
+        """
+        if self.kind == "refuse":
+            raise ReplyRefused(reply, self.text or "no reason given")
+        return replace(reply, text=self.text) if self.kind == "edit" else reply
+
 
 Reviewer = Callable[[str], Verdict]
 """Is shown a reply, free of control codes, and decides."""
@@ -45,34 +54,46 @@ Reviewer = Callable[[str], Verdict]
 class ReviewingBackend:
     """Asks another backend, and a person about its reply.
 
-    A refused reply stays in the journal with its changes taken out: ``{"refused": "<reason>", ...,
-    "updated_params": {}}`` and a note that begins with ``refused``. The proposer finds no change in it and asks
-    the model again, which reads the reason; or the round is lost. The changes refused are in the note.
-
     Parameters
     ----------
     inner : Backend
         Is asked.
     reviewer : callable, optional
         Decides; a person at the terminal if unset.
+    recorder : Recorder, optional
+        Where the verdicts are written down; a resumed run does not ask for them again.
     """
 
-    def __init__(self, inner: Backend, reviewer: Reviewer | None = None) -> None:
+    def __init__(self, inner: Backend, reviewer: Reviewer | None = None, recorder: Recorder | None = None) -> None:
         self._inner = inner
         self._reviewer = reviewer or TerminalReviewer()
+        self._recorder = recorder
         self.name = f"{inner.name}, reviewed"
         self.sees_images = inner.sees_images
 
+    def recorded_by(self, recorder: Recorder) -> ReviewingBackend:
+        """See `bsa.core.recording.Layer`: the model's own reply is recorded, and the verdict on it."""
+        return ReviewingBackend(recorder.around(self._inner), self._reviewer, recorder)
+
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
-        """See `bsa.core.messages.Backend.complete`."""
+        """See `bsa.core.messages.Backend.complete`.
+
+        Raises
+        ------
+        ReplyRefused
+            If the person refuses the reply.
+        """
         reply = self._inner.complete(messages, schema, seed=seed)
+        return self._verdict(reply, schema).on(reply)
+
+    def _verdict(self, reply: Reply, schema: JsonSchema) -> Verdict:
+        event = self._recorder.recorded(REVIEW) if self._recorder is not None else None
+        if event is not None:
+            return Verdict(event["verdict"], event["text"])
         verdict = self._reviewer(_shown(reply.text, schema))
-        if verdict.kind == "edit":
-            note = f"edited by the reviewer; the model wrote: {reply.text}"
-            return replace(reply, text=verdict.text, notes=(*reply.notes, note))
-        if verdict.kind == "refuse":
-            return _refused(reply, schema, verdict.text)
-        return replace(reply, notes=(*reply.notes, "accepted by the reviewer"))
+        if self._recorder is not None:
+            self._recorder.write(REVIEW, verdict=verdict.kind, text=verdict.text)
+        return verdict
 
     def close(self) -> None:
         """Release the model."""
@@ -85,18 +106,6 @@ def _shown(text: str, schema: JsonSchema) -> str:
     except BsaError:
         return strip_control(text)
     return strip_control(json.dumps(content, ensure_ascii=False, indent=2))
-
-
-def _refused(reply: Reply, schema: JsonSchema, reason: str) -> Reply:
-    content: dict[str, Any] = {}
-    try:
-        content = parse_object(reply.text, schema.get("properties", ()))
-    except BsaError as error:
-        content["analysis"] = error.message
-    changes = json.dumps(content.get(UPDATES), ensure_ascii=False)
-    refusal = {REFUSED: reason or "no reason given", **content, UPDATES: {}}
-    note = f"refused by the reviewer ({refusal[REFUSED]}); the model wrote: {changes}"
-    return replace(reply, text=json.dumps(refusal, ensure_ascii=False), notes=(*reply.notes, note))
 
 
 class TerminalReviewer:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from ..core.messages import BackendFailure, JsonSchema, Message, Reply, StructuredBy, Usage
+from ..core.messages import JsonSchema, Message, PromptRefused, Reply, StructuredBy, Usage
 from .constrained_decoding import SchemaProcessor
 from .images import showable
 from .loaded_model import LoadedModel, load
@@ -85,7 +85,7 @@ class TransformersBackend:
             fitting = fit(messages, lambda tried: self._encode(tried).shape[1] + least <= context, notes)
         except ContextTooSmallError:
             length = self._encode(messages).shape[1]
-            raise BackendFailure(
+            raise PromptRefused(
                 f"the prompt has {length} tokens, but {self._model} has a context of {context}"
             ) from None
         prompt = self._encode(fitting)

@@ -11,8 +11,9 @@ from statistics import median
 from typing import Any, Literal
 
 from ..core.errors import BsaError
-from ..core.messages import Backend, BackendFailure, JsonSchema, Message, Reply, StructuredBy, Usage
+from ..core.messages import Backend, JsonSchema, Message, Reply, StructuredBy, Usage
 from ..core.proposal import is_change
+from ..core.recording import VOTE, Recorder
 from ..core.reply_parsing import parse_object
 from .structured_output import LADDER
 
@@ -68,6 +69,48 @@ class Change:
         return gap if self.kind == "factor" else gap / max(abs(self.amount), abs(other.amount), 1e-300)
 
 
+@dataclass(frozen=True)
+class Ballot:
+    """What one reply voted for.
+
+    Attributes
+    ----------
+    content : mapping
+        The reply as an object; empty if it could not be read.
+    changes : mapping of str to Change
+        Its changes.
+    problem : str
+        Why it does not count, if it does not.
+    """
+
+    content: Mapping[str, Any]
+    changes: Mapping[str, Change]
+    problem: str = ""
+
+    @classmethod
+    def read(cls, text: str, schema: JsonSchema) -> Ballot:
+        """The ballot of a reply."""
+        try:
+            content = parse_object(text, schema.get("properties", ()))
+        except BsaError as error:
+            return cls({}, {}, error.message)
+        changes = _changes(content)
+        return cls(content, changes, "" if changes else "it changes nothing")
+
+    @property
+    def action(self) -> str:
+        """What kind of move the reply asks for."""
+        return str(self.content.get("action", ""))
+
+    def as_json(self) -> dict[str, Any]:
+        """For the journal."""
+        return {
+            "changes": {name: str(change) for name, change in self.changes.items()},
+            "action": self.action,
+            "problem": self.problem,
+        }
+
+
 class VotingBackend:
     """Asks another backend several times and merges the replies.
 
@@ -77,67 +120,59 @@ class VotingBackend:
         Is asked with a different seed for each vote.
     votes : int
         How many replies.
+    recorder : Recorder, optional
+        Where the votes are written down.
     """
 
-    def __init__(self, inner: Backend, votes: int) -> None:
+    def __init__(self, inner: Backend, votes: int, recorder: Recorder | None = None) -> None:
         self._inner = inner
         self._votes = votes
+        self._recorder = recorder
         self.name = f"{inner.name}, {votes} votes"
         self.sees_images = inner.sees_images
+
+    def recorded_by(self, recorder: Recorder) -> VotingBackend:
+        """See `bsa.core.recording.Layer`: every reply is recorded, and what each voted for."""
+        return VotingBackend(recorder.around(self._inner), self._votes, recorder)
 
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
         """See `bsa.core.messages.Backend.complete`."""
         if UPDATES not in schema.get("properties", {}):
             # A set of perturbations to try is no opinion: there is nothing to average.
             return self._inner.complete(messages, schema, seed=seed)
-        replies: list[Reply] = []
-        notes: list[str] = []
-        for vote in range(self._votes):
-            try:
-                replies.append(self._inner.complete(messages, schema, seed=seed + vote * _SEED_STRIDE))
-            except BackendFailure as failure:
-                notes.append(f"vote {vote + 1} was lost: {failure}")
-        if not replies:
-            raise BackendFailure("; ".join(notes))
-        merged = merge([reply.text for reply in replies], schema, notes)
+        replies = [
+            self._inner.complete(messages, schema, seed=seed + vote * _SEED_STRIDE) for vote in range(self._votes)
+        ]
+        ballots = [Ballot.read(reply.text, schema) for reply in replies]
+        merged = merge(ballots)
         weakest: StructuredBy = max((reply.structured_by for reply in replies), key=LADDER.index)
-        said = [f"vote {number}: {note}" for number, reply in enumerate(replies, 1) for note in reply.notes]
-        return replace(
+        notes = [f"vote {number}: {note}" for number, reply in enumerate(replies, 1) for note in reply.notes]
+        result = replace(
             replies[0],
             text=replies[0].text if merged is None else json.dumps(merged, ensure_ascii=False),
             usage=sum((reply.usage for reply in replies), Usage()),
             structured_by=weakest,
-            notes=(*notes, *said),
+            notes=tuple(notes),
         )
+        if self._recorder is not None:
+            self._recorder.record(VOTE, text=result.text, ballots=[ballot.as_json() for ballot in ballots], rule=RULE)
+        return result
 
     def close(self) -> None:
         """Release the model."""
         self._inner.close()
 
 
-def merge(texts: Sequence[str], schema: JsonSchema, notes: list[str]) -> dict[str, Any] | None:
-    """One reply out of many; None if none of them can be read."""
-    ballots: list[tuple[dict[str, Any], dict[str, Change]]] = []
-    for number, text in enumerate(texts, 1):
-        try:
-            content = parse_object(text, schema.get("properties", ()))
-        except BsaError as error:
-            notes.append(f"reply {number} does not count: {error.message}")
-            continue
-        changes = _changes(content)
-        if changes:
-            ballots.append((content, changes))
-        else:
-            notes.append(f"reply {number} does not count: it changes nothing")
-    if not ballots:
+def merge(ballots: Sequence[Ballot]) -> dict[str, Any] | None:
+    """One reply out of many; None if none of them counts."""
+    valid = [ballot for ballot in ballots if not ballot.problem]
+    if not valid:
         return None
-    actions = Counter(str(content.get("action", "")) for content, _ in ballots)
-    action = actions.most_common(1)[0][0]
-    ballots = [ballot for ballot in ballots if str(ballot[0].get("action", "")) == action]
-    winner = _winner([changes for _, changes in ballots])
-    closest = min(ballots, key=lambda ballot: _distance(winner, ballot[1]))[0]
-    notes.append(f"{len(ballots)} of {len(texts)} replies merged: {RULE}")
-    return {**closest, UPDATES: {name: str(change) for name, change in winner.items()}}
+    action = Counter(ballot.action for ballot in valid).most_common(1)[0][0]
+    valid = [ballot for ballot in valid if ballot.action == action]
+    winner = _winner([ballot.changes for ballot in valid])
+    closest = min(valid, key=lambda ballot: _distance(winner, ballot.changes))
+    return {**closest.content, UPDATES: {name: str(change) for name, change in winner.items()}}
 
 
 def _changes(content: Mapping[str, Any]) -> dict[str, Change]:

@@ -21,11 +21,11 @@ from .errors import BsaError
 from .feedback import Feedback
 from .hooks import ProposeContext
 from .journal import Journal
-from .messages import BudgetSpent, Usage
+from .messages import Outage, RunStopped, Usage
 from .metrics import Metrics, decode_metrics, evaluate
 from .parameters import Candidate
 from .proposal import Proposal
-from .recording import RecordingBackend
+from .recording import Recorder
 from .residuals import partial_residuals, residuals
 from .run_config import RunConfig
 from .run_plugins import RunPlugins
@@ -34,7 +34,7 @@ from .task import Task
 from .trajectory import FloatArray
 from .trial import Phase, Trial
 
-Status = Literal["converged", "finished", "rounds-spent", "simulations-spent", "budget-spent", "interrupted"]
+Status = Literal["converged", "finished", "rounds-spent", "simulations-spent", "budget-spent", "outage", "interrupted"]
 
 APPRAISAL = "appraisal"
 
@@ -74,12 +74,14 @@ class RunResult:
         Everything that was tried.
     usage : Usage
         Tokens and cost.
-    llm_calls : int
-        Calls of the backend, lost ones included.
+    llm_calls, lost_calls : int
+        Calls of the backend, lost ones included; those that gave no reply.
     wall_s, simulator_s : float
         Time of this process from start to end, and of all simulations of the search, in seconds.
     appraisal : Appraisal or None
         What the records fix, where that was asked for and something simulated.
+    reason : str
+        Why the language model was not asked any more, where that stopped the run before its end.
     """
 
     status: Status
@@ -89,9 +91,11 @@ class RunResult:
     trials: tuple[Trial, ...]
     usage: Usage
     llm_calls: int
+    lost_calls: int
     wall_s: float
     simulator_s: float
     appraisal: Appraisal | None = None
+    reason: str = ""
 
 
 class Run:
@@ -105,8 +109,8 @@ class Run:
         Scaffold, budgets, seed.
     plugins : RunPlugins
         What takes part.
-    backend : RecordingBackend
-        The language model behind its recorder.
+    recorder : Recorder
+        The books of the language model.
     journal : Journal
         Open for writing.
     folder : Path
@@ -125,7 +129,7 @@ class Run:
         task: Task,
         config: RunConfig,
         plugins: RunPlugins,
-        backend: RecordingBackend,
+        recorder: Recorder,
         journal: Journal,
         folder: Path,
         earlier: Iterable[Mapping[str, Any]] = (),
@@ -135,7 +139,7 @@ class Run:
         self._task = task
         self._config = config
         self._plugins = plugins
-        self._backend = backend
+        self._recorder = recorder
         self._journal = journal
         self._folder = folder
         self._listener = listener
@@ -162,18 +166,20 @@ class Run:
         """Run to the end, or until interrupted; the journal is complete either way."""
         started = time.perf_counter()
         status: Status
+        reason = ""
         try:
             self._simulate([self._task.space.initial], "initial", 0, None)
             self._warm_up()
             status = self._search()
         except KeyboardInterrupt:
             status = "interrupted"
-        except BudgetSpent as spent:
-            self._note(f"Stopped: {spent}. Resume with a larger allowance.")
-            status = "budget-spent"
+        except RunStopped as stopped:
+            reason = str(stopped)
+            status = "outage" if isinstance(stopped, Outage) else "budget-spent"
+            self._note(f"Stopped: {reason}.")
         if not self._trials:
             raise KeyboardInterrupt
-        return self._finish(status, started)
+        return self._finish(status, reason, started)
 
     def _warm_up(self) -> None:
         limit = min(self._config.warm_up, self._simulations_left)
@@ -192,7 +198,9 @@ class Run:
             if self.best.objective <= self._config.stop_below:
                 return "converged"
             number += 1
+            replies, lost = self._recorder.replies, self._recorder.lost
             proposal = self._plugins.propose(self._context("search", number, self._simulations_left))
+            unheard = self._recorder.lost > lost and self._recorder.replies == replies
             self._take(proposal, "search", number, self._simulations_left)
             if proposal.finished:
                 return "finished"
@@ -201,7 +209,8 @@ class Run:
             counted += not uncounted
             if uncounted or proposal.advancing or self.best.objective < reference * (1.0 - _IMPROVEMENT):
                 stalled, reference = 0, self.best.objective
-            else:
+            elif not (unheard and proposal.lost):
+                # A round in which the model had no say tells nothing of whether the search still gets on.
                 stalled += 1
             if stalled >= self._config.patience:
                 return "converged"
@@ -267,7 +276,7 @@ class Run:
             self._trials.append(done[place])
             self._plugins.remember(done[place], proposal)
             if self._listener:
-                self._listener.tried(done[place], self.best, self._backend.usage)
+                self._listener.tried(done[place], self.best, self._recorder.usage)
 
     def _simulate_eased(
         self,
@@ -327,23 +336,27 @@ class Run:
             return None
         return partial_residuals(replace(self._task, experiments=experiments), outcome)
 
-    def _finish(self, status: Status, started: float) -> RunResult:
+    def _finish(self, status: Status, reason: str, started: float) -> RunResult:
         best = self.best
         scores: dict[str, Metrics | None] = {"initial": self._trials[0].metrics, "best": best.metrics}
-        if status != "interrupted":
+        # Of a run that is to go on, nobody wants to wait for the last word.
+        last_word = status not in ("interrupted", "outage")
+        if last_word:
             scores = self._score(best)
-        appraisal = self._appraise(best) if status != "interrupted" and self._appraising else None
+        appraisal = self._appraise(best) if last_word and self._appraising else None
         result = RunResult(
             status=status,
             best=best,
             initial_metrics=scores["initial"],
             best_metrics=scores["best"],
             trials=tuple(self._trials),
-            usage=self._backend.usage,
-            llm_calls=self._backend.calls,
+            usage=self._recorder.usage,
+            llm_calls=self._recorder.calls,
+            lost_calls=self._recorder.lost,
             wall_s=time.perf_counter() - started,
             simulator_s=sum(trial.seconds for trial in self._trials),
             appraisal=appraisal,
+            reason=reason,
         )
         self._journal.append("end", status=status, best=best.index)
         return result

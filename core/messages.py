@@ -111,6 +111,23 @@ class PromptRefused(BackendFailure):
     """
 
 
+class ReplyRefused(BackendFailure):
+    """A person read the reply and refused it.
+
+    Parameters
+    ----------
+    reply : Reply
+        What the model had answered.
+    reason : str
+        Why it was refused; the model may read it.
+    """
+
+    def __init__(self, reply: Reply, reason: str) -> None:
+        super().__init__(f"the reviewer refused it: {reason}.")
+        self.reply = reply
+        self.reason = reason
+
+
 class RunStopped(Exception):
     """The run cannot go on for now; raised from a call of the model, so that the run stops cleanly and resumably.
 
@@ -162,6 +179,8 @@ class Backend(Protocol):
             When there is no connection to the model.
         PromptRefused
             When this prompt cannot be answered, now or later.
+        ReplyRefused
+            When a person refused the reply.
         BackendFailure
             When retries within the stated limit gave no reply.
         BsaError

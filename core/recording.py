@@ -1,48 +1,178 @@
-"""A backend that writes every exchange into the journal, and on resume answers from it first."""
+"""What is asked of the language model and what comes of it, written into the journal and on resume taken from there."""
 
 from __future__ import annotations
 
+import time
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
+from .errors import BsaError
 from .journal import Journal
-from .messages import Backend, BackendFailure, BudgetSpent, JsonSchema, Message, Reply, Usage
+from .messages import (
+    Backend,
+    BackendFailure,
+    BackendUnreachable,
+    BudgetSpent,
+    JsonSchema,
+    Message,
+    Outage,
+    PromptRefused,
+    Reply,
+    Usage,
+)
 
-REPLY, LOST_CALL = "reply", "lost-call"
+REPLY, LOST_CALL, VOTE, REVIEW = "reply", "lost-call", "vote", "review"
+
+ASK_AGAIN_AFTER_S = (5.0, 30.0, 120.0)
+"""Waits before a lost call is made again, s.
+
+A server that is restarted has its model loaded after a minute or two. A longer outage needs a person, and a stopped
+run holds neither memory nor a place at the server until then.
+"""
+
+MOST_REFUSED = 3
+"""So many prompts refused in a row stop the run: the next one would be refused too."""
+
+
+class Recorder:
+    """The books of a run's language model: the journal's exchanges, and what they cost.
+
+    Parameters
+    ----------
+    journal : Journal
+        Where every prompt, reply, vote and review is kept.
+    earlier : iterable of mapping
+        The events of an interrupted run, oldest first. What was answered is given again before the model is asked;
+        what was lost is asked again.
+    max_tokens, max_cost_usd : optional
+        Allowance of the whole run; once spent, the next call raises `BudgetSpent`.
+    say : callable, optional
+        Is told of lost calls that are made again.
+
+    Attributes
+    ----------
+    usage : Usage
+        What the replies cost.
+    calls, lost : int
+        Calls of the model, lost ones included; those that gave no reply.
+    """
+
+    def __init__(
+        self,
+        journal: Journal,
+        earlier: Iterable[Mapping[str, Any]] = (),
+        max_tokens: int | None = None,
+        max_cost_usd: float | None = None,
+        say: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        self._journal = journal
+        self._max_tokens = max_tokens
+        self._max_cost_usd = max_cost_usd
+        self.say = say
+        self.usage = Usage()
+        self.calls = self.lost = 0
+        self._recorded: deque[Mapping[str, Any]] = deque()
+        for event in earlier:
+            if is_outcome(event):
+                self._recorded.append(event)
+            elif event["event"] == LOST_CALL:
+                self.calls, self.lost = self.calls + 1, self.lost + 1
+
+    @property
+    def replies(self) -> int:
+        """How many calls gave a reply."""
+        return self.calls - self.lost
+
+    def around(self, backend: Backend) -> Backend:
+        """The backend with everything that passes recorded."""
+        return backend.recorded_by(self) if isinstance(backend, Layer) else RecordingBackend(backend, self)
+
+    def recorded(self, *kinds: str) -> Mapping[str, Any] | None:
+        """The next event of the interrupted run; None once all were given.
+
+        Raises
+        ------
+        BsaError
+            If it is none of these kinds.
+        """
+        if not self._recorded:
+            return None
+        if self._recorded[0]["event"] not in kinds:
+            raise BsaError(
+                f'the journal does not fit: {self._journal.path} has a "{self._recorded[0]["event"]}" '
+                f'where this version has a "{kinds[0]}".',
+                "resume with the version and the settings that began the run, or start a new one.",
+            )
+        return self._recorded.popleft()
+
+    def record(self, kind: str, **fields: Any) -> None:
+        """Write an event that follows from those before it, unless the interrupted run wrote it."""
+        if self.recorded(kind) is None:
+            self._journal.append(kind, **fields)
+
+    def write(self, kind: str, **fields: Any) -> None:
+        """Write an event."""
+        self._journal.append(kind, **fields)
+
+    def count_reply(self, usage: Usage) -> None:
+        """Enter a call that gave a reply."""
+        self.calls += 1
+        self.usage = self.usage + usage
+
+    def count_lost(self) -> None:
+        """Enter a call that gave none."""
+        self.calls += 1
+        self.lost += 1
+
+    def check_allowance(self) -> None:
+        """Whether another call may be made.
+
+        Raises
+        ------
+        BudgetSpent
+            If not.
+        """
+        if self._max_tokens is not None and self.usage.tokens >= self._max_tokens:
+            raise BudgetSpent(f"{self.usage.tokens} tokens used of --max-tokens {self._max_tokens}")
+        if self._max_cost_usd is not None and self.usage.cost_usd >= self._max_cost_usd:
+            raise BudgetSpent(f"${self.usage.cost_usd:.4f} spent of --max-cost {self._max_cost_usd:g}")
+
+
+@runtime_checkable
+class Layer(Protocol):
+    """A backend around another one that has something of its own to record."""
+
+    def recorded_by(self, recorder: Recorder) -> Backend:
+        """The same, with the backend inside recorded (`Recorder.around`)."""
+        ...
+
+
+def is_outcome(event: Mapping[str, Any]) -> bool:
+    """Whether an event was handed on to the proposer; a lost call was not, unless the prompt was refused."""
+    return event["event"] in (REPLY, VOTE, REVIEW) or (event["event"] == LOST_CALL and bool(event.get("refused")))
 
 
 class RecordingBackend:
-    """Stands between the proposer and the language model.
+    """Stands before the language model.
+
+    A lost call is made again, so that an outage never changes what the search does: it goes on as if nothing had
+    been, or it stops until the model can be had.
 
     Parameters
     ----------
     inner : Backend
         The model.
-    journal : Journal
-        Where every prompt and reply is kept.
-    recorded : iterable of mapping
-        The exchanges of an interrupted run, oldest first; they are given again before the model is asked.
-    max_tokens, max_cost_usd : optional
-        Allowance of the whole run; once spent, the next call raises `BudgetSpent`.
+    recorder : Recorder
+        The books.
     """
 
-    def __init__(
-        self,
-        inner: Backend,
-        journal: Journal,
-        recorded: Iterable[Mapping[str, Any]] = (),
-        max_tokens: int | None = None,
-        max_cost_usd: float | None = None,
-    ) -> None:
+    def __init__(self, inner: Backend, recorder: Recorder) -> None:
         self._inner = inner
-        self._journal = journal
-        self._recorded = deque(recorded)
-        self._max_tokens = max_tokens
-        self._max_cost_usd = max_cost_usd
-        self.usage = Usage()
-        self.calls = 0
+        self._recorder = recorder
+        self._answered = False
+        self._refused = 0
 
     @property
     def name(self) -> str:
@@ -55,46 +185,62 @@ class RecordingBackend:
         return self._inner.sees_images
 
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
-        """See `Backend.complete`."""
-        if self._recorded:
-            return self._again(self._recorded.popleft())
-        self._check_allowance()
+        """See `Backend.complete`.
+
+        Raises
+        ------
+        PromptRefused
+            If the server does not take this prompt.
+        Outage
+            If the call was lost as often as it may be, or nothing was ever there to answer.
+        BudgetSpent
+            If the allowance is used up.
+        """
+        event = self._recorder.recorded(REPLY, LOST_CALL)
+        if event is not None:
+            return self._again(event)
         prompt = [{"role": message.role, "text": message.text, "images": len(message.images)} for message in messages]
-        try:
-            reply = self._inner.complete(messages, schema, seed=seed)
-        except BackendFailure as failure:
-            self.calls += 1
-            self._journal.append(LOST_CALL, reason=str(failure), prompt=prompt)
-            raise
-        self._count(reply.usage)
-        self._journal.append(
-            REPLY,
-            text=reply.text,
-            usage=asdict(reply.usage),
-            model=reply.model,
-            structured_by=reply.structured_by,
-            notes=list(reply.notes),
-            prompt=prompt,
-        )
-        return reply
+        waits = iter(ASK_AGAIN_AFTER_S)
+        while True:
+            self._recorder.check_allowance()
+            try:
+                reply = self._inner.complete(messages, schema, seed=seed)
+            except BackendFailure as failure:
+                self._lost(failure, prompt, next(waits, None))
+                continue
+            self._heard(reply.usage)
+            self._answered = True
+            fields = {key: value for key, value in asdict(reply).items() if key != "notes"}
+            self._recorder.write(REPLY, **fields, notes=list(reply.notes), prompt=prompt)
+            return reply
+
+    def _lost(self, failure: BackendFailure, prompt: list[dict[str, Any]], wait_s: float | None) -> None:
+        """Write a lost call down and wait for the time to make it again, or raise what ends the trying."""
+        reason = str(failure)
+        self._refused += isinstance(failure, PromptRefused)
+        handed_on = isinstance(failure, PromptRefused) and self._refused < MOST_REFUSED
+        self._recorder.count_lost()
+        self._recorder.write(LOST_CALL, reason=reason, prompt=prompt, refused=handed_on)
+        if handed_on:
+            raise failure
+        nobody = isinstance(failure, BackendUnreachable) and not self._answered
+        if wait_s is None or nobody or isinstance(failure, PromptRefused):
+            raise Outage(f"the language model gave no reply: {reason}") from None
+        self._recorder.say(f"no reply ({reason}); asked again in {wait_s:g} s")
+        time.sleep(wait_s)
 
     def _again(self, event: Mapping[str, Any]) -> Reply:
         if event["event"] == LOST_CALL:
-            self.calls += 1
-            raise BackendFailure(event["reason"])
+            self._recorder.count_lost()
+            self._refused += 1
+            raise PromptRefused(event["reason"])
         usage = Usage(**event["usage"])
-        self._count(usage)
+        self._heard(usage)
         return Reply(event["text"], usage, event["model"], event["structured_by"], tuple(event["notes"]))
 
-    def _count(self, usage: Usage) -> None:
-        self.calls += 1
-        self.usage = self.usage + usage
-
-    def _check_allowance(self) -> None:
-        if self._max_tokens is not None and self.usage.tokens >= self._max_tokens:
-            raise BudgetSpent(f"{self.usage.tokens} tokens used of --max-tokens {self._max_tokens}")
-        if self._max_cost_usd is not None and self.usage.cost_usd >= self._max_cost_usd:
-            raise BudgetSpent(f"${self.usage.cost_usd:.4f} spent of --max-cost {self._max_cost_usd:g}")
+    def _heard(self, usage: Usage) -> None:
+        self._refused = 0
+        self._recorder.count_reply(usage)
 
     def close(self) -> None:
         """Release the model."""

@@ -17,7 +17,7 @@ from ..core.journal import FILE_NAME, FORMAT, Journal, read_events
 from ..core.loop import Listener, Run, RunResult
 from ..core.messages import Backend
 from ..core.metrics import Metrics, errors_of
-from ..core.recording import LOST_CALL, REPLY, RecordingBackend
+from ..core.recording import Recorder
 from ..core.registry import installed
 from ..core.run_config import RunConfig
 from ..core.run_plugins import RunPlugins
@@ -101,9 +101,10 @@ def execute_run(
     try:
         earlier = list(read_events(folder))
         _open_chapter(journal, earlier, task, config)
-        exchanges = [event for event in earlier if event["event"] in (REPLY, LOST_CALL)]
-        recorder = RecordingBackend(backend, journal, exchanges, resources.max_tokens, resources.max_cost_usd)
-        context = RunContext(task, config.seed, folder, recorder, resources.workers)
+        recorder = Recorder(journal, earlier, resources.max_tokens, resources.max_cost_usd)
+        if listener:
+            recorder.say = listener.noted
+        context = RunContext(task, config.seed, folder, recorder.around(backend), resources.workers)
 
         def note(text: str) -> None:
             journal.append("note", text=text)
@@ -183,9 +184,11 @@ def summary(task: Task, config: RunConfig, backend_name: str, result: RunResult)
         "backend": backend_name,
         "seed": config.seed,
         "status": result.status,
+        "reason": result.reason,
         "simulations": len(result.trials),
         "failed_simulations": sum(trial.failed for trial in result.trials),
         "llm_calls": result.llm_calls,
+        "lost_calls": result.lost_calls,
         "tokens": result.usage.tokens,
         "cost_usd": result.usage.cost_usd,
         "wall_s": result.wall_s,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from ..core.appraisal import Appraisal
 from ..core.encoding import decode_task, decode_trial
@@ -14,9 +14,11 @@ from ..core.journal import FILE_NAME, read_events
 from ..core.loop import APPRAISAL
 from ..core.messages import Usage
 from ..core.metrics import Metrics, decode_metrics
-from ..core.recording import LOST_CALL, REPLY
+from ..core.recording import LOST_CALL, REPLY, REVIEW, VOTE
 from ..core.task import Task
 from ..core.trial import Phase, Trial
+
+_EXCHANGED = (REPLY, LOST_CALL, VOTE, REVIEW)
 
 UNFINISHED = "unfinished"
 """Status of a run that is still going on, or was killed."""
@@ -43,12 +45,12 @@ class Turn:
 
 @dataclass(frozen=True)
 class Exchange:
-    """One call of the language model.
+    """One call of the language model, or what votes or a reviewer made of its reply.
 
     Attributes
     ----------
     prompt : tuple of Turn
-        What it was shown.
+        What it was shown; empty for votes and reviews.
     text : str
         What it answered, untrusted; empty for a lost call.
     lost : str
@@ -59,6 +61,8 @@ class Exchange:
         What the backend did on the way.
     usage : Usage
         What it cost.
+    made_by : {'model', 'vote', 'review'}
+        Who the text is from.
     """
 
     prompt: tuple[Turn, ...]
@@ -68,6 +72,7 @@ class Exchange:
     structured_by: str = ""
     notes: tuple[str, ...] = ()
     usage: Usage = field(default_factory=Usage)
+    made_by: Literal["model", "vote", "review"] = "model"
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +98,7 @@ class Round:
     trials : tuple of Trial
         The candidates that were tried, in order; empty for a lost round.
     exchanges : tuple of Exchange
-        The calls of the language model that led to the proposal.
+        The calls of the language model that led to the proposal, votes and reviews among them.
     """
 
     phase: Phase
@@ -143,7 +148,7 @@ class RunRecord:
     rounds : tuple of Round
         Every proposal, warm-up included, in order.
     exchanges : tuple of Exchange
-        Every call of the language model, those of a round that was cut off included.
+        Every call of the language model, votes and reviews among them, those of a round that was cut off included.
     scores : mapping of str to (Metrics or None)
         Metrics of reference accuracy: ``"initial"`` and ``"best"``, as far as they were computed.
     notes : tuple of str
@@ -197,6 +202,16 @@ class RunRecord:
     def failed(self) -> int:
         """How many simulations failed."""
         return sum(trial.failed for trial in self.trials)
+
+    @property
+    def calls(self) -> int:
+        """How often the language model was called."""
+        return sum(exchange.made_by == "model" for exchange in self.exchanges)
+
+    @property
+    def lost_calls(self) -> int:
+        """How many of these calls gave no reply."""
+        return sum(bool(exchange.lost) for exchange in self.exchanges)
 
     @property
     def usage(self) -> Usage:
@@ -255,7 +270,7 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
         status=_status(events),
         trials=trials,
         rounds=_rounds(events, trials),
-        exchanges=tuple(_exchange(event) for event in events if event["event"] in (REPLY, LOST_CALL)),
+        exchanges=tuple(_exchange(event) for event in events if event["event"] in _EXCHANGED),
         scores=_scores(events, {"initial": trials[0].index, "best": best.index}),
         notes=(*task.notes, *(str(event["text"]) for event in events if event["event"] == "note")),
         resumed=sum(event["event"] == "resumed" for event in events),
@@ -294,7 +309,7 @@ def _rounds(events: Iterable[Mapping[str, Any]], trials: tuple[Trial, ...]) -> t
     exchanges: list[Exchange] = []
     best = trials[0]
     for event in events:
-        if event["event"] in (REPLY, LOST_CALL):
+        if event["event"] in _EXCHANGED:
             exchanges.append(_exchange(event))
         elif event["event"] == "proposal":
             phase, number = event["phase"], event["round"]
@@ -323,9 +338,14 @@ def _round(event: Mapping[str, Any], base: Trial, trials: tuple[Trial, ...], exc
 
 
 def _exchange(event: Mapping[str, Any]) -> Exchange:
+    if event["event"] == VOTE:
+        notes = [_ballot_words(number, ballot) for number, ballot in enumerate(event["ballots"], 1)]
+        return Exchange((), text=event["text"], notes=(event["rule"], *notes), made_by="vote")
+    if event["event"] == REVIEW:
+        return Exchange((), text=event["text"], notes=(_VERDICTS[event["verdict"]],), made_by="review")
     prompt = tuple(Turn(turn["role"], turn["text"], turn["images"]) for turn in event["prompt"])
     if event["event"] == LOST_CALL:
-        return Exchange(prompt, lost=event["reason"])
+        return Exchange(prompt, lost=event["reason"] or "no reason given")
     return Exchange(
         prompt,
         text=event["text"],
@@ -334,3 +354,17 @@ def _exchange(event: Mapping[str, Any]) -> Exchange:
         notes=tuple(event["notes"]),
         usage=Usage(**event["usage"]),
     )
+
+
+_VERDICTS = {
+    "accept": "The reviewer accepted the reply.",
+    "edit": "The reviewer edited the reply; above is what was tried.",
+    "refuse": "The reviewer refused the reply; above is the reason.",
+}
+
+
+def _ballot_words(number: int, ballot: Mapping[str, Any]) -> str:
+    if ballot["problem"]:
+        return f"Reply {number} does not count: {ballot['problem']}"
+    changes = ", ".join(f"{name} {change}" for name, change in ballot["changes"].items())
+    return f"Reply {number} votes for {changes}"

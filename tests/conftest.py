@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from bsa.backends.rules.backend import RulesBackend
+from bsa.core import recording
 from bsa.core.loop import RunResult
 from bsa.core.messages import Backend
 from bsa.core.registry import installed
@@ -28,6 +29,12 @@ _module_numbers = itertools.count()
 # How long an example takes says how busy the machine is.
 settings.register_profile("any machine", deadline=None)
 settings.load_profile("any machine")
+
+
+@pytest.fixture(autouse=True)
+def _no_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lost calls are made again at once."""
+    monkeypatch.setattr(recording, "ASK_AGAIN_AFTER_S", (0.0,) * len(recording.ASK_AGAIN_AFTER_S))
 
 
 @pytest.fixture

@@ -12,13 +12,13 @@ import typer
 
 from ...core.errors import BsaError
 from ...core.files import file_error
+from ...core.messages import Outage
 from ...core.redaction import redact
+from .exit_codes import INTERRUPTED, OUTAGE, USER_ERROR
 from .progress import printable
 
 _LONGEST = 4000
 """Characters of a message at most; the longest of ours list every parameter of a set."""
-
-USER_ERROR, INTERRUPTED = 2, 130
 
 _CONTEXT = {"help_option_names": ["-h", "--help"]}
 
@@ -70,6 +70,9 @@ def _carry_out(commands: typer.Typer) -> NoReturn:
         commands()
     except BsaError as error:
         _refuse(error)
+    except Outage as outage:
+        print(f"Stopped: {printable(str(outage), _LONGEST)}. The same command goes on.", file=sys.stderr)
+        sys.exit(OUTAGE)
     except KeyboardInterrupt:
         print("Interrupted.", file=sys.stderr)
         sys.exit(INTERRUPTED)

@@ -14,6 +14,7 @@ import typer
 from ...core.errors import BsaError
 from ...core.journal import check_run_folder
 from . import shared_options as shared
+from .exit_codes import STOPPED
 
 if TYPE_CHECKING:
     from ...core.loop import RunResult
@@ -124,7 +125,7 @@ def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability
     from ...backends.opening import open_backend
     from ...core.metrics import objective_of
     from ..run import execute_run, summary
-    from .progress import LiveProgress, PlainProgress
+    from .progress import LiveProgress, PlainProgress, printable
 
     task, config, folder = request.task, request.config, request.folder
     unit = objective_of(task).of_unit
@@ -146,10 +147,10 @@ def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability
         print(json.dumps(summary(task, config, backend.name, result), indent=2))
     else:
         _print_summary(task, result, folder)
-    if result.status in ("interrupted", "budget-spent"):
-        print(f"Stopped ({result.status}). Go on with: bsa-run --resume {shlex.quote(str(folder))}", file=sys.stderr)
-        if result.status == "interrupted":
-            raise typer.Exit(130)
+    if result.status in STOPPED:
+        why = printable(result.reason or result.status, 400)
+        print(f"Stopped: {why}. Go on with: bsa-run --resume {shlex.quote(str(folder))}", file=sys.stderr)
+        raise typer.Exit(STOPPED[result.status])
 
 
 def _print_summary(task: Task, result: RunResult, folder: Path) -> None:
@@ -157,7 +158,8 @@ def _print_summary(task: Task, result: RunResult, folder: Path) -> None:
     from ..report.wording import number
 
     failed = sum(trial.failed for trial in result.trials)
-    print(f"{result.status} after {len(result.trials)} simulations ({failed} failed), {result.wall_s:.0f} s")
+    lost = f", {result.lost_calls} of {result.llm_calls} model calls lost" * bool(result.lost_calls)
+    print(f"{result.status} after {len(result.trials)} simulations ({failed} failed){lost}, {result.wall_s:.0f} s")
     shown = headline_of(task)
     width = max(len(quantity.words) for quantity in shown)
     for quantity in shown:

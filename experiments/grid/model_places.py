@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...core.messages import Backend, JsonSchema, Message, Reply
+from ...core.recording import Recorder
 from .claim import claim
 
 _FIRST_WAIT_S, _LONGEST_WAIT_S = 0.02, 1.0
@@ -43,6 +44,10 @@ class SharedBackend:
     def sees_images(self) -> bool:
         """Whether the model behind can see."""
         return self._inner.sees_images
+
+    def recorded_by(self, recorder: Recorder) -> SharedBackend:
+        """See `bsa.core.recording.Layer`: a place is held as long as a round's votes take."""
+        return SharedBackend(recorder.around(self._inner), self._folder, self._places)
 
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
         """See `Backend.complete`; waits for a place first."""

@@ -13,13 +13,13 @@ from ...core.errors import BsaError
 from ...core.files import read_json, write_json
 from ...core.journal import CLAIM
 from ...core.loop import RunResult
-from ...core.messages import Backend
+from ...core.messages import Backend, Outage
 from ...core.run_config import RunConfig
 from ...core.task import Task
 from .claim import claim
 from .expansion import GridCell
 from .model_places import SharedBackend
-from .store import FAILURE, FINAL, TRACE, Store
+from .store import FAILURE, FINAL, OUTAGE, TRACE, Store
 
 State = Literal["done", "busy", "stopped", "failed", "lost"]
 
@@ -103,10 +103,12 @@ def carry_out(order: Order) -> Report:
             return Report(order.identity, "done", found, memory_mb=memory_mb())
         try:
             result = _run(order, store, folder)
+            if result["status"] == OUTAGE:
+                raise Outage(result["reason"])
         except (Exception, KeyboardInterrupt) as error:
             if isinstance(error, KeyboardInterrupt):
                 return Report(order.identity, "stopped")
-            reason = str(error) if isinstance(error, BsaError) else f"{type(error).__name__}: {error}"
+            reason = str(error) if isinstance(error, (BsaError, Outage)) else f"{type(error).__name__}: {error}"
             write_json(folder / FAILURE, {"reason": reason})
             return Report(order.identity, "failed", reason=reason, memory_mb=memory_mb())
         (folder / FAILURE).unlink(missing_ok=True)

@@ -15,7 +15,7 @@ from ...core.metrics import PaperMetrics
 from .expansion import GridCell
 from .grid_file import GridFile
 from .one_cell import Report
-from .store import FAILURE, FINAL, MANIFEST, RESULT, TRACE, Store
+from .store import FAILURE, FINAL, MANIFEST, OUTAGE, RESULT, TRACE, Store
 
 Row = dict[str, Any]
 
@@ -27,6 +27,7 @@ _SPENT = (
     "simulations",
     "failed_simulations",
     "llm_calls",
+    "lost_calls",
     "tokens",
     "cost_usd",
     "wall_s",
@@ -145,6 +146,8 @@ def _row(grid: str, entry: Mapping[str, Any], store: Store, report: Report | Non
     if result is None and entry["identity"]:
         result = read_json(folder / RESULT)
     state, reason = _state(entry, folder, result, report)
+    # How many calls were lost is told of a cell that failed for it, too.
+    lost_calls = (result or {}).get("lost_calls")
     result = result if state == "done" else None
     best, initial = (result or {}).get("best") or {}, (result or {}).get("initial") or {}
     return {
@@ -156,6 +159,7 @@ def _row(grid: str, entry: Mapping[str, Any], store: Store, report: Report | Non
         **{name: _float(best.get(name)) for name in _METRICS},
         **{f"initial_{name}": _float(initial.get(name)) for name in ("objective", "mape", "v_rmse_mv")},
         **{name: (result or {}).get(name) for name in _SPENT},
+        "lost_calls": lost_calls,
         "best_simulation": best.get("trial"),
         "identity": entry["identity"],
         "reason": reason,
@@ -169,7 +173,7 @@ def _state(
         return ("failed", str(entry["trouble"])) if entry["trouble"] else ("missing", "")
     if report is not None and report.state in ("failed", "lost"):
         return "failed", report.reason
-    if result is not None:
+    if result is not None and result.get("status") != OUTAGE:
         return ("done", "") if result.get("status") in FINAL else ("stopped", str(result.get("status")))
     failure = read_json(folder / FAILURE)
     return ("failed", str(failure.get("reason"))) if failure is not None else ("missing", "")
@@ -216,7 +220,7 @@ def write_rows(rows: Sequence[Row], folder: Path) -> list[str]:
 def _schema(pyarrow: Any) -> Any:
     """Types by column: a column without a value would otherwise have none."""
     text, real, whole = pyarrow.string(), pyarrow.float64(), pyarrow.int64()
-    counts = {"seed", "best_simulation", "simulations", "failed_simulations", "llm_calls", "tokens"}
+    counts = {"seed", "best_simulation", "simulations", "failed_simulations", "llm_calls", "lost_calls", "tokens"}
     names = list(_row("", dict.fromkeys(_AXES, ""), Store(Path()), None))
     reals = {*_METRICS, *(name for name in names if name.startswith("initial_")), *_SPENT} - counts
     return pyarrow.schema([(name, whole if name in counts else real if name in reals else text) for name in names])

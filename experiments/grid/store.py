@@ -17,6 +17,9 @@ from ...core.task import Task
 FINAL = frozenset({"converged", "finished", "rounds-spent", "simulations-spent"})
 """How a run ends when nothing is left to do; any other status is taken up again."""
 
+OUTAGE = "outage"
+"""How it ends when the language model could not be had: the cell failed, and is tried again."""
+
 RESULT, TRACE, FAILURE, MANIFEST = "result.json", "trace.json", "failure.json", "grid.json"
 
 _PARTS = frozenset({"cells", "grids", "places", "tasks"})

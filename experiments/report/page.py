@@ -34,6 +34,7 @@ _STATUS = {
     "rounds-spent": "ended: all rounds were used",
     "simulations-spent": "ended: all simulations were used",
     "budget-spent": "stopped: the allowance of tokens or money was used up; the run can be resumed",
+    "outage": "was stopped by an outage, the language model giving no reply: this is no result yet; it can be resumed",
     "interrupted": "interrupted; the run can be resumed",
     UNFINISHED: "not finished: still running, or killed; the run can be resumed",
 }
@@ -177,11 +178,10 @@ def _parameter_row(parameter: Parameter, run: RunRecord) -> ParameterRow:
 def _notes(run: RunRecord) -> Sequence[str]:
     """What the run and its backend had to say, each thing once."""
     notes = list(run.notes)
-    counts = Counter(note for exchange in run.exchanges for note in exchange.notes)
+    counts = Counter(note for exchange in run.exchanges if exchange.made_by == "model" for note in exchange.notes)
     notes += [f"{note} ({times} times)" if times > 1 else note for note, times in counts.items()]
-    lost = sum(bool(exchange.lost) for exchange in run.exchanges)
-    if lost:
-        notes.append(f"{lost} of {len(run.exchanges)} calls of the language model gave no reply.")
+    if run.lost_calls:
+        notes.append(f"{run.lost_calls} of {run.calls} calls of the language model gave no reply.")
     if run.best_metrics is not None and not run.scored_exactly:
         notes.append(
             "Errors are those of the search: the run has not scored its best candidate with "

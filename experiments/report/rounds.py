@@ -64,8 +64,9 @@ class Text:
 
 @dataclass(frozen=True)
 class Call:
-    """One call of the language model."""
+    """One call of the language model, or what votes or a reviewer made of its reply."""
 
+    title: str
     prompt: Sequence[Text]
     reply: str
     lost: str
@@ -207,6 +208,9 @@ def _remarks(round_: Round) -> list[str]:
     return remarks
 
 
+_TITLES = {"model": "Prompt and reply", "vote": "Votes", "review": "Review"}
+
+
 class _Library:
     """Prompts and replies, each text once, clipped so that the page stays light."""
 
@@ -227,6 +231,7 @@ class _Library:
                 prompt.append(Text(turn.role, text, turn.images, key in self._seen))
             self._seen.add(key)
         return Call(
+            title=_TITLES[exchange.made_by],
             prompt=prompt,
             reply=clipped(_laid_out(exchange.text), self._reply_room),
             lost=clipped(exchange.lost, _TEXT),

@@ -13,6 +13,7 @@ from ...core.errors import BsaError
 from ...core.files import entries, foreign, write_json
 from ...core.journal import FILE_NAME
 from ...core.loop import RunResult
+from ...core.messages import Outage
 from ...core.metrics import Metrics, PaperMetrics
 from ...core.run_config import RunConfig
 from ...core.scaffold import Scaffold, load_scaffold
@@ -100,7 +101,7 @@ class CellRecord:
         `Metrics` with the reference accuracy; None where nothing could be compared.
     best_candidate, truth : dict
         The parameters found and the hidden ones, all searched parameters.
-    simulations, failed_simulations, llm_calls, tokens : int
+    simulations, failed_simulations, llm_calls, lost_calls, tokens : int
         What was spent.
     wall_s, simulator_s, proposer_s, backend_s : float
         Time from start to end, in simulations, in the proposer without its model, and in the model.
@@ -126,6 +127,7 @@ class CellRecord:
     simulations: int = 0
     failed_simulations: int = 0
     llm_calls: int = 0
+    lost_calls: int = 0
     tokens: int = 0
     wall_s: float = 0.0
     simulator_s: float = 0.0
@@ -208,6 +210,8 @@ def run_cell(cell: StudyCell, out: Path, simulators: int = 1, keep_runs: bool = 
     ------
     KeyboardInterrupt
         If the run was interrupted; it resumes where it stopped.
+    Outage
+        If its language model could not be had; it resumes where it stopped.
     BsaError
         If the method cannot be used.
     """
@@ -224,6 +228,8 @@ def run_cell(cell: StudyCell, out: Path, simulators: int = 1, keep_runs: bool = 
     result = execute_run(task, cell.config, folder, _backend(cell.config), Resources(simulators), stopwatch)
     if result.status == "interrupted":
         raise KeyboardInterrupt
+    if result.reason:
+        raise Outage(result.reason)
     truth = {**task.space.initial, **{name: v for name, v in cell.case.hidden.items() if name in task.space}}
     record = _record(
         cell,
@@ -235,6 +241,7 @@ def run_cell(cell: StudyCell, out: Path, simulators: int = 1, keep_runs: bool = 
         simulations=len(result.trials),
         failed_simulations=sum(trial.failed for trial in result.trials),
         llm_calls=result.llm_calls,
+        lost_calls=result.lost_calls,
         tokens=result.usage.tokens,
         wall_s=result.wall_s,
         simulator_s=result.simulator_s,

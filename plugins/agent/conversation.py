@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from ...core.errors import BsaError
-from ...core.messages import Backend, BackendFailure, JsonSchema, Message, Reply
+from ...core.messages import Backend, BackendFailure, JsonSchema, Message, Reply, ReplyRefused
 from ...core.reply_parsing import parse_object
 
 T = TypeVar("T")
@@ -51,15 +51,19 @@ def ask(
     for attempt in range(ATTEMPTS):
         try:
             reply = backend.complete(conversation, schema, seed=seed + attempt)
+        except ReplyRefused as refusal:
+            reply, problem = refusal.reply, str(refusal)
         except BackendFailure as failure:
             problems.append(f"no reply: {failure}")
             break
-        try:
-            return Answer(check(parse_object(reply.text, schema.get("properties", ()))), tuple(problems), reply)
-        except BsaError as error:
-            problems.append(str(error))
-            conversation += [
-                Message("assistant", reply.text[:4000]),
-                Message("user", f"That reply cannot be used: {error} Answer again with one valid JSON object."),
-            ]
+        else:
+            try:
+                return Answer(check(parse_object(reply.text, schema.get("properties", ()))), tuple(problems), reply)
+            except BsaError as error:
+                problem = str(error)
+        problems.append(problem)
+        conversation += [
+            Message("assistant", reply.text[:4000]),
+            Message("user", f"That reply cannot be used: {problem} Answer again with one valid JSON object."),
+        ]
     return Answer(None, tuple(problems), reply)

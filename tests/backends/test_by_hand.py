@@ -10,12 +10,23 @@ import pytest
 from bsa.backends.manual import ExchangeBackend, TerminalBackend
 from bsa.backends.opening import open_backend
 from bsa.backends.options import BackendOptions
-from bsa.backends.replay import replay
+from bsa.backends.replay import ReplayBackend, replay
 from bsa.backends.reviewing import ReviewingBackend, TerminalReviewer, Verdict
 from bsa.backends.voting import VotingBackend
 from bsa.core.errors import BsaError
-from bsa.core.journal import Journal
-from bsa.core.messages import Backend, BackendFailure, BudgetSpent, Message, Reply, Usage
+from bsa.core.journal import Journal, read_events
+from bsa.core.messages import (
+    Backend,
+    BackendFailure,
+    BudgetSpent,
+    Message,
+    Outage,
+    PromptRefused,
+    Reply,
+    ReplyRefused,
+    Usage,
+)
+from bsa.core.recording import Recorder
 
 
 class Canned:
@@ -66,7 +77,6 @@ def test_votes_take_medians_of_what_a_majority_names(schema):
     assert content["updated_params"] == {"A": "*1.2", "B": "+0.03"}
     assert content["hypothesis"] == "second"
     assert reply.usage == Usage(30, 15, seconds=3)
-    assert any("3 of 3 replies merged" in note and "median" in note for note in reply.notes)
 
 
 def test_votes_without_majority_keep_what_is_named_most(schema):
@@ -79,13 +89,9 @@ def test_factors_are_averaged_as_logarithms_and_kinds_not_mixed(schema):
     assert json.loads(reply.text)["updated_params"] == {"A": "*2"}
 
 
-def test_bad_and_lost_votes_do_not_count(schema):
-    replies = (_says({"A": "*2"}), "nonsense", BackendFailure("gone"), _says({"A": "fast"}), _says({"A": "*0"}))
-    reply = _vote(schema, *replies)
+def test_bad_votes_do_not_count(schema):
+    reply = _vote(schema, _says({"A": "*2"}), "nonsense", _says({"A": "fast"}), _says({"A": "*0"}))
     assert json.loads(reply.text)["updated_params"] == {"A": "*2"}
-    assert sum("does not count" in note or "lost" in note for note in reply.notes) == 4
-    with pytest.raises(BackendFailure, match="vote 2 was lost"):
-        _vote(schema, BackendFailure("gone"), BackendFailure("gone"))
     assert _vote(schema, "nonsense", "nonsense").text == "nonsense"
 
 
@@ -120,14 +126,11 @@ def test_a_reviewer_accepts_edits_or_refuses(schema):
 
     wild = "\x1b[2J" + json.dumps(_says({"A": "*9"}))
     backend = ReviewingBackend(Canned(wild, wild, wild), reviewer)
-    accepted, changed, refused = (backend.complete([], schema, seed=0) for _ in range(3))
-    assert accepted.text == wild
-    assert changed.text == edited
-    assert "*9" in changed.notes[-1]
-    content = json.loads(refused.text)
-    assert (content["refused"], content["updated_params"]) == ("unsafe voltage", {})
-    assert "*9" in refused.notes[-1]
-    assert refused.usage.tokens == 15
+    assert backend.complete([], schema, seed=0).text == wild
+    assert backend.complete([], schema, seed=0).text == edited
+    with pytest.raises(ReplyRefused, match="unsafe voltage") as refusal:
+        backend.complete([], schema, seed=0)
+    assert (refusal.value.reply.text, refusal.value.reply.usage.tokens) == (wild, 15)
     assert all("\x1b" not in text for text in shown)
 
 
@@ -154,18 +157,112 @@ def test_replay_gives_the_journal_again(tmp_path, monkeypatch, messages, schema)
     usage = {"prompt_tokens": 3, "completion_tokens": 2, "reasoning_tokens": 0, "cost_usd": 0.1, "seconds": 4.0}
     journal.append("start", format=1)
     journal.append("reply", text="{}", usage=usage, model="m", structured_by="json", notes=["n"], prompt=[])
-    journal.append("lost-call", reason="gone", prompt=[])
+    journal.append("lost-call", reason="gone", prompt=[], refused=False)
+    journal.append("lost-call", reason="too long", prompt=[], refused=True)
     journal.close()
     monkeypatch.chdir(tmp_path)
     for run in ("first", "runs/first", str(tmp_path / "runs" / "first" / "journal.jsonl")):
         backend = open_backend(f"replay:{run}")
         assert backend.complete(messages, schema, seed=0) == Reply("{}", Usage(3, 2, 0, 0.1, 4.0), "m", "json", ("n",))
-        with pytest.raises(BackendFailure, match="gone"):
+        with pytest.raises(PromptRefused, match="too long"):
             backend.complete(messages, schema, seed=0)
         with pytest.raises(BudgetSpent, match="2 replies"):
             backend.complete(messages, schema, seed=0)
     with pytest.raises(BsaError, match="holds no run"):
         replay("second")
+
+
+def _recorded(folder, backend):
+    """The backend as a run has it: a new process, whose journal may hold what an earlier one was told."""
+    journal = Journal(folder)
+    recorder = Recorder(journal, read_events(folder))
+    return recorder.around(backend), recorder, journal
+
+
+def _kinds(folder):
+    return [event["event"] for event in read_events(folder)]
+
+
+def test_every_reply_and_every_vote_stands_in_the_journal(tmp_path, schema):
+    replies = (_says({"A": "*1.1"}), "nonsense", _says({"A": "*1.3"}))
+    backend, recorder, journal = _recorded(tmp_path, VotingBackend(Canned(*replies), 3))
+    merged = backend.complete([], schema, seed=5)
+    journal.close()
+    assert _kinds(tmp_path) == ["reply", "reply", "reply", "vote"]
+    *written, vote = read_events(tmp_path)
+    assert [event["text"] for event in written] == [json.dumps(replies[0]), "nonsense", json.dumps(replies[2])]
+    assert vote["text"] == merged.text
+    assert [ballot["changes"] for ballot in vote["ballots"]] == [{"A": "*1.1"}, {}, {"A": "*1.3"}]
+    assert [bool(ballot["problem"]) for ballot in vote["ballots"]] == [False, True, False]
+    assert "median" in vote["rule"]
+    assert (recorder.calls, recorder.usage) == (3, merged.usage)
+
+
+@pytest.mark.parametrize("kept", range(5))
+def test_votes_cut_off_anywhere_come_out_the_same(tmp_path, schema, kept):
+    replies = [_says({"A": f"*1.{number}"}, hypothesis=str(number)) for number in range(3)]
+    backend, _, journal = _recorded(tmp_path / "whole", VotingBackend(Canned(*replies), 3))
+    whole = backend.complete([], schema, seed=5)
+    journal.close()
+    lines = (tmp_path / "whole" / "journal.jsonl").read_bytes().splitlines(keepends=True)
+    (tmp_path / "cut").mkdir()
+    (tmp_path / "cut" / "journal.jsonl").write_bytes(b"".join(lines[:kept]))
+    canned = Canned(*replies[kept:])
+    backend, recorder, journal = _recorded(tmp_path / "cut", VotingBackend(canned, 3))
+    assert backend.complete([], schema, seed=5) == whole
+    journal.close()
+    assert (recorder.calls, recorder.usage) == (3, whole.usage)
+    assert _kinds(tmp_path / "cut") == _kinds(tmp_path / "whole")
+    assert ReplayBackend(read_events(tmp_path / "cut"), "again").complete([], schema, seed=0) == whole
+
+
+def test_a_vote_that_is_lost_is_asked_again_and_at_last_ends_the_run(tmp_path, schema):
+    answers = (_says({"A": "*2"}), BackendFailure("gone"), _says({"A": "*4"}))
+    backend, recorder, journal = _recorded(tmp_path, VotingBackend(Canned(*answers), 2))
+    assert json.loads(backend.complete([], schema, seed=5).text)["updated_params"] == {"A": "*2.82843"}
+    assert (recorder.calls, recorder.lost) == (3, 1)
+    journal.close()
+    lost = [BackendFailure("gone")] * 4
+    backend, recorder, journal = _recorded(tmp_path / "dead", VotingBackend(Canned(_says({"A": "*2"}), *lost), 2))
+    with pytest.raises(Outage, match="gone"):
+        backend.complete([], schema, seed=5)
+    journal.close()
+    assert _kinds(tmp_path / "dead") == ["reply", *["lost-call"] * 4]
+
+
+def test_a_review_is_an_event_and_nobody_is_asked_twice(tmp_path, schema):
+    wild, edited = json.dumps(_says({"A": "*9"})), json.dumps(_says({"A": "*1.01"}))
+    verdicts = deque([Verdict("accept"), Verdict("edit", edited), Verdict("refuse", "unsafe voltage")])
+
+    def asked(backend):
+        replies = []
+        for _ in range(3):
+            try:
+                replies.append(backend.complete([], schema, seed=0))
+            except ReplyRefused as refusal:
+                replies.append((refusal.reply, refusal.reason))
+        return replies
+
+    backend, _, journal = _recorded(
+        tmp_path, ReviewingBackend(Canned(wild, wild, wild), lambda text: verdicts.popleft())
+    )
+    first = asked(backend)
+    journal.close()
+    events = list(read_events(tmp_path))
+    assert _kinds(tmp_path) == ["reply", "review"] * 3
+    assert {event["text"] for event in events[::2]} == {wild}
+    assert [(event["verdict"], event["text"]) for event in events[1::2]] == [
+        ("accept", ""),
+        ("edit", edited),
+        ("refuse", "unsafe voltage"),
+    ]
+    # The reviewer of the second process has no verdict left: asked, it would fail.
+    backend, recorder, journal = _recorded(tmp_path, ReviewingBackend(Canned(), lambda text: verdicts.popleft()))
+    assert asked(backend) == first
+    journal.close()
+    assert recorder.calls == 3
+    assert len(list(read_events(tmp_path))) == 6
+    assert asked(ReplayBackend(read_events(tmp_path), "again")) == first
 
 
 def test_a_person_at_the_terminal(messages, schema):

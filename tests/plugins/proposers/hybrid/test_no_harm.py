@@ -12,7 +12,7 @@ from bsa.backends.rules.backend import RulesBackend
 from bsa.core.errors import BsaError
 from bsa.core.journal import read_events
 from bsa.core.loop import RunResult
-from bsa.core.messages import Backend, BackendFailure, JsonSchema, Message, Reply
+from bsa.core.messages import Backend, JsonSchema, Message, PromptRefused, Reply
 from bsa.core.scaffold import Scaffold
 from bsa_toy_cell import CAPACITY, HIDDEN, POLARISATION, RELAXATION, SERIES, toy_scaffold, toy_task
 from hypothesis import HealthCheck, given, settings
@@ -67,8 +67,10 @@ def nonsense(schema: JsonSchema, seed: int, call: int) -> str:
     return "I would rather talk about the weather."
 
 
-def silent(schema: JsonSchema, seed: int, call: int) -> str:
-    raise BackendFailure("nobody there")
+def deaf(schema: JsonSchema, seed: int, call: int) -> str:
+    if call % 3:
+        raise PromptRefused("too long")
+    return nonsense(schema, seed, call)
 
 
 BACKENDS: dict[str, Callable[[], Backend]] = {
@@ -76,7 +78,7 @@ BACKENDS: dict[str, Callable[[], Backend]] = {
     "adversarial": AdversarialAdvice,
     "spendthrift": lambda: Speaking(spendthrift),
     "nonsense": lambda: Speaking(nonsense),
-    "silent": lambda: Speaking(silent),
+    "deaf": lambda: Speaking(deaf),
 }
 
 
