@@ -9,8 +9,8 @@ from bsa.backends.voting import VotingBackend
 from bsa.core.journal import read_events
 
 
-def _replies(folder):
-    return [event for event in read_events(folder) if event["event"] == "reply"]
+def _events(folder, kind):
+    return [event for event in read_events(folder) if event["event"] == kind]
 
 
 @pytest.mark.slow
@@ -19,7 +19,7 @@ def test_a_run_in_this_process_and_its_replay(tiny_model, run_toy, tmp_path):
     backend = open_backend(f"transformers:{tiny_model}", options)
     budgets = {"rounds": 3, "warm_up": 4, "simulations": 20}
     first = run_toy(tmp_path / "first", backend=backend, **budgets)
-    replies = _replies(tmp_path / "first")
+    replies = _events(tmp_path / "first", "reply")
     assert first.llm_calls == len(replies) > 0
     assert {event["structured_by"] for event in replies} == {"schema"}
     assert first.usage.completion_tokens > 0
@@ -29,14 +29,27 @@ def test_a_run_in_this_process_and_its_replay(tiny_model, run_toy, tmp_path):
     assert again.usage == first.usage
 
 
-def test_a_run_with_votes(run_toy, tmp_path):
+def test_a_run_with_votes_and_its_replay(run_toy, tmp_path):
     result = run_toy(tmp_path / "run", backend=VotingBackend(RulesBackend(), 3), rounds=3)
     assert result.best.objective < result.trials[0].objective
-    assert any("replies merged" in note for event in _replies(tmp_path / "run") for note in event["notes"])
+    votes = _events(tmp_path / "run", "vote")
+    assert (
+        len(_events(tmp_path / "run", "reply")) == result.llm_calls == 3 * len(votes) + 1
+    )  # the warm-up is not voted on
+    report = (tmp_path / "run" / "report.html").read_text()
+    assert report.count("<summary>Votes 4 of 4") == len(votes)
+    assert f"<dd>{result.llm_calls}</dd>" in report
+    again = run_toy(tmp_path / "again", backend=open_backend(f"replay:{tmp_path / 'run'}"), rounds=3)
+    assert [dict(trial.candidate) for trial in again.trials] == [dict(trial.candidate) for trial in result.trials]
+    assert again.usage == result.usage
 
 
 def test_a_run_whose_reviewer_refuses_everything_changes_nothing(run_toy, tmp_path):
     backend = ReviewingBackend(RulesBackend(), lambda shown: Verdict("refuse", "unsafe"))
     result = run_toy(tmp_path / "run", backend=backend, rounds=2)
     assert all(trial.phase != "search" for trial in result.trials)
-    assert all('"refused": "unsafe"' in event["text"] for event in _replies(tmp_path / "run"))
+    reviews = _events(tmp_path / "run", "review")
+    assert [review["verdict"] for review in reviews] == ["refuse"] * result.llm_calls
+    prompts = [event["prompt"][-1]["text"] for event in _events(tmp_path / "run", "reply")]
+    assert "the reviewer refused it: unsafe. Answer again" in prompts[1]
+    assert "The reviewer refused the reply" in (tmp_path / "run" / "report.html").read_text()
