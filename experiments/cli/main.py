@@ -16,6 +16,7 @@ from ...core.messages import Outage
 from ...core.redaction import redact
 from .exit_codes import INTERRUPTED, OUTAGE, USER_ERROR
 from .progress import printable
+from .shared_options import Version
 
 _LONGEST = 4000
 """Characters of a message at most; the longest of ours list every parameter of a set."""
@@ -33,12 +34,12 @@ def app() -> typer.Typer:
 
     result = typer.Typer(
         name="bsa",
-        help="Parameterise physics-based battery models against cycler data, by reasoning and by numerics.",
         no_args_is_help=True,
         add_completion=False,
         context_settings=_CONTEXT,
         pretty_exceptions_enable=False,
     )
+    result.callback()(_bsa)
     result.command("run")(run)
     result.command("grid")(grid)
     result.command("report")(report)
@@ -61,6 +62,10 @@ def run_main() -> NoReturn:
     single = typer.Typer(add_completion=False, context_settings=_CONTEXT, pretty_exceptions_enable=False)
     single.command()(run)
     _carry_out(single)
+
+
+def _bsa(version: Version = False) -> None:
+    """Parameterise physics-based battery models against cycler data, by reasoning and by numerics."""
 
 
 def _carry_out(commands: typer.Typer) -> NoReturn:

@@ -69,6 +69,7 @@ def run(
         bool, typer.Option(help="After the search, simulate what the record fixes and what to measure next.")
     ] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print result.json to standard output.")] = False,
+    version: shared.Version = False,
 ) -> None:
     """Calibrate a model against a target: the packaged demo, a task file, or cycler records."""
     from ..request import Overrides, RunRequest, key_values, numbered_folder

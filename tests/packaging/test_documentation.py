@@ -36,6 +36,12 @@ def test_the_ci_script_runs_the_readmes_test_command() -> None:
 
 
 def test_links_in_the_documentation_lead_somewhere() -> None:
-    for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
+    for page in [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]:
         for target in re.findall(r"\]\((?!https?:)([^)#]+)\)", page.read_text()):
             assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_the_scripts_that_contributors_are_told_of_are_there() -> None:
+    scripts = set(re.findall(r"`(\.ci/[a-z]+)`", (ROOT / "CONTRIBUTING.md").read_text()))
+    assert scripts == {f".ci/{path.name}" for path in (ROOT / ".ci").iterdir()}
+    assert all((ROOT / script).stat().st_mode & 0o100 for script in scripts)
