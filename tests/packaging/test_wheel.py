@@ -1,5 +1,6 @@
 """The wheel holds what the tree holds: a sub-package or data file that is forgotten fails here."""
 
+import os
 import subprocess
 import sys
 import tomllib
@@ -29,7 +30,10 @@ def test_every_sub_package_is_listed() -> None:
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
     folder = tmp_path_factory.mktemp("wheel")
     command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", str(folder), str(ROOT)]
-    built = subprocess.run(command, capture_output=True, text=True, check=False)
+    # Put together elsewhere: in the tree, what an earlier build left behind would get into the wheel.
+    (folder / "elsewhere.cfg").write_text(f"[build]\nbuild_base = {folder / 'build'}\n")
+    settings = os.environ | {"DIST_EXTRA_CONFIG": str(folder / "elsewhere.cfg")}
+    built = subprocess.run(command, capture_output=True, text=True, check=False, env=settings)
     assert built.returncode == 0, built.stderr
     (path,) = folder.glob("*.whl")
     return zipfile.ZipFile(path)
