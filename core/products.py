@@ -84,7 +84,7 @@ def _texts(values: object, what: str) -> tuple[str, ...]:
     return tuple(_text(value, f"one of the {what}") for value in values)
 
 
-def outcomes(pairs: object, candidates: int, experiments: int) -> Iterator[tuple[int, Outcome]]:
+def outcomes(pairs: object, candidates: int, experiments: int, signals: Sequence[str]) -> Iterator[tuple[int, Outcome]]:
     """The outcomes of a simulator as they come: one for each candidate, with one run for each experiment."""
     if not hasattr(pairs, "__iter__"):
         found = "None" if pairs is None else shown(_repr(pairs))
@@ -104,7 +104,7 @@ def outcomes(pairs: object, candidates: int, experiments: int) -> Iterator[tuple
                 f"places are 0 to {candidates - 1}, each answered once.",
             )
         missing.discard(place)
-        yield place, outcome(found, experiments)
+        yield place, outcome(found, experiments, signals)
     if missing:
         raise Unfit(
             f"gave no outcome for {len(missing)} of {candidates} candidates, the first at place {min(missing)}",
@@ -112,19 +112,19 @@ def outcomes(pairs: object, candidates: int, experiments: int) -> Iterator[tuple
         )
 
 
-def outcome(product: object, experiments: int) -> Outcome:
-    """One run for each experiment, each with a trajectory or the reason why there is none."""
+def outcome(product: object, experiments: int, signals: Sequence[str]) -> Outcome:
+    """One run for each experiment, each with a trajectory of the task's signals or the reason why there is none."""
     found = instance(product, Outcome, "yielded {}")
     _number(found.seconds, "Outcome.seconds")
     if not isinstance(found.runs, tuple) or len(found.runs) != experiments:
         count = len(found.runs) if isinstance(found.runs, (tuple, list)) else shown(_repr(found.runs))
         raise Unfit(f"yielded an Outcome with {count} runs for {experiments} experiments", "Outcome.runs is a tuple.")
     for run in found.runs:
-        _run(instance(run, ExperimentRun, "yielded an Outcome with a run that is {}"))
+        _run(instance(run, ExperimentRun, "yielded an Outcome with a run that is {}"), signals)
     return found
 
 
-def _run(run: ExperimentRun) -> None:
+def _run(run: ExperimentRun, signals: Sequence[str]) -> None:
     if run.failure is not None:
         failure = instance(run.failure, SimulationFailure, "yielded a run whose failure is {}")
         for name in ("cause", "step", "limit"):
@@ -138,6 +138,9 @@ def _run(run: ExperimentRun) -> None:
     trajectory = instance(run.trajectory, Trajectory, "yielded a run whose trajectory is {}")
     if len(trajectory) == 0:
         raise Unfit("yielded an empty trajectory", "where nothing was reached, the trajectory is None.")
+    lacking = [name for name in signals if name not in trajectory.signals]
+    if lacking:
+        raise Unfit(f"yielded a trajectory without {listed(lacking)}", "it holds every signal of the task.")
     covered = [0, *(step.stop for step in trajectory.steps)]
     if trajectory.steps and [step.start for step in trajectory.steps] + [len(trajectory)] != covered:
         raise Unfit("yielded a trajectory whose steps do not cover its samples one after the other")

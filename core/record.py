@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 
 from pydantic import BaseModel, Field, field_validator
 
 from .trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from .reading.samples import Samples
 
 Signal = Literal["time", "voltage", "current", "temperature"]
 CurrentSign = Literal["charge-positive", "discharge-positive", "auto"]
@@ -80,8 +83,17 @@ class Reader(Protocol):
         """
         ...
 
-    def read(self, path: Path, options: ReadOptions) -> Record:
-        """Read the file.
+    def read(self, path: Path, options: ReadOptions) -> Samples:
+        """Read the signals of the file.
+
+        The columns, units, rows and sheet of ``options`` are the reader's to honour, and ``constant_current_a`` where
+        the file has no current. Sign, cycles, ambient temperature and all checks are not: they are the same for every
+        reader and follow.
+
+        Returns
+        -------
+        Samples
+            In SI units, the current with the sign that it has in the file.
 
         Raises
         ------

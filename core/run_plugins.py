@@ -133,7 +133,19 @@ class RunPlugins:
         """See `RunHooks.simulate`."""
         simulator = self._main("simulate")
         pairs = simulator.call("simulate", candidates=[dict(candidate) for candidate in candidates], exact=exact)
-        return _outcomes(simulator, "simulate", pairs, len(candidates), len(self._context.task.experiments))
+        return self._outcomes(simulator, "simulate", pairs, len(candidates), len(self._context.task.experiments))
+
+    def _outcomes(
+        self, simulator: Participant, hook: str, pairs: object, candidates: int, experiments: int
+    ) -> Iterator[tuple[int, Outcome]]:
+        signals = [signal.name for signal in self._context.task.signals]
+        checked = products.outcomes(pairs, candidates, experiments, signals)
+        while True:
+            with border(simulator.who, hook):
+                pair = next(checked, None)
+            if pair is None:
+                return
+            yield pair
 
     def simulate_variant(
         self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...]
@@ -144,7 +156,7 @@ class RunPlugins:
             return None
         copies = [dict(candidate) for candidate in candidates]
         pairs = simulator.call(hook, candidates=copies, experiments=experiments)
-        return None if pairs is None else _outcomes(simulator, hook, pairs, len(candidates), len(experiments))
+        return None if pairs is None else self._outcomes(simulator, hook, pairs, len(candidates), len(experiments))
 
     def _optional(self, hook: str, check: Callable[[Any], Any], **arguments: Any) -> Any:
         """The checked answer of the plugin that implements the hook; that of none is None."""
@@ -247,15 +259,3 @@ def _participant(plugin: object, kind: Kind, who: str) -> Participant:
     if faults:
         raise BsaError(f"{who}: {'; '.join(faults)}.", "docs/plugins.md lists the hooks of a run.")
     return Participant(who, methods)
-
-
-def _outcomes(
-    simulator: Participant, hook: str, pairs: object, candidates: int, experiments: int
-) -> Iterator[tuple[int, Outcome]]:
-    checked = products.outcomes(pairs, candidates, experiments)
-    while True:
-        with border(simulator.who, hook):
-            pair = next(checked, None)
-        if pair is None:
-            return
-        yield pair

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,10 +12,8 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 from ..core.discovery.findings import Settings
 from ..core.discovery.laboratory import Specimen
 from ..core.discovery.observations import FLOOR_V
-from ..core.effect import Effect
 from ..core.errors import BsaError, did_you_mean
 from ..core.record import ReadOptions
-from ..core.registry import Registry, installed
 from ..core.target import CyclableLithium, Factor, Value, factor_name, target_named
 from ..core.task import CellModel
 from ..core.validation import explain
@@ -31,6 +29,7 @@ class RecordFile(BaseModel, extra="forbid"):
     path: Path = Field(description="The cycler's file.")
     read: ReadOptions = Field(default_factory=ReadOptions, description="What its header does not say.")
     reader: str | None = Field(default=None, description="Reader to use; left out, the one that fits.")
+    reader_options: dict[str, Any] = Field(default={}, description="The reader's own options.")
 
     @model_validator(mode="before")
     @classmethod
@@ -70,6 +69,9 @@ class DiscoverOptions(BaseModel, extra="forbid"):
         description="Uncertain parameters of the base model: a preset, a YAML file, or factors by name.",
     )
     effects: list[str] | None = Field(default=None, description="Effects to consider; left out, the whole catalogue.")
+    effect_options: dict[str, Any] = Field(
+        default={}, description='Options of effects: "EFFECT.KEY" for one, "KEY" for all that have it.'
+    )
     backend: str | None = Field(default=None, description="Language model that ranks effects too.")
     backend_options: dict[str, Any] = Field(default={}, description="How it is reached and asked: its own options.")
     hide_names: bool = Field(default=False, description="Show the language model effects under names without meaning.")
@@ -114,7 +116,7 @@ def read_case(options: DiscoverOptions) -> Case:
 
     files = [*options.data, *options.holdout]
     temperature = None if options.ambient_c is None else options.ambient_c + 273.15
-    requests = [RecordRequest(f.path, f.read, f.reader, temperature_k=temperature) for f in files]
+    requests = [RecordRequest(f.path, f.read, f.reader, f.reader_options, temperature_k=temperature) for f in files]
     task = build_task(
         "discover",
         options.parameters,
@@ -143,26 +145,6 @@ def read_case(options: DiscoverOptions) -> Case:
         {name: soc for name, soc in starts.items() if soc is not None},
         task.notes,
     )
-
-
-def effects_of(names: Sequence[str] | None, registry: Registry | None = None) -> tuple[Effect, ...]:
-    """The catalogue's effects, or those of the given names (variants included).
-
-    Raises
-    ------
-    BsaError
-        If a name is unknown.
-    """
-    registry = registry or installed()
-    entries = [listing.entry for listing in registry.listings("effect")]
-    made: list[Effect] = [entry.factory(entry.config_type()) for entry in entries]
-    if names is None:
-        return tuple(made)
-    known = {effect.name for effect in made} | {effect.key for effect in made}
-    for name in names:
-        if name not in known:
-            raise BsaError(f'there is no effect "{name}".', did_you_mean(name, known) or "bsa list effects shows them.")
-    return tuple(effect for effect in made if effect.name in names or effect.key in names)
 
 
 def _read_search(file: str) -> dict[str, Uncertainty | None]:

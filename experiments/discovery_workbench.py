@@ -19,7 +19,8 @@ from ..plugins.pybamm.laboratory import PyBaMMLaboratory
 from ..plugins.pybamm.parameter_sets import load, pybamm
 from ..plugins.pybamm.radial_mesh import RadialMesh, radial_mesh
 from ..plugins.pybamm.uncertain_parameters import uncertain_parameters
-from .discovery_case import Case, DiscoverOptions, effects_of, spreads_of
+from .discovery_case import Case, DiscoverOptions, spreads_of
+from .effect_choice import effects_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +45,8 @@ class Workbench:
         Nominal capacity of the cell, A.h.
     began : float
         When it was begun to be set up, on the clock of `time.perf_counter`, s.
+    passed_over : tuple of str
+        Effects that cannot be used, and why.
     """
 
     case: Case
@@ -54,11 +57,12 @@ class Workbench:
     mesh: RadialMesh
     capacity_ah: float
     began: float
+    passed_over: tuple[str, ...] = ()
 
     @property
     def notes(self) -> list[str]:
         """What was assumed, repaired or settled."""
-        return [*self.case.notes, *([self.mesh.note] if self.mesh.note else [])]
+        return [*self.case.notes, *([self.mesh.note] if self.mesh.note else []), *self.passed_over]
 
     def engine(
         self,
@@ -100,4 +104,8 @@ def set_up(case: Case, options: DiscoverOptions, listener: Listener = lambda tex
         [observe(s.name, s.record, s.ambient_k, options.points, floor) for s in case.held],
     )
     capacity = float(load(cell.parameter_set, cell.overrides)["Nominal cell capacity [A.h]"])
-    return Workbench(case, problem, space, effects_of(options.effects), laboratory, mesh, capacity, began)
+    passed_over: list[str] = []
+    catalogue = effects_of(options.effects, None, options.effect_options, passed_over.append)
+    for text in passed_over:
+        listener(text)
+    return Workbench(case, problem, space, catalogue, laboratory, mesh, capacity, began, tuple(passed_over))

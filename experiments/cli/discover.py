@@ -31,6 +31,7 @@ def discover(
     cycles: shared.Cycles = None,
     sheet: shared.Sheet = None,
     reader: shared.Reader = None,
+    reader_option: shared.ReaderOption = None,
     temperature: shared.Temperature = None,
     scale: shared.Scale = True,
     search: Annotated[
@@ -40,6 +41,10 @@ def discover(
         ),
     ] = "all",
     effect: Annotated[list[str] | None, typer.Option(help="Effect to consider; repeat; left out, all.")] = None,
+    effect_option: Annotated[
+        list[str] | None,
+        typer.Option("--effect-option", help="Option of an effect, effect.key=value or key=value; repeat."),
+    ] = None,
     backend: Annotated[str | None, typer.Option(help="Language model that ranks effects too.")] = None,
     via: shared.Via = None,
     base_url: shared.BaseUrl = None,
@@ -56,7 +61,8 @@ def discover(
     read = shared.reading(column, unit, where, current_sign, constant_current, cycles, sheet, temperature)
 
     def files(paths: list[Path] | None) -> list[dict[str, Any]]:
-        return [{"path": path, "read": read, "reader": reader} for path in paths or ()]
+        chosen = {"reader": reader, "reader_options": key_values(reader_option, "--reader-option")}
+        return [{"path": path, "read": read, **chosen} for path in paths or ()]
 
     try:
         asked = DiscoverOptions.model_validate(
@@ -71,6 +77,7 @@ def discover(
                 "ambient_c": temperature,
                 "search": search,
                 "effects": effect,
+                "effect_options": key_values(effect_option, "--effect-option"),
                 "backend": backend,
                 "backend_options": shared.reaching(via, base_url, backend_option),
                 "max_effects": max_effects,

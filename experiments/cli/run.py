@@ -41,6 +41,7 @@ def run(
     cycles: shared.Cycles = None,
     sheet: shared.Sheet = None,
     reader: shared.Reader = None,
+    reader_option: shared.ReaderOption = None,
     temperature: shared.Temperature = None,
     scale: shared.Scale = True,
     backend: Annotated[str, typer.Option(help="Language model: a preset, litellm:PROVIDER/MODEL, ...")] = "rules",
@@ -100,7 +101,7 @@ def run(
         chosen = build_task(
             name=data[0].stem[:60],
             parameter_set=parameters or _no_parameter_set(),
-            records=[RecordRequest(path, read, reader) for path in data],
+            records=[RecordRequest(path, read, reader, key_values(reader_option, "--reader-option")) for path in data],
             model=model,
             options=key_values(options, "--options"),
             search=search,

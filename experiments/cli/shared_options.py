@@ -22,6 +22,9 @@ ConstantCurrent = Annotated[
 Cycles = Annotated[str | None, typer.Option(help='Cycles of the records to use, "1" or "2-4".')]
 Sheet = Annotated[str | None, typer.Option(help="Sheet of a workbook, or test inside a file of several.")]
 Reader = Annotated[str | None, typer.Option(help="Reader to use; left out, the one that fits.")]
+ReaderOption = Annotated[
+    list[str] | None, typer.Option("--reader-option", help="Option of the reader, key=value; repeat.")
+]
 Temperature = Annotated[float | None, typer.Option(help="Ambient temperature in degC, where records lack it.")]
 Scale = Annotated[bool, typer.Option(help="Scale the electrode area to the records' capacity.")]
 

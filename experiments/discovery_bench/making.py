@@ -36,7 +36,7 @@ def make_cases(
     its base parameters is tried.
     """
     from ...plugins.pybamm.parameter_sets import pybamm
-    from ..discovery_case import effects_of
+    from ..effect_choice import effects_of
 
     if entries(folder) and not any(folder.glob(f"case_*/{DESCRIPTION}")):
         raise foreign(folder, "a folder of blind cases")

@@ -41,6 +41,8 @@ class RecordRequest:
         What its header does not say.
     reader : str or None
         The reader to use; None finds the one that fits.
+    reader_options : mapping
+        The reader's own options.
     protocol, scored_cycle, temperature_k, initial_soc
         As in `Experiment`.
     """
@@ -48,6 +50,7 @@ class RecordRequest:
     path: Path
     read: ReadOptions = field(default_factory=ReadOptions)
     reader: str | None = None
+    reader_options: Mapping[str, Any] = field(default_factory=dict)
     protocol: Protocol | None = None
     scored_cycle: int | None = None
     temperature_k: float | None = None
@@ -84,12 +87,15 @@ def build_task(
     BsaError
         If a file, a parameter set or a parameter does not exist or makes no sense.
     """
+    from ...core.reading.reading import read_record
     from ...plugins.pybamm.parameter_sets import load
     from ...plugins.pybamm.presets import resolve_space
     from ...plugins.pybamm.state_of_charge import equilibrium_capacity_ah, soc_at_voltage
-    from ...plugins.readers.reading import read_record
 
-    loaded = [read_record(request.path, request.read, installed(), request.reader) for request in records]
+    loaded = [
+        read_record(request.path, request.read, installed(), request.reader, request.reader_options)
+        for request in records
+    ]
     notes = [f"{record.name}: {note}" for record in loaded for note in record.notes]
     fixed = dict(overrides or {})
     values = load(parameter_set, fixed)

@@ -28,6 +28,8 @@ class ExperimentEntry(BaseModel, extra="forbid"):
     temperature_degc: float | None = Field(None, gt=-100, lt=200, description="Ambient temperature in degC.")
     initial_soc: float | None = Field(None, ge=0, le=1, description="Initial state of charge.")
     read: ReadOptions = Field(default_factory=ReadOptions, description="What the file's header does not say.")
+    reader: str | None = Field(None, description="Reader to use; left out, the one that fits.")
+    reader_options: dict[str, Any] = Field(default_factory=dict, description="The reader's own options.")
 
 
 class TaskFile(BaseModel, extra="forbid"):
@@ -61,6 +63,8 @@ def load_task_file(path: Path) -> Task:
         RecordRequest(
             path=path.parent / entry.data,
             read=entry.read,
+            reader=entry.reader,
+            reader_options=entry.reader_options,
             protocol=None if entry.protocol is None else tuple(tuple(cycle) for cycle in entry.protocol),
             scored_cycle=entry.scored_cycle,
             temperature_k=None if entry.temperature_degc is None else entry.temperature_degc + ZERO_CELSIUS_K,

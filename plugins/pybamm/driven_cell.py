@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.border import border
 from ...core.effect import Effect
 from ...core.errors import BsaError
 from ...core.parameters import Candidate
@@ -194,7 +195,8 @@ class DrivenCell:
         wanted = times
         for effect in self._effects:
             if effect.measurement is not None and effect.measurement.clock is not None:
-                wanted = effect.measurement.clock(wanted, effect.values(candidate))
+                with border(f"effect {effect.key}", "clock"):
+                    wanted = effect.measurement.clock(wanted, effect.values(candidate))
         inside = np.clip(wanted, self._stops[0], self._stops[-1])
         inputs = {name: float(candidate[name]) for name in inputs_of(self._targets)}
         for effect in self._effects:
@@ -209,7 +211,8 @@ class DrivenCell:
         voltage, temperature = solved
         for effect in self._effects:
             if effect.measurement is not None and effect.measurement.voltage is not None:
-                voltage = effect.measurement.voltage(voltage, current, effect.values(candidate))
+                with border(f"effect {effect.key}", "voltage"):
+                    voltage = effect.measurement.voltage(voltage, current, effect.values(candidate))
         return Curve(voltage, temperature) if np.all(np.isfinite(voltage)) else None
 
     def _through_pauses(self, inputs: dict[str, float], times: FloatArray) -> tuple[FloatArray, FloatArray] | None:

@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 
 from ...core.errors import BsaError, did_you_mean
 from ...core.printable import listed, shown
-from ...core.record import ReadOptions, Record
+from ...core.reading.clock import RESTART_S
+from ...core.reading.samples import Samples
+from ...core.record import ReadOptions
 from ...core.trajectory import FloatArray
-from .checks import to_record
-from .clock import RESTART_S
 from .columns import Column, resolve, signal_of
-from .samples import Samples
 from .source import MAX_SAMPLES
 
 SUFFIXES = (".xlsx", ".xlsm", ".xls")
@@ -62,7 +61,7 @@ class ArbinXlsx:
             return bool(files) and all(child.suffix.lower() in SUFFIXES for child in files)
         return path.suffix.lower() in SUFFIXES and path.is_file()
 
-    def read(self, path: Path, options: ReadOptions) -> Record:
+    def read(self, path: Path, options: ReadOptions) -> Samples:
         """Read the workbook, or all workbooks of the folder; see `Reader.read`."""
         books = [path]
         if path.is_dir():
@@ -70,7 +69,7 @@ class ArbinXlsx:
         sheets = [sheet for book in books for sheet in _sheets(book, options, len(books) > 1)]
         # File names carry the date as month_day_year, which does not sort; the samples' own dates do.
         sheets.sort(key=lambda sheet: next((date for date in sheet.dates if date == date), np.inf))
-        return to_record(_joined(sheets, shown(path.name), len(books), options), options)
+        return _joined(sheets, path.name, len(books), options)
 
 
 def _sheets(path: Path, options: ReadOptions, several: bool) -> list[_Sheet]:

@@ -10,6 +10,7 @@ import numpy as np
 from ...core.errors import BsaError
 from ...core.files import write_text
 from ...core.printable import shown
+from ...core.reading.samples import Samples
 from ...core.record import ReadOptions, Record
 from ...core.trajectory import Trajectory
 from .columns import split_name
@@ -33,7 +34,7 @@ class BdfCsv:
         ]
         return sum(bool(_LABELS.match(name) or _MACHINE.match(name)) for name in names) >= 3
 
-    def read(self, path: Path, options: ReadOptions) -> Record:
+    def read(self, path: Path, options: ReadOptions) -> Samples:
         """Read the file; see `Reader.read`."""
         text, notes = load_text(path)
         table = find_table(text, shown(path.name))

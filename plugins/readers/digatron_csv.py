@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from ...core.printable import shown
-from ...core.record import ReadOptions, Record
+from ...core.reading.samples import Samples
+from ...core.record import ReadOptions
 from .generic_csv import first_lines, is_text_table, read_table
 from .source import load_text
 from .table import find_table
@@ -23,7 +24,7 @@ class DigatronCsv:
             for line in first_lines(path, 60)
         )
 
-    def read(self, path: Path, options: ReadOptions) -> Record:
+    def read(self, path: Path, options: ReadOptions) -> Samples:
         """Read the file; see `Reader.read`."""
         text, notes = load_text(path)
         return read_table(find_table(text, shown(path.name)), options, notes)

@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from ...core.printable import shown
-from ...core.record import ReadOptions, Record
+from ...core.reading.samples import Samples
+from ...core.record import ReadOptions
 from ...core.trajectory import FloatArray
-from .checks import to_record
 from .columns import SIGNALS, resolve
-from .samples import Samples
 from .source import head, load_text
 from .table import Table, find_table, numbers
 
@@ -27,7 +26,7 @@ class GenericCsv:
         """Whether the name is that of a text table."""
         return is_text_table(path)
 
-    def read(self, path: Path, options: ReadOptions) -> Record:
+    def read(self, path: Path, options: ReadOptions) -> Samples:
         """Read the file; see `Reader.read`."""
         text, notes = load_text(path)
         return read_table(find_table(text, shown(path.name)), options, notes)
@@ -47,7 +46,7 @@ def first_lines(path: Path, count: int) -> list[str]:
     return data.decode("utf-8-sig", errors="replace").splitlines()[:count]
 
 
-def read_table(table: Table, options: ReadOptions, notes: list[str], ambient_column: int | None = None) -> Record:
+def read_table(table: Table, options: ReadOptions, notes: list[str], ambient_column: int | None = None) -> Samples:
     """Read the signals of a table.
 
     Parameters
@@ -86,7 +85,7 @@ def read_table(table: Table, options: ReadOptions, notes: list[str], ambient_col
     ambient = None
     if ambient_column is not None:
         ambient = _first_finite(read.values[ambient_column])
-    samples = Samples(
+    return Samples(
         source=table.source,
         rows=read.rows,
         time=signals["time"],
@@ -97,7 +96,6 @@ def read_table(table: Table, options: ReadOptions, notes: list[str], ambient_col
         notes=tuple(notes),
         ambient_k=None if ambient is None else ambient + 273.15,
     )
-    return to_record(samples, options)
 
 
 def _first_finite(values: FloatArray) -> float | None:

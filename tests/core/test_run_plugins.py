@@ -154,6 +154,7 @@ SIMULATORS: dict[str, tuple[Any, str]] = {
     "an empty run": ([(0, Outcome((ExperimentRun(None),)))], "a run with neither a trajectory nor a failure"),
     "no trajectory": ([(0, Outcome((ExperimentRun("curve"),)))], "a run whose trajectory is 'curve'"),  # type: ignore[arg-type]
     "no steps": ([(0, Outcome((ExperimentRun(UNCUT),)))], "a trajectory without steps"),
+    "no voltage": ([(0, Outcome((ExperimentRun(Trajectory(UNCUT.time, UNCUT.current)),)))], 'without "voltage"'),
     "no samples": ([(0, Outcome((ExperimentRun(UNCUT.slice(0, 0)),)))], "an empty trajectory"),
     "no seconds": ([(0, replace(GOOD, seconds=float("nan")))], "Outcome.seconds = nan, which is not a finite number"),
 }

@@ -10,7 +10,8 @@ from bsa.experiments.discover import discover
 from bsa.experiments.discovery_bench.cases import recipes
 from bsa.experiments.discovery_bench.hidden_cell import Hidden, Leg, measure
 from bsa.experiments.discovery_bench.making import _write
-from bsa.experiments.discovery_case import DiscoverOptions, effects_of, spreads_of
+from bsa.experiments.discovery_case import DiscoverOptions, spreads_of
+from bsa.experiments.effect_choice import effects_of
 
 
 def test_the_benchmark_covers_what_it_must():

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 from bsa.core.journal import FILE_NAME
+from bsa.core.reading.reading import read_record
 from bsa.experiments.cli.main import main, run_main
 from bsa.experiments.cli.shared_options import reading
 from bsa.experiments.request import key_values
-from bsa.plugins.readers.reading import read_record
 
 GOOD_CSV = "Test Time / s,Voltage / V,Current / A\n" + "\n".join(
     f"{10 * k},{4.1 - 0.001 * k:.4f},{-1.0 if k > 2 else 0.0}" for k in range(60)

@@ -9,9 +9,9 @@ import numpy as np
 import openpyxl
 import pytest
 from bsa.core.errors import BsaError
+from bsa.core.reading.reading import read_record
 from bsa.core.record import ReadOptions
 from bsa.plugins.readers import arbin_xlsx, source, table
-from bsa.plugins.readers.reading import read_record
 from pydantic import ValidationError
 
 HEADER = "Test Time / s,Voltage / V,Current / A"

@@ -9,12 +9,12 @@ import numpy as np
 import openpyxl
 import pytest
 from bsa.core.errors import BsaError
+from bsa.core.reading.reading import read_record
 from bsa.core.record import Reader, ReadOptions
 from bsa.core.registry import installed
 from bsa.core.segmentation import segment
 from bsa.core.trajectory import StepKind, Trajectory
 from bsa.plugins.readers.bdf_csv import write
-from bsa.plugins.readers.reading import read_record
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bsa.core.errors import BsaError
+from bsa.core.reading.reading import read_record
 from bsa.core.record import ReadOptions
 from bsa.core.trajectory import StepKind
-from bsa.plugins.readers.reading import read_record
 
 DATA = Path(__file__).parents[3] / ".." / "shared" / "data"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...core.errors import BsaError
+from ..errors import BsaError
 from .samples import Samples
 
 BACKWARD_SHARE = 0.02

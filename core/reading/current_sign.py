@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...core.errors import BsaError
-from ...core.record import ReadOptions
+from ..errors import BsaError
+from ..record import ReadOptions
 from .samples import Samples
 
 

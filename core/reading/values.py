@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...core.errors import BsaError
-from ...core.record import Signal
-from ...core.trajectory import FloatArray
+from ..errors import BsaError
+from ..record import Signal
+from ..trajectory import FloatArray
 from .samples import Samples
 
 MISSING_SHARE = 0.01
@@ -18,6 +18,9 @@ MISSING_ROWS = 3
 
 VOLTAGE_RANGE_V = (0.0, 6.0)
 """What a single cell can show, in V."""
+
+KELVIN = (200.0, 400.0)
+"""Temperatures at which a cell is measured; outside, the unit is another one."""
 
 GLITCH_V = 0.4
 """A lone sample this far from both neighbours, which agree and carry the same current, is a glitch, in V."""
@@ -100,8 +103,8 @@ def check_units(samples: Samples) -> None:
         _refuse_unit(samples, "current", f"{current:g} A", "mA")
     if samples.temperature is not None:
         kelvin = float(np.median(samples.temperature))
-        if not 200.0 <= kelvin <= 400.0:
-            other = "degC" if kelvin < 200.0 else "K"
+        if not KELVIN[0] <= kelvin <= KELVIN[1]:
+            other = "degC" if kelvin < KELVIN[0] else "K"
             _refuse_unit(samples, "temperature", f"{kelvin - 273.15:.4g} degC ({kelvin:.4g} K)", other)
     duration = float(np.max(samples.time) - np.min(samples.time))
     swing = float(np.ptp(np.quantile(samples.voltage, [0.02, 0.98])))

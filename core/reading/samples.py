@@ -8,8 +8,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.record import Signal
-from ...core.trajectory import FloatArray
+from ..errors import BsaError
+from ..printable import shown
+from ..record import Signal
+from ..trajectory import FloatArray
 
 Mask = NDArray[np.bool_]
 
@@ -21,13 +23,13 @@ class Samples:
     Attributes
     ----------
     source : str
-        Printable name of the file.
-    rows : ndarray of shape (n,)
-        Row of each sample in its file or sheet, from 1.
+        Name of the file, for messages.
     time, voltage, current : ndarray of shape (n,)
         s, V and A; NaN where a cell is empty.
     temperature : ndarray of shape (n,) or None
         Kelvin, NaN where a cell is empty.
+    rows : ndarray of shape (n,)
+        Row of each sample in its file or sheet, from 1, for messages; left out, the samples are counted.
     names : mapping
         Columns as the file names them, for messages.
     notes : tuple of str
@@ -41,16 +43,35 @@ class Samples:
     """
 
     source: str
-    rows: NDArray[np.int64]
     time: FloatArray
     voltage: FloatArray
     current: FloatArray
     temperature: FloatArray | None = None
+    rows: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     names: Mapping[Signal, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     ambient_k: float | None = None
     sheets: tuple[str, ...] = ()
     sheet: NDArray[np.int64] | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "source", shown(self.source))
+        for name in ("time", "voltage", "current", "temperature"):
+            values = getattr(self, name)
+            if values is None and name == "temperature":
+                continue
+            try:
+                values = np.asarray(values, dtype=np.float64)
+            except (TypeError, ValueError) as error:
+                raise BsaError(f"{self.source}: {name} is no array of numbers ({shown(error, 100)}).") from None
+            if values.ndim != 1 or values.shape != np.shape(self.time):
+                raise BsaError(
+                    f"{self.source}: {name} has shape {values.shape}, but time has shape {np.shape(self.time)}.",
+                    "a reader gives one value of each signal for every sample.",
+                )
+            object.__setattr__(self, name, values)
+        if len(self.rows) != len(self.time):
+            object.__setattr__(self, "rows", np.arange(1, len(self.time) + 1))
 
     def __len__(self) -> int:
         return len(self.time)

@@ -1,15 +1,15 @@
-"""What every reader does to its samples: checks, and the few repairs that are safe, each with a note."""
+"""What is done to the samples of any reader: checks, and the few repairs that are safe, each with a note."""
 
 from __future__ import annotations
 
-from ...core.errors import BsaError
-from ...core.record import ReadOptions, Record
-from ...core.segmentation import segment
-from ...core.trajectory import Trajectory
+from ..errors import BsaError
+from ..record import ReadOptions, Record
+from ..segmentation import segment
+from ..trajectory import Trajectory
 from .clock import with_clock, with_gaps_noted
 from .current_sign import with_sign
 from .samples import Samples
-from .values import check_range, check_units, without_glitches, without_missing
+from .values import KELVIN, check_range, check_units, without_glitches, without_missing
 
 MIN_SAMPLES = 10
 """A record with fewer samples says nothing about a cell."""
@@ -52,6 +52,11 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
         ambient = float(samples.temperature[0])
         samples = samples.noted(
             f"the ambient temperature is taken to be that of the first sample, {ambient - 273.15:.1f} degC."
+        )
+    if ambient is not None and not KELVIN[0] <= ambient <= KELVIN[1]:
+        raise BsaError(
+            f"{samples.source}: an ambient temperature of {ambient - 273.15:.4g} degC ({ambient:.4g} K) cannot be.",
+            "is it in another unit? Then say --temperature DEGC.",
         )
     trajectory = _selected(trajectory, options, samples.source)
     return Record(samples.source, trajectory, samples.notes, ambient)
