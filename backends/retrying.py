@@ -132,7 +132,7 @@ class Persistence:
                 wait = failure.retry_after_s
                 if wait is None:
                     wait = min(_FIRST_WAIT_S * 2 ** (number - 1), _LONGEST_WAIT_S) * self._jitter.uniform(0.5, 1.0)
-                if number == self._most(failure) or wait >= self._left_s:
+                if number >= self._most(failure) or wait >= self._left_s:
                     raise self._failure(failure.reason, type(failure)) from None
                 self._notes.append(f"attempt {self._attempts}: {failure.reason}; tried again after {wait:.1f} s")
                 time.sleep(wait)

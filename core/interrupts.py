@@ -17,7 +17,7 @@ def interrupts_wait() -> Iterator[None]:
     A process cut off between its birth and its first message can be neither used nor ended, and at a terminal Ctrl-C
     reaches the child too, before it could say that only its parent decides what that means.
     """
-    if threading.current_thread() is not threading.main_thread():
+    if not in_main_thread():
         yield  # Signals are handled in the main thread alone.
         return
     waiting: list[int] = []
@@ -41,8 +41,13 @@ def interrupts_stay() -> Iterator[None]:
     try:
         yield
     finally:
-        if before is not None and threading.current_thread() is threading.main_thread():
+        if before is not None and in_main_thread():
             signal.signal(signal.SIGINT, before)
+
+
+def in_main_thread() -> bool:
+    """Whether the caller runs in the process's main thread: only that handles signals, and lasts to the end."""
+    return threading.current_thread() is threading.main_thread()
 
 
 def _block_for_children(blocked: bool) -> None:

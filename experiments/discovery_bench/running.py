@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.errors import BsaError
+from ...core.parentage import end_with_parent
 from ..discover import backend_or_none, discover_on
 from ..discovery_case import DiscoverOptions, read_case
 from ..discovery_workbench import set_up
@@ -58,7 +59,7 @@ def run_cases(
         raise BsaError(f"{folder} holds no blind case.", "bsa bench discovery --make makes some.")
     names = [name for name in names if name not in done and (only is None or name in only)]
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, max_tasks_per_child=1)
+    pool = ProcessPoolExecutor(workers, context, initializer=end_with_parent, max_tasks_per_child=1)
     try:
         jobs = {pool.submit(work, folder / name): name for name in names}
         for job in as_completed(jobs):

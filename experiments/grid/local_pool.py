@@ -5,13 +5,13 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-import threading
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from ...core.interrupts import interrupts_wait
+from ...core.interrupts import in_main_thread, interrupts_wait
+from ...core.parentage import end_with_parent
 from .one_cell import Order, Report, carry_out
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
@@ -21,25 +21,17 @@ MEMORY_LIMIT_MB = 1500.0
 """A worker that has grown past this is replaced after its cell; its simulator is a process of its own."""
 
 
-def _serve(connection: Connection) -> None:
+def _serve(connection: Connection, at_once: bool) -> None:
     """A worker's main loop."""
     # Ctrl-C reaches the whole process group; only the parent decides what it means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_die_with_parent, daemon=True).start()
+    end_with_parent(at_once)
     while True:
         try:
             order = connection.recv()
         except (EOFError, OSError):
             return
         connection.send(carry_out(order))
-
-
-def _die_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        # A run half done stands in its journal; finishing it unseen would keep others waiting for it.
-        os._exit(1)
 
 
 @dataclass(eq=False)
@@ -95,7 +87,8 @@ class LocalPool:
     def _start(self) -> _Worker:
         context = multiprocessing.get_context("spawn")
         ours, theirs = context.Pipe()
-        worker = _Worker(context.Process(target=_serve, args=(theirs,), name="bsa-grid-worker"), ours)
+        process = context.Process(target=_serve, args=(theirs, in_main_thread()), name="bsa-grid-worker")
+        worker = _Worker(process, ours)
         with interrupts_wait():
             worker.process.start()
             theirs.close()

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.errors import BsaError, did_you_mean
+from ...core.parentage import end_with_parent
 from ...core.scaffold import Scaffold
 from ..suite.case import SuiteCase
 from .cell import CellRecord, StudyCell, finished, run_cell, study_config
@@ -133,7 +134,7 @@ def _results(
 def _pooled(
     cells: Sequence[StudyCell], out: Path, workers: int, keep_runs: bool
 ) -> Iterator[tuple[StudyCell, CellRecord]]:
-    pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
+    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=end_with_parent)
     try:
         waiting: dict[Future[CellRecord], StudyCell] = {
             pool.submit(run_cell, cell, out, 1, keep_runs): cell for cell in cells

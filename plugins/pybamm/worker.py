@@ -14,8 +14,9 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from ...core.errors import BsaError
-from ...core.interrupts import interrupts_wait
+from ...core.interrupts import in_main_thread, interrupts_wait
 from ...core.parameters import Candidate
+from ...core.parentage import end_with_parent
 from ...core.simulation import ExperimentRun, Outcome, SimulationFailure
 from ...core.target import Target, change_of
 from ...core.task import CellModel, Experiment
@@ -45,8 +46,9 @@ class Assignment:
     targets: Mapping[str, Target]
 
 
-def serve(connection: Connection, assignment: Assignment) -> None:
+def serve(connection: Connection, assignment: Assignment, at_once: bool) -> None:
     """The worker's main loop: receive a candidate, report each step, send the outcome."""
+    end_with_parent(at_once)
     # Ctrl-C reaches the whole process group; only the parent decides what it means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     warnings.simplefilter("ignore")
@@ -120,7 +122,9 @@ class Worker:
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
         with interrupts_wait(), _single_threaded():
-            self._process = context.Process(target=serve, args=(theirs, self._assignment), daemon=True)
+            self._process = context.Process(
+                target=serve, args=(theirs, self._assignment, in_main_thread()), daemon=True
+            )
             self._process.start()
             theirs.close()
             self._ready = False

@@ -14,7 +14,7 @@ from bsa.backends.replay import ReplayBackend, replay
 from bsa.backends.reviewing import ReviewingBackend, TerminalReviewer, Verdict
 from bsa.backends.voting import VotingBackend
 from bsa.core.errors import BsaError
-from bsa.core.journal import Journal, read_events
+from bsa.core.journal import FORMAT, Journal, read_events
 from bsa.core.messages import (
     Backend,
     BackendFailure,
@@ -175,12 +175,19 @@ def test_replay_gives_the_journal_again(tmp_path, monkeypatch, messages, schema)
 def _recorded(folder, backend):
     """The backend as a run has it: a new process, whose journal may hold what an earlier one was told."""
     journal = Journal(folder)
-    recorder = Recorder(journal, read_events(folder))
+    earlier = list(read_events(folder))
+    if not earlier:
+        journal.append("run", format=FORMAT)
+    recorder = Recorder(journal, earlier)
     return recorder.around(backend), recorder, journal
 
 
 def _kinds(folder):
-    return [event["event"] for event in read_events(folder)]
+    return [event["event"] for event in _exchanged(folder)]
+
+
+def _exchanged(folder):
+    return list(read_events(folder))[1:]
 
 
 def test_every_reply_and_every_vote_stands_in_the_journal(tmp_path, schema):
@@ -189,7 +196,7 @@ def test_every_reply_and_every_vote_stands_in_the_journal(tmp_path, schema):
     merged = backend.complete([], schema, seed=5)
     journal.close()
     assert _kinds(tmp_path) == ["reply", "reply", "reply", "vote"]
-    *written, vote = read_events(tmp_path)
+    *written, vote = _exchanged(tmp_path)
     assert [event["text"] for event in written] == [json.dumps(replies[0]), "nonsense", json.dumps(replies[2])]
     assert vote["text"] == merged.text
     assert [ballot["changes"] for ballot in vote["ballots"]] == [{"A": "*1.1"}, {}, {"A": "*1.3"}]
@@ -206,7 +213,7 @@ def test_votes_cut_off_anywhere_come_out_the_same(tmp_path, schema, kept):
     journal.close()
     lines = (tmp_path / "whole" / "journal.jsonl").read_bytes().splitlines(keepends=True)
     (tmp_path / "cut").mkdir()
-    (tmp_path / "cut" / "journal.jsonl").write_bytes(b"".join(lines[:kept]))
+    (tmp_path / "cut" / "journal.jsonl").write_bytes(b"".join(lines[: 1 + kept]))
     canned = Canned(*replies[kept:])
     backend, recorder, journal = _recorded(tmp_path / "cut", VotingBackend(canned, 3))
     assert backend.complete([], schema, seed=5) == whole
@@ -248,7 +255,7 @@ def test_a_review_is_an_event_and_nobody_is_asked_twice(tmp_path, schema):
     )
     first = asked(backend)
     journal.close()
-    events = list(read_events(tmp_path))
+    events = _exchanged(tmp_path)
     assert _kinds(tmp_path) == ["reply", "review"] * 3
     assert {event["text"] for event in events[::2]} == {wild}
     assert [(event["verdict"], event["text"]) for event in events[1::2]] == [
@@ -261,7 +268,7 @@ def test_a_review_is_an_event_and_nobody_is_asked_twice(tmp_path, schema):
     assert asked(backend) == first
     journal.close()
     assert recorder.calls == 3
-    assert len(list(read_events(tmp_path))) == 6
+    assert len(_exchanged(tmp_path)) == 6
     assert asked(ReplayBackend(read_events(tmp_path), "again")) == first
 
 

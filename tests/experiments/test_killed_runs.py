@@ -23,6 +23,15 @@ experiments:
   - data: {PACKAGED / "demo.csv"}
     initial_soc: 0.05
 """
+GRID = """
+name: short
+tasks: [task.yaml]
+scaffolds: [full]
+seeds: [1, 2]
+rounds: 6
+warm_up: 5
+simulations: 10
+"""
 COMMAND = [sys.executable, "-c", "from bsa.experiments.cli.main import run_main; run_main()"]
 SETTINGS = ["--scaffold", "full", "--warmup", "5", "--rounds", "6", "--simulations", "10", "--workers", "2"]
 
@@ -40,6 +49,50 @@ def trials(folder: Path) -> list[tuple[int, dict[str, float], float | None]]:
 
 def written(folder: Path) -> int:
     return len(trials(folder)) if (folder / "journal.jsonl").exists() else 0
+
+
+def below(process: int) -> set[int]:
+    """The processes started by this one, and by those, as far as they still run."""
+    table = subprocess.run(["ps", "-eo", "pid=,ppid=,stat="], capture_output=True, text=True, check=True).stdout
+    parents = {int(pid): int(ppid) for pid, ppid, state in map(str.split, table.splitlines()) if state[0] != "Z"}
+    found, more = set[int](), {process}
+    while more:
+        more = {pid for pid, parent in parents.items() if parent in more}
+        found |= more
+    return found
+
+
+def running(processes: set[int]) -> set[int]:
+    """Those that still run; one that was killed and waits to be noticed has no command line."""
+    return {pid for pid in processes if Path(f"/proc/{pid}").exists() and Path(f"/proc/{pid}/cmdline").read_bytes()}
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="looks processes up in /proc")
+@pytest.mark.parametrize("kind", ["run", "grid"])
+def test_simulators_end_with_a_killed_run(tmp_path: Path, kind: str) -> None:
+    (tmp_path / "task.yaml").write_text(TASK)
+    (tmp_path / "grid.yaml").write_text(GRID)
+    grid = [*COMMAND[:-1], "from bsa.experiments.cli.main import main; main()", "grid", str(tmp_path / "grid.yaml")]
+    start = (
+        command(tmp_path, "--out", str(tmp_path / "store" / "cells" / "run"))
+        if kind == "run"
+        else [*grid, "--store", str(tmp_path / "store"), "--workers", "2"]
+    )
+    process = subprocess.Popen(start, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        while not any(written(folder) for folder in tmp_path.glob("store/cells/*")):
+            assert process.poll() is None
+            time.sleep(0.05)
+        started = below(process.pid)
+    finally:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    assert len(started) >= 2
+    ended = time.monotonic() + 10
+    while left := running(started):
+        assert time.monotonic() < ended, left
+        time.sleep(0.1)
 
 
 @pytest.mark.slow
