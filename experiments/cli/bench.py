@@ -208,11 +208,34 @@ def no_harm_command(
 def evaluation_command(
     task: Annotated[str, typer.Argument(help="Task to evaluate.")] = "demo",
     repeats: Annotated[int, typer.Option(min=3, help="Evaluations a median is over.")] = 15,
+    out: Out = Path("results/evaluation"),
 ) -> None:
     """What one evaluation costs against PyBaMM by itself, and what the loop adds to a round."""
-    from ..studies.evaluation import measure_evaluation
+    from dataclasses import asdict
 
-    print("\n".join(measure_evaluation(task, repeats).lines()))
+    from ..studies.evaluation import measure_evaluation
+    from ..studies.table import write_csv
+
+    cost = measure_evaluation(task, repeats)
+    write_csv(out / "evaluation.csv", [asdict(cost)])
+    print("\n".join(cost.lines()))
+
+
+@bench_app.command("docs")
+def docs_command(
+    root: Annotated[Path, typer.Argument(help="A checkout of this package, with its README.md and docs.")] = Path(),
+    check: Annotated[
+        bool, typer.Option(help="Change nothing; exit code 1 where a table is not what its rows say.")
+    ] = False,
+) -> None:
+    """Rebuild every table of README.md and docs/*.md from the rows in docs/results."""
+    from ..doc_tables.rebuild import rebuild
+
+    changed = rebuild(root, write=not check)
+    for path in changed:
+        print(f"{path} {'differs from its rows' if check else 'written'}")
+    if check and changed:
+        raise typer.Exit(1)
 
 
 @bench_app.command("tables")
@@ -254,8 +277,9 @@ def discovery_command(
     """Blind cases for discovery: make them, run them, mark them; or ask who finds the hidden effect without a fit."""
     from ..discovery_bench.making import make_cases
     from ..discovery_bench.running import run_case, run_cases
-    from ..discovery_bench.scoring import as_markdown, case_table, mark_cases
-    from ..discovery_bench.shortlists import SHORTLISTS, shortlist_case, shortlist_table
+    from ..discovery_bench.scoring import as_markdown, case_table, mark_cases, marked_row
+    from ..discovery_bench.shortlists import SHORTLISTS, shortlist_case, shortlist_places, shortlist_table
+    from ..studies.table import write_csv
 
     if make is None and run is None and score is None and shortlist is None:
         from ...core.errors import BsaError
@@ -274,6 +298,9 @@ def discovery_command(
         marked = mark_cases(score, results)
         print(as_markdown(marked))
         print(case_table(marked))
+        write_csv(score / "cases.csv", [marked_row(case) for case in marked])
     if shortlist is not None:
         run_cases(shortlist, partial(shortlist_case, **model), workers, only, SHORTLISTS, print)
-        print(shortlist_table(shortlist))
+        places = shortlist_places(shortlist)
+        print(shortlist_table(places))
+        write_csv(shortlist / "shortlists.csv", places)

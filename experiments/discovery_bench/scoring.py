@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..studies.table import exact_interval
 from .making import read_rows, unseal
 from .running import RESULTS
 
@@ -37,7 +39,7 @@ class Marked:
         Relative error of the strength, where the name is right.
     wall_s, cpu_s : float
         Wall time and processor time of the case's process, s.
-    simulations : int
+    simulations : float
         Single-record solves.
     """
 
@@ -52,7 +54,7 @@ class Marked:
     parameter_error: float | None
     wall_s: float
     cpu_s: float
-    simulations: int
+    simulations: float
 
 
 def mark_cases(folder: Path, results: str = RESULTS) -> list[Marked]:
@@ -107,6 +109,18 @@ def _parameter_error(row: dict[str, Any], answer: dict[str, Any]) -> float | Non
     return max(errors) if errors else None
 
 
+def marked_row(marked: Marked) -> dict[str, Any]:
+    """A case as a flat row, for CSV."""
+    return {**asdict(marked), "hidden": " + ".join(marked.hidden), "named": " + ".join(marked.named)}
+
+
+def marked_of(row: Mapping[str, Any]) -> Marked:
+    """The case of a row that `marked_row` made and `read_csv` read."""
+    error = row["parameter_error"]
+    texts = {name: tuple(row[name].split(" + ")) if isinstance(row[name], str) else () for name in ("hidden", "named")}
+    return Marked(**{**row, **texts, "parameter_error": None if math.isnan(error) else error})
+
+
 _MARKS = ("right", "ambiguous", "partial", "declined", "wrong", "failed")
 _SETTINGS = ("strong", "weak", "pair", "none", "outside")
 
@@ -140,22 +154,25 @@ def _confusion(marked: Sequence[Marked]) -> list[str]:
 def _rates(marked: Sequence[Marked]) -> list[str]:
     lines = []
     for setting in ("strong", "weak"):
-        some = [m for m in marked if m.setting == setting and m.mark != "failed"]
-        told = [m for m in some if m.verdict != "ambiguous"]
-        right = sum(m.mark == "right" for m in told)
-        if told:
-            lines.append(
-                f"* {setting}: the right name in {right} of {len(told)} cases ({right / len(told):.0%});"
-                f" {len(some) - len(told)} more were declared ambiguous."
-            )
-    nulls = [m for m in marked if m.setting == "none"]
-    outside = [m for m in marked if m.setting == "outside"]
-    for words, some in (("nothing hidden", nulls), ("an effect of no catalogue", outside)):
+        some = [m for m in marked if m.setting == setting]
+        right = sum(m.mark == "right" for m in some)
+        clear = [m for m in some if m.verdict != "ambiguous"]
+        told = [m for m in clear if m.verdict != "no-missing-effect"]
         if some:
-            named = sum(bool(m.named) for m in some)
-            lines.append(f"* {words}: a name was given in {named} of {len(some)} cases.")
-    lines.append(f"* wrong names in all: {sum(m.mark == 'wrong' for m in marked)} of {len(marked)} cases.")
+            lines.append(
+                f"* {setting}: the right name in {right} of {len(some)} cases; in {right} of {len(clear)} without "
+                f"those declared ambiguous; in {right} of {len(told)} without those, too, whose base model leaves noise only."
+            )
+    for setting, words in (("none", "nothing hidden"), ("outside", "an effect of no catalogue")):
+        some = [m for m in marked if m.setting == setting]
+        if some:
+            lines.append(f"* {words}: a name was given in {_share(sum(bool(m.named) for m in some), len(some))}.")
+    lines.append(f"* wrong names in all: {_share(sum(m.mark == 'wrong' for m in marked), len(marked))}.")
     return lines
+
+
+def _share(count: int, of: int) -> str:
+    return f"{count} of {of} cases" + (f" ({exact_interval(count, of)})" if of else "")
 
 
 def _sizes(marked: Sequence[Marked]) -> list[str]:
@@ -183,16 +200,17 @@ def _sizes(marked: Sequence[Marked]) -> list[str]:
 
 def _cost(marked: Sequence[Marked]) -> list[str]:
     ran = [m for m in marked if m.mark != "failed"]
-    if not ran:
-        return []
     lines = []
     for words, values, unit in (
         ("single-record solves a case", [float(m.simulations) for m in ran], ""),
         ("processor time a case, one process", [m.cpu_s for m in ran], " s"),
         ("wall time a case", [m.wall_s for m in ran], " s"),
     ):
-        low, middle, high = np.quantile(values, (0.1, 0.5, 0.9))
-        lines.append(f"* {words}: median {middle:.0f}{unit}, 10-90 % {low:.0f} to {high:.0f}{unit}.")
+        known = [value for value in values if not math.isnan(value)]
+        if known:
+            low, middle, high = np.quantile(known, (0.1, 0.5, 0.9))
+            shares = f"median {middle:.0f}{unit}, 10-90 % {low:.0f} to {high:.0f}{unit}"
+            lines.append(f"* {words}: {shares} ({len(known)} cases).")
     return lines
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -62,23 +62,30 @@ def shortlist_case(folder: Path, **asked: Any) -> dict[str, Any]:
     return row | {"summary": ", ".join(firsts)}
 
 
-def shortlist_table(folder: Path, results: str = SHORTLISTS) -> str:
-    """Open the answers, and count how high each ranking has the hidden effect.
+def shortlist_places(folder: Path, results: str = SHORTLISTS) -> list[dict[str, Any]]:
+    """Open the answers, and find the place that each ranking gives the hidden effect: a row a case and ranking.
 
     Of the cases that hide one effect of the catalogue, those whose base model leaves noise only are left out: nothing
     was there to be ranked.
     """
     answers = unseal(folder)
-    rows = read_rows(folder, results)
-    told = [(row, set(answers[row["case"]]["effects"])) for row in rows if row["effects"]]
-    single = [(row, hidden) for row, hidden in told if len(hidden) == 1]
-    ways = [how for how in _WORDS if any(how in row for row, _ in single)]
+    told = [(row, set(answers[row["case"]]["effects"])) for row in read_rows(folder, results) if row["effects"]]
+    return [
+        {"case": row["case"], "ranked_by": words, "place": _place(row[how], hidden)}
+        for how, words in _WORDS.items()
+        for row, hidden in told
+        if how in row and len(hidden) == 1
+    ]
+
+
+def shortlist_table(places: Sequence[Mapping[str, Any]]) -> str:
+    """How often each ranking has the hidden effect first, and among the first few."""
     lines = ["| ranked by | cases | " + " | ".join("first" if k == 1 else f"among {k}" for k in _PLACES) + " |"]
     lines.append("| --- |" + " ---: |" * (1 + len(_PLACES)))
-    for how in ways:
-        places = [_place(row[how], hidden) for row, hidden in single if how in row]
-        counts = " | ".join(str(sum(place <= k for place in places)) for k in _PLACES)
-        lines.append(f"| {_WORDS[how]} | {len(places)} | {counts} |")
+    for ranked_by in dict.fromkeys(row["ranked_by"] for row in places):
+        own = [row["place"] for row in places if row["ranked_by"] == ranked_by]
+        counts = " | ".join(str(sum(place <= k for place in own)) for k in _PLACES)
+        lines.append(f"| {ranked_by} | {len(own)} | {counts} |")
     return "\n".join(lines) + "\n"
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy import stats
 
 from ...core import files
 from ...core.yaml_text import read_yaml
@@ -75,6 +76,12 @@ def statistic(values: Sequence[float]) -> Statistic:
         return Statistic(math.nan, math.nan, math.nan, 0, len(values))
     deviation = float(known.std(ddof=1)) if known.size > 1 else math.nan
     return Statistic(float(known.mean()), deviation, float(known.max()), known.size, len(values) - known.size)
+
+
+def exact_interval(count: int, of: int) -> str:
+    """The exact 95 % interval of a share (Clopper and Pearson, Biometrika 26 (1934) 404), in percent."""
+    found = stats.binomtest(count, of).proportion_ci(0.95, method="exact")
+    return f"exact 95 % interval {100 * found.low:.2g} to {100 * found.high:.2g} %"
 
 
 def main_table(rows: Sequence[Row], metric: str = "mape") -> dict[str, dict[str, dict[str, Statistic]]]:

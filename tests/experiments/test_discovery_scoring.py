@@ -9,8 +9,9 @@ from bsa.core.discovery.score import Score
 from bsa.core.effect import Effect, EffectParameter
 from bsa.experiments.discovery_bench import shortlists
 from bsa.experiments.discovery_bench.making import SEALED
-from bsa.experiments.discovery_bench.scoring import as_markdown, case_table, mark_cases
-from bsa.experiments.discovery_bench.shortlists import SHORTLISTS, shortlist_case, shortlist_table
+from bsa.experiments.discovery_bench.scoring import as_markdown, case_table, mark_cases, marked_of, marked_row
+from bsa.experiments.discovery_bench.shortlists import SHORTLISTS, shortlist_case, shortlist_places, shortlist_table
+from bsa.experiments.studies.table import read_csv, write_csv
 
 STRENGTH = {"contact-resistance: resistance [Ohm]": 0.02}
 
@@ -70,12 +71,30 @@ def test_the_tables_count_names_given_to_nothing(tmp_path):
     ]
     write(tmp_path, answers, rows)
     text = as_markdown(mark_cases(tmp_path))
-    assert "nothing hidden: a name was given in 1 of 2 cases" in text
-    assert "strong: the right name in 1 of 1 cases (100%)" in text
+    assert "nothing hidden: a name was given in 1 of 2 cases (exact 95 % interval 1.3 to 99 %)" in text
+    assert "strong: the right name in 1 of 1 cases; in 1 of 1 without those declared ambiguous" in text
     assert "| nothing | none | contact-resistance (1); no-missing-effect (1) |" in text
     assert "| case_02 | none | nothing | effect-found | contact-resistance | wrong |" in case_table(
         mark_cases(tmp_path)
     )
+
+
+def test_weak_cases_have_three_denominators(tmp_path):
+    verdicts = [("effect-found", [R]), ("ambiguous", [R]), ("no-missing-effect", []), ("unexplained", [])]
+    rows = [row(f"case_0{place}", *said) for place, said in enumerate(verdicts)]
+    write(tmp_path, {r["case"]: answer([R], setting="weak") for r in rows}, rows)
+    assert (
+        "* weak: the right name in 1 of 4 cases; in 1 of 3 without those declared ambiguous; "
+        "in 1 of 2 without those, too, whose base model leaves noise only." in as_markdown(mark_cases(tmp_path))
+    )
+
+
+def test_marked_cases_survive_a_file(tmp_path):
+    answers = {"case_01": answer([R, H], setting="pair"), "case_02": answer(setting="none")}
+    write(tmp_path, answers, [row("case_01", "effect-found", [R, H]), row("case_02", "no-missing-effect")])
+    marked = mark_cases(tmp_path)
+    write_csv(tmp_path / "cases.csv", [marked_row(case) for case in marked])
+    assert [marked_of(found) for found in read_csv(tmp_path / "cases.csv")] == marked
 
 
 def test_a_shortlist_is_marked_by_the_place_of_what_was_hidden(tmp_path):
@@ -92,7 +111,7 @@ def test_a_shortlist_is_marked_by_the_place_of_what_was_hidden(tmp_path):
         {"case": "case_04", "effects": 0, "statistics": []},
     ]
     write(tmp_path, answers, rows, SHORTLISTS)
-    text = shortlist_table(tmp_path)
+    text = shortlist_table(shortlist_places(tmp_path))
     assert "| score test | 2 | 1 | 1 | 2 |" in text
     assert "| backend, effects with their names | 2 | 0 | 1 | 1 |" in text
     assert "meaning" not in text

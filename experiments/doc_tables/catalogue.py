@@ -1,0 +1,32 @@
+"""Every table of the documentation by its name, as a marker in the Markdown gives it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from . import discovery, published, studies
+from .reach import reach
+from .results import Results
+
+TABLES: dict[str, Callable[[Results], str]] = {
+    "reach": reach,
+    "published": published.main,
+    "published-summary": published.summary,
+    "published-start": published.start,
+    "published-oregan": published.oregan,
+    "baselines": published.baselines,
+    "random": studies.random_cells,
+    "noise": studies.noise,
+    "no-harm": studies.no_harm,
+    "ablation-cases": studies.ablation_cases,
+    "ablation-seeds": studies.ablation_seeds,
+    "evaluation": studies.evaluation,
+    "runtime": studies.runtime,
+    "recovery": studies.recovery,
+    "warm-up": studies.warm_up,
+    "grid-cost": studies.grid_cost,
+    "discovery": discovery.blind_cases,
+    "discovery-cases": discovery.each_case,
+    "discovery-shortlists": discovery.shortlists,
+    "measured-cells": discovery.measured_cells,
+}

@@ -1,0 +1,50 @@
+"""Tables of discovery: the blind cases, who finds an effect without a fit, and measured cells."""
+
+from __future__ import annotations
+
+from ..discovery_bench.scoring import Marked, as_markdown, case_table, marked_of
+from ..discovery_bench.shortlists import shortlist_table
+from .layout import short, table
+from .results import Results
+
+CASES = "discovery_cases discovery_ageing"
+"""Files of the blind cases: those without ageing, and those with."""
+
+
+def blind_cases(results: Results) -> str:
+    """Marks by setting, what was said of what, rates, gap, strengths and cost."""
+    return results.framed(CASES, as_markdown(marked(results)).rstrip())
+
+
+def each_case(results: Results) -> str:
+    """One line a case."""
+    return case_table(marked(results)).rstrip()
+
+
+def marked(results: Results) -> list[Marked]:
+    """All blind cases, in order."""
+    rows = [row for study in CASES.split() for row in results.rows(study)]
+    return sorted((marked_of(row) for row in rows), key=lambda case: case.case)
+
+
+def shortlists(results: Results) -> str:
+    """How high each ranking has the hidden effect."""
+    return results.framed("discovery_shortlists", shortlist_table(results.rows("discovery_shortlists")).rstrip())
+
+
+def measured_cells(results: Results) -> str:
+    """What discovery says of measured records."""
+    lines = [
+        [
+            row["cell"],
+            row["verdict"],
+            row["named"] or "none",
+            f"{short(row['value'])} {row['unit']} ({short(row['low'])} to {short(row['high'])})" if row["unit"] else "",
+            f"{short(row['fitted_before_mv'])} → {short(row['fitted_after_mv'])}",
+            f"{short(row['held_out_before_mv'])} → {short(row['held_out_after_mv'])}",
+            f"{row['cpu_s']:.0f}",
+        ]
+        for row in results.rows("measured_cells")
+    ]
+    heads = ["records", "verdict", "named", "strength (95 %)", "fitted / mV", "held out / mV", "processor s"]
+    return results.framed("measured_cells", table(heads, lines, 4))

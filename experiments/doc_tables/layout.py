@@ -1,0 +1,35 @@
+"""How numbers and tables are written in the documentation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+from ..studies.table import Statistic, statistic
+
+
+def short(value: float) -> str:
+    """A number to two or three digits."""
+    if math.isnan(value):
+        return "–"
+    if value == 0:
+        return "0"
+    return f"{value:.0f}" if abs(value) >= 100 else f"{value:.1f}" if abs(value) >= 10 else f"{value:.2g}"
+
+
+def spread(values: Sequence[float] | Statistic) -> str:
+    """Mean ± sample standard deviation (n - 1)."""
+    found = values if isinstance(values, Statistic) else statistic(values)
+    text = short(found.mean) if math.isnan(found.deviation) else f"{short(found.mean)} ± {short(found.deviation)}"
+    return f"{text} ({found.missing} without result)" if found.missing else text
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[str]], text_columns: int = 1) -> str:
+    """A Markdown table whose columns after the first ``text_columns`` are numbers."""
+    ruler = ["---"] * text_columns + ["---:"] * (len(heads) - text_columns)
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in (heads, ruler, *rows))
+
+
+def bold(text: str, when: bool = True) -> str:
+    """The text, bold where something holds."""
+    return f"**{text}**" if when else text

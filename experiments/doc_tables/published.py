@@ -1,0 +1,207 @@
+"""Tables of the published tasks: the main table, what the start says, ORegan2022, and the baselines beside."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..studies.table import EARLY, main_table, paper_rows, statistic
+from .layout import bold, short, spread, table
+from .results import Results
+
+Row = dict[str, Any]
+
+SLOW = "ORegan2022"
+_DEFAULT = "paper Default"
+_REPRODUCED = 0.003
+"""Relative difference below which the start counts as the paper's: that of its printed digits and the integrator."""
+
+_WITH_ONE_OBJECTIVE = ("hybrid", "least-squares", "bo", "cma-es", "de")
+
+
+def main(results: Results) -> str:
+    """Both modes, with the paper's rows."""
+    rows = results.rows("published")
+    ours, early, theirs = main_table(rows), main_table(rows, "early_mape"), paper_rows()
+    parts = []
+    for mode, row in ((mode, methods["hybrid"]) for mode, methods in ours.items()):
+        sets = list(row)
+        best = {name: _best(theirs[mode], name) for name in sets}
+        lines = [["hybrid", *(bold(spread(row[name]), row[name].mean < best[name]) for name in sets)]]
+        lines += [[f"hybrid, {EARLY} simulations", *(spread(early[mode]["hybrid"][name]) for name in sets)]]
+        lines += [
+            [f"*{name}*", *(f"*{spread(entry)}*" for entry in entries.values())]
+            for name, entries in theirs[mode].items()
+        ]
+        parts += [f"{mode.capitalize()}:", table(["method", *sets], lines)]
+    return results.framed("published", *parts)
+
+
+def _best(methods: dict[str, Any], name: str) -> float:
+    return min(float(row[name].mean) for row in methods.values())
+
+
+def summary(results: Results) -> str:
+    """What the main table comes to."""
+    rows = results.rows("published")
+    quick = [row for row in rows if row["parameter_set"] != SLOW]
+    found, early = statistic(_errors(quick)), [row["early_mape"] for row in quick]
+    far = sorted((row for row in quick if row["mape"] > 1), key=lambda row: -row["mape"])
+    simulations, failed = (sum(row[name] for row in quick) for name in ("simulations", "failed_simulations"))
+    below, cells = below_the_paper(rows)
+    lines = [
+        f"* {below} of the {cells} cells are below the best row of the paper's table, Bayesian optimisation included.",
+        f"* All {len(rows)} tasks: median {short(float(np.median(_errors(rows))))} %; {_under(rows, 0.1)} end below "
+        f"0.1 %.",
+        f"* The {len(quick)} tasks of the four other base cells: mean {short(found.mean)} %, median "
+        f"{short(float(np.median(_errors(quick))))} %, worst {short(found.worst)} %; {_under(quick, 0.01)} end below "
+        f"0.01 %, "
+        f"{_under(quick, 0.1)} below 0.1 % (aim: a mean below 0.1 %), with {simulations / len(quick):.0f} "
+        f"simulations in the mean.",
+        f"* Above 1 % (aim: none): {', '.join(_named(row) for row in far)}. {failed:.0f} of their {simulations:,.0f} "
+        f"simulations failed.",
+        f"* After {EARLY} simulations of the same runs, on the search mesh (the first Jacobian takes 9 of them): mean "
+        f"{short(float(np.mean(early)))} %, median {short(float(np.median(early)))} %.",
+    ]
+    return "\n".join(lines)
+
+
+def below_the_paper(rows: Sequence[Row]) -> tuple[int, int]:
+    """Cells of the main table that are below the paper's best row, and all cells."""
+    theirs = paper_rows()
+    cells = [
+        entry.mean < _best(theirs[mode], name)
+        for mode, methods in main_table(rows).items()
+        for name, entry in methods["hybrid"].items()
+    ]
+    return sum(cells), len(cells)
+
+
+def _named(row: Row) -> str:
+    return f"{row['case']} ({row['parameter_set']} {row['rates']}, {short(row['mape'])} %)"
+
+
+def _errors(rows: Sequence[Row]) -> list[float]:
+    return [row["mape"] for row in rows]
+
+
+def _under(rows: Sequence[Row], limit: float) -> int:
+    return sum(row["mape"] < limit for row in rows)
+
+
+def start(results: Results) -> str:
+    """Whether the untouched start is the paper's Default row."""
+    theirs, lines, same = paper_rows(), [], 0
+    for mode, methods in main_table(results.rows("published"), "initial_mape").items():
+        for name, entry in methods["hybrid"].items():
+            paper = theirs[mode][_DEFAULT][name].mean
+            difference = entry.mean / paper - 1.0
+            same += abs(difference) <= _REPRODUCED
+            lines.append([mode, name, f"{entry.mean:.1f}", f"{paper:.1f}", f"{100 * difference:+.1f} %"])
+    cells = f"{same} of {len(lines)} cells"
+    words = f"The untouched start reproduces the paper's Default row within {100 * _REPRODUCED:g} % in {cells}:"
+    return "\n\n".join([words, table(["mode", "base cell", "our start", "paper, Default", "difference"], lines, 2)])
+
+
+def oregan(results: Results) -> str:
+    """The base cell that is slow, by mode."""
+    lines = []
+    for mode in ("regular", "extreme"):
+        rows = [row for row in results.rows("published") if (row["mode"], row["parameter_set"]) == (mode, SLOW)]
+        errors, early = statistic(_errors(rows)), spread([row["early_mape"] for row in rows])
+        entries = [bold(spread(errors)), short(float(np.median(_errors(rows)))), short(errors.worst)]
+        more = [str(sum(row["mape"] > 10 for row in rows)), early, f"*{short(_best(paper_rows()[mode], SLOW))}*"]
+        lines.append([mode, str(len(rows)), *entries, *more])
+    longer = [f"{row['case']} {row['simulations']:.0f}" for row in results.rows("published") if _longer(row)]
+    heads = [
+        "",
+        "tasks",
+        "mean",
+        "median",
+        "worst",
+        "above 10 %",
+        f"after {EARLY} simulations",
+        "*the paper's best row*",
+    ]
+    note = f"Tasks with more than 50 simulations: {', '.join(longer)}." if longer else "All had 50 simulations."
+    return "\n\n".join([table(heads, lines), note])
+
+
+def longer_tasks(rows: Sequence[Row]) -> list[Row]:
+    """Tasks of the slow cell that had more than its 50 simulations."""
+    return [row for row in rows if _longer(row)]
+
+
+def _longer(row: Row) -> bool:
+    return bool(row["parameter_set"] == SLOW and row["simulations"] > 50)
+
+
+def baselines(results: Results) -> str:
+    """Every method on the tasks that all of them have run, and qNEHVI on its tasks."""
+    others = results.rows("baselines")
+    cases = {row["case"] for row in others if row["method"] == "least-squares"}
+    rows = [*(row for row in results.rows("published") if row["case"] in cases), *others]
+    groups = list(dict.fromkeys((row["mode"], row["parameter_set"]) for row in rows))
+    means = {
+        method: [
+            _mean_of(rows, method, [c for c in rows if (c["mode"], c["parameter_set"]) == group]) for group in groups
+        ]
+        for method in _WITH_ONE_OBJECTIVE
+    }
+    least = [min(values[place] for values in means.values()) for place in range(len(groups))]
+    lines = [
+        [
+            method,
+            *(bold(short(v), v == low) for v, low in zip(means[method], least, strict=True)),
+            *_overall(rows, method),
+        ]
+        for method in _WITH_ONE_OBJECTIVE
+    ]
+    heads = ["method", *(f"{name}, {mode}" for mode, name in groups), "all", "median", "worst", f"after {EARLY}"]
+    return results.framed("baselines", table(heads, lines), "\n".join(_remarks(rows, cases)))
+
+
+def _of(rows: Sequence[Row], method: str, cases: set[str] | None = None) -> dict[str, Row]:
+    return {row["case"]: row for row in rows if row["method"] == method and (cases is None or row["case"] in cases)}
+
+
+def _mean_of(rows: Sequence[Row], method: str, group: Sequence[Row]) -> float:
+    own = _of(rows, method, {row["case"] for row in group})
+    return statistic(_errors(list(own.values()))).mean
+
+
+def _overall(rows: Sequence[Row], method: str) -> list[str]:
+    own = list(_of(rows, method).values())
+    errors, early = _errors(own), statistic([row["early_mape"] for row in own]).mean
+    return [spread(errors), short(float(np.median(errors))), short(max(errors)), short(early)]
+
+
+def _remarks(rows: Sequence[Row], cases: set[str]) -> list[str]:
+    hybrid = _of(rows, "hybrid")
+    ratios = [
+        row["mape"] / hybrid[case]["mape"]
+        for method in ("bo", "cma-es", "de")
+        for case, row in _of(rows, method).items()
+    ]
+    seven = set(_of(rows, "qnehvi"))
+    shared = ", ".join(
+        f"{method} {spread(_errors(list(_of(rows, method, seven).values())))}"
+        for method in ("qnehvi", *_WITH_ONE_OBJECTIVE)
+    )
+    lines = [
+        f"* The least ratio of the error of a method without slopes to the hybrid's, over {len(cases)} tasks: "
+        f"{short(min(ratios))}.",
+        f"* The {len(seven)} tasks on which qNEHVI (errors of charge, current and voltage as three objectives) has "
+        f"run: {shared}.",
+    ]
+    for method in ("bo", "qnehvi"):
+        own = list(_of(rows, method).values())
+        spent, wall = ([row[name] for row in own] for name in ("proposer_s", "wall_s"))
+        lines.append(
+            f"* Proposals of {method} take {min(spent):.0f} to {max(spent):.0f} s of {min(wall):.0f} to "
+            f"{max(wall):.0f} s a task."
+        )
+    longest = max(float(row["proposer_s"]) for row in hybrid.values())
+    return [*lines, f"* Those of the hybrid take {longest:.1f} s a task at most."]

@@ -1,0 +1,57 @@
+"""What the package reaches, in the few lines of the README."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from ..studies.table import EARLY, exact_interval, statistic
+from .discovery import marked
+from .layout import short
+from .published import SLOW, below_the_paper, longer_tasks
+from .results import Results
+
+
+def reach(results: Results) -> str:
+    """Published tasks and blind records, each in a sentence or two."""
+    return f"{_published(results)}\n{_discovery(results)}"
+
+
+def _published(results: Results) -> str:
+    rows = results.rows("published")
+    quick, slow = ([row for row in rows if (row["parameter_set"] == SLOW) == is_slow] for is_slow in (False, True))
+    below, cells = below_the_paper(rows)
+    found, early = statistic([row["mape"] for row in quick]), statistic([row["early_mape"] for row in quick])
+    errors = [row["mape"] for row in slow]
+    longer = longer_tasks(rows)
+    more = f" ({', '.join(row['case'] for row in longer)} had more)" if longer else ""
+    return (
+        f"* On the paper's {len(rows)} published tasks: below the best row of its table, agents and Bayesian "
+        f"optimisation "
+        f"alike, in **{below} of the {cells} cells** (mode x chemistry). Four chemistries: mean total MAPE "
+        f"**{short(found.mean)} %** (worst {short(found.worst)} %) in at most 100 simulations, {short(early.mean)} % "
+        f"after "
+        f"{EARLY}. The fifth, {SLOW}, whose simulations are slow: {short(float(np.mean(errors)))} % (median "
+        f"{short(float(np.median(errors)))} %, worst {short(max(errors))} %) in 50{more}."
+    )
+
+
+def _discovery(results: Results) -> str:
+    cases = marked(results)
+    hiding = [case for case in cases if case.setting in ("strong", "weak", "pair")]
+    marks = Counter(case.mark for case in hiding)
+    noise_only = sum(case.verdict == "no-missing-effect" for case in hiding)
+    wrong = sum(case.mark == "wrong" for case in cases)
+    named = sum(bool(case.named) for case in cases if case.setting in ("none", "outside"))
+    others = sum(case.setting in ("none", "outside") for case in cases)
+    return (
+        f"* On {len(cases)} blind records, {len(hiding)} of which hide effects of the catalogue, ageing among them: "
+        f"the right "
+        f"name in {marks['right']}, {marks['ambiguous']} more declared ambiguous, {marks['declined']} declined (in "
+        f"{noise_only} "
+        f"of these a refitted base model leaves noise only), a wrong name in {wrong} of all {len(cases)} "
+        f"({exact_interval(wrong, len(cases))}), and a name in {named} of the {others} where nothing is hidden or an "
+        f"effect of "
+        f"no catalogue is ({exact_interval(named, others)})."
+    )

@@ -1,0 +1,94 @@
+"""The rows behind the documentation's tables, and where each file of them comes from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, Field, TypeAdapter, ValidationError
+
+from ...core.errors import BsaError
+from ...core.validation import explain
+from ...core.yaml_text import read_yaml
+from ..studies.table import read_csv
+
+ORIGINS = "origins.yaml"
+
+
+class Origin(BaseModel, extra="forbid"):
+    """How a file of rows was made."""
+
+    command: str = Field(description="The command, or several, one a line.")
+    version: str = Field(description="Commit of this package, or the commits between which the rows were made.")
+    machine: str = Field(description="Cores, and whether other work was done on them.")
+    note: str = Field("", description="What else is to be known of these rows, in a sentence.")
+
+
+@dataclass(frozen=True)
+class Results:
+    """A folder of rows.
+
+    Attributes
+    ----------
+    folder : Path
+        Where the CSV files and `ORIGINS` lie.
+    link : str
+        The folder's address as the document being written sees it.
+    """
+
+    folder: Path
+    link: str = "results"
+
+    def rows(self, study: str) -> list[dict[str, Any]]:
+        """The rows of a study.
+
+        Raises
+        ------
+        BsaError
+            If there is no such file.
+        """
+        path = self.folder / f"{study}.csv"
+        if not path.is_file():
+            raise BsaError(f"{path} is missing.", "a table of the documentation is made of it; run its study.")
+        return read_csv(path)
+
+    @cached_property
+    def origins(self) -> dict[str, Origin]:
+        """Where each file comes from, by study.
+
+        Raises
+        ------
+        BsaError
+            If the file that says so is not valid.
+        """
+        path = self.folder / ORIGINS
+        try:
+            return TypeAdapter(dict[str, Origin]).validate_python(read_yaml(path))
+        except ValidationError as error:
+            raise explain(error, str(path), Origin) from None
+
+    def framed(self, studies: str, *parts: str) -> str:
+        """Parts of a table below the command that makes its rows, and above what is known of them.
+
+        Parameters
+        ----------
+        studies : str
+            One study, or several joined by spaces; commands of the first stand above.
+        *parts : str
+            Paragraphs and tables.
+        """
+        names = studies.split()
+        command = f"```sh\n{self._origin(names[0]).command.strip()}\n```"
+        return "\n\n".join([command, *parts, "\n".join(self._line(name) for name in names)])
+
+    def _line(self, study: str) -> str:
+        origin = self._origin(study)
+        note = f" {origin.note}" if origin.note else ""
+        return f"*[{study}.csv]({self.link}/{study}.csv): version {origin.version}; {origin.machine}.*{note}"
+
+    def _origin(self, study: str) -> Origin:
+        if study not in self.origins:
+            raise BsaError(f'{self.folder / ORIGINS} does not say where "{study}" comes from.', "add an entry.")
+        return self.origins[study]

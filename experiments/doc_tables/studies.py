@@ -1,0 +1,195 @@
+"""Tables of the other calibration studies: noise, random cells, advice, ablation, time, recovery, warm-up."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..grid.statistics import compare
+from ..studies.no_harm import Verdict, summary
+from ..studies.table import exact_interval, statistic
+from .layout import bold, short, spread, table
+from .results import Results
+
+Row = dict[str, Any]
+
+
+def random_cells(results: Results) -> str:
+    """Cases that nobody tuned for."""
+    rows = results.rows("random")
+    lines = [
+        [
+            row["case"],
+            row["parameter_set"],
+            row["rates"],
+            short(row["initial_mape"]),
+            short(row["mape"]),
+            f"{row['simulations']:.0f}",
+        ]
+        for row in rows
+    ]
+    errors = [row["mape"] for row in rows]
+    mean, median = short(float(np.mean(errors))), short(float(np.median(errors)))
+    words = f"{len(rows)} cases: mean {mean} %, median {median} %, worst {short(max(errors))} %."
+    heads = ["case", "base cell", "rates", "start", "hybrid", "simulations"]
+    return results.framed("random", table(heads, lines, 3), words)
+
+
+def noise(results: Results) -> str:
+    """The same tasks with measurement noise and without."""
+    noisy = {row["case"]: row["mape"] for row in results.rows("noise")}
+    clean = {row["case"]: row["mape"] for row in results.rows("published") if row["case"] in noisy}
+    lines = [["with noise, 60 simulations", *(short(value) for value in noisy.values())]]
+    lines += [["without, 100 simulations", *(short(clean[case]) for case in noisy)]]
+    return results.framed("noise", table(["", *noisy], lines))
+
+
+def no_harm(results: Results) -> str:
+    """Advisers of the hybrid against least squares alone."""
+    found = [
+        Verdict(**{**row, "no_worse": row["no_worse"] == "True", "score_no_worse": row["score_no_worse"] == "True"})
+        for row in results.rows("no_harm")
+    ]
+    lines = []
+    for adviser, entry in summary(found).items():
+        scores = [
+            [getattr(v, name) for v in found if v.adviser == adviser] for name in ("advised_score", "alone_score")
+        ]
+        counts = [str(entry[name]) for name in ("cases", "no_worse", "better")]
+        harmed = exact_interval(entry["cases"] - entry["no_worse"], entry["cases"])
+        lines.append(
+            [adviser, *counts, short(entry["largest_harm_points"]), harmed, *(spread(values) for values in scores)]
+        )
+    heads = [
+        "adviser",
+        "cases",
+        "no worse",
+        "better",
+        "largest harm / points",
+        "share of cases harmed",
+        "hybrid",
+        "least squares",
+    ]
+    worse = [f"{v.case} with {v.adviser} ({short(v.advised)} and {short(v.alone)} %)" for v in found if not v.no_worse]
+    words = (
+        f"Worse than least squares: {', '.join(worse)}."
+        if worse
+        else "In no case was the hybrid worse than least squares."
+    )
+    return results.framed("no_harm", table(heads, lines), words)
+
+
+def ablation_cases(results: Results) -> str:
+    """The ablation on twenty cases."""
+    return _ablation(results, "ablation_cases")
+
+
+def ablation_seeds(results: Results) -> str:
+    """The ablation on eight cases with three seeds."""
+    return _ablation(results, "ablation_seeds")
+
+
+def _ablation(results: Results, study: str) -> str:
+    rows = results.rows(study)
+    lines = [
+        [
+            item.method,
+            bold(short(item.ratio), item.holds),
+            f"{short(item.low)} to {short(item.high)}",
+            f"{item.worse} / {item.better} / {item.cases}",
+            f"{item.adjusted_p:.2g}",
+            item.verdict,
+        ]
+        for item in compare(rows, "full", "mape")
+    ]
+    methods = dict.fromkeys(row["method"] for row in rows)
+    means = ", ".join(f"{m} {spread([row['mape'] for row in rows if row['method'] == m])}" for m in methods)
+    heads = ["against `full`, on `rules`", "ratio of errors", "95 % interval", "worse / better / all", "p", "verdict"]
+    return results.framed(study, table(heads, lines), f"Mean errors in %: {means}.")
+
+
+def evaluation(results: Results) -> str:
+    """What one evaluation costs."""
+    (row,) = results.rows("evaluation")
+    solve = row["solver_s"]
+    lines = [
+        ["PyBaMM's own solve of the compiled model", f"{solve:.3f} s"],
+        ["our evaluation, in one process", f"{row['evaluation_s'] / solve:.2f} of it"],
+        ["the same through a worker process", f"{row['worker_s'] / solve:.2f}"],
+        ["building the model for every evaluation", f"{row['rebuild_s'] / solve:.1f}"],
+        ["simulations a second, two workers to one (aim 1.7)", f"{row['two_workers']:.2f}"],
+        ["the loop's own cost a round", f"{1e3 * row['loop_s']:.0f} ms"],
+    ]
+    return results.framed("evaluation", table([f"one evaluation, medians of {row['repeats']:.0f}", ""], lines))
+
+
+def runtime(results: Results) -> str:
+    """Where the time of a run goes."""
+    rows = results.rows("runtime")
+    measures = {
+        "proposer's share of the wall time": [f"{row['proposer_s'] / row['wall_s']:.1%}" for row in rows],
+        "a proposal, first five steps / s": [short(row["first_proposals_s"]) for row in rows],
+        "a proposal, last five steps / s": [short(row["last_proposals_s"]) for row in rows],
+        "MAPE at the end / %": [short(row["mape"]) for row in rows],
+    }
+    lines = [[name, *values] for name, values in measures.items()]
+    return results.framed("runtime", table(["20 steps on one task", *(row["method"] for row in rows)], lines))
+
+
+def recovery(results: Results) -> str:
+    """Errors at rates that were not fitted, and how errors of curves and parameters go together."""
+    rows, held = results.rows("recovery"), results.rows("held_out")
+    rates = sorted({row["rate"] for row in held})
+    words = {
+        "5 % noise": "true, with 5 % noise on each",
+        "recovered": "recovered by the hybrid",
+        "default": "of the base cell",
+    }
+    lines = [[words[quality], *(f"{short(_held(held, quality, rate))} %" for rate in rates)] for quality in words]
+    ratios = [_held(held, "5 % noise", rate) / _held(held, "recovered", rate) for rate in rates]
+    heads = [f"parameters of {len(rows)} tasks, mean MAPE at", *(f"{rate:g}C" for rate in rates)]
+    means = {
+        name: statistic([row[name] for row in rows]).mean
+        for name in ("pearson", "spearman", "share_of_steps_that_co_decrease")
+    }
+    median = float(np.median([row["median_relative_error"] for row in rows]))
+    largest = max(row["largest_relative_error"] for row in rows)
+    remarks = [
+        f"* What was recovered predicts rates that were not fitted {min(ratios):.0f} to {max(ratios):.0f} times "
+        f"better than the truth known to 5 %.",
+        f"* A parameter's own error: median {median:.1%} (of the cases' medians), largest {largest:.0%}.",
+        f"* Within a case, over its successive best trials, errors of curve and parameters correlate with Pearson "
+        f"{means['pearson']:.2f} and "
+        f"Spearman {means['spearman']:.2f}; they fall together in {means['share_of_steps_that_co_decrease']:.0%} of "
+        f"the steps (means of the cases; "
+        "the paper reports 0.963 and 1.000).",
+    ]
+    return results.framed("recovery held_out", table(heads, lines), "\n".join(remarks))
+
+
+def _held(rows: list[Row], quality: str, rate: float) -> float:
+    return statistic([row["mape"] for row in rows if (row["quality"], row["rate"]) == (quality, rate)]).mean
+
+
+def warm_up(results: Results) -> str:
+    """Random against proposed perturbations before the first round."""
+    rows = results.rows("warmup")
+    cases = list(dict.fromkeys(row["case"] for row in rows))
+    lines = []
+    for method in dict.fromkeys(row["method"] for row in rows):
+        own = {row["case"]: row for row in rows if row["method"] == method}
+        both = [spread([row[name] for row in own.values()]) for name in ("after_warm_up_mape", "mape")]
+        lines.append([method.partition("+")[2], *both, *(short(own[case]["mape"]) for case in cases)])
+    return results.framed("warmup", table(["", "best after it", "after 20 simulations", *cases], lines))
+
+
+def grid_cost(results: Results) -> str:
+    """What a cell of a grid costs beside its run."""
+    return results.framed(
+        "grid_cost",
+        table(
+            ["figure", "measured"],
+            [[r["figure"], f"{short(r['value'])} {r['unit']}"] for r in results.rows("grid_cost")],
+        ),
+    )
