@@ -19,7 +19,7 @@ from .metrics import decode_metrics
 from .parameters import Parameter, ParameterSpace
 from .proposal import Proposal
 from .signals import Signal
-from .simulation import SimulationFailure
+from .simulation import ExperimentRun, Outcome, SimulationFailure
 from .target import CyclableLithium, EffectValue, Factor, InitialSoc, Target, Value, target_named
 from .task import CellModel, Experiment, Task
 from .trajectory import FloatArray, Step, Trajectory
@@ -183,6 +183,30 @@ def decode_trial(record: Mapping[str, Any], folder: Path) -> Trial:
         easing=None if record.get("easing") is None else Easing(**record["easing"]),
         partial=None if record.get("partial") is None else decode_array(record["partial"]),
     )
+
+
+def encode_outcome(outcome: Outcome) -> Json:
+    """What a simulation gave, whole."""
+    runs = [
+        {
+            "trajectory": None if run.trajectory is None else encode_trajectory(run.trajectory),
+            "failure": None if run.failure is None else asdict(run.failure),
+        }
+        for run in outcome.runs
+    ]
+    return {"runs": runs, "seconds": outcome.seconds}
+
+
+def decode_outcome(record: Mapping[str, Any]) -> Outcome:
+    """The inverse of `encode_outcome`."""
+    runs = (
+        ExperimentRun(
+            None if run["trajectory"] is None else decode_trajectory(run["trajectory"]),
+            None if run["failure"] is None else SimulationFailure(**run["failure"]),
+        )
+        for run in record["runs"]
+    )
+    return Outcome(tuple(runs), record["seconds"])
 
 
 def encode_proposal(proposal: Proposal) -> Json:

@@ -21,6 +21,7 @@ from .errors import BsaError
 from .feedback import Feedback
 from .hooks import ProposeContext
 from .journal import Journal
+from .journalled_simulations import JournalledSimulations
 from .messages import Outage, RunStopped, Usage
 from .metrics import Metrics, decode_metrics, evaluate
 from .parameters import Candidate
@@ -148,6 +149,7 @@ class Run:
         self._earlier_proposals = sum(event["event"] == "proposal" for event in earlier)
         self._earlier_scores = {event["which"]: event for event in earlier if event["event"] == "score"}
         self._appraising = appraising
+        self._appraisal_simulations = JournalledSimulations(plugins, journal, earlier)
         self._earlier_appraisals = {
             event["appraisal"]["base"]: event for event in earlier if event["event"] == APPRAISAL
         }
@@ -369,7 +371,7 @@ class Run:
         if self._listener and best.ok:
             self._listener.noted("The search has ended; now what the record fixes, and what to measure next.")
         try:
-            found = appraise(self._task, self._trials, best, self._plugins)
+            found = appraise(self._task, self._trials, best, self._appraisal_simulations)
         except KeyboardInterrupt:
             self._note("Stopped before it was known what the record fixes. Resume the run to find out.")
             return None
@@ -387,9 +389,9 @@ class Run:
         missing = [which for which in ("initial", "best") if which not in scores]
         chosen = {"initial": self._trials[0], "best": best}
         if missing:
-            outcomes = dict(self._plugins.simulate([chosen[which].candidate for which in missing], True))
-            for place, which in enumerate(missing):
-                scores[which] = self._exact(which, chosen[which], outcomes[place])
+            for place, outcome in self._plugins.simulate([chosen[which].candidate for which in missing], True):
+                which = missing[place]
+                scores[which] = self._exact(which, chosen[which], outcome)
         return scores
 
     def _exact(self, which: str, trial: Trial, outcome: Outcome) -> Metrics | None:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from bsa.core.appraisal import Appraisal
 from bsa.core.derivatives import known_derivatives
 from bsa.core.identifiability import effective_noise, unsettled
-from bsa.core.journal import read_events
+from bsa.core.journal import FILE_NAME, read_events
 from bsa.core.loop import RunResult
 from bsa.experiments.story import read_run
 from bsa_toy_cell import (
@@ -107,6 +108,31 @@ def test_simulations_after_the_search_are_not_the_searchs(run_toy: RunToy, tmp_p
     assert content["identifiability_simulations"] == looked.appraisal.simulations
     assert Appraisal.from_json(content["identifiability"]) == looked.appraisal
     assert read_run(tmp_path / "looked").appraisal == looked.appraisal
+
+
+def test_an_appraisal_cut_off_anywhere_goes_on_from_what_was_simulated(run_toy: RunToy, tmp_path: Path) -> None:
+    # Its fit is taken from afar, so that no derivative is known from the search.
+    def looked(folder: Path) -> RunResult:
+        return run_toy(folder, scaffold=toy_scaffold("random"), simulations=6, rounds=6, warm_up=0, appraising=True)
+
+    whole = looked(tmp_path / "whole").appraisal
+    assert whole is not None
+    lines = (tmp_path / "whole" / FILE_NAME).read_bytes().splitlines(keepends=True)
+    places = [place for place, line in enumerate(lines) if b'"event":"appraisal-simulation"' in line]
+    assert len(places) >= 4
+    for kept in (*places, places[-1] + 1):
+        folder = tmp_path / f"cut-{kept}"
+        folder.mkdir()
+        (folder / FILE_NAME).write_bytes(b"".join(lines[:kept]))
+        again = looked(folder).appraisal
+        assert again is not None
+        # The time of a simulation is all that differs between two.
+        assert replace(again, seconds=0.0) == replace(whole, seconds=0.0)
+        written = (folder / FILE_NAME).read_bytes().splitlines(keepends=True)
+        found = [line for line in written if b'"event":"appraisal-simulation"' in line]
+        assert len(found) == len(places)
+        before = [lines[place] for place in places if place < kept]
+        assert found[: len(before)] == before
 
 
 def test_derivatives_that_the_search_has_taken_are_used(run_toy: RunToy, tmp_path: Path) -> None:
