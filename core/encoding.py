@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import base64
 import zlib
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +18,58 @@ from .feedback import Feedback
 from .metrics import decode_metrics
 from .parameters import Parameter, ParameterSpace
 from .proposal import Proposal
+from .shape import shaped
 from .signals import Signal
 from .simulation import ExperimentRun, Outcome, SimulationFailure
 from .target import CyclableLithium, EffectValue, Factor, InitialSoc, Target, Value, target_named
 from .task import CellModel, Experiment, Task
 from .trajectory import FloatArray, Step, Trajectory
-from .trial import Trial
+from .trial import Phase, Trial
 
 Json = dict[str, Any]
+
+_MOST_BYTES = 2**29
+"""Bytes of an array: more than any record has that a reader takes, where a small text may unpack to terabytes."""
+
+
+@dataclass(frozen=True)
+class _ExperimentRecord:
+    name: str
+    target: dict[str, Any]
+    protocol: tuple[tuple[str, ...], ...] | None
+    scored_cycle: int | None
+    temperature_k: float | None
+    initial_soc: float | None
+
+
+@dataclass(frozen=True)
+class _TaskRecord:
+    name: str
+    cell: CellModel
+    space: list[dict[str, Any]]
+    experiments: list[_ExperimentRecord]
+    notes: tuple[str, ...]
+    domain: dict[str, Any] | None = None
+    signals: tuple[Signal, ...] = ()
+    simulator: str = ""
+
+
+@dataclass(frozen=True)
+class _TrialRecord:
+    index: int
+    phase: Phase
+    round: int
+    candidate: dict[str, float]
+    metrics: dict[str, Any] | None
+    failure: SimulationFailure | None
+    residuals: str | None
+    feedback: dict[str, Any]
+    images: list[str]
+    curves: list[dict[str, Any] | None]
+    seconds: float
+    # Journals of before tasks could be eased have neither.
+    easing: Easing | None = None
+    partial: str | None = None
 
 
 def encode_array(values: FloatArray) -> str:
@@ -34,8 +78,21 @@ def encode_array(values: FloatArray) -> str:
 
 
 def decode_array(text: str) -> FloatArray:
-    """The inverse of `encode_array`."""
-    return np.frombuffer(zlib.decompress(base64.b64decode(text)), dtype="<f8").astype(np.float64)
+    """The inverse of `encode_array`.
+
+    Raises
+    ------
+    ValueError
+        If the text is no array, or one of more than `_MOST_BYTES`.
+    """
+    packed = zlib.decompressobj()
+    try:
+        content = packed.decompress(base64.b64decode(text, validate=True), _MOST_BYTES)
+    except zlib.error as error:
+        raise ValueError(f"no packed array ({error})") from None
+    if not packed.eof:
+        raise ValueError("a packed array that is cut short or too long")
+    return np.frombuffer(content, dtype="<f8").astype(np.float64)
 
 
 def encode_trajectory(trajectory: Trajectory) -> Json:
@@ -46,11 +103,12 @@ def encode_trajectory(trajectory: Trajectory) -> Json:
 
 def decode_trajectory(record: Mapping[str, Any]) -> Trajectory:
     """The inverse of `encode_trajectory`."""
-    return Trajectory(
-        decode_array(record["time"]),
-        steps=tuple(Step(**step) for step in record["steps"]),
-        signals={name: decode_array(text) for name, text in record.items() if name not in ("time", "steps")},
-    )
+    time = decode_array(record["time"])
+    steps: tuple[Step, ...] = shaped(tuple[Step, ...], record["steps"])
+    if not all(0 <= step.start <= step.stop <= len(time) for step in steps):
+        raise ValueError(f"a step outside the {len(time)} samples")
+    signals = {name: decode_array(text) for name, text in record.items() if name not in ("time", "steps")}
+    return Trajectory(time, steps=steps, signals=signals)
 
 
 _TARGETS: dict[str, type[Target]] = {
@@ -72,13 +130,12 @@ def encode_parameter(parameter: Parameter) -> Json:
 
 def decode_parameter(record: Mapping[str, Any]) -> Parameter:
     """The inverse of `encode_parameter`; a record of an earlier version names its target by the parameter's name."""
-    if "target" not in record:
-        return Parameter(**record, target=target_named(record["name"]))
-    acts_on = record["target"]
-    if acts_on is None:
-        return Parameter(**record)
-    content = {key: value for key, value in acts_on.items() if key != "kind"}
-    return Parameter(**{**record, "target": _TARGETS[acts_on["kind"]](**content)})
+    acts_on = record.get("target")
+    target = None if "target" in record else target_named(record["name"])
+    if acts_on is not None:
+        target = shaped(_TARGETS[acts_on["kind"]], {key: value for key, value in acts_on.items() if key != "kind"})
+    parameter: Parameter = shaped(Parameter, {**record, "target": None})
+    return replace(parameter, target=target)
 
 
 def encode_task(task: Task) -> Json:
@@ -112,38 +169,41 @@ def _encode_domain(task: Task) -> Json:
     return record
 
 
-def _decode_domain(record: Mapping[str, Any]) -> Domain:
-    if "domain" not in record:
+def _decode_domain(content: Mapping[str, Any] | None) -> Domain:
+    if content is None:
         return CELL
-    content = dict(record["domain"])
-    return Domain(**{**content, "rules": tuple(content["rules"]), "signals": _decode_signals(content["signals"])})
-
-
-def _decode_signals(records: Iterable[Mapping[str, Any]]) -> tuple[Signal, ...]:
-    return tuple(Signal(**{**record, "observed_in": tuple(record["observed_in"])}) for record in records)
+    domain: Domain = shaped(Domain, content)
+    return domain
 
 
 def decode_task(record: Mapping[str, Any]) -> Task:
-    """The inverse of `encode_task`."""
+    """The inverse of `encode_task`.
+
+    Raises
+    ------
+    ValueError, LookupError, TypeError or BsaError
+        If the record is of another shape.
+    """
+    known: _TaskRecord = shaped(_TaskRecord, record)
     return Task(
-        record["name"],
-        CellModel(**record["cell"]),
-        ParameterSpace(tuple(decode_parameter(parameter) for parameter in record["space"])),
+        known.name,
+        known.cell,
+        ParameterSpace(tuple(decode_parameter(parameter) for parameter in known.space)),
         tuple(
             Experiment(
-                experiment["name"],
-                decode_trajectory(experiment["target"]),
-                None if experiment["protocol"] is None else tuple(tuple(cycle) for cycle in experiment["protocol"]),
-                experiment["scored_cycle"],
-                experiment["temperature_k"],
-                experiment["initial_soc"],
+                experiment.name,
+                decode_trajectory(experiment.target),
+                experiment.protocol,
+                experiment.scored_cycle,
+                experiment.temperature_k,
+                experiment.initial_soc,
             )
-            for experiment in record["experiments"]
+            for experiment in known.experiments
         ),
-        tuple(record["notes"]),
-        domain=_decode_domain(record),
-        signals=_decode_signals(record.get("signals", ())),
-        simulator=record.get("simulator", ""),
+        known.notes,
+        domain=_decode_domain(known.domain),
+        signals=known.signals,
+        simulator=known.simulator,
     )
 
 
@@ -167,21 +227,30 @@ def encode_trial(trial: Trial, folder: Path) -> Json:
 
 
 def decode_trial(record: Mapping[str, Any], folder: Path) -> Trial:
-    """The inverse of `encode_trial`."""
+    """The inverse of `encode_trial`.
+
+    Raises
+    ------
+    ValueError, LookupError, TypeError or BsaError
+        If the record is of another shape.
+    """
+    known: _TrialRecord = shaped(_TrialRecord, record)
+    if any(Path(image).is_absolute() or ".." in Path(image).parts for image in known.images):
+        # It would be shown to a language model.
+        raise ValueError("an image outside the run's folder")
     return Trial(
-        index=record["index"],
-        phase=record["phase"],
-        round=record["round"],
-        candidate=record["candidate"],
-        metrics=decode_metrics(record["metrics"]),
-        failure=None if record["failure"] is None else SimulationFailure(**record["failure"]),
-        residuals=None if record["residuals"] is None else decode_array(record["residuals"]),
-        feedback=Feedback(record["feedback"], tuple(folder / image for image in record["images"])),
-        curves=tuple(None if curve is None else decode_trajectory(curve) for curve in record["curves"]),
-        seconds=record["seconds"],
-        # Journals of before tasks could be eased have neither.
-        easing=None if record.get("easing") is None else Easing(**record["easing"]),
-        partial=None if record.get("partial") is None else decode_array(record["partial"]),
+        index=known.index,
+        phase=known.phase,
+        round=known.round,
+        candidate=known.candidate,
+        metrics=decode_metrics(known.metrics),
+        failure=known.failure,
+        residuals=None if known.residuals is None else decode_array(known.residuals),
+        feedback=Feedback(known.feedback, tuple(folder / image for image in known.images)),
+        curves=tuple(None if curve is None else decode_trajectory(curve) for curve in known.curves),
+        seconds=known.seconds,
+        easing=known.easing,
+        partial=None if known.partial is None else decode_array(known.partial),
     )
 
 

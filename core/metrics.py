@@ -7,6 +7,7 @@ from typing import Any
 
 from . import paper_metrics as paper
 from .paper_metrics import PaperMetrics
+from .shape import shaped
 from .signal_metrics import MISFIT, Metrics, Quantity, SignalMetrics, evaluate_signals, signal_errors
 from .simulation import Outcome
 from .task import Task
@@ -44,7 +45,10 @@ def decode_metrics(content: Mapping[str, Any] | None) -> Metrics | None:
     """The inverse of `Metrics.as_json`."""
     if content is None:
         return None
-    return PaperMetrics(**content) if "mape" in content else SignalMetrics.from_json(content)
+    if "mape" in content:
+        metrics: PaperMetrics = shaped(PaperMetrics, content)
+        return metrics
+    return SignalMetrics.from_json(shaped(dict[str, float], content))
 
 
 def objective_of(task: Task) -> Quantity:

@@ -1,0 +1,69 @@
+"""Content of files that may have been damaged or written by others, held to the types that it should have."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from .errors import BsaError
+
+_WRONG = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError, zlib.error)
+"""What decoders raise at content of another shape."""
+
+
+@cache
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
+
+
+def shaped(kind: Any, content: Any) -> Any:
+    """The content as a value of a type: a dataclass from a mapping with its fields.
+
+    Parameters
+    ----------
+    kind : type
+        What it should be.
+    content : Any
+        From JSON.
+
+    Raises
+    ------
+    ValueError
+        If it is not, with the place.
+    """
+    try:
+        return _adapter(kind).validate_python(content)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(map(str, first["loc"])) or "the whole"
+        raise ValueError(f'"{place}": {first["msg"].casefold()}') from None
+
+
+@contextmanager
+def decoding(path: Path, wanted: str, hint: str) -> Iterator[None]:
+    """Word whatever a decoder raises in this block in one line.
+
+    Parameters
+    ----------
+    path : Path
+        The file at fault.
+    wanted : str
+        What it should hold.
+    hint : str
+        What to do about it.
+
+    Raises
+    ------
+    BsaError
+        If the content is of another shape.
+    """
+    try:
+        yield
+    except _WRONG as error:
+        raise BsaError(f"{path} does not read as {wanted} ({type(error).__name__}: {error}).", hint) from None
