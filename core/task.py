@@ -122,6 +122,13 @@ class Task:
                     f'record "{experiment.name}" of task "{self.name}" lacks the signals {lacking}.',
                     f"it has {list(experiment.target.signals)}.",
                 )
+            cycles = experiment.target.cycles
+            if experiment.scored_cycle is not None and experiment.scored_cycle not in cycles:
+                raise BsaError(
+                    f'scored_cycle is {experiment.scored_cycle}, but record "{experiment.name}" has the cycles '
+                    f"{list(cycles[:20])}.",
+                    "choose one of them, or leave it out to match the whole record.",
+                )
 
     @property
     def given_drive(self) -> bool:

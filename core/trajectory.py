@@ -29,6 +29,9 @@ class StepKind(StrEnum):
 
 _KINDS: dict[str, StepKind] = {str(kind): kind for kind in StepKind}
 
+LARGEST = 1e100
+"""No quantity of any unit is larger, and the square of this is still a number."""
+
 
 @dataclass(frozen=True)
 class Step:
@@ -117,8 +120,9 @@ class Trajectory:
                     f"{name} has shape {values.shape}, but time has shape {np.shape(self.time)}.",
                     "all signals of a trajectory share one time axis of shape (n,).",
                 )
-            if not np.all(np.isfinite(values)):
-                row = int(np.flatnonzero(~np.isfinite(values))[0])
+            wild = ~(np.abs(values) <= LARGEST)
+            if np.any(wild):
+                row = int(np.flatnonzero(wild)[0])
                 raise BsaError(f"{name} is {values[row]} at sample {row}.", "remove or repair the sample.")
         if len(self.time) > 1 and np.any(np.diff(self.time) < 0):
             row = int(np.flatnonzero(np.diff(self.time) < 0)[0]) + 1

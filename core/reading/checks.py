@@ -9,7 +9,7 @@ from ..trajectory import Trajectory
 from .clock import with_clock, with_gaps_noted
 from .current_sign import with_sign
 from .samples import Samples
-from .values import KELVIN, check_range, check_units, without_glitches, without_missing
+from .values import KELVIN, check_range, check_size, check_units, without_glitches, without_missing
 
 MIN_SAMPLES = 10
 """A record with fewer samples says nothing about a cell."""
@@ -34,6 +34,7 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
     BsaError
         Naming the file, the row or column at fault and its value.
     """
+    check_size(samples)
     samples = without_missing(samples)
     _enough(samples)
     check_units(samples)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import BsaError
 from ..record import Signal
-from ..trajectory import FloatArray
+from ..trajectory import LARGEST, FloatArray
 from .samples import Samples
 
 MISSING_SHARE = 0.01
@@ -71,6 +71,26 @@ def _with_temperature(samples: Samples) -> Samples:
     filled[bad] = np.interp(rows, np.flatnonzero(~bad), filled[~bad])
     samples = samples.noted(f"{len(rows)} missing temperatures were interpolated ({samples.places(rows)}).")
     return replace(samples, temperature=filled)
+
+
+def check_size(samples: Samples) -> None:
+    """Refuse numbers that no instrument writes, before anything is reckoned with them.
+
+    Raises
+    ------
+    BsaError
+        Naming the row and its value.
+    """
+    signals: dict[Signal, FloatArray] = {"time": samples.time, "voltage": samples.voltage, "current": samples.current}
+    for signal, values in signals.items():
+        wild = np.flatnonzero(np.isfinite(values) & (np.abs(values) > LARGEST))
+        if len(wild):
+            k = int(wild[0])
+            raise BsaError(
+                f"{samples.source}: {samples.place(k)}, column {samples.column(signal)}: {values[k]:g} is no "
+                f"measured number; {len(wild)} such rows.",
+                "repair or remove these rows.",
+            )
 
 
 def check_units(samples: Samples) -> None:

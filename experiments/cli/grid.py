@@ -40,6 +40,10 @@ def grid(
     from ..grid.running import plan_grid, run_grid
     from ..request import key_values
 
+    if cluster is not None:
+        from ..grid.dask_pool import check_cluster
+
+        check_cluster(cluster)
     plan = plan_grid(file, store, key_values(settings, "--set"), _say, make=not dry_run)
     if dry_run:
         _print_estimate(plan, workers or os.cpu_count() or 1)

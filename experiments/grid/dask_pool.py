@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import queue
+import re
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -18,6 +19,10 @@ from ...core.validation import explain
 from ...core.yaml_text import read_yaml
 from .local_pool import THREAD_VARIABLES
 from .one_cell import Order, Report, carry_out
+
+_SLURM = "slurm:"
+
+_ADDRESS = re.compile(r"(tcp|tls)://\S+:\d{1,5}")
 
 _AHEAD = 2
 """Orders in flight for each worker thread: one that runs and one that waits beside it."""
@@ -71,6 +76,20 @@ def load_slurm(path: Path) -> SlurmConfig:
         raise explain(error, str(path), SlurmConfig) from None
 
 
+def check_cluster(where: str) -> None:
+    """Refuse what names no cluster, before anything is made for it.
+
+    Raises
+    ------
+    BsaError
+        If it is neither the address of a scheduler nor a description of SLURM jobs, or that cannot be read.
+    """
+    if where.startswith(_SLURM):
+        load_slurm(Path(where.removeprefix(_SLURM)))
+    elif not _ADDRESS.fullmatch(where):
+        raise BsaError(f'--cluster "{where}" is no cluster.', "write tcp://HOST:PORT or slurm:FILE.yaml.")
+
+
 class DaskPool:
     """Workers of a Dask cluster; all must see the store's folder and have this package installed.
 
@@ -89,12 +108,11 @@ class DaskPool:
         distributed = require("distributed", "cluster", "--cluster")
         self._cluster: Any = None
         address: Any = where
-        if where.startswith("slurm:"):
-            config = load_slurm(Path(where.removeprefix("slurm:")))
+        check_cluster(where)
+        if where.startswith(_SLURM):
+            config = load_slurm(Path(where.removeprefix(_SLURM)))
             self._cluster = address = slurm_cluster(config)
             self._cluster.scale(jobs=config.jobs)
-        elif "://" not in where:
-            raise BsaError(f'--cluster "{where}" is no cluster.', "write tcp://HOST:PORT or slurm:FILE.yaml.")
         try:
             self._client: Any = distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
         except OSError as error:

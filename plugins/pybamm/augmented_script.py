@@ -15,6 +15,7 @@ from ...core.discovery.laboratory import Specimen
 from ...core.discovery.observations import after_jumps, evenly
 from ...core.effect import Effect
 from ...core.parameters import Candidate
+from ...core.printable import shown
 from ...core.target import Target, change_of
 from ...core.task import CellModel
 from .augmentation import augmented_cell, part_of
@@ -69,7 +70,7 @@ def augmented_script(
         kept = evenly(len(specimen.record.time), _LONGEST)
         records.append(
             {
-                "name": specimen.name,
+                "name": shown(specimen.name),
                 "ambient_k": specimen.ambient_k,
                 "negative": start[initial_concentration("Negative")],
                 "positive": start[initial_concentration("Positive")],
@@ -83,7 +84,8 @@ def augmented_script(
     environment = jinja2.Environment(
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
     )
-    environment.filters["literal"] = lambda value: pprint.pformat(value, width=110, compact=True, sort_dicts=False)
+    environment.filters["literal"] = _literal
+    environment.filters["comment"] = _one_line
     template = environment.from_string(_TEMPLATE.read_text(encoding="utf-8"))
     return template.render(
         version=pybamm.__version__,
@@ -122,6 +124,17 @@ def _quoted(number: int, effect: Effect, candidate: Candidate) -> dict[str, Any]
         ),
         "calls": {kind: f"{kind}_{number}" for kind, function in functions.items() if function is not None},
     }
+
+
+def _literal(value: Any) -> str:
+    """A value as Python, in ASCII: a name must not disguise what the script does."""
+    text = pprint.pformat(value, width=110, compact=True, sort_dicts=False)
+    return text.encode("ascii", "backslashreplace").decode()
+
+
+def _one_line(text: str) -> str:
+    """Words of other people for a comment: no line of theirs may become code."""
+    return shown(text, 1000)
 
 
 def _source(function: Callable[..., Any], name: str) -> str:

@@ -86,7 +86,8 @@ class Column:
         """Values in s, V, A or K; without a unit they are taken to be in s, V, A or degC."""
         factor = _FACTORS[self.signal][self.unit] if self.unit else 1.0
         # Dividing by a round number keeps 3700 mV exactly 3.7 V.
-        scaled = values / round(1.0 / factor) if factor < 1.0 else values * factor
+        with np.errstate(over="ignore"):  # an infinite number is refused by its row
+            scaled = values / round(1.0 / factor) if factor < 1.0 else values * factor
         if self.signal == "temperature" and self.unit not in _KELVIN:
             return np.asarray(scaled + _ZERO_C_IN_K)
         return scaled

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ...core.errors import BsaError
 from ...core.printable import shown
 from ...core.reading.samples import Samples
 from ...core.record import ReadOptions
@@ -65,6 +66,11 @@ def read_table(table: Table, options: ReadOptions, notes: list[str], ambient_col
     BsaError
         Naming the file, the row or column at fault and its value.
     """
+    if options.sheet is not None:
+        raise BsaError(
+            f'{table.source} is a text file; it has no sheet "{shown(options.sheet)}".',
+            "leave out --sheet; --where COLUMN=VALUE chooses rows.",
+        )
     found = resolve(table.header, table.units, options, table.source)
     wanted = {column.index: column.name for column in found.values()}
     if ambient_column is not None:

@@ -100,6 +100,7 @@ def test_a_hidden_resistance_is_found_from_files(tmp_path):
     (effect,) = content["effects"]
     assert effect["parameters"][0]["value"] == pytest.approx(0.02, rel=0.25)
     page = (tmp_path / "out" / "report.html").read_text()
+    assert "content=\"default-src 'none'; style-src 'unsafe-inline'\"" in page
     assert "contact-resistance" in page
     assert "<svg" in page
     assert "<script" not in page

@@ -48,6 +48,16 @@ def test_dry_run_runs_nothing(call):
     assert not Path("results/cells").exists()
 
 
+@pytest.mark.parametrize("word", ["x", "tcp", "tcp://", "tcp://host", "http://host:1", "slurm", "dask://host:1"])
+@pytest.mark.parametrize("more", [(), ("--dry-run",)])
+def test_a_word_that_is_no_cluster_is_refused_before_tasks_are_made(call, word, more):
+    with pytest.raises(BsaError, match="is no cluster"):
+        call("grid", "toys.yaml", "--cluster", word, *more)
+    with pytest.raises(BsaError, match=r"gone\.yaml does not exist"):
+        call("grid", "toys.yaml", "--cluster", "slurm:gone.yaml", *more)
+    assert not Path("results").exists()
+
+
 def test_run_report_and_tables(call):
     shown = call("grid", "toys.yaml", "--workers", "1")
     assert "2 of 2 cells done (0 were already), 0 failed" in shown.stderr

@@ -1,5 +1,7 @@
+import ast
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -48,3 +50,24 @@ def test_the_script_needs_pybamm_alone_and_gives_the_same_curve(tmp_path, keys):
     )
     assert expected is not None
     np.testing.assert_allclose(np.load(tmp_path / "v.npy"), expected.voltage, atol=2e-4)
+
+
+def test_words_of_other_people_stay_comments_and_texts():
+    effect = next(e for e in EFFECTS if e.key == "contact-resistance")
+    breakout = 'x\nimport os; raise SystemExit("broken out")\r#\u2028"""\x1b[31m\u202e'
+    strange = replace(effect, title=breakout, equation=breakout, citation=breakout)
+    specimen = Specimen(breakout, record(), 298.15)
+    candidate = {strange.full_name(p): p.probe for p in strange.parameters} | {specimen.soc_name: 0.9}
+    cell = CellModel("Chen2020", "SPM")
+    text = augmented_script(cell, (strange,), candidate, targets_named([specimen.soc_name]), [specimen])
+    plain = augmented_script(
+        cell,
+        (effect,),
+        {effect.full_name(p): p.probe for p in effect.parameters} | {Specimen("a", record()).soc_name: 0.9},
+        targets_named([Specimen("a", record()).soc_name]),
+        [Specimen("a", record(), 298.15)],
+    )
+    assert {"\x1b", "\u202e", "\u2028", "\r"}.isdisjoint(text)
+    assert "broken out" in text
+    kinds = [[type(node) for node in ast.parse(source).body] for source in (text, plain)]
+    assert kinds[0] == kinds[1]

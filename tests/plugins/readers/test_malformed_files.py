@@ -270,3 +270,14 @@ def test_flipped_bytes_never_give_a_traceback(tmp_path):
             errors.append(error)
     assert errors
     assert all(str(error).isprintable() and error.hint for error in errors)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("start", "step"), [(1e303, 1e300), (0.0, 1e303), (-1e303, 1e301), (1e303, 0.0)])
+@pytest.mark.parametrize("unit", ["s", "h"])
+def test_times_that_no_clock_shows_are_refused_by_their_row(tmp_path, start, step, unit):
+    path = tmp_path / "record.csv"
+    lines = [f"{start + step * k!r},{4.1 - 0.001 * k:.4f},{-1.0 if k > 2 else 0.0}" for k in range(60)]
+    path.write_text(f"Test Time / {unit},Voltage / V,Current / A\n" + "\n".join(lines))
+    with pytest.raises(BsaError, match=r"record\.csv.*(is no measured number|has no number)"):
+        read_record(path)
