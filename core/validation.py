@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import re
+
 from pydantic import BaseModel, ValidationError
 
 from .errors import BsaError, did_you_mean
 from .redaction import redact
+
+_NO_MAPPING = ("model_type", "dict_type", "model_attributes_type", "dataclass_type")
+"""What pydantic calls a value where keys with values should be; its words name Python's classes."""
+
+_LENGTH = re.compile(r"^(?:Tuple|List) should have (at \w+) (\d+) items?.*$")
 
 
 def explain(error: ValidationError, where: str, model: type[BaseModel]) -> BsaError:
@@ -23,7 +30,7 @@ def explain(error: ValidationError, where: str, model: type[BaseModel]) -> BsaEr
     # A mistyped key is both missing and unknown; the unknown one tells what was meant.
     first = min(error.errors(include_url=False), key=lambda found: found["type"] != "extra_forbidden")
     path = [str(part) for part in first["loc"]]
-    key = ".".join(path) or "the whole"
+    key = ".".join(path)
     more = f" ({error.error_count() - 1} more)" if error.error_count() > 1 else ""
     if first["type"] == "extra_forbidden":
         valid = list(model.model_fields) if len(path) == 1 else []
@@ -34,5 +41,11 @@ def explain(error: ValidationError, where: str, model: type[BaseModel]) -> BsaEr
     # Before it is cut: half a password is not recognised.
     shown = redact(repr(first.get("input")))
     shown = shown if len(shown) <= 60 else shown[:57] + "..."
-    reason = first["msg"].removeprefix("Value error, ")
-    return BsaError(f'{where}: "{key}" is {shown}: {reason}{more}.', "")
+    found = f'"{key}" is {shown}' if path else shown
+    if first["type"] in _NO_MAPPING:
+        keys = "" if path else f": {', '.join(model.model_fields)}"
+        return BsaError(
+            f"{where}: {found}: keys with values were expected{more}.", f'write one "key: value" a line{keys}.'
+        )
+    reason = _LENGTH.sub(r"a list should have \1 \2 entries", first["msg"].removeprefix("Value error, "))
+    return BsaError(f"{where}: {found}: {reason}{more}.", "")

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from . import completion
 from . import shared_options as shared
+from .bench_discovery import discovery_app
+from .grid import RESULTS, Metric, StoreOption
 
 if TYPE_CHECKING:
     from ..suite.case import SuiteCase
@@ -23,18 +25,53 @@ def _study_folder(out: Path) -> Path:
 
 bench_app = typer.Typer(help="Run the studies: one command each, seeded, resumable.", no_args_is_help=True)
 
-Suite = Annotated[str, typer.Option(help="published, generated or random.")]
-Cases = Annotated[str | None, typer.Option(help='How many cases, or which: "10", "regular-134", "extreme-*".')]
-Scaffolds = Annotated[str, typer.Option(help="Scaffolds, joined by commas.")]
-Simulations = Annotated[int, typer.Option(min=1, help="Simulations a run at most.")]
-Workers = Annotated[int, typer.Option(min=1, help="Runs side by side.")]
-Seed = Annotated[int, typer.Option(min=0, help="Seed for everything random.")]
-Backend = Annotated[str, typer.Option(help="Language model, as bsa run takes it.")]
-Out = Annotated[Path, typer.Option(help="Folder for tables, figures and finished cells.", callback=_study_folder)]
-NoiseMv = Annotated[float, typer.Option(min=0.0, help="Measurement noise put on the targets' voltage, mV.")]
+Suite = Annotated[
+    str, typer.Option(metavar="NAME", help="published, generated or random.", rich_help_panel=shared.RECORDS)
+]
+Cases = Annotated[
+    str | None,
+    typer.Option(
+        metavar="N|NAMES",
+        help='How many cases, or which: "10", "regular-134", "extreme-*".',
+        rich_help_panel=shared.RECORDS,
+    ),
+]
+NoiseMv = Annotated[
+    float,
+    typer.Option(min=0.0, metavar="MV", help="Noise put on the targets' voltage.", rich_help_panel=shared.RECORDS),
+]
 Published = Annotated[
     Path | None,
-    typer.Option(envvar="BSA_PUBLISHED_SUITE", help="Folder of the published task files (they are not shipped)."),
+    typer.Option(
+        envvar="BSA_PUBLISHED_SUITE",
+        metavar="FOLDER",
+        help="Where the published task files are (they are not shipped).",
+        rich_help_panel=shared.RECORDS,
+    ),
+]
+Scaffolds = Annotated[
+    str, typer.Option(metavar="NAMES", help="Scaffolds, joined by commas.", rich_help_panel=shared.SEARCH)
+]
+Simulations = Annotated[
+    int, typer.Option(min=1, metavar="N", help="Simulations a run at most.", rich_help_panel=shared.SEARCH)
+]
+Backend = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="As bsa run takes it.",
+        autocompletion=completion.backends,
+        rich_help_panel=shared.LANGUAGE_MODEL,
+    ),
+]
+Out = Annotated[
+    Path,
+    typer.Option(
+        metavar="FOLDER",
+        help="For tables, figures and finished cells.",
+        callback=_study_folder,
+        rich_help_panel=shared.OUTPUT,
+    ),
 ]
 
 
@@ -57,8 +94,8 @@ def suite_command(
     cases: Cases = None,
     scaffolds: Scaffolds = "default,least-squares,hybrid",
     simulations: Simulations = 100,
-    workers: Workers = 2,
-    seed: Seed = 1234,
+    workers: shared.Workers = 2,
+    seed: shared.Seed = 1234,
     backend: Backend = "rules",
     via: shared.Via = None,
     base_url: shared.BaseUrl = None,
@@ -66,7 +103,12 @@ def suite_command(
     published: Published = None,
     noise_mv: NoiseMv = 0.0,
     own_budget: Annotated[
-        list[str] | None, typer.Option(help="Simulations of one base cell's cases, ORegan2022=50; repeat.")
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=N",
+            help="Simulations of one base cell's cases, ORegan2022=50; repeat.",
+            rich_help_panel=shared.SEARCH,
+        ),
     ] = None,
     out: Out = Path("results/suite"),
 ) -> None:
@@ -100,11 +142,15 @@ def _own_budgets(pairs: list[str] | None) -> dict[str, int]:
 
 @bench_app.command("runtime")
 def runtime_command(
-    case: Annotated[str, typer.Option(help="The case to time.")] = "regular-60",
+    case: Annotated[
+        str, typer.Option(metavar="NAME", help="The case to time.", rich_help_panel=shared.RECORDS)
+    ] = "regular-60",
     suite: Suite = "generated",
     scaffolds: Scaffolds = "full,hybrid,cma-es",
-    steps: Annotated[int, typer.Option(min=10, help="Steps of the outer loop.")] = 20,
-    seed: Seed = 1234,
+    steps: Annotated[
+        int, typer.Option(min=10, metavar="N", help="Steps of the outer loop.", rich_help_panel=shared.SEARCH)
+    ] = 20,
+    seed: shared.Seed = 1234,
     backend: Backend = "rules",
     via: shared.Via = None,
     base_url: shared.BaseUrl = None,
@@ -127,8 +173,8 @@ def recovery_command(
     cases: Cases = "10",
     scaffolds: Scaffolds = "full,hybrid",
     simulations: Simulations = 100,
-    workers: Workers = 2,
-    seed: Seed = 1234,
+    workers: shared.Workers = 2,
+    seed: shared.Seed = 1234,
     backend: Backend = "rules",
     via: shared.Via = None,
     base_url: shared.BaseUrl = None,
@@ -157,10 +203,13 @@ def recovery_command(
 def warmup_command(
     suite: Suite = "published",
     cases: Cases = "10",
-    scaffold: Annotated[str, typer.Option(help="Scaffold whose warm-up is exchanged.")] = "full",
+    scaffold: Annotated[
+        str,
+        typer.Option(metavar="NAME", help="Scaffold whose warm-up is exchanged.", rich_help_panel=shared.SEARCH),
+    ] = "full",
     simulations: Simulations = 100,
-    workers: Workers = 2,
-    seed: Seed = 1234,
+    workers: shared.Workers = 2,
+    seed: shared.Seed = 1234,
     backend: Backend = "rules",
     via: shared.Via = None,
     base_url: shared.BaseUrl = None,
@@ -190,10 +239,16 @@ def no_harm_command(
     suite: Suite = "published",
     cases: Cases = "20",
     simulations: Annotated[
-        int, typer.Option(min=1, help="Simulations of least squares at most; hybrid gets a quarter more.")
+        int,
+        typer.Option(
+            min=1,
+            metavar="N",
+            help="Simulations of least squares at most; hybrid gets a quarter more.",
+            rich_help_panel=shared.SEARCH,
+        ),
     ] = 100,
-    workers: Workers = 2,
-    seed: Seed = 1234,
+    workers: shared.Workers = 2,
+    seed: shared.Seed = 1234,
     published: Published = None,
     out: Out = Path("results/no-harm"),
 ) -> None:
@@ -206,8 +261,12 @@ def no_harm_command(
 
 @bench_app.command("evaluation")
 def evaluation_command(
-    task: Annotated[str, typer.Argument(help="Task to evaluate.")] = "demo",
-    repeats: Annotated[int, typer.Option(min=3, help="Evaluations a median is over.")] = 15,
+    task: Annotated[
+        str, typer.Argument(metavar="TASK", help="Task to evaluate.", autocompletion=completion.tasks)
+    ] = "demo",
+    repeats: Annotated[
+        int, typer.Option(min=3, metavar="N", help="Evaluations a median is over.", rich_help_panel=shared.SEARCH)
+    ] = 15,
     out: Out = Path("results/evaluation"),
 ) -> None:
     """What one evaluation costs against PyBaMM by itself, and what the loop adds to a round."""
@@ -223,9 +282,16 @@ def evaluation_command(
 
 @bench_app.command("docs")
 def docs_command(
-    root: Annotated[Path, typer.Argument(help="A checkout of this package, with its README.md and docs.")] = Path(),
+    root: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="A checkout of this package, with its README.md and docs.")
+    ] = Path(),
     check: Annotated[
-        bool, typer.Option(help="Change nothing; exit code 1 where a table is not what its rows say.")
+        bool,
+        typer.Option(
+            "--check",
+            help="Change nothing; exit code 1 where a table is not what its rows say.",
+            rich_help_panel=shared.OUTPUT,
+        ),
     ] = False,
 ) -> None:
     """Rebuild every table of README.md and docs/*.md from the rows in docs/results."""
@@ -240,10 +306,15 @@ def docs_command(
 
 @bench_app.command("tables")
 def tables_command(
-    grid: Annotated[str, typer.Argument(help="A grid that was run, by name, file or folder.")],
-    store: Annotated[Path, typer.Option(help="Folder that the grid was run in.")] = Path("results"),
-    out: Annotated[Path | None, typer.Option(help="Where to write; default: the grid's folder.")] = None,
-    metric: Annotated[str, typer.Option(help="Error that is compared and drawn: mape, rmse or v_rmse_mv.")] = "mape",
+    grid: Annotated[str, typer.Argument(metavar="GRID", help="A grid that was run, by name, file or folder.")],
+    store: StoreOption = RESULTS,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER", help="Where to write; default: the grid's folder.", rich_help_panel=shared.OUTPUT
+        ),
+    ] = None,
+    metric: Metric = "mape",
 ) -> None:
     """Tables of a grid in the paper's form (Markdown, LaTeX), figures (SVG) and paired statistics."""
     from ..grid.tables import tables
@@ -252,55 +323,4 @@ def tables_command(
         print(path)
 
 
-@bench_app.command("discovery")
-def discovery_command(
-    make: Annotated[Path | None, typer.Option(help="Make the blind cases in this folder, answers sealed.")] = None,
-    run: Annotated[Path | None, typer.Option(help="Run the cases of this folder that have no result yet.")] = None,
-    score: Annotated[Path | None, typer.Option(help="Open the answers of this folder and mark the results.")] = None,
-    shortlist: Annotated[
-        Path | None,
-        typer.Option(help="Rank the effects of this folder's cases, by score and by the backend; fit none of them."),
-    ] = None,
-    count: Annotated[int | None, typer.Option(min=1, help="How many cases to make; left out, all.")] = None,
-    workers: Workers = 2,
-    seed: Seed = 2026,
-    backend: Annotated[str | None, typer.Option(help="Language model that ranks effects too.")] = None,
-    via: shared.Via = None,
-    base_url: shared.BaseUrl = None,
-    backend_option: shared.BackendOption = None,
-    hide_names: Annotated[bool, typer.Option(help="Show the model effects under names without meaning.")] = False,
-    only: Annotated[list[str] | None, typer.Option(help="Case to run, case_07; repeat; left out, all.")] = None,
-    results: Annotated[str, typer.Option(help="File in the folder that results go to and are read from.")] = (
-        "results.jsonl"
-    ),
-) -> None:
-    """Blind cases for discovery: make them, run them, mark them; or ask who finds the hidden effect without a fit."""
-    from ..discovery_bench.making import make_cases
-    from ..discovery_bench.running import run_case, run_cases
-    from ..discovery_bench.scoring import as_markdown, case_table, mark_cases, marked_row
-    from ..discovery_bench.shortlists import SHORTLISTS, shortlist_case, shortlist_places, shortlist_table
-    from ..studies.table import write_csv
-
-    if make is None and run is None and score is None and shortlist is None:
-        from ...core.errors import BsaError
-
-        raise BsaError("nothing was asked for.", "give --make, --run, --score or --shortlist DIR, or several of them.")
-    if make is not None:
-        make_cases(make, count, seed, print)
-    model: dict[str, Any] = {
-        "backend": backend,
-        "backend_options": shared.reaching(via, base_url, backend_option),
-    }
-    if run is not None:
-        work = partial(run_case, **model, hide_names=hide_names)
-        run_cases(run, work, workers, only, results, print)
-    if score is not None:
-        marked = mark_cases(score, results)
-        print(as_markdown(marked))
-        print(case_table(marked))
-        write_csv(score / "cases.csv", [marked_row(case) for case in marked])
-    if shortlist is not None:
-        run_cases(shortlist, partial(shortlist_case, **model), workers, only, SHORTLISTS, print)
-        places = shortlist_places(shortlist)
-        print(shortlist_table(places))
-        write_csv(shortlist / "shortlists.csv", places)
+bench_app.add_typer(discovery_app, name="discovery")

@@ -9,20 +9,26 @@ from typing import Annotated, Any
 import typer
 from pydantic import ValidationError
 
+from . import completion
 from . import shared_options as shared
 from .progress import printable
 
 
 def discover(
-    data: Annotated[list[Path], typer.Option("--data", help="A record to explain; repeat for several.")],
-    parameters: Annotated[str, typer.Option(help="PyBaMM parameter set to start from.")],
-    out: Annotated[Path, typer.Option(help="Folder for discovery.json, report.html and augmented_model.py.")],
+    *,
+    data: Annotated[
+        list[Path],
+        typer.Option("--data", metavar="FILE...", help="Records to explain.", rich_help_panel=shared.RECORDS),
+    ],
     holdout: Annotated[
-        list[Path] | None, typer.Option(help="A record that is predicted, never fitted; repeat.")
+        list[Path] | None,
+        typer.Option(
+            "--holdout",
+            metavar="FILE...",
+            help="Records that are predicted, never fitted.",
+            rich_help_panel=shared.RECORDS,
+        ),
     ] = None,
-    model: Annotated[str, typer.Option(help="SPM, SPMe or DFN.")] = "DFN",
-    options: shared.ModelOptions = None,
-    override: Annotated[list[str] | None, typer.Option(help="A parameter known better, 'name=value'; repeat.")] = None,
     column: shared.Column = None,
     unit: shared.Unit = None,
     where: shared.Where = None,
@@ -33,24 +39,78 @@ def discover(
     reader: shared.Reader = None,
     reader_option: shared.ReaderOption = None,
     temperature: shared.Temperature = None,
-    scale: shared.Scale = True,
+    parameters: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="PyBaMM parameter set to start from.",
+            autocompletion=completion.parameter_sets,
+            rich_help_panel=shared.MODEL,
+        ),
+    ],
+    model: shared.Model = "DFN",
+    options: shared.ModelOptions = None,
+    override: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE", help="A parameter that is known better; repeat.", rich_help_panel=shared.MODEL
+        ),
+    ] = None,
     search: Annotated[
         str,
         typer.Option(
-            help="What is uncertain about the base model: all, capacity, particles, measured, or a YAML file."
+            metavar="NAME|FILE",
+            help="What is uncertain about the base model: all, capacity, particles, measured, or a YAML file.",
+            autocompletion=completion.uncertain_presets,
+            rich_help_panel=shared.MODEL,
         ),
     ] = "all",
-    effect: Annotated[list[str] | None, typer.Option(help="Effect to consider; repeat; left out, all.")] = None,
+    scale: shared.Scale = True,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="Effect to consider; repeat; left out, all.",
+            autocompletion=completion.effects,
+            rich_help_panel=shared.SEARCH,
+        ),
+    ] = None,
     effect_option: Annotated[
         list[str] | None,
-        typer.Option("--effect-option", help="Option of an effect, effect.key=value or key=value; repeat."),
+        typer.Option(
+            "--effect-option",
+            metavar="KEY=VALUE",
+            help="Option of an effect, effect.key=value or key=value; repeat.",
+            rich_help_panel=shared.SEARCH,
+        ),
     ] = None,
-    backend: Annotated[str | None, typer.Option(help="Language model that ranks effects too.")] = None,
+    max_effects: Annotated[
+        int,
+        typer.Option(
+            min=1, max=3, metavar="N", help="Effects in one explanation at most.", rich_help_panel=shared.SEARCH
+        ),
+    ] = 2,
+    seed: shared.Seed = 0,
+    backend: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Language model that ranks effects too.",
+            autocompletion=completion.backends,
+            rich_help_panel=shared.LANGUAGE_MODEL,
+        ),
+    ] = None,
     via: shared.Via = None,
     base_url: shared.BaseUrl = None,
     backend_option: shared.BackendOption = None,
-    max_effects: Annotated[int, typer.Option(min=1, max=3, help="Effects in one explanation at most.")] = 2,
-    seed: Annotated[int, typer.Option(min=0, help="Seed for everything random.")] = 0,
+    out: Annotated[
+        Path,
+        typer.Option(
+            metavar="FOLDER",
+            help="Folder for discovery.json, report.html and augmented_model.py.",
+            rich_help_panel=shared.OUTPUT,
+        ),
+    ],
 ) -> None:
     """Find where a model and measured records disagree, name the missing effect, add it, show the gap shrink."""
     from ...core.validation import explain

@@ -9,31 +9,94 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from . import completion
+from . import shared_options as shared
+
 if TYPE_CHECKING:
     from ..grid.pool import Pool
     from ..grid.results import Row
     from ..grid.running import Plan, WatcherContext
 
-StoreOption = Annotated[Path, typer.Option(help="Folder that holds cells and grids; grids share cells in it.")]
+StoreOption = Annotated[
+    Path,
+    typer.Option(
+        metavar="FOLDER", help="Holds cells and grids; grids share cells in it.", rich_help_panel=shared.OUTPUT
+    ),
+]
+Metric = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="Error that is compared and drawn: mape, rmse or v_rmse_mv.",
+        rich_help_panel=shared.OUTPUT,
+    ),
+]
 
 RESULTS = Path("results")
 
 
 def grid(
-    file: Annotated[str, typer.Argument(help="A shipped grid (rules-ablation, main-table, ...) or a YAML file.")],
+    file: Annotated[
+        str,
+        typer.Argument(
+            metavar="GRID",
+            help="A shipped grid (rules-ablation, main-table, ...) or a YAML file.",
+            autocompletion=completion.grids,
+        ),
+    ],
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", help="Replace any key of the grid: rounds=5, seeds=[1,2], tasks.0.cases=2."),
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Any key of the grid: rounds=5, seeds=[1,2], tasks.0.cases=2; repeat.",
+            rich_help_panel=shared.SEARCH,
+        ),
     ] = None,
-    dry_run: Annotated[bool, typer.Option(help="Say what would be run and what it would take; run nothing.")] = False,
-    workers: Annotated[int, typer.Option(min=0, help="Cells side by side; 0: as many as cores.")] = 0,
+    dry_run: Annotated[
+        bool,
+        typer.Option(
+            "--dry-run",
+            help="Say what would be run and what it would take; run nothing.",
+            rich_help_panel=shared.SEARCH,
+        ),
+    ] = False,
+    workers: Annotated[
+        int,
+        typer.Option(
+            min=0, metavar="N", help="Cells side by side; 0: as many as cores.", rich_help_panel=shared.SEARCH
+        ),
+    ] = 0,
     cluster: Annotated[
-        str | None, typer.Option(help="Dask: tcp://HOST:PORT of a scheduler, or slurm:FILE.yaml (dask-jobqueue).")
+        str | None,
+        typer.Option(
+            metavar="PLACE",
+            help="Dask: tcp://HOST:PORT of a scheduler, or slurm:FILE.yaml (dask-jobqueue).",
+            rich_help_panel=shared.SEARCH,
+        ),
+    ] = None,
+    memory_limit: Annotated[
+        float,
+        typer.Option(
+            min=1,
+            metavar="MB",
+            help="Replace a local worker that grows past this.",
+            rich_help_panel=shared.SEARCH,
+        ),
+    ] = 1500,
+    max_tokens: Annotated[
+        int | None,
+        typer.Option(
+            min=0, metavar="N", help="Begin no cell after so many tokens.", rich_help_panel=shared.LANGUAGE_MODEL
+        ),
+    ] = None,
+    max_cost: Annotated[
+        float | None,
+        typer.Option(
+            min=0, metavar="USD", help="Begin no cell after so much money.", rich_help_panel=shared.LANGUAGE_MODEL
+        ),
     ] = None,
     store: StoreOption = RESULTS,
-    max_tokens: Annotated[int | None, typer.Option(min=0, help="Begin no cell after so many tokens.")] = None,
-    max_cost: Annotated[float | None, typer.Option(min=0, help="Begin no cell after so many US dollars.")] = None,
-    memory_limit: Annotated[float, typer.Option(min=1, help="Replace a local worker that grows past this, MB.")] = 1500,
 ) -> None:
     """Run a grid: tasks x scaffolds x backends x seeds. What is finished is not run again."""
     from ..grid.execution import Allowance
@@ -57,11 +120,24 @@ def grid(
 
 
 def report(
-    grid: Annotated[str, typer.Argument(help="A grid that was run, by name, file or folder; or a run's folder.")],
+    grid: Annotated[
+        str,
+        typer.Argument(metavar="GRID", help="A grid that was run, by name, file or folder; or a run's folder."),
+    ],
     store: StoreOption = RESULTS,
-    out: Annotated[Path | None, typer.Option(help="The page; default: index.html in the grid's folder.")] = None,
-    full: Annotated[bool, typer.Option(help="Write the full report of every finished run first.")] = False,
-    metric: Annotated[str, typer.Option(help="Error that is compared and drawn: mape, rmse or v_rmse_mv.")] = "mape",
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="The page; default: index.html in the grid's folder.", rich_help_panel=shared.OUTPUT
+        ),
+    ] = None,
+    full: Annotated[
+        bool,
+        typer.Option(
+            "--full", help="Write the full report of every finished run first.", rich_help_panel=shared.OUTPUT
+        ),
+    ] = False,
+    metric: Metric = "mape",
 ) -> None:
     """Write one page on a grid: tables, figures, comparisons, and every run's story."""
     if (Path(grid) / "journal.jsonl").is_file():

@@ -31,19 +31,19 @@ def app() -> typer.Typer:
     from .discover import discover
     from .grid import grid, report
     from .run import run
+    from .several_files import RecordsCommand
 
     result = typer.Typer(
         name="bsa",
         no_args_is_help=True,
-        add_completion=False,
         context_settings=_CONTEXT,
         pretty_exceptions_enable=False,
     )
     result.callback()(_bsa)
-    result.command("run")(run)
+    result.command("run", cls=RecordsCommand)(run)
     result.command("grid")(grid)
     result.command("report")(report)
-    result.command("discover")(discover)
+    result.command("discover", cls=RecordsCommand)(discover)
     result.add_typer(bench_app, name="bench")
     result.add_typer(list_app, name="list")
     result.command("doctor")(doctor)
@@ -58,9 +58,10 @@ def main() -> NoReturn:
 def run_main() -> NoReturn:
     """``bsa-run``: the same as ``bsa run``."""
     from .run import run
+    from .several_files import RecordsCommand
 
-    single = typer.Typer(add_completion=False, context_settings=_CONTEXT, pretty_exceptions_enable=False)
-    single.command()(run)
+    single = typer.Typer(context_settings=_CONTEXT, pretty_exceptions_enable=False)
+    single.command(cls=RecordsCommand)(run)
     _carry_out(single)
 
 

@@ -13,6 +13,7 @@ import typer
 
 from ...core.errors import BsaError
 from ...core.journal import check_run_folder
+from . import completion
 from . import shared_options as shared
 from .exit_codes import STOPPED
 
@@ -26,13 +27,17 @@ DEMO = "demo"
 
 def run(
     task: Annotated[
-        str | None, typer.Argument(help="Packaged task, published case (regular-134) or task file; default: demo.")
+        str | None,
+        typer.Argument(
+            metavar="TASK",
+            help="Packaged task, published case (regular-134) or task file; default: demo.",
+            autocompletion=completion.tasks,
+        ),
     ] = None,
-    data: Annotated[list[Path] | None, typer.Option("--data", help="A cycler record; repeat for several.")] = None,
-    parameters: Annotated[str | None, typer.Option(help="PyBaMM parameter set to start from, for --data.")] = None,
-    model: Annotated[str, typer.Option(help="SPM, SPMe or DFN, for --data.")] = "DFN",
-    options: shared.ModelOptions = None,
-    search: Annotated[str, typer.Option(help="Search-space preset or YAML file, for --data.")] = "cell",
+    data: Annotated[
+        list[Path] | None,
+        typer.Option("--data", metavar="FILE...", help="Cycler records.", rich_help_panel=shared.RECORDS),
+    ] = None,
     column: shared.Column = None,
     unit: shared.Unit = None,
     current_sign: shared.CurrentSign = "charge-positive",
@@ -43,33 +48,129 @@ def run(
     reader: shared.Reader = None,
     reader_option: shared.ReaderOption = None,
     temperature: shared.Temperature = None,
+    parameters: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="PyBaMM parameter set to start from, for --data.",
+            autocompletion=completion.parameter_sets,
+            rich_help_panel=shared.MODEL,
+        ),
+    ] = None,
+    model: shared.Model = "DFN",
+    options: shared.ModelOptions = None,
+    search: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME|FILE",
+            help="What is searched, for --data: a preset (cell, geometry, sei) or a YAML file.",
+            autocompletion=completion.search_presets,
+            rich_help_panel=shared.MODEL,
+        ),
+    ] = "cell",
     scale: shared.Scale = True,
-    backend: Annotated[str, typer.Option(help="Language model: a preset, litellm:PROVIDER/MODEL, ...")] = "rules",
+    scaffold: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME|FILE",
+            help="Scaffold by name, or a YAML file.",
+            autocompletion=completion.scaffolds,
+            rich_help_panel=shared.SEARCH,
+        ),
+    ] = "hybrid",
+    rounds: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Search rounds at most.", rich_help_panel=shared.SEARCH)
+    ] = 80,
+    warmup: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Warm-up simulations at most.", rich_help_panel=shared.SEARCH)
+    ] = 20,
+    simulations: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Simulations at most, in all.", rich_help_panel=shared.SEARCH)
+    ] = 100,
+    seed: shared.Seed = 1234,
+    workers: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            metavar="N",
+            help="Simulations side by side; 0: as many as cores, 4 at most.",
+            rich_help_panel=shared.SEARCH,
+        ),
+    ] = 0,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Any setting, patience=5 or feedback.use=overlay; repeat.",
+            rich_help_panel=shared.SEARCH,
+        ),
+    ] = None,
+    identifiability: Annotated[
+        bool,
+        typer.Option(
+            " /--no-identifiability",
+            help="Do not simulate, after the search, what the record fixes and what to measure next.",
+            rich_help_panel=shared.SEARCH,
+            show_default=False,
+        ),
+    ] = True,
+    backend: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="A preset, litellm:PROVIDER/MODEL, ...",
+            autocompletion=completion.backends,
+            rich_help_panel=shared.LANGUAGE_MODEL,
+        ),
+    ] = "rules",
     via: shared.Via = None,
     base_url: shared.BaseUrl = None,
     exchange: Annotated[
-        Path | None, typer.Option(help="Folder for prompts and replies of --backend manual, for another program.")
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Where --backend manual puts prompts and finds replies, for another program.",
+            rich_help_panel=shared.LANGUAGE_MODEL,
+        ),
     ] = None,
     backend_option: shared.BackendOption = None,
-    scaffold: Annotated[str, typer.Option(help="Scaffold by name, or the path of a YAML file.")] = "hybrid",
-    rounds: Annotated[int, typer.Option(min=0, help="Search rounds at most.")] = 80,
-    warmup: Annotated[int, typer.Option(min=0, help="Warm-up simulations at most.")] = 20,
-    simulations: Annotated[int, typer.Option(min=1, help="Simulations at most, in all.")] = 100,
-    seed: Annotated[int, typer.Option(min=0, help="Seed for everything random.")] = 1234,
-    workers: Annotated[int, typer.Option(min=0, help="Simulations side by side; 0: as many as cores, 4 at most.")] = 0,
-    max_tokens: Annotated[int | None, typer.Option(min=0, help="Stop, resumably, after this many tokens.")] = None,
-    max_cost: Annotated[float | None, typer.Option(min=0, help="Stop, resumably, after this many US dollars.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder of the run; default: runs/<task>-<scaffold>-<n>.")] = None,
-    resume: Annotated[Path | None, typer.Option(help="Go on with an interrupted run, by its folder.")] = None,
-    settings: Annotated[
-        list[str] | None, typer.Option("--set", help="Any setting, key=value: patience=5, feedback.use=overlay.")
+    votes: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            metavar="N",
+            help="Merge this many independent replies a round.",
+            rich_help_panel=shared.LANGUAGE_MODEL,
+        ),
+    ] = 1,
+    review: Annotated[
+        bool,
+        typer.Option(
+            "--review",
+            help="Let a person accept, edit or refuse each proposal.",
+            rich_help_panel=shared.LANGUAGE_MODEL,
+        ),
+    ] = False,
+    max_tokens: shared.MaxTokens = None,
+    max_cost: shared.MaxCost = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Folder of the run; default: runs/<task>-<scaffold>-<n>.",
+            rich_help_panel=shared.OUTPUT,
+        ),
     ] = None,
-    votes: Annotated[int, typer.Option(min=1, help="Merge this many independent replies a round.")] = 1,
-    review: Annotated[bool, typer.Option(help="Let a person accept, edit or refuse each proposal.")] = False,
-    identifiability: Annotated[
-        bool, typer.Option(help="After the search, simulate what the record fixes and what to measure next.")
-    ] = True,
-    as_json: Annotated[bool, typer.Option("--json", help="Print result.json to standard output.")] = False,
+    resume: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER", help="Go on with the interrupted run in this folder.", rich_help_panel=shared.OUTPUT
+        ),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print result.json to standard output.", rich_help_panel=shared.OUTPUT)
+    ] = False,
     version: shared.Version = False,
 ) -> None:
     """Calibrate a model against a target: the packaged demo, a task file, or cycler records."""

@@ -7,34 +7,114 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from . import completion
+
 if TYPE_CHECKING:
     from ...core.record import ReadOptions
 
-ModelOptions = Annotated[list[str] | None, typer.Option("--options", help="PyBaMM model option key=value; repeat.")]
+# Options stand in these groups on the help page, in this order.
+RECORDS, MODEL, SEARCH, LANGUAGE_MODEL, OUTPUT = "Records", "Model", "Search", "Language model", "Output"
 
-Column = Annotated[list[str] | None, typer.Option(help="Column of a signal, voltage='Ecell/V'; repeat.")]
-Unit = Annotated[list[str] | None, typer.Option(help="Unit of a signal, current=mA; repeat.")]
-Where = Annotated[list[str] | None, typer.Option(help="Keep only rows with this value, test_id=1; repeat.")]
-CurrentSign = Annotated[str, typer.Option(help="charge-positive (as cyclers write), discharge-positive or auto.")]
+Model = Annotated[str, typer.Option(metavar="NAME", help="SPM, SPMe or DFN.", rich_help_panel=MODEL)]
+ModelOptions = Annotated[
+    list[str] | None,
+    typer.Option("--options", metavar="KEY=VALUE", help="PyBaMM model option; repeat.", rich_help_panel=MODEL),
+]
+
+Column = Annotated[
+    list[str] | None,
+    typer.Option(metavar="KEY=NAME", help="Column of a signal, voltage='Ecell/V'; repeat.", rich_help_panel=RECORDS),
+]
+Unit = Annotated[
+    list[str] | None,
+    typer.Option(metavar="KEY=UNIT", help="Unit of a signal, current=mA; repeat.", rich_help_panel=RECORDS),
+]
+Where = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="KEY=VALUE", help="Keep only rows with this value, test_id=1; repeat.", rich_help_panel=RECORDS
+    ),
+]
+CurrentSign = Annotated[
+    str,
+    typer.Option(
+        metavar="SIGN",
+        help="charge-positive (as cyclers write), discharge-positive or auto.",
+        autocompletion=completion.current_signs,
+        rich_help_panel=RECORDS,
+    ),
+]
 ConstantCurrent = Annotated[
-    float | None, typer.Option(help="Current in A of a file without a current column, signed as --current-sign.")
+    float | None,
+    typer.Option(
+        metavar="A",
+        help="Current of a file without a current column, signed as --current-sign.",
+        rich_help_panel=RECORDS,
+    ),
 ]
-Cycles = Annotated[str | None, typer.Option(help='Cycles of the records to use, "1" or "2-4".')]
-Sheet = Annotated[str | None, typer.Option(help="Sheet of a workbook, or test inside a file of several.")]
-Reader = Annotated[str | None, typer.Option(help="Reader to use; left out, the one that fits.")]
+Cycles = Annotated[
+    str | None,
+    typer.Option(metavar="N-M", help='Cycles of the records to use, "1" or "2-4".', rich_help_panel=RECORDS),
+]
+Sheet = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Sheet of a workbook, or test inside a file.", rich_help_panel=RECORDS),
+]
+Reader = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="Reader to use; left out, the one that fits.",
+        autocompletion=completion.readers,
+        rich_help_panel=RECORDS,
+    ),
+]
 ReaderOption = Annotated[
-    list[str] | None, typer.Option("--reader-option", help="Option of the reader, key=value; repeat.")
+    list[str] | None,
+    typer.Option("--reader-option", metavar="KEY=VALUE", help="Option of the reader; repeat.", rich_help_panel=RECORDS),
 ]
-Temperature = Annotated[float | None, typer.Option(help="Ambient temperature in degC, where records lack it.")]
-Scale = Annotated[bool, typer.Option(help="Scale the electrode area to the records' capacity.")]
+Temperature = Annotated[
+    float | None,
+    typer.Option(metavar="DEGC", help="Ambient temperature where records lack it.", rich_help_panel=RECORDS),
+]
+Scale = Annotated[
+    bool,
+    typer.Option(
+        "--scale/--no-scale", help="Scale the electrode area to the records' capacity.", rich_help_panel=MODEL
+    ),
+]
 
-Via = Annotated[str | None, typer.Option(help="Route to the model: litellm, openai, ollama, transformers.")]
+Via = Annotated[
+    str | None,
+    typer.Option(metavar="ROUTE", help="litellm, openai, ollama or transformers.", rich_help_panel=LANGUAGE_MODEL),
+]
 BaseUrl = Annotated[
-    str | None, typer.Option(help="Address of an OpenAI-compatible or Ollama server, http://127.0.0.1:8000/v1.")
+    str | None,
+    typer.Option(
+        metavar="URL",
+        help="OpenAI-compatible or Ollama server, http://127.0.0.1:8000/v1.",
+        rich_help_panel=LANGUAGE_MODEL,
+    ),
 ]
 BackendOption = Annotated[
-    list[str] | None, typer.Option("--backend-option", help="Option of the backend, key=value; repeat.")
+    list[str] | None,
+    typer.Option(
+        "--backend-option",
+        metavar="KEY=VALUE",
+        help="Option of the backend; repeat.",
+        rich_help_panel=LANGUAGE_MODEL,
+    ),
 ]
+MaxTokens = Annotated[
+    int | None,
+    typer.Option(min=0, metavar="N", help="Stop, resumably, after this many tokens.", rich_help_panel=LANGUAGE_MODEL),
+]
+MaxCost = Annotated[
+    float | None,
+    typer.Option(min=0, metavar="USD", help="Stop, resumably, after this much money.", rich_help_panel=LANGUAGE_MODEL),
+]
+Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Seed for everything random.", rich_help_panel=SEARCH)]
+Workers = Annotated[int, typer.Option(min=1, metavar="N", help="Runs side by side.", rich_help_panel=SEARCH)]
 
 
 def _show_version(wanted: bool) -> None:

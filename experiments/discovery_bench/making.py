@@ -68,7 +68,7 @@ def unseal(folder: Path) -> dict[str, Any]:
     try:
         content: dict[str, Any] = json.loads(zlib.decompress(base64.b64decode(path.read_bytes())))
     except (OSError, ValueError, zlib.error) as error:
-        raise BsaError(f"{path} cannot be read ({error}).", "give a folder of bsa bench discovery --make.") from None
+        raise BsaError(f"{path} cannot be read ({error}).", "give a folder of bsa bench discovery make.") from None
     return content
 
 

@@ -56,7 +56,7 @@ def run_cases(
     done = {row["case"] for row in read_rows(folder, results)}
     names = sorted(p.name for p in folder.glob("case_*") if (p / DESCRIPTION).exists())
     if not names:
-        raise BsaError(f"{folder} holds no blind case.", "bsa bench discovery --make makes some.")
+        raise BsaError(f"{folder} holds no blind case.", "bsa bench discovery make makes some.")
     names = [name for name in names if name not in done and (only is None or name in only)]
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(workers, context, initializer=end_with_parent, max_tasks_per_child=1)

@@ -147,7 +147,7 @@ def resolve_space(
     if path.suffix not in (".yaml", ".yml"):
         return preset_space(parameter_set, search, overrides, options)
     content = read_yaml(path)
-    if not isinstance(content, Mapping):
+    if not isinstance(content, Mapping) or not content:
         raise BsaError(f"{path} holds no search space.", 'write one "parameter: {lower: ..., upper: ...}" a line.')
     return _own_space(parameter_set, content, str(path), overrides or {})
 

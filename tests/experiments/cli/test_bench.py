@@ -3,6 +3,7 @@ import inspect
 import pytest
 from bsa.core.errors import BsaError
 from bsa.experiments.cli.bench import bench_app, suite_command
+from bsa.experiments.cli.bench_discovery import discovery_app
 from bsa.experiments.cli.discover import discover
 from bsa.experiments.cli.run import run
 
@@ -15,10 +16,11 @@ def test_every_study_of_a_suite_can_be_told_where_the_published_tasks_are():
 
 
 def test_every_command_that_takes_a_backend_can_be_told_how_to_reach_it():
-    commands = [run, discover, *(c.callback for c in bench_app.registered_commands)]
+    apps = (bench_app, discovery_app)
+    commands = [run, discover, *(c.callback for app in apps for c in app.registered_commands)]
     takes = {command.__name__: set(inspect.signature(command).parameters) for command in commands}
     of_a_backend = {name for name, options in takes.items() if "backend" in options}
-    assert {"run", "discover", "suite_command", "discovery_command"} <= of_a_backend
+    assert {"run", "discover", "suite_command", "run_command", "shortlist_command"} <= of_a_backend
     assert {n for n in of_a_backend if not {"via", "base_url", "backend_option"} <= takes[n]} == set()
 
 

@@ -67,7 +67,7 @@ OUTS: list[tuple[str, ...]] = [
     ("bench", "suite", "--out"),
     ("bench", "runtime", "--out"),
     ("bench", "no-harm", "--out"),
-    ("bench", "discovery", "--make"),
+    ("bench", "discovery", "make"),
 ]
 
 
@@ -141,7 +141,7 @@ def test_results_of_blind_cases_stay_in_their_folder(name: str, refused: Call) -
     folder_with("blind", "thesis")
     folder_with("blind/case_01", "case.json", content='{"parameters": "Chen2020", "model": "SPM", "records": []}')
     Path("blind", "linked").symlink_to("thesis")
-    assert name in refused("bench", "discovery", "--run", "blind", "--results", name)
+    assert name in refused("bench", "discovery", "run", "blind", "--results", name)
 
 
 def test_control_codes_in_a_name_do_not_reach_the_terminal(refused: Call) -> None:

@@ -91,3 +91,27 @@ def test_what_a_person_writes(tmp_path: Path) -> None:
 def test_bounds_without_a_known_range_must_be_given() -> None:
     with pytest.raises(BsaError, match="no bounds"):
         resolve_space("Chen2020", {"Electrode height [m]": None})
+
+
+RADIUS = "Negative particle radius [m]"
+
+
+@pytest.mark.parametrize(
+    ("written", "said"),
+    [
+        (f'"{RADIUS}": 5', f'"{RADIUS}": 5: keys with values were expected'),
+        (f'"{RADIUS}": [1, 2, 3]', "keys with values were expected"),
+        (f'"{RADIUS}": {{factors: [0.5, 2, 3]}}', '"factors" is [0.5, 2, 3]: a list should have at most 2 entries'),
+        (f'"{RADIUS}": {{lower: 1}}', "lower and upper go together"),
+        (f'"{RADIUS}": {{lowr: 1}}', 'did you mean "lower"?'),
+        (f'"{RADIUS}": {{lower: 1e-6, upper: 1e-5, scale: logg}}', "'linear' or 'log'"),
+        ("{}", "holds no search space"),
+    ],
+)
+def test_a_mistake_in_a_search_file_is_told_by_its_key(written: str, said: str, tmp_path: Path) -> None:
+    file = tmp_path / "search.yaml"
+    file.write_text(written)
+    with pytest.raises(BsaError) as caught:
+        resolve_space("Chen2020", str(file))
+    assert said in str(caught.value)
+    assert not any(word in str(caught.value) for word in ("OwnRange", "Tuple", "dictionary", "instance"))

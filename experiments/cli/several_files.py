@@ -1,0 +1,49 @@
+"""Several files after one option, as the shell's ``*.csv`` gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from typer.core import TyperCommand
+
+RECORD_OPTIONS = ("--data", "--holdout")
+_TASK_FILES = (".yaml", ".yml", ".json")
+
+
+class RecordsCommand(TyperCommand):
+    """A command whose record options take all the files that follow."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """See `TyperCommand`."""
+        return super().parse_args(ctx, one_option_a_file(args))
+
+
+def one_option_a_file(arguments: Sequence[str]) -> list[str]:
+    """``--data a.csv b.csv`` written as ``--data a.csv --data b.csv``.
+
+    What follows and cannot be a record (the name of a task, a task file) stays an argument of its own.
+    """
+    written: list[str] = []
+    option, awaits_value = "", False
+    for place, argument in enumerate(arguments):
+        if argument == "--":
+            return [*written, *arguments[place:]]
+        if argument.startswith("-"):
+            name, sign, _ = argument.partition("=")
+            option = name if name in RECORD_OPTIONS else ""
+            awaits_value = bool(option) and not sign
+        elif awaits_value:
+            awaits_value = False
+        elif option and _may_be_a_record(argument):
+            written.append(option)
+        else:
+            option = ""
+        written.append(argument)
+    return written
+
+
+def _may_be_a_record(argument: str) -> bool:
+    path = Path(argument)
+    return path.suffix.lower() not in _TASK_FILES and (bool(path.suffix) or path.is_file())
