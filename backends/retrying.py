@@ -16,8 +16,8 @@ T = TypeVar("T")
 
 _MAX_ATTEMPTS = 8
 _MAX_ATTEMPTS_UNREACHED = 3
-"""Attempts, within about three seconds, at a server that was never reached: its address is most likely wrong. One
-that has answered before is most likely starting again, and gets as many as for any other failure."""
+"""Attempts, within about three seconds, at a server out of reach: its address is most likely wrong. One that has
+answered before may be starting again; a run asks it once more after minutes, or stops and goes on later."""
 _FIRST_WAIT_S = 1.0
 _LONGEST_WAIT_S = 60.0
 
@@ -89,15 +89,12 @@ class Persistence:
         Is told of every further attempt.
     jitter : random.Random
         Spreads the waits, so that many runs do not come back at the same moment.
-    reached : bool
-        Whether this server has answered before.
     """
 
-    def __init__(self, patience: Patience, notes: list[str], jitter: random.Random, reached: bool = False) -> None:
+    def __init__(self, patience: Patience, notes: list[str], jitter: random.Random) -> None:
         self._patience = patience
         self._notes = notes
         self._jitter = jitter
-        self._unreached = _MAX_ATTEMPTS if reached else _MAX_ATTEMPTS_UNREACHED
         self._started = time.monotonic()
         self._attempts = 0
 
@@ -140,7 +137,7 @@ class Persistence:
 
     def _most(self, failure: TransientError) -> int:
         if isinstance(failure, UnreachableError):
-            return self._unreached if failure.may_pass else 1
+            return _MAX_ATTEMPTS_UNREACHED if failure.may_pass else 1
         return _MAX_ATTEMPTS
 
     def _failure(self, reason: str, after: type[TransientError] = TransientError) -> BackendFailure:

@@ -101,7 +101,6 @@ class ServedBackend(ABC):
         self.name = name
         self.options = options
         self._server = server
-        self._reached = False
 
     @abstractmethod
     def ask(self, request: Request, notes: list[str]) -> Answer:
@@ -127,7 +126,7 @@ class ServedBackend(ABC):
         started = time.monotonic()
         shown = showable(messages, self.sees_images, notes)
         patience = Patience(self.options.server_timeout_s, self.options.retry_limit_s)
-        persistence = Persistence(patience, notes, random.Random(seed), self._reached)
+        persistence = Persistence(patience, notes, random.Random(seed))
 
         def in_form(form: StructuredBy) -> Answer:
             prompt = with_schema_in_prompt(shown, schema, form)
@@ -162,7 +161,6 @@ class ServedBackend(ABC):
                 raise PromptRefused(redact(f"{self.name} refuses the request: {refusal}")) from None
             except BackendFailure as failure:
                 raise type(failure)(redact(f"{self.name}: {failure}")) from None
-        self._reached = True
         return self._reply(answer, form, schema, notes, time.monotonic() - started)
 
     def _reply(self, answer: Answer, form: StructuredBy, schema: JsonSchema, notes: list[str], seconds: float) -> Reply:

@@ -99,8 +99,7 @@ class BackendFailure(Exception):
 class BackendUnreachable(BackendFailure):
     """Nothing listens where the model should be: connection refused, unknown host, no route.
 
-    Trying again within seconds rarely helps, so a backend raises it after a few attempts at most, unless the
-    server has answered before and may be starting again.
+    Trying again within seconds rarely helps, so a backend raises it after a few attempts at most.
     """
 
 

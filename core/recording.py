@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any, Protocol, runtime_checkable
 
 from .errors import BsaError
@@ -22,6 +22,7 @@ from .messages import (
     Reply,
     Usage,
 )
+from .redaction import redact
 
 REPLY, LOST_CALL, VOTE, REVIEW = "reply", "lost-call", "vote", "review"
 
@@ -208,6 +209,9 @@ class RecordingBackend:
             except BackendFailure as failure:
                 self._lost(failure, prompt, next(waits, None))
                 continue
+            reply = replace(
+                reply, text=redact(reply.text), model=redact(reply.model), notes=tuple(map(redact, reply.notes))
+            )
             self._heard(reply.usage)
             self._answered = True
             fields = {key: value for key, value in asdict(reply).items() if key != "notes"}
@@ -216,13 +220,13 @@ class RecordingBackend:
 
     def _lost(self, failure: BackendFailure, prompt: list[dict[str, Any]], wait_s: float | None) -> None:
         """Write a lost call down and wait for the time to make it again, or raise what ends the trying."""
-        reason = str(failure)
+        reason = redact(str(failure))
         self._refused += isinstance(failure, PromptRefused)
         handed_on = isinstance(failure, PromptRefused) and self._refused < MOST_REFUSED
         self._recorder.count_lost()
         self._recorder.write(LOST_CALL, reason=reason, prompt=prompt, refused=handed_on)
         if handed_on:
-            raise failure
+            raise PromptRefused(reason) from None
         nobody = isinstance(failure, BackendUnreachable) and not self._answered
         if wait_s is None or nobody or isinstance(failure, PromptRefused):
             raise Outage(f"the language model gave no reply: {reason}") from None

@@ -77,16 +77,6 @@ def test_a_refused_connection_is_tried_three_times(messages, schema):
         _complete(address, messages, schema)
 
 
-def test_a_server_that_has_answered_is_waited_for(listen, messages, schema, serve, chat_completion):
-    """It may be starting again; only an address that never answered is most likely wrong."""
-    server = serve(lambda seen, handler: (200, {}, chat_completion("{}")))
-    backend = open_backend("openai:m", BackendOptions(base_url=f"{server.url}/v1"))
-    backend.complete(messages, schema, seed=0)
-    backend._base_url = f"http://127.0.0.1:{_free_port()}/v1"
-    with pytest.raises(BackendUnreachable, match="8 attempts"):
-        backend.complete(messages, schema, seed=0)
-
-
 def test_an_unknown_host(messages, schema):
     with pytest.raises(BackendUnreachable, match=r"the host no-such-host\.invalid is not known; correct the name"):
         _complete("http://no-such-host.invalid/v1", messages, schema)

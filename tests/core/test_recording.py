@@ -152,3 +152,24 @@ def test_an_interrupt_while_waiting_leaves_a_run_that_goes_on(
         stopped = run_toy(tmp_path / "cut", backend=Flaky({2: BackendFailure("gone")}))
     assert (stopped.status, stopped.lost_calls) == ("interrupted", 1)
     assert found(run_toy(tmp_path / "cut")) == found(whole)
+
+
+class Telltale(RulesBackend):
+    """A third party's backend that repeats what it was given, before it fails."""
+
+    calls = 0
+
+    def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
+        self.calls += 1
+        if self.calls > 1:
+            raise PromptRefused("http://me:hunter2@host refuses the key abc-123")
+        return Reply("my key is abc-123", notes=("asked with abc-123",), model="abc-123")
+
+
+def test_no_key_gets_into_a_journal(run_toy: RunToy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ANY_API_KEY", "abc-123")
+    run_toy(tmp_path / "run", scaffold=toy_scaffold("full"), backend=Telltale())
+    events = [event["event"] for event in read_events(tmp_path / "run")]
+    assert {recording.REPLY, recording.LOST_CALL} <= set(events)
+    for path in (tmp_path / "run").rglob("*"):
+        assert path.is_dir() or not any(secret in path.read_bytes() for secret in (b"abc-123", b"hunter2")), path
