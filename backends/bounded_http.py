@@ -12,12 +12,14 @@ from urllib.request import getproxies, proxy_bypass
 import httpcore
 import httpx
 
+from ..core.redaction import holds_key
 from .addresses import is_private, is_this_machine
 
 MAX_BODY_BYTES = 4 * 2**20
 """Longest answer that is read. A reply is kept up to 200,000 characters: at most 2.4 MB, each escaped as two
 ``\\uXXXX``; the rest is for reasoning and accounts."""
 _LONGEST_ANSWER_S = 300.0
+"""Where a client sets no time-out: as long as a backend waits unless it is told otherwise."""
 _PIECE_BYTES = 2**16
 _TLS_ALERT = b"\x15\x03"
 _HTTP = b"HTTP/"
@@ -90,7 +92,8 @@ class BoundedTransport(httpx.BaseTransport):
 
     def _sent(self, request: httpx.Request) -> httpx.Headers:
         """The headers that are sent along."""
-        if not is_private(str(request.url)):
+        sent = "\n".join((str(request.url), *request.headers.values()))
+        if not is_private(str(request.url)) and holds_key(sent):
             raise InTheClearError(f"a provider's key is not sent to {request.url.host} unencrypted", request=request)
         return request.headers
 

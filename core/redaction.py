@@ -28,6 +28,15 @@ def redact(text: str) -> str:
 
     Texts are to be redacted before they are cut: half a key is not recognised.
     """
+    return _SECRET_SHAPE.sub(REDACTED, _without_values(text))
+
+
+def holds_key(text: str) -> bool:
+    """Whether the text holds the value of one of the environment's keys."""
+    return _without_values(text) != text
+
+
+def _without_values(text: str) -> str:
     for secret in sorted(set(_secrets()), key=len, reverse=True):
         if secret not in text:
             continue
@@ -35,7 +44,7 @@ def redact(text: str) -> str:
             text = text.replace(secret, REDACTED)
         else:
             text = re.sub(rf"(?<![A-Za-z0-9]){re.escape(secret)}(?![A-Za-z0-9])", REDACTED, text)
-    return _SECRET_SHAPE.sub(REDACTED, text)
+    return text
 
 
 def _secrets() -> Iterator[str]:

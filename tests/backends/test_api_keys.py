@@ -140,6 +140,17 @@ def test_a_providers_key_does_not_travel_unencrypted(secrets, messages, schema, 
         open_backend(f"litellm:{model}").complete(messages, schema, seed=0)
 
 
+def test_a_provider_without_a_key_may_be_asked_unencrypted(serve, proposal, messages, schema, monkeypatch):
+    """As a model server in the same room, which litellm knows by its kind."""
+    answer = {"model": "m", "message": {"role": "assistant", "content": json.dumps(proposal)}, "done": True}
+    proxy = serve(lambda seen, handler: (200, {}, json.dumps(answer).encode()))
+    monkeypatch.setenv("http_proxy", proxy.url)
+    monkeypatch.setenv("OLLAMA_API_BASE", "http://host.invalid")
+    reply = open_backend("litellm:ollama_chat/m").complete(messages, schema, seed=0)
+    assert json.loads(reply.text) == proposal
+    assert "http://host.invalid/api/chat" in {seen.path for seen in proxy.seen}
+
+
 @pytest.mark.parametrize(("spec", "path"), [("openai:m", "/v1"), ("ollama:m", "")])
 def test_no_redirect_is_followed(serve, secrets, messages, schema, monkeypatch, spec, path):
     monkeypatch.setenv("BSA_API_KEY", "own-key")
