@@ -161,7 +161,8 @@ def _rates(marked: Sequence[Marked]) -> list[str]:
         if some:
             lines.append(
                 f"* {setting}: the right name in {right} of {len(some)} cases; in {right} of {len(clear)} without "
-                f"those declared ambiguous; in {right} of {len(told)} without those, too, whose base model leaves noise only."
+                f"those declared ambiguous; in {right} of {len(told)} without those, too, whose base model leaves "
+                f"noise only."
             )
     for setting, words in (("none", "nothing hidden"), ("outside", "an effect of no catalogue")):
         some = [m for m in marked if m.setting == setting]
