@@ -93,7 +93,7 @@ def test_a_prompt_without_memories_that_does_not_fit_is_a_lost_round(tiny_model,
 
 def test_a_model_without_chat_template_completes_a_transcript(tiny_model, messages, schema, monkeypatch):
     backend = _open(tiny_model, max_reply_tokens=400)
-    monkeypatch.setattr(backend._loaded.tokenizer, "chat_template", None)
+    monkeypatch.setattr(backend._inner._loaded.tokenizer, "chat_template", None)
     assert _valid(backend.complete(messages, schema, seed=0).text, schema)
 
 
