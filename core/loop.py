@@ -178,7 +178,7 @@ class Run:
         except RunStopped as stopped:
             reason = str(stopped)
             status = "outage" if isinstance(stopped, Outage) else "budget-spent"
-            self._note(f"Stopped: {reason}.")
+            self._journal.append("note", text=f"Stopped: {reason}.")
         if not self._trials:
             raise KeyboardInterrupt
         return self._finish(status, reason, started)

@@ -14,13 +14,15 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from bsa.core.messages import Reply
+from bsa.backends.rules.backend import RulesBackend
+from bsa.core.messages import BackendUnreachable, Reply
+from bsa.experiments.grid import one_cell
 from bsa.experiments.grid.claim import claim
 from bsa.experiments.grid.execution import LOSSES, Allowance, run_cells
 from bsa.experiments.grid.local_pool import LocalPool
 from bsa.experiments.grid.model_places import SharedBackend
 from bsa.experiments.grid.one_cell import Report, carry_out, order_for
-from bsa.experiments.grid.results import read_manifest, rows_of
+from bsa.experiments.grid.results import read_manifest, rows_of, write_manifest
 from bsa.experiments.grid.running import run_grid
 from bsa.experiments.grid.store import Store
 
@@ -127,6 +129,33 @@ def test_a_failing_cell_costs_itself_alone_and_is_tried_again(make_plan):
     watcher = Quiet()
     run_here(plan, watcher=watcher)
     assert watcher.ran == [failed.identity]
+
+
+def test_a_cell_without_a_model_has_failed_and_is_tried_again(make_plan, monkeypatch):
+    plan = make_plan(tasks=1, scaffolds=["full"], seeds=[1, 2])
+    folder = write_manifest(plan.grid, plan.cells, plan.store)
+
+    class Dead(RulesBackend):
+        def complete(self, messages, schema, *, seed):
+            raise BackendUnreachable("nothing listens")
+
+    monkeypatch.setattr(one_cell, "_backend", lambda order, store: Dead())
+    for lost in (1, 2):
+        reports = run_here(plan)
+        assert [(report.state, report.result) for report in reports.values()] == [("failed", {})] * 2
+        for seen in (reports, None):
+            rows = rows_of(read_manifest(folder), plan.store, seen)
+            assert [(row["state"], row["lost_calls"], row["mape"]) for row in rows] == [("failed", lost, None)] * 2
+            assert rows[0]["reason"] == "the language model gave no reply: nothing listens"
+    monkeypatch.setattr(one_cell, "_backend", lambda order, store: RulesBackend())
+    assert {report.state for report in run_here(plan).values()} == {"done"}
+    rows = rows_of(read_manifest(folder), plan.store)
+    assert [(row["state"], row["lost_calls"], row["reason"]) for row in rows] == [("done", 2, "")] * 2
+    monkeypatch.undo()
+    steady = make_plan("steady", tasks=1, scaffolds=["full"], seeds=[1, 2])
+    run_here(steady)
+    again = rows_of(read_manifest(write_manifest(steady.grid, steady.cells, steady.store)), steady.store)
+    assert numbers(again) == numbers(rows)
 
 
 def test_nothing_is_begun_once_the_allowance_is_spent(make_plan):

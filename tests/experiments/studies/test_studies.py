@@ -9,13 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bsa.backends.rules.backend import RulesBackend
 from bsa.core.errors import BsaError
+from bsa.core.messages import BackendUnreachable, Outage, Reply
 from bsa.core.scaffold import Scaffold
 from bsa.core.simulation import ExperimentRun
 from bsa.core.task import Task
 from bsa.experiments.studies import cell as cell_module
 from bsa.experiments.studies import many, recovery
-from bsa.experiments.studies.cell import CellRecord, CellTrial, run_cell
+from bsa.experiments.studies.cell import CellRecord, CellTrial, finished, run_cell
 from bsa.experiments.studies.many import make_cells, run_cells
 from bsa.experiments.studies.recovery import recovery_study, within_case
 from bsa.experiments.studies.runtime import runtime_study
@@ -109,6 +111,23 @@ def test_an_interrupted_cell_goes_on_from_its_journal(tmp_path: Path, monkeypatc
     assert resumed.best == whole.best
     assert resumed.note
     assert not whole.note
+
+
+def test_a_cell_without_a_model_is_no_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def silent(*_: object, **__: object) -> Reply:
+        raise BackendUnreachable("nothing listens")
+
+    cell = make_cells(CASES, scaffolds("full"), 12, 1)[0]
+    whole = run_cell(cell, tmp_path / "whole")
+    with monkeypatch.context() as patched:
+        patched.setattr(RulesBackend, "complete", silent)
+        for _ in range(2):
+            with pytest.raises(Outage, match="nothing listens"):
+                run_cell(cell, tmp_path / "cut")
+    assert finished(cell, tmp_path / "cut") is None
+    resumed = run_cell(cell, tmp_path / "cut")
+    assert [trial.candidate for trial in resumed.trials] == [trial.candidate for trial in whole.trials]
+    assert (resumed.best, resumed.lost_calls) == (whole.best, 2)
 
 
 def test_a_killed_process_costs_no_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

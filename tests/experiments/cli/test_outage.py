@@ -1,0 +1,66 @@
+"""A language model that cannot be had: said in one line, exit code 3, and the same command goes on."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import socket
+import sys
+from pathlib import Path
+
+import pytest
+import typer
+from bsa.core.messages import Outage
+from bsa.core.run_config import RunConfig
+from bsa.experiments.cli.exit_codes import OUTAGE
+from bsa.experiments.cli.main import main
+from bsa.experiments.cli.run import _execute
+from bsa.experiments.request import RunRequest
+from bsa.experiments.run import Resources
+from bsa.experiments.studies import suite
+from bsa_toy_cell import toy_scaffold, toy_task
+
+
+def free_address() -> str:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        return f"http://127.0.0.1:{listener.getsockname()[1]}/v1"
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+def test_a_run_without_a_server_is_no_result(tmp_path: Path, capsys: pytest.CaptureFixture[str], as_json: bool) -> None:
+    config = RunConfig(
+        scaffold=toy_scaffold(warm_up=None), backend="openai:m", backend_options={"base_url": free_address()}
+    )
+    folder = tmp_path / "my run"
+    for attempt in (1, 2):
+        with pytest.raises(typer.Exit) as ended:
+            _execute(RunRequest(toy_task(), config, folder), Resources(), as_json, True)
+        assert ended.value.exit_code == OUTAGE == 3
+        shown = capsys.readouterr()
+        (line,) = [line for line in shown.err.splitlines() if line.startswith("Stopped:")]
+        assert "nothing listens at 127.0.0.1" in line
+        assert line.endswith(f"Go on with: bsa-run --resume {shlex.quote(str(folder))}")
+        assert "converged" not in shown.out + shown.err
+        result = json.loads((folder / "result.json").read_text())
+        assert (result["status"], result["lost_calls"], result["simulations"]) == ("outage", attempt, 1)
+        if as_json:
+            assert json.loads(shown.out) == result
+        else:
+            assert f"{attempt} of {attempt} model calls lost" in shown.out
+
+
+def test_a_study_stops_and_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(*_: object, **__: object) -> None:
+        raise Outage("the language model gave no reply: nothing listens")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(suite, "suite_study", stopped)
+    monkeypatch.setattr(sys, "argv", ["bsa", "bench", "suite", "--suite", "generated", "--cases", "1"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == OUTAGE
+    assert "Stopped: the language model gave no reply: nothing listens. The same command goes on." in (
+        capsys.readouterr().err
+    )
