@@ -7,8 +7,8 @@ from ..discovery_bench.shortlists import shortlist_table
 from .layout import short, table
 from .results import Results
 
-CASES = "discovery_cases discovery_ageing"
-"""Files of the blind cases: those without ageing, and those with."""
+CASES = "discovery_cases discovery_earlier"
+"""Files of the blind cases: those run last, and those whose rows are an earlier version's."""
 
 
 def blind_cases(results: Results) -> str:

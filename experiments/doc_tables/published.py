@@ -99,7 +99,7 @@ def start(results: Results) -> str:
             paper = theirs[mode][_DEFAULT][name].mean
             difference = entry.mean / paper - 1.0
             same += abs(difference) <= _REPRODUCED
-            lines.append([mode, name, f"{entry.mean:.1f}", f"{paper:.1f}", f"{100 * difference:+.1f} %"])
+            lines.append([mode, name, f"{entry.mean:.2f}", f"{paper:.2f}", f"{100 * difference:+.1f} %"])
     cells = f"{same} of {len(lines)} cells"
     words = f"The untouched start reproduces the paper's Default row within {100 * _REPRODUCED:g} % in {cells}:"
     return "\n\n".join([words, table(["mode", "base cell", "our start", "paper, Default", "difference"], lines, 2)])

@@ -86,7 +86,7 @@ class Results:
     def _line(self, study: str) -> str:
         origin = self._origin(study)
         note = f" {origin.note}" if origin.note else ""
-        return f"*[{study}.csv]({self.link}/{study}.csv): version {origin.version}; {origin.machine}.*{note}"
+        return f"*[{study}.csv]({self.link}/{study}.csv): made by {origin.version}; {origin.machine}.*{note}"
 
     def _origin(self, study: str) -> Origin:
         if study not in self.origins:

@@ -14,6 +14,9 @@ from .results import Results
 
 Row = dict[str, Any]
 
+_MANY, _CORES = 100_000, 400
+"""Cells and cores for which the cost of one cell is reckoned up."""
+
 
 def random_cells(results: Results) -> str:
     """Cases that nobody tuned for."""
@@ -80,18 +83,9 @@ def no_harm(results: Results) -> str:
     return results.framed("no_harm", table(heads, lines), words)
 
 
-def ablation_cases(results: Results) -> str:
-    """The ablation on twenty cases."""
-    return _ablation(results, "ablation_cases")
-
-
-def ablation_seeds(results: Results) -> str:
-    """The ablation on eight cases with three seeds."""
-    return _ablation(results, "ablation_seeds")
-
-
-def _ablation(results: Results, study: str) -> str:
-    rows = results.rows(study)
+def ablation(results: Results) -> str:
+    """What each part of the scaffold is worth to the rules backend."""
+    rows = results.rows("ablation")
     lines = [
         [
             item.method,
@@ -106,7 +100,7 @@ def _ablation(results: Results, study: str) -> str:
     methods = dict.fromkeys(row["method"] for row in rows)
     means = ", ".join(f"{m} {spread([row['mape'] for row in rows if row['method'] == m])}" for m in methods)
     heads = ["against `full`, on `rules`", "ratio of errors", "95 % interval", "worse / better / all", "p", "verdict"]
-    return results.framed(study, table(heads, lines), f"Mean errors in %: {means}.")
+    return results.framed("ablation", table(heads, lines), f"Mean errors in %: {means}.")
 
 
 def evaluation(results: Results) -> str:
@@ -185,11 +179,22 @@ def warm_up(results: Results) -> str:
 
 
 def grid_cost(results: Results) -> str:
-    """What a cell of a grid costs beside its run."""
+    """What a cell of a grid costs."""
+    rows = results.rows("grid_cost")
     return results.framed(
-        "grid_cost",
-        table(
-            ["figure", "measured"],
-            [[r["figure"], f"{short(r['value'])} {r['unit']}"] for r in results.rows("grid_cost")],
-        ),
+        "grid_cost", table(["figure", "measured"], [[r["figure"], f"{short(r['value'])} {r['unit']}"] for r in rows])
     )
+
+
+def grid_scaling(results: Results) -> str:
+    """What the same costs come to for many cells."""
+    cost = {row["name"]: row["value"] for row in results.rows("grid_cost")}
+    hours = cost["run"] * _MANY / 3600
+    lines = [
+        ["runs", f"{short(hours)} core hours; {short(60 * hours / _CORES)} min on {_CORES} cores"],
+        ["the grid's own work", f"{short(cost['overhead'] * _MANY / 6e4)} min"],
+        ["files", f"{cost['files'] * _MANY:.1e} files, {short(cost['bytes'] * _MANY / 1e3)} GB"],
+        ["synced journal lines", f"{short(cost['lines'] * _CORES / cost['run'])} a second on {_CORES} cores"],
+        ["a model's tokens", f"{cost['tokens'] * _MANY:.1e}, {cost['prompt']:.0f} % of them prompt"],
+    ]
+    return table(["what", f"at {_MANY:,} cells"], lines, 2)

@@ -28,7 +28,7 @@ def test_a_table_is_made_of_its_rows_once_and_stands_between_its_markers(checkou
     assert text.startswith("before\n<!-- table: noise -->\n```sh\nbsa bench suite\n```\n")
     assert text.endswith("<!-- end of table -->\nafter\n")
     assert "| with noise, 60 simulations | 0.05 | 0.1 |" in text
-    assert "*[noise.csv](results/noise.csv): version abc1234; two free cores.*" in text
+    assert "*[noise.csv](results/noise.csv): made by abc1234; two free cores.*" in text
     assert rebuild(checkout) == []
 
 
@@ -55,7 +55,7 @@ def test_the_readme_links_to_rows_from_where_it_lies(checkout):
         ("<!-- end of table -->\n", "do not pair"),
         ("<!-- table: noise -->\n<!-- table: noise -->\n<!-- end of table -->", "do not pair"),
         ("<!-- table: noise -->\n<!-- end of table -->\n<!-- end of table -->", "do not pair"),
-        (BLOCK.format("").replace("noise", "random"), "random.csv is missing"),
+        (BLOCK.format("").replace("noise", "baselines"), "baselines.csv is missing"),
     ],
 )
 def test_what_cannot_be_made_is_an_error_and_nothing_is_written(checkout, text, words):

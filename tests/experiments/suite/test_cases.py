@@ -14,6 +14,7 @@ from bsa.experiments.suite.generated import COLUMNS, all_cases, generate, genera
 from bsa.experiments.suite.published import _BESIDE_THE_REPOSITORY, published_cases
 from bsa.experiments.suite.random import SETS, random_cases
 from bsa.experiments.suite.selection import choose, load_suite
+from bsa.plugins.pybamm.presets import resolve_space
 
 has_published = pytest.mark.skipif(not _BESIDE_THE_REPOSITORY.is_dir(), reason="needs ../shared/reference-suite")
 
@@ -156,3 +157,24 @@ def test_the_case_that_runtime_takes_by_default_exists() -> None:
     defaults = {name: parameter.default for name, parameter in signature(runtime_command).parameters.items()}
     (case,) = choose(load_suite(defaults["suite"]), defaults["case"]).values()
     assert case.parameter_set == "Chen2020"
+
+
+def _searched_are_perturbed(cases: dict[str, SuiteCase]) -> None:
+    """In each regular case all nine searched parameters differ from the base cell, in each extreme one a single one."""
+    searched = set(resolve_space("Chen2020", "geometry").names)
+    assert len(searched) == 9
+    for case in cases.values():
+        if case.mode == "regular":
+            assert set(case.changes) == searched
+        elif case.mode == "extreme":
+            assert set(case.changes) < searched
+            assert len(case.changes) == 1
+
+
+def test_the_searched_parameters_are_the_perturbed_ones() -> None:
+    _searched_are_perturbed(generated_cases())
+
+
+@has_published
+def test_the_searched_parameters_are_the_papers() -> None:
+    _searched_are_perturbed(published_cases())
