@@ -164,27 +164,3 @@ def begins(path: Path, beginning: bytes) -> bool:
 def foreign(path: Path, wanted: str) -> BsaError:
     """The refusal of a path that holds something else than ``wanted``, which would be overwritten."""
     return BsaError(f"{path} holds something that is not {wanted}; nothing was written.", "choose another path.")
-
-
-@contextmanager
-def claimed(folder: Path) -> Iterator[None]:
-    """Make a folder for results before the work; if the work fails, an empty one goes again.
-
-    Raises
-    ------
-    BsaError
-        If the folder cannot be made or written to.
-    """
-    probe = folder / f".{secrets.token_hex(8)}{_DRAFT}"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe.touch(exist_ok=False)
-        probe.unlink()
-    except OSError as error:
-        raise file_error(error, folder) from None
-    try:
-        yield
-    except BaseException:
-        with suppress(OSError):
-            folder.rmdir()
-        raise

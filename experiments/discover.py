@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
-from pathlib import Path
+from contextlib import ExitStack, closing, contextmanager
 
 import numpy as np
 
@@ -14,21 +13,29 @@ from ..core.discovery.closure import fit_closure
 from ..core.discovery.discovery import Discovery, temperature_errors
 from ..core.discovery.explanation import Explanation
 from ..core.discovery.findings import Listener, Nomination, Settings
+from ..core.discovery.laboratory import Laboratory
 from ..core.discovery.localisation import in_words, localise
 from ..core.discovery.next_experiment import propose
 from ..core.discovery.problem import Problem
 from ..core.discovery.ranking import Ranking, ask
-from ..core.files import claimed, entries, foreign, read_json, write_text
+from ..core.discovery.recorded import RecordedLaboratory
+from ..core.files import write_text
 from ..core.messages import Backend
+from ..core.parameters import ParameterSpace
+from ..core.recording import Recorder
+from ..core.task import CellModel
 from ..core.trajectory import FloatArray
+from ..plugins.pybamm.laboratory_pool import LaboratoryPool
+from ..plugins.pybamm.radial_mesh import RadialMesh
 from .discovery_case import DiscoverOptions, read_case
+from .discovery_journal import opened
 from .discovery_workbench import Workbench, set_up
 
 RESULT = "discovery.json"
 
 
-def discover(options: DiscoverOptions, listener: Listener = lambda text: None) -> Discovery:
-    """Read the records, find what is missing, and write the answer.
+def discover(options: DiscoverOptions, listener: Listener = lambda text: None, workers: int = 1) -> Discovery:
+    """Read the records, find what is missing, and write the answer; or go on where the same discovery was stopped.
 
     Parameters
     ----------
@@ -36,37 +43,41 @@ def discover(options: DiscoverOptions, listener: Listener = lambda text: None) -
         Records, base model, and how hard to look.
     listener : callable
         Told in one line what is being done.
+    workers : int
+        Simulations side by side.
 
     Returns
     -------
     Discovery
-        Also written to ``discovery.json``, ``report.html`` and ``augmented_model.py`` in ``options.out``.
+        Also written to ``discovery.json``, ``report.html`` and ``augmented_model.py`` in ``options.out``, beside the
+        ``journal.jsonl`` of every simulation and reply.
 
     Raises
     ------
     BsaError
-        If a record, a parameter set, an effect or an option is wrong.
+        If a record, a parameter set, an effect or an option is wrong, or the folder holds something else.
     """
     from .discovery_page import write_page
 
-    _check_folder(options.out)
-    with claimed(options.out):
+    with opened(options) as journal, ExitStack() as held:
+        recorder = Recorder(journal.file, journal.earlier, say=listener)
+
+        def make_laboratory(cell: CellModel, space: ParameterSpace, mesh: RadialMesh) -> Laboratory:
+            pool = LaboratoryPool(cell, space.targets, mesh.usual, mesh.fine, workers)
+            return RecordedLaboratory(held.enter_context(closing(pool)), journal.file, journal.earlier)
+
         case = read_case(options)
-        with backend_or_none(options) as backend:
-            bench = set_up(case, options, listener)
-            discovery = discover_on(bench, options, listener, backend)
+        backend = held.enter_context(backend_or_none(options))
+        bench = set_up(case, options, listener, make_laboratory)
+        asked = None if backend is None else recorder.around(backend)
+        discovery = discover_on(bench, options, listener, asked)
         # Said before it is written: a disk that is full by now must not cost the answer.
         listener(f"{discovery.verdict}: {', '.join(discovery.names) or discovery.findings.reason}")
         write_text(options.out / RESULT, json.dumps(discovery.to_json(), indent=1, allow_nan=False))
         write_text(options.out / "augmented_model.py", discovery.script)
         write_page(options.out / "report.html", discovery, bench.problem)
+        journal.file.append("end", status=discovery.verdict)
     return discovery
-
-
-def _check_folder(folder: Path) -> None:
-    """Refuse a folder that holds anything else than an earlier discovery."""
-    if entries(folder) and "verdict" not in (read_json(folder / RESULT) or {}):
-        raise foreign(folder, "a discovery")
 
 
 @contextmanager

@@ -10,11 +10,13 @@ from ..core.discovery.engine import Engine
 from ..core.discovery.evidence import gather
 from ..core.discovery.explanation import Explanation
 from ..core.discovery.findings import Listener, Nomination, Settings
+from ..core.discovery.laboratory import Laboratory
 from ..core.discovery.localisation import in_words, localise
 from ..core.discovery.observations import observe
 from ..core.discovery.problem import Problem
 from ..core.effect import Effect
 from ..core.parameters import ParameterSpace
+from ..core.task import CellModel
 from ..plugins.pybamm.laboratory import PyBaMMLaboratory
 from ..plugins.pybamm.parameter_sets import load, pybamm
 from ..plugins.pybamm.radial_mesh import RadialMesh, radial_mesh
@@ -37,7 +39,7 @@ class Workbench:
         The uncertain parameters of the base model.
     catalogue : tuple of Effect
         What may be missing.
-    laboratory : PyBaMMLaboratory
+    laboratory : Laboratory
         The problem's, with what it refused to build.
     mesh : RadialMesh
         How finely the particles are resolved.
@@ -53,7 +55,7 @@ class Workbench:
     problem: Problem
     space: ParameterSpace
     catalogue: tuple[Effect, ...]
-    laboratory: PyBaMMLaboratory
+    laboratory: Laboratory
     mesh: RadialMesh
     capacity_ah: float
     began: float
@@ -85,7 +87,20 @@ class Workbench:
         return in_words(places, problem.observations[0].noise)
 
 
-def set_up(case: Case, options: DiscoverOptions, listener: Listener = lambda text: None) -> Workbench:
+MakeLaboratory = Callable[[CellModel, ParameterSpace, RadialMesh], Laboratory]
+
+
+def in_this_process(cell: CellModel, space: ParameterSpace, mesh: RadialMesh) -> Laboratory:
+    """A laboratory that simulates one request after the other, here."""
+    return PyBaMMLaboratory(cell, space.targets, mesh.usual, mesh.fine)
+
+
+def set_up(
+    case: Case,
+    options: DiscoverOptions,
+    listener: Listener = lambda text: None,
+    make_laboratory: MakeLaboratory = in_this_process,
+) -> Workbench:
     """Settle the mesh, choose what is uncertain, and condense the records of a case."""
     pybamm.set_logging_level("CRITICAL")
     began = time.perf_counter()
@@ -94,7 +109,7 @@ def set_up(case: Case, options: DiscoverOptions, listener: Listener = lambda tex
     if mesh.note:
         listener(mesh.note)
     space = uncertain_parameters(cell.model, case.specimens, case.initial_soc, spreads_of(options.search, cell))
-    laboratory = PyBaMMLaboratory(cell, space.targets, mesh.usual, mesh.fine)
+    laboratory = make_laboratory(cell, space, mesh)
     floor = 1e-3 * options.floor_mv
     problem = Problem(
         laboratory,

@@ -169,11 +169,13 @@ def read_request(folder: Path) -> tuple[Task, RunConfig]:
     BsaError
         If the folder holds no run.
     """
-    for event in read_events(folder):
-        if event["event"] == "run":
-            return decode_task(event["task"]), RunConfig.model_validate(event["config"])
-        break
-    raise BsaError(f"{folder / FILE_NAME} does not begin with a run.", "give the folder of an earlier run.")
+    first = next(read_events(folder), {})
+    if first.get("event") == "run" and "task" in first:
+        return decode_task(first["task"]), RunConfig.model_validate(first["config"])
+    path = folder / FILE_NAME
+    if first.get("kind") == "discovery":
+        raise BsaError(f"{path} is the journal of a discovery.", "bsa discover --resume goes on with it.")
+    raise BsaError(f"{path} does not begin with a run.", "give the folder of an earlier run.")
 
 
 def summary(task: Task, config: RunConfig, backend_name: str, result: RunResult) -> dict[str, Any]:

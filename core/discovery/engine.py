@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
 
 from ..effect import Effect, Evidence
 from ..parameters import ParameterSpace
@@ -23,6 +25,9 @@ from .rules import (
     predicts_warmth,
     rivals,
 )
+from .side_by_side import side_by_side
+
+T = TypeVar("T")
 
 _SECONDS = 4
 """Second effects that get a short refit beside a first one."""
@@ -150,6 +155,9 @@ class Engine:
         findings.nominations, findings.mesh_v, findings.nearest_base = nominations, mesh_v, nearest
         return findings
 
+    def _side_by_side(self, actions: Sequence[Callable[[], T]]) -> list[T]:
+        return side_by_side(actions, self.problem.laboratory.at_once)
+
     def _bent(self, base: Explanation) -> bool:
         """Whether the base model was fitted with less counted as noise than what it leaves."""
         return self.problem.misfit_v == 0.0 or base.blur_v > self.problem.misfit_v
@@ -166,8 +174,8 @@ class Engine:
         chosen = scored[: self.settings.screened]
         chosen += [n for n in scored[self.settings.screened :] if n.effect.key in keys]
         self._say(f"screening {len(chosen)} effects")
-        for nomination in chosen:
-            screen(scout, calm, nomination, as_new=scout is not self._fitter)
+        as_new = scout is not self._fitter
+        self._side_by_side([partial(screen, scout, calm, nomination, as_new) for nomination in chosen])
         misfit_v = scout.problem.misfit_v
         found = self._settle(base, chosen, scout)
         if scout is not self._fitter or (found and self._explains(base, found[0])):
@@ -177,8 +185,7 @@ class Engine:
             return found
         self._say(f"none of them explains half of it; screening {len(misjudged)} effects with slopes of their own")
         scout.problem.misfit_v = misfit_v  # the scores were taken with it
-        for nomination in misjudged:
-            screen_afresh(scout, calm, nomination)
+        self._side_by_side([partial(screen_afresh, scout, calm, nomination) for nomination in misjudged])
         known = {explanation.label for explanation in found}
         fresh = self._settle(base, [n for n in nominations if n.effect.key not in known], scout)
         return _sorted([*found, *fresh])
@@ -213,15 +220,13 @@ class Engine:
             hinted = [n for n in beside[:_SECONDS] if n.gain > _HINT * first.cost]
             # Two that each bend the parameters to do without the other are not seen by a score on what either leaves.
             best = [n for n in beside if any(n.effect is e.effects[0] for e in singles) and n not in hinted]
-            for nomination in (*hinted, *best):
-                effects = (first.effects[0], nomination.effect)
-                key = tuple(sorted(effect.key for effect in effects))
-                if key not in screened:
-                    screen(self._fitter, first, nomination)
-                    left = nomination.promise / first.cost
-                    self._say(f"  {first.label} + {nomination.effect.key}: leaves {left:.0%} of what one effect does")
-                    if left < _WORTHWHILE:
-                        screened[key] = effects, nomination
+            new = [n for n in (*hinted, *best) if _pair_key(first, n) not in screened]
+            self._side_by_side([partial(screen, self._fitter, first, nomination) for nomination in new])
+            for nomination in new:
+                left = nomination.promise / first.cost
+                self._say(f"  {first.label} + {nomination.effect.key}: leaves {left:.0%} of what one effect does")
+                if left < _WORTHWHILE:
+                    screened[_pair_key(first, nomination)] = (first.effects[0], nomination.effect), nomination
         return self._contest(base, list(screened.values()))
 
     def finish(
@@ -239,8 +244,10 @@ class Engine:
         lost = [e for e in result[1:] if len(e.effects) == 1 and not e.settled and _may_yet_lead(e, leader)]
         starts = [(e.effects, e.fit, e.score) for e in lost]
         starts += [((n.effect,), n.screened, n.score) for n in kin if n.screened is not None]
-        for effects, fit, score in starts:
-            again = self._fitter.from_beside(effects, fit, leader, score)
+        found = self._side_by_side(
+            [partial(self._fitter.from_beside, effects, fit, leader, score) for effects, fit, score in starts]
+        )
+        for (_, fit, _), again in zip(starts, found, strict=True):
             known = next((e for e in lost if e.fit is fit), None)
             if again is not None and (known is None or bic_difference(known, again) > 0):
                 self._fitter.tell(base, again)
@@ -341,6 +348,11 @@ def _sorted(explanations: Sequence[Explanation]) -> list[Explanation]:
         return []
     nearest = min(explanations, key=lambda e: e.misfit_v)
     return sorted(explanations, key=lambda e: bic(e, nearest))
+
+
+def _pair_key(first: Explanation, nomination: Nomination) -> tuple[str, ...]:
+    """Which two effects, in whichever order."""
+    return tuple(sorted((first.effects[0].key, nomination.effect.key)))
 
 
 def _may_yet_lead(other: Explanation, leader: Explanation) -> bool:

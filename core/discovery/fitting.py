@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
@@ -20,6 +22,9 @@ from .problem import Problem
 from .refit import Refit, Residuals, differences, refit
 from .rules import CLEAR_BIC, bic_difference
 from .score import Score
+from .side_by_side import side_by_side
+
+T = TypeVar("T")
 
 _COARSE_V = 0.03
 """Misfit with which the base fit begins, V."""
@@ -176,7 +181,10 @@ class Fitter:
         # The charge that a rested voltage tells is well known: what comes nearer elsewhere may end farther off.
         if (0.0, 0.0) in costs and (0.0, 0.0) not in places:
             places.append((0.0, 0.0))
-        tried = [self.fit((), self.space, self._eased(start, *p), self.settings.base_budget, 2e-2) for p in places]
+        effort = self.settings.base_budget
+        tried = self._side_by_side(
+            [partial(self.fit, (), self.space, self._eased(start, *place), effort, 2e-2) for place in places]
+        )
         fits = [fit for fit in tried if fit is not None]
         if not fits:
             raise BsaError(
@@ -184,6 +192,9 @@ class Fitter:
                 "check the sign of the current and the capacity of the parameter set.",
             )
         return min(fits, key=lambda fit: fit.cost)
+
+    def _side_by_side(self, actions: Sequence[Callable[[], T]]) -> list[T]:
+        return side_by_side(actions, self.problem.laboratory.at_once)
 
     def _eased(self, start: FloatArray, ease: float, soc_shift: float) -> FloatArray:
         shift: FloatArray = np.array([ease if parameter.prior else soc_shift for parameter in self.space])
@@ -325,8 +336,8 @@ class Fitter:
             last = left > 0.6 * before or left == 0.0 or level == _LEVELS - 1
             self.problem.misfit_v = min(left, before)
             fitted: list[Explanation] = []
-            for explanation in running:
-                again = self.again(explanation, budget if last else budget // 3)
+            effort = budget if last else budget // 3
+            for again in self._side_by_side([partial(self.again, explanation, effort) for explanation in running]):
                 ahead = min((other.cost for other in fitted), default=np.inf)
                 if again.cost > ahead + LAG:
                     dropped.append(again)

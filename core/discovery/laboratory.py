@@ -116,7 +116,21 @@ class Request:
 
 
 class Laboratory(Protocol):
-    """Simulates; several requests at once may run side by side."""
+    """Simulates; several requests at once may run side by side.
+
+    Attributes
+    ----------
+    at_once : int
+        How many requests run side by side; threads may share a laboratory with more than one.
+    simulations : int
+        Requests answered.
+    refused : dict of str to str
+        Effects that could not be built, and why.
+    """
+
+    at_once: int
+    simulations: int
+    refused: dict[str, str]
 
     def predict(self, requests: Sequence[Request]) -> list[Prediction | None]:
         """Predict voltage and temperature for each request, in order; None where the simulation failed."""

@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+import json
+import shlex
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from pydantic import ValidationError
 
+from ...core.errors import BsaError
 from . import completion
 from . import shared_options as shared
+from .exit_codes import STOPPED
 from .progress import printable
+
+if TYPE_CHECKING:
+    from ..discovery_case import DiscoverOptions
 
 
 def discover(
     *,
     data: Annotated[
-        list[Path],
+        list[Path] | None,
         typer.Option("--data", metavar="FILE...", help="Records to explain.", rich_help_panel=shared.RECORDS),
-    ],
+    ] = None,
     holdout: Annotated[
         list[Path] | None,
         typer.Option(
@@ -40,14 +47,14 @@ def discover(
     reader_option: shared.ReaderOption = None,
     temperature: shared.Temperature = None,
     parameters: Annotated[
-        str,
+        str | None,
         typer.Option(
             metavar="NAME",
             help="PyBaMM parameter set to start from.",
             autocompletion=completion.parameter_sets,
             rich_help_panel=shared.MODEL,
         ),
-    ],
+    ] = None,
     model: shared.Model = "DFN",
     options: shared.ModelOptions = None,
     override: Annotated[
@@ -91,6 +98,7 @@ def discover(
         ),
     ] = 2,
     seed: shared.Seed = 0,
+    workers: shared.SimulationWorkers = 0,
     backend: Annotated[
         str | None,
         typer.Option(
@@ -104,20 +112,31 @@ def discover(
     base_url: shared.BaseUrl = None,
     backend_option: shared.BackendOption = None,
     out: Annotated[
-        Path,
+        Path | None,
         typer.Option(
             metavar="FOLDER",
-            help="Folder for discovery.json, report.html and augmented_model.py.",
+            help="Folder of the discovery; default: runs/<record>-discover-<n>.",
             rich_help_panel=shared.OUTPUT,
         ),
-    ],
+    ] = None,
+    resume: shared.Resume = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print discovery.json to standard output.", rich_help_panel=shared.OUTPUT)
+    ] = False,
 ) -> None:
     """Find where a model and measured records disagree, name the missing effect, add it, show the gap shrink."""
     from ...core.validation import explain
-    from ..discover import discover as find
     from ..discovery_case import DiscoverOptions
-    from ..request import key_values
+    from ..request import key_values, numbered_folder
 
+    if resume is not None:
+        from ..discovery_journal import read_options
+
+        _carry_out(read_options(resume), workers, as_json)
+        return
+    if not data or parameters is None:
+        missing = "--data" if not data else "--parameters"
+        raise BsaError(f"{missing} is missing.", "bsa discover --data RECORD.csv --parameters Chen2020, for example.")
     read = shared.reading(column, unit, where, current_sign, constant_current, cycles, sheet, temperature)
 
     def files(paths: list[Path] | None) -> list[dict[str, Any]]:
@@ -142,13 +161,33 @@ def discover(
                 "backend_options": shared.reaching(via, base_url, backend_option),
                 "max_effects": max_effects,
                 "seed": seed,
-                "out": out,
+                "out": out or numbered_folder(Path("runs"), f"{data[0].stem[:60]}-discover"),
             }
         )
     except ValidationError as error:
         raise explain(error, "discovery", DiscoverOptions) from None
-    found = find(asked, lambda text: print(printable(text, 400), file=sys.stderr, flush=True))
+    _carry_out(asked, workers, as_json)
+
+
+def _carry_out(asked: DiscoverOptions, workers: int, as_json: bool) -> None:
+    from ...core.messages import Outage
+    from ..discover import discover as find
+
+    print(f"discovery → {asked.out}", file=sys.stderr)
+
+    def say(text: str) -> None:
+        print(printable(text, 400), file=sys.stderr, flush=True)
+
+    try:
+        found = find(asked, say, shared.simulation_workers(workers))
+    except (KeyboardInterrupt, Outage) as stopped:
+        why = "interrupted" if isinstance(stopped, KeyboardInterrupt) else printable(str(stopped), 400)
+        print(f"Stopped: {why}. Go on with: bsa discover --resume {shlex.quote(str(asked.out))}", file=sys.stderr)
+        raise typer.Exit(STOPPED["interrupted" if isinstance(stopped, KeyboardInterrupt) else "outage"]) from None
+    if as_json:
+        print(json.dumps(found.to_json(), indent=1, allow_nan=False))
+        return
     print(f"verdict: {found.verdict}")
     for name in found.names:
         print(f"  {printable(name)}")
-    print(f"  report: {out / 'report.html'}")
+    print(f"  report: {asked.out / 'report.html'}")

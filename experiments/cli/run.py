@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shlex
 import sys
 from pathlib import Path
@@ -88,15 +87,7 @@ def run(
         int, typer.Option(min=1, metavar="N", help="Simulations at most, in all.", rich_help_panel=shared.SEARCH)
     ] = 100,
     seed: shared.Seed = 1234,
-    workers: Annotated[
-        int,
-        typer.Option(
-            min=0,
-            metavar="N",
-            help="Simulations side by side; 0: as many as cores, 4 at most.",
-            rich_help_panel=shared.SEARCH,
-        ),
-    ] = 0,
+    workers: shared.SimulationWorkers = 0,
     settings: Annotated[
         list[str] | None,
         typer.Option(
@@ -162,12 +153,7 @@ def run(
             rich_help_panel=shared.OUTPUT,
         ),
     ] = None,
-    resume: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER", help="Go on with the interrupted run in this folder.", rich_help_panel=shared.OUTPUT
-        ),
-    ] = None,
+    resume: shared.Resume = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print result.json to standard output.", rich_help_panel=shared.OUTPUT)
     ] = False,
@@ -180,7 +166,7 @@ def run(
 
     if out is not None:
         check_run_folder(out)
-    resources = Resources(workers or min(os.cpu_count() or 1, 4), max_tokens, max_cost)
+    resources = Resources(shared.simulation_workers(workers), max_tokens, max_cost)
     if resume is not None:
         earlier_task, config = read_request(resume)
         _execute(RunRequest(earlier_task, config, resume), resources, as_json, identifiability)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -115,6 +116,26 @@ MaxCost = Annotated[
 ]
 Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Seed for everything random.", rich_help_panel=SEARCH)]
 Workers = Annotated[int, typer.Option(min=1, metavar="N", help="Runs side by side.", rich_help_panel=SEARCH)]
+
+SimulationWorkers = Annotated[
+    int,
+    typer.Option(
+        "--workers",
+        min=0,
+        metavar="N",
+        help="Simulations side by side; 0: as many as cores, 4 at most.",
+        rich_help_panel=SEARCH,
+    ),
+]
+Resume = Annotated[
+    Path | None,
+    typer.Option(metavar="FOLDER", help="Go on with the interrupted run in this folder.", rich_help_panel=OUTPUT),
+]
+
+
+def simulation_workers(asked: int) -> int:
+    """How many simulations run side by side: what was asked for, or one on each of up to four cores."""
+    return asked or min(os.cpu_count() or 1, 4)
 
 
 def _show_version(wanted: bool) -> None:

@@ -43,6 +43,8 @@ class PyBaMMLaboratory:
         Mesh and tolerances of the search and of the check on it.
     """
 
+    at_once = 1
+
     def __init__(
         self, cell: CellModel, targets: Mapping[str, Target], usual: Resolution = SEARCH, fine: Resolution = FINE
     ) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from bsa.core.errors import BsaError
-from bsa.core.files import begins, claimed, entries, file_error, read_json, replacing, write_json, write_text
+from bsa.core.files import begins, entries, file_error, read_json, replacing, write_json, write_text
 
 
 def test_a_link_is_replaced_not_followed(tmp_path: Path) -> None:
@@ -37,12 +37,6 @@ def _fill_the_disk(path: Path) -> None:
     with replacing(path) as file:
         file.write(b"half")
         raise OSError(errno.ENOSPC, "No space left on device")
-
-
-def _work_in_vain(folder: Path) -> None:
-    with claimed(folder):
-        assert entries(folder) == set()
-        raise ValueError("work")
 
 
 def test_what_stood_there_stays_when_the_new_file_fails(tmp_path: Path) -> None:
@@ -116,18 +110,6 @@ def test_beginnings(tmp_path: Path) -> None:
     assert not begins(tmp_path, b"x")
     os.mkfifo(tmp_path / "pipe")
     assert not begins(tmp_path / "pipe", b"x")
-
-
-def test_a_claimed_folder_goes_with_the_work_that_failed(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="work"):
-        _work_in_vain(tmp_path / "out")
-    assert not (tmp_path / "out").exists()
-    with claimed(tmp_path / "out"):
-        pass
-    assert (tmp_path / "out").is_dir()
-    (tmp_path / "file").touch()
-    with pytest.raises(BsaError, match="file"), claimed(tmp_path / "file"):
-        pytest.fail("the work was begun")
 
 
 def test_errors_name_the_path_and_the_reason() -> None:

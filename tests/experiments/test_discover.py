@@ -5,13 +5,16 @@ import sys
 import numpy as np
 import pytest
 from bsa.core.errors import BsaError
+from bsa.core.journal import Journal, read_events
 from bsa.core.task import CellModel
 from bsa.experiments.discover import discover
 from bsa.experiments.discovery_bench.cases import recipes
 from bsa.experiments.discovery_bench.hidden_cell import Hidden, Leg, measure
 from bsa.experiments.discovery_bench.making import _write
 from bsa.experiments.discovery_case import DiscoverOptions, spreads_of
+from bsa.experiments.discovery_journal import read_options
 from bsa.experiments.effect_choice import effects_of
+from bsa.experiments.run import read_request
 
 
 def test_the_benchmark_covers_what_it_must():
@@ -82,7 +85,7 @@ def test_a_hidden_resistance_is_found_from_files(tmp_path):
         points=200,
         out=tmp_path / "out",
     )
-    found = discover(options)
+    found = discover(options, workers=2)
     assert found.verdict == "effect-found", found.findings.reason
     assert found.names == ("contact-resistance",)
     assert found.gap["closed"] > 0.95
@@ -108,3 +111,29 @@ def test_a_hidden_resistance_is_found_from_files(tmp_path):
     said = subprocess.run(script, capture_output=True, text=True, timeout=300, check=True).stdout
     rms_mv = float(said.split("rms error ")[1].split(" mV")[0])
     assert rms_mv == pytest.approx(found.gap["final_rmse_mv"], rel=0.05)
+    simulated = count_simulations(options.out)
+    again = discover(read_options(options.out))
+    assert (again.verdict, again.gap) == (found.verdict, found.gap)
+    assert count_simulations(options.out) == simulated
+    with pytest.raises(BsaError, match="other options"):
+        discover(options.model_copy(update={"max_effects": 1}))
+    (tmp_path / "a.csv").write_text((tmp_path / "held.csv").read_text())
+    with pytest.raises(BsaError, match="other records"):
+        discover(options)
+
+
+def count_simulations(folder):
+    return sum(event["event"] == "simulation" for event in read_events(folder))
+
+
+def test_the_folder_of_a_calibration_is_not_resumed_as_a_discovery_nor_the_reverse(tmp_path, run_toy):
+    run_toy(tmp_path / "run")
+    with pytest.raises(BsaError, match="not the journal of a discovery") as caught:
+        read_options(tmp_path / "run")
+    assert "bsa run --resume" in caught.value.hint
+    journal = Journal(tmp_path / "discovery")
+    journal.append("run", format=1, kind="discovery", options={}, records={})
+    journal.close()
+    with pytest.raises(BsaError, match="discovery") as caught:
+        read_request(tmp_path / "discovery")
+    assert "bsa discover --resume" in caught.value.hint

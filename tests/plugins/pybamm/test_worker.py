@@ -1,3 +1,4 @@
+import multiprocessing
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,7 +10,7 @@ from bsa.core.simulation import Outcome
 from bsa.core.target import targets_named
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Trajectory
-from bsa.plugins.pybamm import worker
+from bsa.plugins.pybamm import processes
 from bsa.plugins.pybamm.worker import Assignment, WorkerPool
 
 pytestmark = pytest.mark.slow
@@ -53,7 +54,7 @@ def test_the_reference_agrees_with_the_search(pool: WorkerPool) -> None:
 
 def test_a_killed_worker_costs_one_trial(pool: WorkerPool) -> None:
     simulate(pool, 5e-6)
-    victim = pool._workers[0]
+    victim = pool.processes.workers[0]
     victim._process.kill()
     outcomes = simulate(pool, 5e-6, 5e-6, 5e-6)
     failures = [outcome for outcome in outcomes if not outcome.ok]
@@ -64,7 +65,7 @@ def test_a_killed_worker_costs_one_trial(pool: WorkerPool) -> None:
 
 
 def test_a_hang_is_stopped_at_the_time_limit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(worker, "_COMPILE_LIMIT_S", 0.2)
+    monkeypatch.setattr(processes, "START_LIMIT_S", 0.2)
     pool = WorkerPool(assignment("Discharge at 1C for 1 minute"), 1, 0.1)
     try:
         (outcome,) = simulate(pool, 5e-6)
@@ -92,17 +93,17 @@ def test_workers_that_nobody_waits_for_are_ended(pool: WorkerPool) -> None:
 
 
 @pytest.mark.usefixtures("ctrl_c")
-def test_ctrl_c_while_a_worker_starts_leaves_one_that_can_be_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_while_a_worker_starts_leaves_none_behind(monkeypatch: pytest.MonkeyPatch) -> None:
     @contextmanager
     def pressed() -> Iterator[None]:
         signal.raise_signal(signal.SIGINT)
         yield
 
-    monkeypatch.setattr(worker, "_single_threaded", pressed)
-    pool = WorkerPool(assignment("Discharge at 1C for 1 minute"), 1, 30.0)
+    monkeypatch.setattr(processes, "_single_threaded", pressed)
+    pool, before = (
+        WorkerPool(assignment("Discharge at 1C for 1 minute"), 1, 30.0),
+        set(multiprocessing.active_children()),
+    )
     with pytest.raises(KeyboardInterrupt):
         simulate(pool, 5e-6)
-    process = pool._workers[0]._process
-    assert process.is_alive()
-    pool.close()
-    assert not process.is_alive()
+    assert set(multiprocessing.active_children()) == before

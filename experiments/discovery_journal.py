@@ -1,0 +1,106 @@
+"""The journal of a discovery: its first line, and going on with a discovery that was stopped."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..core.discovery.recorded import SIMULATION
+from ..core.errors import BsaError
+from ..core.files import file_error
+from ..core.journal import FILE_NAME, FORMAT, Journal, read_events
+from .discovery_case import DiscoverOptions
+from .run import versions
+
+KIND = "discovery"
+
+
+@dataclass(frozen=True)
+class OpenJournal:
+    """The journal of a discovery that is under way.
+
+    Attributes
+    ----------
+    file : Journal
+        Open for writing.
+    earlier : list of mapping
+        Events from before the discovery was stopped; none of a new one.
+    """
+
+    file: Journal
+    earlier: list[dict[str, Any]]
+
+
+@contextmanager
+def opened(options: DiscoverOptions) -> Iterator[OpenJournal]:
+    """The journal in the discovery's folder, begun or found to be of the same options and records.
+
+    Raises
+    ------
+    BsaError
+        If a record cannot be read, or the folder holds anything else.
+    """
+    asked = {"options": _dumped(options), "records": _digests(options)}
+    file = Journal(options.out)
+    earlier: list[dict[str, Any]] = []
+    try:
+        earlier = list(read_events(options.out))
+        _begin(file, earlier, asked)
+        yield OpenJournal(file, earlier)
+    except BsaError:
+        # Refused before its first simulation: what is left must not block the folder for the mended command.
+        if not earlier and not any(event["event"] == SIMULATION for event in read_events(options.out)):
+            file.clear()
+        raise
+    finally:
+        file.close()
+
+
+def _begin(file: Journal, earlier: list[dict[str, Any]], asked: Mapping[str, Any]) -> None:
+    now = versions()
+    if not earlier:
+        file.append("run", format=FORMAT, kind=KIND, versions=now, **asked)
+        return
+    first = earlier[0]
+    changed = [key for key, value in asked.items() if first.get(key) != value]
+    if changed:
+        what = f"a discovery with other {' and '.join(changed)}" if first.get("kind") == KIND else "a calibration"
+        raise BsaError(f"{file.path} belongs to {what}.", "choose another --out folder, or resume with --resume alone.")
+    file.append("resumed", versions=now)
+
+
+def read_options(folder: Path) -> DiscoverOptions:
+    """The options of an earlier discovery, from its journal.
+
+    Raises
+    ------
+    BsaError
+        If the folder holds no discovery.
+    """
+    first = next(read_events(folder), {})
+    if first.get("kind") != KIND:
+        hint = "bsa run --resume goes on with a calibration." if first else "give the folder of an earlier discovery."
+        raise BsaError(f"{folder / FILE_NAME} is not the journal of a discovery.", hint)
+    return DiscoverOptions.model_validate({**first["options"], "out": folder})
+
+
+def _dumped(options: DiscoverOptions) -> dict[str, Any]:
+    """Options as the journal keeps them: paths that mean the same from every folder, and not where results go."""
+    content = options.model_dump(mode="json", exclude={"out"})
+    for file in (*content["data"], *content["holdout"]):
+        file["path"] = str(Path(file["path"]).absolute())
+    return content
+
+
+def _digests(options: DiscoverOptions) -> dict[str, str]:
+    found = {}
+    for file in (*options.data, *options.holdout):
+        try:
+            found[str(file.path.absolute())] = hashlib.sha256(file.path.read_bytes()).hexdigest()
+        except OSError as error:
+            raise file_error(error, file.path) from None
+    return found

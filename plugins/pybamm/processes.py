@@ -1,0 +1,273 @@
+"""Long-lived worker processes and the watch over them: a hang or a crash costs one job, not the run."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import queue
+import signal
+import time
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from multiprocessing.connection import Connection, wait
+from typing import Any, Generic, Protocol, TypeVar
+
+from ...core.errors import BsaError
+from ...core.interrupts import in_main_thread, interrupts_wait
+from ...core.parentage import end_with_parent
+
+Job = TypeVar("Job", contravariant=True)
+Answer = TypeVar("Answer", covariant=True)
+
+START_LIMIT_S = 300.0
+"""Extra time for a worker's first job, before which it imports PyBaMM and compiles models."""
+
+_THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+Report = Callable[[Any], None]
+"""Tells the parent how far a job has come."""
+
+
+class Service(Protocol[Job, Answer]):
+    """What the workers of a pool do; made in the parent, pickled, and used in each worker."""
+
+    def prepare(self) -> None:
+        """Import and compile in the worker what every job needs.
+
+        Raises
+        ------
+        BsaError
+            If no job can be done at all; the whole pool is then of no use, and says so.
+        """
+        ...
+
+    def work(self, job: Job, report: Report) -> Answer:
+        """Do one job in the worker. A `BsaError` ends the pool; any other exception costs the job."""
+        ...
+
+    def lost(self, cause: str, seconds: float, reported: Any) -> Answer:
+        """The answer for a job whose worker died, hung or raised; called in the parent.
+
+        Parameters
+        ----------
+        cause : str
+            What became of it, in a line.
+        seconds : float
+            How long it took.
+        reported : object
+            What it reported last; None if it never did.
+        """
+        ...
+
+
+def serve(connection: Connection, service: Service[Any, Any], at_once: bool) -> None:
+    """The worker's main loop: receive a job, report, send the answer."""
+    end_with_parent(at_once)
+    # Ctrl-C reaches the whole process group; only the parent decides what it means.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    warnings.simplefilter("ignore")
+    try:
+        service.prepare()
+    except Exception as error:
+        connection.send(("unusable", as_bsa_error(error)))
+        return
+    connection.send(("ready", None))
+    while True:
+        try:
+            job = connection.recv()
+        except (EOFError, OSError):
+            return
+        started = time.perf_counter()
+        try:
+            answer = ("done", service.work(job, lambda progress: connection.send(("report", progress))))
+        except BsaError as error:
+            answer = ("unusable", error)
+        except Exception as error:  # whatever a job provokes costs that job, never the run
+            reason = f"{type(error).__name__}: {error}".splitlines()[0][:200]
+            answer = ("lost", (reason, time.perf_counter() - started))
+        connection.send(answer)
+
+
+def as_bsa_error(error: Exception) -> BsaError:
+    """What kept a worker from preparing, as an error for the user."""
+    if isinstance(error, BsaError):
+        return error
+    reason = str(error).strip().splitlines()
+    return BsaError(
+        f"PyBaMM cannot build the model: {type(error).__name__}: {reason[0] if reason else ''}",
+        "check the model options and the searched parameters; some parameters only take part with certain options.",
+    )
+
+
+class Worker(Generic[Job, Answer]):
+    """One process.
+
+    Parameters
+    ----------
+    service : Service
+        What it does.
+    time_limit_s : float
+        Longest time for a job.
+    """
+
+    def __init__(self, service: Service[Job, Answer], time_limit_s: float) -> None:
+        self._service = service
+        self._time_limit_s = time_limit_s
+        self._process: Any = None
+        self.connection: Connection | None = None
+        self.deadline = 0.0
+
+    def start(self) -> None:
+        """Start the process if it is not running."""
+        if self._process is not None:
+            return
+        context = multiprocessing.get_context("spawn")
+        self.connection, theirs = context.Pipe()
+        with interrupts_wait(), _single_threaded():
+            self._process = context.Process(target=serve, args=(theirs, self._service, in_main_thread()), daemon=True)
+            self._process.start()
+            theirs.close()
+            self._ready = False
+
+    def submit(self, job: Job, allowance: float = 1.0) -> None:
+        """Hand over a job that may take ``allowance`` times the time limit; the answer comes through `receive`."""
+        self.start()
+        assert self.connection is not None
+        self._started = time.monotonic()
+        self.deadline = self._started + self._time_limit_s * allowance
+        if not self._ready:
+            self.deadline += START_LIMIT_S
+        self._reported: Any = None
+        # A dead process answers through `receive`.
+        with suppress(OSError):
+            self.connection.send(job)
+
+    def receive(self) -> tuple[Answer] | None:
+        """Read one message; the answer (in a tuple of one) if this was it, None if more is to come.
+
+        Raises
+        ------
+        BsaError
+            If no job can be done at all.
+        """
+        assert self.connection is not None
+        try:
+            kind, content = self.connection.recv()
+        except (EOFError, OSError):
+            self._process.join()
+            code = self._process.exitcode
+            return self._lost(f"the simulator process died (exit code {code}); out of memory or a solver crash")
+        if kind == "unusable":
+            raise content
+        if kind == "report":
+            self._reported = content
+            return None
+        self._ready = True
+        if kind == "done":
+            return (content,)
+        if kind == "lost":
+            cause, seconds = content
+            return (self._service.lost(cause, seconds, self._reported),)
+        return None
+
+    def give_up(self) -> tuple[Answer]:
+        """Stop a job that ran past its time limit."""
+        return self._lost(f"no result within the time limit of {self._time_limit_s:g} s")
+
+    def _lost(self, cause: str) -> tuple[Answer]:
+        answer = self._service.lost(cause, time.monotonic() - self._started, self._reported)
+        self.stop()
+        return (answer,)
+
+    def stop(self) -> None:
+        """End the process; the next `submit` starts a fresh one."""
+        if self._process is None:
+            return
+        self._process.kill()
+        self._process.join()
+        assert self.connection is not None
+        self.connection.close()
+        self._process = None
+
+
+class Pool(Generic[Job, Answer]):
+    """Several workers side by side; threads may share it.
+
+    Parameters
+    ----------
+    service : Service
+        What the workers do.
+    size : int
+        How many processes at most; each starts when first needed.
+    time_limit_s : float
+        Longest time for a job.
+    """
+
+    def __init__(self, service: Service[Job, Answer], size: int, time_limit_s: float) -> None:
+        self.workers = [Worker(service, time_limit_s) for _ in range(max(size, 1))]
+        self._idle: queue.LifoQueue[Worker[Job, Answer]] = queue.LifoQueue()
+        for worker in reversed(self.workers):
+            self._idle.put(worker)
+        self._closed = False
+
+    def run(self, jobs: Sequence[Job], allowance: float = 1.0) -> Iterator[tuple[int, Answer]]:
+        """Do all jobs, each within ``allowance`` times the time limit; their places and answers as they finish."""
+        waiting = list(enumerate(jobs))[::-1]
+        busy: dict[Worker[Job, Answer], int] = {}
+        try:
+            while waiting or busy:
+                if self._closed:
+                    raise RuntimeError("the worker processes were ended")  # for threads that nobody waits for any more
+                while waiting and (worker := self._idle_worker(must_wait=not busy)) is not None:
+                    place, job = waiting.pop()
+                    busy[worker] = place
+                    worker.submit(job, allowance)
+                for worker, answer in self._finished(list(busy)):
+                    self._idle.put(worker)
+                    yield busy.pop(worker), answer
+        finally:
+            for worker in busy:
+                # What it is doing is of no use any more.
+                worker.stop()
+                self._idle.put(worker)
+
+    def _idle_worker(self, must_wait: bool) -> Worker[Job, Answer] | None:
+        try:
+            return self._idle.get(block=must_wait)
+        except queue.Empty:
+            return None
+
+    def _finished(self, busy: list[Worker[Job, Answer]]) -> Iterator[tuple[Worker[Job, Answer], Answer]]:
+        by_connection = {worker.connection: worker for worker in busy}
+        patience = max(0.0, min(worker.deadline for worker in busy) - time.monotonic())
+        for connection in wait([worker.connection for worker in busy if worker.connection], patience):
+            worker = by_connection[connection]  # type: ignore[index]
+            answer = worker.receive()
+            if answer is not None:
+                busy.remove(worker)
+                yield worker, answer[0]
+        for worker in busy:
+            if time.monotonic() > worker.deadline:
+                yield worker, worker.give_up()[0]
+
+    def close(self) -> None:
+        """End all processes, whoever waits for them."""
+        self._closed = True
+        for worker in self.workers:
+            worker.stop()
+
+
+@contextmanager
+def _single_threaded() -> Iterator[None]:
+    """Children inherit one thread each: the parallelism is in the processes."""
+    before = {name: os.environ.get(name) for name in _THREAD_VARIABLES}
+    os.environ.update(dict.fromkeys(_THREAD_VARIABLES, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value

@@ -1,0 +1,100 @@
+import json
+
+import discovery_toy as toy
+import numpy as np
+import pytest
+from bsa.core.discovery.engine import Engine
+from bsa.core.discovery.laboratory import Moments, Request
+from bsa.core.discovery.recorded import RecordedLaboratory
+from bsa.core.journal import Journal, read_events
+
+CATALOGUE = (toy.QUADRATIC, toy.HYSTERESIS)
+
+
+class Counting(toy.ToyLaboratory):
+    """Stops after so many simulations, as Ctrl-C would."""
+
+    def __init__(self, most=10**9):
+        self.most, self.asked, self.refused = most, 0, {}
+
+    def predict(self, requests):
+        self.asked += len(requests)
+        if self.asked > self.most:
+            raise KeyboardInterrupt
+        return super().predict(requests)
+
+
+def discover(folder, inner):
+    journal = Journal(folder)
+    try:
+        earlier = list(read_events(folder))
+        if not earlier:
+            journal.append("run", format=1, kind="discovery")
+        problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
+        problem.laboratory = RecordedLaboratory(inner, journal, earlier)
+        return Engine(problem, space, CATALOGUE, toy.EVIDENCE).run()
+    finally:
+        journal.close()
+
+
+def numbers(findings):
+    return [(e.label, tuple(e.fit.u), e.rmse_v, e.held_rmse_v) for e in findings.explanations]
+
+
+def test_a_discovery_that_was_stopped_goes_on_where_it_was_and_finds_the_same(tmp_path):
+    whole = Counting()
+    wanted = discover(tmp_path / "whole", whole)
+    with pytest.raises(KeyboardInterrupt):
+        discover(tmp_path / "stopped", Counting(most=whole.asked // 2))
+    done = sum(event["event"] == "simulation" for event in read_events(tmp_path / "stopped"))
+    rest = Counting()
+    found = discover(tmp_path / "stopped", rest)
+    assert (found.verdict, found.reason, numbers(found)) == (wanted.verdict, wanted.reason, numbers(wanted))
+    assert done > whole.asked // 4
+    assert rest.asked <= whole.asked - done
+
+
+def test_a_discovery_that_is_done_simulates_nothing_again(tmp_path):
+    wanted = discover(tmp_path / "run", Counting())
+    assert numbers(discover(tmp_path / "run", Counting(most=0))) == numbers(wanted)
+
+
+def test_what_fails_and_what_is_refused_stands_in_the_journal(tmp_path):
+    class Failing(Counting):
+        def predict(self, requests):
+            self.refused = {"slow": "no such parameter"}
+            return [None for _ in requests]
+
+    time = np.arange(3.0)
+    request = Request((), {"a": 1.0}, toy.specimen("x", np.random.default_rng(0), {}), Moments.single(time, time))
+    for number in range(2):
+        journal = Journal(tmp_path)
+        earlier = list(read_events(tmp_path))
+        if not earlier:
+            journal.append("run", format=1, kind="discovery")
+        laboratory = RecordedLaboratory(Failing() if number == 0 else Counting(most=0), journal, earlier)
+        assert laboratory.predict([request, request]) == [None, None]
+        assert laboratory.refused == {"slow": "no such parameter"}
+        journal.close()
+    kinds = [json.loads(line)["event"] for line in (tmp_path / "journal.jsonl").read_text().splitlines()]
+    assert kinds == ["run", "simulation", "refused"]
+
+
+@pytest.mark.parametrize("change", ["candidate", "soc", "fine", "effects"])
+def test_requests_that_differ_are_not_taken_for_one_another(tmp_path, change):
+    time = np.arange(3.0)
+    specimen, moments = toy.specimen("x", np.random.default_rng(0), {}), Moments.single(time, time)
+    first = Request((), {"resistance factor": 1.0, "sign: size [V]": 0.1}, specimen, moments)
+    other = {
+        "candidate": Request((), {"resistance factor": 2.0, "sign: size [V]": 0.1}, specimen, moments),
+        "soc": Request((), first.candidate, specimen, moments, soc=0.3),
+        "fine": Request((), first.candidate, specimen, moments, fine=True),
+        "effects": Request((toy.HYSTERESIS,), first.candidate, specimen, moments),
+    }[change]
+    journal = Journal(tmp_path)
+    inner = Counting()
+    laboratory = RecordedLaboratory(inner, journal)
+    laboratory.predict([first, other, first])
+    assert inner.asked == 2
+    assert laboratory.simulations == 3
+    journal.close()
