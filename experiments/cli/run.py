@@ -186,7 +186,7 @@ def run(
             raise BsaError(f'both a task ("{task}") and --data were given.', "give one of them.")
         read = shared.reading(column, unit, where, current_sign, constant_current, cycles, sheet, temperature)
         chosen = build_task(
-            name=data[0].stem[:60],
+            name=_named_after(data),
             parameter_set=parameters or _no_parameter_set(),
             records=[RecordRequest(path, read, reader, key_values(reader_option, "--reader-option")) for path in data],
             model=model,
@@ -200,6 +200,11 @@ def run(
         chosen = find_task(task or DEMO)
     folder = out or numbered_folder(Path("runs"), f"{chosen.name}-{config.scaffold.name}")
     _execute(RunRequest(chosen, config, folder), resources, as_json, identifiability)
+
+
+def _named_after(data: list[Path]) -> str:
+    """The first record's name, and how many more there are."""
+    return data[0].stem[:60] + (f" and {len(data) - 1} more" if len(data) > 1 else "")
 
 
 def _no_parameter_set() -> NoReturn:

@@ -295,6 +295,15 @@ class TestPage:
         assert "not finished" in page.text
         assert "nan" not in html.split("</style>")[1].lower().replace("running", "")
 
+    def test_every_record_is_named_above_and_over_its_figure(self, tmp_path):
+        writer = Writer(tmp_path, make_task(name="cell", experiments=3))
+        writer.trial(0, "initial", 0, 40.0)
+        page, html = page_of(tmp_path)
+        assert "3 records:" in page.text
+        for place in range(3):
+            assert f"<span>{place + 1}. cell {place}</span>" in html
+            assert f"<h3>{place + 1}. cell {place}</h3>" in html
+
     def test_measured_current_is_judged_by_voltage(self, tmp_path):
         writer = Writer(tmp_path, make_task(protocol=None))
         writer.trial(0, "initial", 0, 40.0)

@@ -4,6 +4,7 @@ import pytest
 import typer
 from bsa.core.errors import BsaError
 from bsa.experiments.cli.main import app
+from bsa.experiments.cli.run import _named_after
 from bsa.experiments.cli.several_files import one_option_a_file
 from typer.testing import CliRunner
 
@@ -54,3 +55,8 @@ def test_a_task_after_the_records_is_still_a_task() -> None:
     result = CliRunner().invoke(app(), ["run", "--data", "a.csv", "b.csv", "regular-134", "--parameters", "Chen2020"])
     assert isinstance(result.exception, BsaError)
     assert '"regular-134"' in result.exception.message
+
+
+def test_a_run_of_several_records_says_how_many() -> None:
+    assert _named_after([Path("dir/a.csv")]) == "a"
+    assert _named_after([Path("dir/a.csv"), Path("b.csv"), Path("c.csv")]) == "a and 2 more"
