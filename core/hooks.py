@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import pluggy
 from pydantic import BaseModel
 
+from .domain import Domain
 from .easing import Easing
 from .feedback import Feedback
 from .messages import Backend
@@ -56,6 +57,8 @@ class Entry:
     api : int
         Version of this interface that the plugin was written for: the number, by name, so that a plugin that was
         not changed along with the interface can be told.
+    domain : Domain, optional
+        Of a simulator: the signals and the wording of what it simulates, for tasks that name it.
     """
 
     name: str
@@ -63,6 +66,7 @@ class Entry:
     summary: str
     config_type: type[BaseModel] = NoOptions
     api: int = field(kw_only=True)
+    domain: Domain | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -171,6 +175,10 @@ class CatalogueHooks:
     @hookspec
     def bsa_readers(self) -> Iterable[Entry]:
         """File readers; the product is a `Reader`."""
+
+    @hookspec
+    def bsa_tasks(self) -> Iterable[Entry]:
+        """Tasks that can be named without a file; the product is a `Task`."""
 
     @hookspec
     def bsa_effects(self) -> Iterable[Entry]:

@@ -12,13 +12,14 @@ from typing import Any, Literal
 from pydantic import BaseModel, ValidationError
 
 from .border import border, in_words
+from .domain import Domain
 from .errors import BsaError, did_you_mean
 from .hook_methods import call, hook_methods
 from .hooks import API_VERSION, PROJECT, CatalogueHooks, Entry
 from .printable import shown
 from .validation import explain
 
-Kind = Literal["simulator", "feedback", "memory", "proposer", "warm-up", "backend", "reader", "effect"]
+Kind = Literal["simulator", "feedback", "memory", "proposer", "warm-up", "backend", "reader", "effect", "task"]
 
 _HOOKS: dict[Kind, str] = {
     "simulator": "bsa_simulators",
@@ -29,6 +30,7 @@ _HOOKS: dict[Kind, str] = {
     "backend": "bsa_backends",
     "reader": "bsa_readers",
     "effect": "bsa_effects",
+    "task": "bsa_tasks",
 }
 KINDS: tuple[Kind, ...] = tuple(_HOOKS)
 
@@ -261,6 +263,8 @@ def _fault(entry: Any) -> str:
         return f"its summary {shown(_described(entry.summary))} is no text"
     if not isinstance(entry.config_type, type) or not issubclass(entry.config_type, BaseModel):
         return f"its config_type {shown(_described(entry.config_type))} is no pydantic model"
+    if entry.domain is not None and not isinstance(entry.domain, Domain):
+        return f"its domain {shown(_described(entry.domain))} is no bsa.core.domain.Domain"
     return ""
 
 

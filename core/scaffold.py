@@ -39,6 +39,12 @@ class Scaffold(BaseModel, extra="forbid"):
     warm_up: PluginChoice | None = Field(None, description="What is tried before the search; none means nothing.")
     proposer: PluginChoice = Field(description="What says which candidate to try next.")
 
+    def made_for(self, simulator: str) -> Scaffold:
+        """The scaffold on a task's simulator; as it is where it names one itself, or the task names none."""
+        if not simulator or "simulator" in self.model_fields_set:
+            return self
+        return self.model_copy(update={"simulator": PluginChoice(use=simulator)})
+
 
 def load_scaffold(name_or_path: str) -> Scaffold:
     """A built-in scaffold by name, or one from a YAML file.

@@ -55,8 +55,15 @@ class Overrides:
     seed: int
     settings: dict[str, Any] = field(default_factory=dict)
 
-    def config(self, scaffold: str, backend: str, options: dict[str, Any]) -> RunConfig:
+    def config(self, scaffold: str, backend: str, options: dict[str, Any], simulator: str = "") -> RunConfig:
         """The checked configuration.
+
+        Parameters
+        ----------
+        scaffold, backend, options
+            As they were typed.
+        simulator : str
+            The task's own, for a scaffold that names none.
 
         Raises
         ------
@@ -64,7 +71,7 @@ class Overrides:
             Naming the key at fault and the nearest valid one.
         """
         content: dict[str, Any] = {
-            "scaffold": load_scaffold(scaffold).model_dump(),
+            "scaffold": load_scaffold(scaffold).made_for(simulator).model_dump(),
             "backend": backend,
             "backend_options": options,
             "rounds": self.rounds,

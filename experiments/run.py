@@ -96,6 +96,7 @@ def execute_run(
         If the folder holds a run of another task or configuration, or a plugin cannot be used.
     """
     resources = resources or Resources()
+    config = config.model_copy(update={"scaffold": config.scaffold.made_for(task.simulator)})
     journal = Journal(folder)
     earlier: list[dict[str, Any]] = []
     try:

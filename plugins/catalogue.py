@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from ..core.cell import CELL
 from ..core.hooks import Entry, hookimpl
 
 
@@ -12,7 +13,8 @@ def bsa_simulators() -> Iterable[Entry]:
     """PyBaMM."""
     from .pybamm.simulator import PyBaMMOptions, PyBaMMSimulator
 
-    yield Entry("pybamm", PyBaMMSimulator, "PyBaMM's SPM, SPMe and DFN, compiled once a run.", PyBaMMOptions, api=1)
+    summary = "PyBaMM's SPM, SPMe and DFN, compiled once a run."
+    yield Entry("pybamm", PyBaMMSimulator, summary, PyBaMMOptions, api=1, domain=CELL)
 
 
 @hookimpl

@@ -58,9 +58,11 @@ def scaffolds() -> None:
 @list_app.command()
 def tasks() -> None:
     """The tasks that can be named without a file."""
+    from ...core.registry import installed
     from ..tasks.find import packaged_tasks
 
-    _table("tasks", [(name, summary, "") for name, summary in packaged_tasks()])
+    offered = [(item.entry.name, item.entry.summary, item.origin) for item in installed().listings("task")]
+    _table("tasks", [*((name, summary, "") for name, summary in packaged_tasks()), *offered])
 
 
 @list_app.command()

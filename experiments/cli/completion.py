@@ -13,10 +13,10 @@ if TYPE_CHECKING:
 
 
 def tasks() -> list[str]:
-    """Names of the packaged tasks."""
+    """Names of the tasks that need no file."""
     from ..tasks.find import packaged_tasks
 
-    return [name for name, _ in packaged_tasks()]
+    return [*(name for name, _ in packaged_tasks()), *_installed("task")]
 
 
 def scaffolds() -> list[str]:

@@ -29,7 +29,7 @@ def run(
         str | None,
         typer.Argument(
             metavar="TASK",
-            help="Packaged task, published case (regular-134) or task file; default: demo.",
+            help="Task by name (bsa list tasks), published case (regular-134) or task file; default: demo.",
             autocompletion=completion.tasks,
         ),
     ] = None,
@@ -162,6 +162,7 @@ def run(
     """Calibrate a model against a target: the packaged demo, a task file, or cycler records."""
     from ..request import Overrides, RunRequest, key_values, numbered_folder
     from ..run import Resources, read_request
+    from ..tasks.find import find_task
     from ..tasks.records import RecordRequest, build_task
 
     if out is not None:
@@ -174,16 +175,18 @@ def run(
     overrides = Overrides(
         rounds=rounds, warm_up=warmup, simulations=simulations, seed=seed, settings=key_values(settings, "--set")
     )
+    if data and task is not None:
+        raise BsaError(f'both a task ("{task}") and --data were given.', "give one of them.")
+    named = None if data else find_task(task or DEMO)
     config = overrides.config(
         scaffold,
         backend,
         shared.reaching(
             via, base_url, backend_option, exchange=exchange, votes=votes if votes > 1 else None, review=review or None
         ),
+        simulator="" if named is None else named.simulator,
     )
     if data:
-        if task is not None:
-            raise BsaError(f'both a task ("{task}") and --data were given.', "give one of them.")
         read = shared.reading(column, unit, where, current_sign, constant_current, cycles, sheet, temperature)
         chosen = build_task(
             name=_named_after(data),
@@ -195,9 +198,8 @@ def run(
             scale_to_capacity=scale,
         )
     else:
-        from ..tasks.find import find_task
-
-        chosen = find_task(task or DEMO)
+        assert named is not None
+        chosen = named
     folder = out or numbered_folder(Path("runs"), f"{chosen.name}-{config.scaffold.name}")
     _execute(RunRequest(chosen, config, folder), resources, as_json, identifiability)
 

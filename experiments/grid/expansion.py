@@ -62,8 +62,8 @@ class _Configs:
     near: Path
     known: dict[str, RunConfig] = field(default_factory=dict)
 
-    def get(self, scaffold: str, backend: BackendChoice, seed: int, budgets: Budgets) -> RunConfig:
-        key = f"{scaffold}|{backend.model_dump_json()}|{budgets.model_dump_json()}"
+    def get(self, scaffold: str, backend: BackendChoice, seed: int, budgets: Budgets, simulator: str = "") -> RunConfig:
+        key = f"{scaffold}|{simulator}|{backend.model_dump_json()}|{budgets.model_dump_json()}"
         if key not in self.known:
             defaults = RunConfig.model_fields
             limits = {
@@ -74,7 +74,7 @@ class _Configs:
             settings = {"patience": max(limits["rounds"], 1), **budgets.settings}
             wanted = Overrides(**limits, seed=seed, settings=settings)
             options = without_placement(backend.options)
-            self.known[key] = wanted.config(self._path(scaffold), backend.use, options)
+            self.known[key] = wanted.config(self._path(scaffold), backend.use, options, simulator)
         return self.known[key].model_copy(update={"seed": seed})
 
     def _path(self, scaffold: str) -> str:
@@ -142,7 +142,7 @@ def _product(
     configs: _Configs,
 ) -> Iterator[GridCell]:
     for task, scaffold, backend, seed in product(tasks, scaffolds, backends, seeds):
-        config = configs.get(scaffold, backend, seed, budgets)
+        config = configs.get(scaffold, backend, seed, budgets, task.simulator)
         identity = identity_of(config, task.digest) if task.digest else ""
         yield GridCell(task, config.scaffold.name, backend, config, identity)
 

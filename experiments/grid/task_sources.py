@@ -9,7 +9,6 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ...core.encoding import decode_task
 from ...core.errors import BsaError
 from ...core.files import read_json, write_json
 from ...core.task import Task
@@ -39,6 +38,8 @@ class TaskLabel:
         Of the encoded task in the store; empty while it is not made, or cannot be.
     trouble : str
         Why there is no task: PyBaMM cannot simulate the true cell.
+    simulator : str
+        The simulator that the task names; empty leaves it to the scaffold.
     """
 
     key: str
@@ -47,6 +48,7 @@ class TaskLabel:
     rates: str = ""
     digest: str = ""
     trouble: str = ""
+    simulator: str = ""
 
 
 def gather(
@@ -83,25 +85,17 @@ def gather(
 def _own(name: str, store: Store, near: Path) -> TaskLabel:
     task = _read(name, near)
     digest = store.put_task(task)
-    return TaskLabel(task.name, OWN, task.cell.parameter_set, digest=digest)
+    chemistry = task.cell.parameter_set or task.domain.name
+    return TaskLabel(task.name, OWN, chemistry, digest=digest, simulator=task.simulator)
 
 
 def _read(name: str, near: Path) -> Task:
     from ..tasks.find import find_task
+    from ..tasks.task_file import SUFFIXES
 
     path = Path(name)
-    if path.suffix in (".json", ".yaml", ".yml") and (near / path).is_file():
-        path = near / path
-    if path.suffix != ".json":
-        return find_task(str(path))
-    content = read_json(path)
-    try:
-        return decode_task(content or {})
-    except (KeyError, TypeError, ValueError) as error:
-        raise BsaError(
-            f"{path} does not hold an encoded task ({type(error).__name__}: {error}).",
-            "write it with bsa.core.encoding.encode_task, or give a .yaml task file.",
-        ) from None
+    beside = near / path
+    return find_task(str(beside if path.suffix in SUFFIXES and beside.is_file() else path))
 
 
 def _from_suite(wanted: SuiteFilter, store: Store, say: Say, make: bool) -> Iterator[TaskLabel]:

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+from ...core.border import border
 from ...core.errors import BsaError, did_you_mean
+from ...core.products import instance
+from ...core.registry import installed
 from ...core.task import Task
 from ...core.yaml_text import read_yaml
-from .task_file import load_task_file
+from .task_file import SUFFIXES, load_task_file
 
 PACKAGED = Path(__file__).with_name("packaged")
 
@@ -20,7 +23,7 @@ def packaged_tasks() -> Iterator[tuple[str, str]]:
 
 
 def find_task(name_or_path: str) -> Task:
-    """A packaged task, a case of the published suite (``regular-134``), or a task file.
+    """A packaged task, a case of the published suite (``regular-134``), a plugin's task, or a task file.
 
     Raises
     ------
@@ -28,19 +31,29 @@ def find_task(name_or_path: str) -> Task:
         If there is no such task, with the nearest name.
     """
     path = Path(name_or_path)
-    if path.suffix in (".yaml", ".yml"):
+    if path.suffix in SUFFIXES:
         return load_task_file(path)
-    names = [name for name, _ in packaged_tasks()]
-    if name_or_path in names:
+    packaged = [name for name, _ in packaged_tasks()]
+    if name_or_path in packaged:
         return load_task_file(PACKAGED / f"{name_or_path}.yaml")
     mode, _, number = name_or_path.partition("-")
     if number.isdigit() and mode in ("regular", "extreme", "sei"):
         return _published(name_or_path)
+    names = [*packaged, *installed().names("task")]
+    if name_or_path in names or any(item.kind == "task" and item.name == name_or_path for item in installed().unusable):
+        return _offered(name_or_path)
     raise BsaError(
         f'there is no task "{name_or_path}".',
         did_you_mean(name_or_path, names)
-        or f"packaged: {', '.join(names)}; or give a .yaml task file, or --data with a record.",
+        or f"known: {', '.join(names)}; or give a .yaml or .json task file, or --data with a record.",
     )
+
+
+def _offered(name: str) -> Task:
+    """A plugin's task."""
+    listing, task = installed().find("task", name), installed().make("task", name, {})
+    with border(listing.who, "its factory"):
+        return instance(task, Task)
 
 
 def _published(name: str) -> Task:

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+import json
+import zlib
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, Field, ValidationError
 
+from ...core.encoding import decode_task
 from ...core.errors import BsaError
+from ...core.files import file_error
+from ...core.printable import shown
 from ...core.record import ReadOptions
 from ...core.task import Task
 from ...core.validation import explain
 from ...core.yaml_text import read_yaml
 from .records import RecordRequest, build_task
+from .signal_task_file import load_signal_task
+
+SUFFIXES = (".yaml", ".yml", ".json")
+"""Endings of task files."""
 
 ZERO_CELSIUS_K = 273.15
 
@@ -50,13 +59,21 @@ class TaskFile(BaseModel, extra="forbid"):
 def load_task_file(path: Path) -> Task:
     """Read a task file and its records.
 
+    A file that names a simulator describes signals, parameters and records of any kind (`SignalTaskFile`); one that
+    does not describes a cell (`TaskFile`). JSON may also hold a task as `bsa.core.encoding.encode_task` writes it.
+
     Raises
     ------
     BsaError
         Naming the file, the key and the nearest valid key.
     """
+    found = _read_json(path) if path.suffix == ".json" else read_yaml(path)
+    if isinstance(found, dict) and "simulator" in found and "space" not in found:
+        return load_signal_task(found, path)
+    if isinstance(found, dict) and path.suffix == ".json" and "space" in found:
+        return _encoded(found, path)
     try:
-        content = TaskFile.model_validate(read_yaml(path))
+        content = TaskFile.model_validate(found)
     except ValidationError as error:
         raise explain(error, str(path), TaskFile) from None
     records = [
@@ -84,3 +101,22 @@ def load_task_file(path: Path) -> Task:
         )
     except BsaError as error:
         raise BsaError(f"{path}: {error.message}", error.hint) from None
+
+
+def _read_json(path: Path) -> Any:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise file_error(error, path) from None
+    except (ValueError, RecursionError) as error:
+        raise BsaError(f"{path} is not valid JSON: {shown(error)}.", "check it there.") from None
+
+
+def _encoded(content: dict[str, Any], path: Path) -> Task:
+    try:
+        return decode_task(content)
+    except (KeyError, TypeError, ValueError, AttributeError, zlib.error) as error:
+        raise BsaError(
+            f"{path} does not hold an encoded task ({type(error).__name__}: {shown(error)}).",
+            "write it with bsa.core.encoding.encode_task, or give a .yaml task file.",
+        ) from None

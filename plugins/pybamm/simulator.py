@@ -6,7 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from pydantic import BaseModel, Field
 
+from ...core.cell import CELL
 from ...core.easing import Easing
+from ...core.errors import BsaError
 from ...core.hooks import RunContext, hookimpl
 from ...core.parameters import Candidate
 from ...core.simulation import Outcome
@@ -35,6 +37,12 @@ class PyBaMMSimulator:
 
     def __init__(self, options: PyBaMMOptions, context: RunContext) -> None:
         task = context.task
+        unknown = [signal.name for signal in task.signals if signal not in CELL.signals]
+        if unknown:
+            raise BsaError(
+                f'PyBaMM simulates cells, but task "{task.name}" has the signals {unknown}.',
+                "name the task's own simulator: a scaffold's key simulator, or --set simulator.use=NAME.",
+            )
         self._task = task
         self._options, self._workers = options, context.workers
         self._eased: dict[Easing, tuple[Experiment, ...]] = {}
