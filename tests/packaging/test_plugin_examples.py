@@ -75,3 +75,10 @@ def test_the_reader(tmp_path: Path) -> None:
 def test_the_effect() -> None:
     (effect,) = effects_of(["meter-drift"], options={"largest_v": 0.01})
     assert effect.strength.upper == 0.01
+
+
+def test_the_task_names_its_simulator(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    ran(monkeypatch, "bsa-run pulse", "--out", "run")
+    best = json.loads((tmp_path / "run" / "best_parameters.json").read_text())
+    # The ohmic cell takes 0.05 Ohm times what the first parameter is of its initial value; the record has 0.08 Ohm.
+    assert best["Contact resistance [Ohm]"] == pytest.approx(0.016, rel=0.02)
