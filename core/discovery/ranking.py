@@ -10,7 +10,7 @@ import numpy as np
 
 from ..effect import Effect
 from ..errors import BsaError
-from ..messages import Backend, BackendFailure, BudgetSpent, Message
+from ..messages import Backend, BackendFailure, BudgetSpent, Message, PromptRefused
 from ..reply_parsing import parse_object, strip_control
 
 _SYSTEM = """You are an electrochemist. A physics-based lithium-ion cell model was fitted to measured records. \
@@ -51,6 +51,8 @@ class Ranking:
         What it thinks the discrepancy depends on, shortened and without control characters.
     note : str
         What went wrong, if anything.
+    lost : bool
+        Whether that was an outage: the model did not answer, which says nothing about it.
     shown_as : mapping of str to str
         The name under which each effect was shown, by key; differs where names were hidden.
     """
@@ -59,6 +61,7 @@ class Ranking:
     analysis: str = ""
     note: str = ""
     shown_as: Mapping[str, str] | None = None
+    lost: bool = False
 
 
 def ask(
@@ -119,7 +122,8 @@ def ask(
         answer = parse_object(reply.text, ("ranking",))
     except (BackendFailure, BudgetSpent, BsaError, ValueError) as error:
         note = f"the backend gave no usable ranking: {strip_control(str(error))[:200]}"
-        return Ranking((), note=note, shown_as=shown)
+        lost = isinstance(error, BackendFailure) and not isinstance(error, PromptRefused)
+        return Ranking((), note=note, shown_as=shown, lost=lost)
     by_shown = {name: key for key, name in shown.items()}
     ranked: list[Ranked] = []
     rows = answer.get("ranking")

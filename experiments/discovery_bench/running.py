@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.errors import BsaError
+from ...core.messages import Outage
 from ...core.parentage import end_with_parent
 from ..discover import backend_or_none, discover_on
 from ..discovery_case import DiscoverOptions, read_case
@@ -96,6 +97,8 @@ def run_case(folder: Path, **asked: Any) -> dict[str, Any]:
             "wall_s": 0.0,
             "error": reason,
         }
+    if discovery.ranking is not None and discovery.ranking.lost:
+        raise Outage(discovery.ranking.note)
     content = discovery.to_json()
     return {
         "case": folder.name,

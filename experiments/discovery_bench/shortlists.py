@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.discovery.ranking import ask
+from ...core.messages import Outage
 from ..discover import backend_or_none
 from ..discovery_case import read_case
 from ..discovery_workbench import set_up
@@ -57,6 +58,8 @@ def shortlist_case(folder: Path, **asked: Any) -> dict[str, Any]:
         for how, hidden in (("named", False), ("nameless", True)):
             if backend is not None and words:
                 ranking = ask(backend, words, [n.effect for n in possible], options.seed, hidden)
+                if ranking.lost:
+                    raise Outage(ranking.note)
                 row[how] = [ranked.key for ranked in ranking.ranked]
     firsts = (f"{how}: {row[how][0] if row[how] else 'none'}" for how in _WORDS if how in row)
     return row | {"summary": ", ".join(firsts)}

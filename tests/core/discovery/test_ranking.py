@@ -39,6 +39,7 @@ def test_a_useless_reply_is_a_note_and_never_an_error(answer):
     ranking = ask(Says(answer), ["x"], CHOICE, seed=1)
     assert ranking.ranked == ()
     assert ranking.note
+    assert ranking.lost == isinstance(answer, BackendFailure)
 
 
 def test_hidden_names_show_no_name_and_are_mapped_back():
