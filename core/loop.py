@@ -34,6 +34,7 @@ from .simulation import ExperimentRun, Outcome, SimulationFailure
 from .task import Task
 from .trajectory import FloatArray
 from .trial import Phase, Trial
+from .watched_simulations import WatchedSimulations
 
 Status = Literal["converged", "finished", "rounds-spent", "simulations-spent", "budget-spent", "outage", "interrupted"]
 
@@ -54,6 +55,9 @@ class Listener(Protocol):
 
     def tried(self, trial: Trial, best: Trial, usage: Usage) -> None:
         """A simulation finished."""
+
+    def counted(self, purpose: str, done: int, total: int) -> None:
+        """So many of the simulations after the search that serve a purpose are done."""
 
     def noted(self, text: str) -> None:
         """Something worth saying happened."""
@@ -149,7 +153,7 @@ class Run:
         self._earlier_proposals = sum(event["event"] == "proposal" for event in earlier)
         self._earlier_scores = {event["which"]: event for event in earlier if event["event"] == "score"}
         self._appraising = appraising
-        self._appraisal_simulations = JournalledSimulations(plugins, journal, earlier)
+        self._appraisal_simulations = WatchedSimulations(JournalledSimulations(plugins, journal, earlier), self._watch)
         self._earlier_appraisals = {
             event["appraisal"]["base"]: event for event in earlier if event["event"] == APPRAISAL
         }
@@ -345,7 +349,8 @@ class Run:
         last_word = status not in ("interrupted", "outage")
         if last_word:
             scores = self._score(best)
-        appraisal = self._appraise(best) if last_word and self._appraising else None
+        # A single simulation is no fit, and there is nothing to judge.
+        appraisal = self._appraise(best) if last_word and self._appraising and len(self._trials) > 1 else None
         result = RunResult(
             status=status,
             best=best,
@@ -388,10 +393,14 @@ class Run:
                 scores[which] = decode_metrics(known["metrics"])
         missing = [which for which in ("initial", "best") if which not in scores]
         chosen = {"initial": self._trials[0], "best": best}
-        if missing:
-            for place, outcome in self._plugins.simulate([chosen[which].candidate for which in missing], True):
-                which = missing[place]
-                scores[which] = self._exact(which, chosen[which], outcome)
+        # Where nothing was better than the start, one simulation scores both.
+        trials = list({chosen[which].index: chosen[which] for which in missing}.values())
+        if trials:
+            simulations = WatchedSimulations(self._plugins, self._watch)
+            for place, outcome in simulations.simulate([trial.candidate for trial in trials], True):
+                for which in missing:
+                    if chosen[which] is trials[place]:
+                        scores[which] = self._exact(which, trials[place], outcome)
         return scores
 
     def _exact(self, which: str, trial: Trial, outcome: Outcome) -> Metrics | None:
@@ -405,6 +414,10 @@ class Run:
         record = None if metrics is None else metrics.as_json()
         self._journal.append("score", which=which, index=trial.index, metrics=record)
         return metrics
+
+    def _watch(self, purpose: str, done: int, total: int) -> None:
+        if self._listener:
+            self._listener.counted(purpose, done, total)
 
     def _note(self, text: str) -> None:
         self._journal.append("note", text=text)

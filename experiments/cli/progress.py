@@ -10,6 +10,8 @@ from ...core.messages import Usage
 from ...core.reply_parsing import strip_control
 
 if TYPE_CHECKING:
+    from rich.panel import Panel
+
     from ...core.proposal import Proposal
     from ...core.trial import Phase, Trial
 
@@ -57,6 +59,10 @@ class PlainProgress:
             cost = f", {usage.tokens} tokens, ${usage.cost_usd:.4f}" if usage.tokens else ""
             self._say(f"  simulation {trial.index}: {trial.objective:.4g} {self._unit}{cost}")
 
+    def counted(self, purpose: str, done: int, total: int) -> None:
+        """See `Listener.counted`."""
+        self._say(f"{purpose}: {done} of {total} simulations")
+
     def noted(self, text: str) -> None:
         """See `Listener.noted`."""
         self._say(f"note: {printable(text, 400)}")
@@ -72,7 +78,7 @@ class PlainProgress:
 
 
 class LiveProgress:
-    """A panel that is redrawn in place."""
+    """A panel that is redrawn in place, also while nothing is reported: its clock goes on."""
 
     def __init__(self, title: str, unit: str, simulations: int) -> None:
         from rich.console import Console
@@ -80,16 +86,15 @@ class LiveProgress:
 
         self._title, self._unit, self._simulations = title, unit, simulations
         self._console = Console(stderr=True)
-        self._live = Live(console=self._console, refresh_per_second=4)
         self._started = time.monotonic()
         self._state: dict[str, Any] = {"phase": "starting the simulator", "hypothesis": "", "count": 0, "failed": 0}
         self._first: float | None = None
         self._best: float | None = None
         self._usage = Usage()
+        self._live = Live(get_renderable=self._panel, console=self._console, refresh_per_second=4)
 
     def __enter__(self) -> LiveProgress:
         self._live.start()
-        self._draw()
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -99,7 +104,6 @@ class LiveProgress:
         """See `Listener.proposed`."""
         self._state["phase"] = f"{phase}, round {number}"
         self._state["hypothesis"] = proposal.lost or proposal.hypothesis or proposal.rationale
-        self._draw()
 
     def tried(self, trial: Trial, best: Trial, usage: Usage) -> None:
         """See `Listener.tried`."""
@@ -109,7 +113,10 @@ class LiveProgress:
             self._first = trial.objective
         self._best = best.objective if best.ok else None
         self._usage = usage
-        self._draw()
+
+    def counted(self, purpose: str, done: int, total: int) -> None:
+        """See `Listener.counted`."""
+        self._state["phase"] = f"{purpose}: {done} of {total} simulations"
 
     def noted(self, text: str) -> None:
         """See `Listener.noted`."""
@@ -117,7 +124,7 @@ class LiveProgress:
 
         self._live.console.print(Text(f"note: {printable(text, 400)}", style="yellow"))
 
-    def _draw(self) -> None:
+    def _panel(self) -> Panel:
         from rich.panel import Panel
         from rich.table import Table
         from rich.text import Text
@@ -134,7 +141,7 @@ class LiveProgress:
         }
         for name, value in rows.items():
             grid.add_row(Text(name, style="bold"), Text(str(value)))
-        self._live.update(Panel(grid, title=Text(self._title), border_style="cyan"))
+        return Panel(grid, title=Text(self._title), border_style="cyan")
 
 
 def _number(value: float | None) -> str:

@@ -145,6 +145,9 @@ class _RoundTimer:
             self.own_s.append(now - self._last - trial.seconds - (usage.seconds - self._backend_s))
         self._last, self._backend_s = now, usage.seconds
 
+    def counted(self, purpose: str, done: int, total: int) -> None:
+        """See `Listener.counted`."""
+
     def noted(self, text: str) -> None:
         """See `Listener.noted`."""
 

@@ -65,5 +65,8 @@ class Stopwatch:
                 last.proposer_s, last.backend_s + backend_s, last.round_s + spent, last.simulations + 1
             )
 
+    def counted(self, purpose: str, done: int, total: int) -> None:
+        """See `Listener.counted`."""
+
     def noted(self, text: str) -> None:
         """See `Listener.noted`."""

@@ -275,5 +275,8 @@ class _Stopping:
     def tried(self, trial, best, usage) -> None:
         self._inner.tried(trial, best, usage)
 
+    def counted(self, purpose: str, done: int, total: int) -> None:
+        pass
+
     def noted(self, text: str) -> None:
         pass

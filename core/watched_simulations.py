@@ -1,0 +1,56 @@
+"""Simulations that are counted aloud as they finish."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+
+from .appraisal import Simulating
+from .parameters import Candidate
+from .simulation import Outcome
+from .task import Experiment, Protocol
+
+FINAL_SCORES, FIXED, NEXT = "final scores", "what the record fixes", "what to measure next"
+"""What the simulations after a search are for."""
+
+Watch = Callable[[str, int, int], None]
+"""Told what the simulations are for, how many are done, and how many there are."""
+
+
+class WatchedSimulations:
+    """A simulator after the search; see `Simulating`.
+
+    Parameters
+    ----------
+    inner : Simulating
+        Simulates.
+    watch : callable
+        Told at the beginning and after each simulation.
+    """
+
+    def __init__(self, inner: Simulating, watch: Watch) -> None:
+        self._inner = inner
+        self._watch = watch
+
+    def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
+        """See `RunHooks.simulate`."""
+        purpose = FINAL_SCORES if exact else FIXED
+        return self._counted(purpose, self._inner.simulate(candidates, exact), len(candidates))
+
+    def simulate_variant(
+        self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...]
+    ) -> Iterator[tuple[int, Outcome]] | None:
+        """See `RunHooks.simulate_variant`."""
+        outcomes = self._inner.simulate_variant(candidates, experiments)
+        return None if outcomes is None else self._counted(NEXT, outcomes, len(candidates))
+
+    def next_protocols(self) -> Mapping[str, Protocol]:
+        """See `RunHooks.next_protocols`."""
+        return self._inner.next_protocols()
+
+    def _counted(
+        self, purpose: str, outcomes: Iterable[tuple[int, Outcome]], total: int
+    ) -> Iterator[tuple[int, Outcome]]:
+        self._watch(purpose, 0, total)
+        for done, pair in enumerate(outcomes, start=1):
+            self._watch(purpose, done, total)
+            yield pair

@@ -1,0 +1,61 @@
+"""What a person sees of a run, also after its search."""
+
+import io
+from pathlib import Path
+
+import pytest
+from bsa.backends.rules.backend import RulesBackend
+from bsa.core.journal import read_events
+from bsa.core.run_config import RunConfig
+from bsa.experiments.cli.progress import LiveProgress, PlainProgress
+from bsa.experiments.run import execute_run
+from bsa_toy_cell import HIDDEN, POLARISATION, SERIES, toy_scaffold, toy_task
+from rich.console import Console
+
+SHY = toy_task({**HIDDEN, SERIES: 0.0052, POLARISATION: 0.0052})
+"""A cell whose record leaves something open, so that what to measure next is simulated."""
+
+
+def run(folder: Path, listener: LiveProgress | PlainProgress, scaffold: str = "least-squares") -> None:
+    config = RunConfig(scaffold=toy_scaffold(scaffold), rounds=60, warm_up=0, simulations=60)
+    execute_run(SHY, config, folder, RulesBackend(), listener=listener, report=False, appraising=True)
+
+
+def test_simulations_after_the_search_are_counted_line_by_line(tmp_path: Path) -> None:
+    stream = io.StringIO()
+    run(tmp_path / "run", PlainProgress("%", stream))
+    lines = stream.getvalue().splitlines()
+    assert [line for line in lines if line.startswith("final scores")] == [
+        f"final scores: {done} of 2 simulations" for done in range(3)
+    ]
+    for purpose in ("what the record fixes", "what to measure next"):
+        counts = [line for line in lines if line.startswith(purpose)]
+        total = len(counts) - 1
+        assert total >= 1
+        assert counts == [f"{purpose}: {done} of {total} simulations" for done in range(total + 1)]
+
+
+def test_the_panel_counts_them_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    live = LiveProgress("title", "%", 60)
+    shown: list[str] = []
+    counted = live.counted
+
+    def look(purpose: str, done: int, total: int) -> None:
+        counted(purpose, done, total)
+        console = Console(file=io.StringIO(), width=80)
+        console.print(live._panel())
+        shown.append(console.file.getvalue())  # type: ignore[attr-defined]
+
+    monkeypatch.setattr(live, "counted", look)
+    run(tmp_path / "run", live)
+    assert "final scores: 2 of 2 simulations" in shown[2]
+    assert "what to measure next: 1 of" in "".join(shown)
+
+
+def test_a_run_without_a_fit_is_scored_once_and_not_judged(tmp_path: Path) -> None:
+    stream = io.StringIO()
+    run(tmp_path / "run", PlainProgress("%", stream), "default")
+    assert stream.getvalue().splitlines()[-1] == "final scores: 1 of 1 simulations"
+    events = list(read_events(tmp_path / "run"))
+    assert [event["which"] for event in events if event["event"] == "score"] == ["initial", "best"]
+    assert not [event for event in events if event["event"].startswith("appraisal")]
