@@ -1,11 +1,39 @@
-"""Statistics of the documentation's tables, on rows small enough to reckon by hand."""
+"""The documentation's tables, on rows small enough to reckon by hand."""
 
 import math
 
 import numpy as np
 import pytest
+from bsa.experiments.doc_tables.catalogue import TABLES
 from bsa.experiments.doc_tables.layout import short, spread
-from bsa.experiments.studies.table import exact_interval
+from bsa.experiments.doc_tables.results import Results
+from bsa.experiments.studies.table import exact_interval, paper_rows, write_csv
+
+
+def suite_row(case, method="hybrid", mape=1.0, mode="regular", parameter_set="Chen2020", **more):
+    row = {"case": case, "mode": mode, "parameter_set": parameter_set, "rates": "1C/2C", "method": method, "mape": mape}
+    times = {"wall_s": 10.0, "proposer_s": 2.0}
+    return {**row, "initial_mape": 50.0, "early_mape": 5.0, "simulations": 60, "failed_simulations": 1, **times, **more}
+
+
+def verdict(case, adviser, alone, advised):
+    worse = {"no_worse": advised <= alone, "score_no_worse": True}
+    errors = {"alone": alone, "advised": advised, "alone_score": alone, "advised_score": advised}
+    return {"case": case, "parameter_set": "Chen2020", "rates": "1C/1C", "adviser": adviser, **errors, **worse}
+
+
+@pytest.fixture
+def made(tmp_path):
+    """Makes a table of rows by the name of their file."""
+
+    def make(name, **studies):
+        for study, rows in studies.items():
+            write_csv(tmp_path / f"{study}.csv", rows)
+        lines = [f"{study}: {{command: c, version: v, machine: m}}" for study in studies]
+        (tmp_path / "origins.yaml").write_text("\n".join(lines))
+        return TABLES[name](Results(tmp_path))
+
+    return make
 
 
 @pytest.mark.parametrize(
@@ -27,3 +55,111 @@ def test_a_spread_is_the_sample_standard_deviation():
 def test_the_exact_bound_of_no_event_is_known_in_closed_form(cases):
     upper = 100 * (1 - 0.025 ** (1 / cases))
     assert exact_interval(0, cases) == f"exact 95 % interval 0 to {upper:.2g} %"
+
+
+def test_a_cell_is_bold_where_it_is_below_the_papers_best_row(made):
+    best = min(row["Chen2020"].mean for row in paper_rows()["regular"].values())
+    text = made("published", published=[suite_row("regular-1", mape=best - 1), suite_row("regular-2", mape=best - 2)])
+    assert f"| hybrid | **{short(best - 1.5)} ± 0.71** |" in text
+    above = made("published", published=[suite_row("regular-1", mape=best + 1)])
+    assert f"| hybrid | {short(best + 1)} |" in above
+
+
+def test_the_start_is_compared_with_the_papers_default_row(made):
+    paper = paper_rows()["regular"]["paper Default"]
+    near, far = paper["Chen2020"].mean * 1.001, paper["Prada2013"].mean * 1.1
+    rows = [suite_row("regular-1", initial_mape=near)]
+    rows += [suite_row("regular-2", parameter_set="Prada2013", initial_mape=far)]
+    text = made("published-start", published=rows)
+    assert "within 0.3 % in 1 of 2 cells" in text
+    assert "+10.0 %" in text
+
+
+def test_what_had_another_budget_is_named(made):
+    rows = [suite_row("regular-1", parameter_set="ORegan2022", simulations=count) for count in (50, 88)]
+    rows += [suite_row("extreme-1", mode="extreme", parameter_set="ORegan2022", simulations=50)]
+    assert "Tasks with more than 50 simulations: regular-1 88." in made("published-oregan", published=rows)
+
+
+def test_baselines_are_compared_on_shared_tasks(made):
+    published = [suite_row(f"regular-{n}", mape=0.1) for n in (1, 2, 3)]
+    others = [
+        suite_row(f"regular-{n}", method, 2.0 * n) for n in (1, 2) for method in ("least-squares", "bo", "cma-es", "de")
+    ]
+    text = made("baselines", published=published, baselines=[*others, suite_row("regular-1", "qnehvi", 7.0)])
+    assert "| hybrid | **0.1** |" in text
+    assert "| bo | 3 | 3 ± 1.4 |" in text
+    assert "over 2 tasks: 20.0" in text
+    assert "The 1 tasks on which qNEHVI" in text
+
+
+def test_a_harm_is_counted_named_and_bounded(made):
+    text = made("no-harm", no_harm=[verdict("a", "rules", 1.0, 0.5), verdict("b", "rules", 1.0, 1.5)])
+    assert f"| rules | 2 | 1 | 1 | 0.5 | {exact_interval(1, 2)} |" in text
+    assert "Worse than least squares: b with rules (1.5 and 1 %)." in text
+
+
+def test_an_ablation_is_paired_by_case(made):
+    rows = [
+        {"task": f"t{case}", "method": method, "mape": factor * (1 + case)}
+        for case in range(8)
+        for method, factor in (("full", 1.0), ("no-memory", 4.0))
+    ]
+    assert "| no-memory | **4** | 4 to 4 | 8 / 0 / 8 | 0.0078 | larger error |" in made("ablation", ablation=rows)
+
+
+def test_noise_random_warm_up_and_time(made):
+    noisy = made("noise", published=[suite_row("a", mape=0.1)], noise=[suite_row("a", mape=0.3)])
+    assert "| with noise, 60 simulations | 0.3 |" in noisy
+    assert "| without, 100 simulations | 0.1 |" in noisy
+    drawn = made("random", random=[suite_row("random-0", mape=1.0), suite_row("random-1", mape=3.0)])
+    assert "2 cases: mean 2 %, median 2 %, worst 3 %." in drawn
+    warm = [{"case": "a", "method": f"full+{kind}-warm-up", "after_warm_up_mape": 9.0, "mape": 2.0} for kind in "xy"]
+    assert "| x-warm-up | 9 | 2 | 2 |" in made("warm-up", warmup=warm)
+    steps = {"proposer_s": 1.0, "wall_s": 4.0, "first_proposals_s": 0.1, "last_proposals_s": 0.2, "mape": 3.0}
+    assert "| proposer's share of the wall time | 25.0% |" in made("runtime", runtime=[{"method": "bo", **steps}])
+    costs = {
+        "solver_s": 0.2,
+        "evaluation_s": 0.2,
+        "worker_s": 0.22,
+        "rebuild_s": 2.0,
+        "two_workers": 1.8,
+        "loop_s": 0.01,
+    }
+    assert "| building the model for every evaluation | 10.0 |" in made(
+        "evaluation", evaluation=[{**costs, "repeats": 15}]
+    )
+
+
+def test_recovery_is_compared_with_a_truth_known_to_five_percent(made):
+    within = {"pearson": 0.5, "spearman": 0.4, "share_of_steps_that_co_decrease": 0.6, "largest_relative_error": 0.3}
+    rows = [{"case": "a", "method": "hybrid", "median_relative_error": 0.01, **within}]
+    held = [
+        {"case": "a", "method": "hybrid", "rate": 1.0, "quality": quality, "mape": mape}
+        for quality, mape in (("perfect", 0.0), ("5 % noise", 10.0), ("recovered", 0.1), ("default", 90.0))
+    ]
+    assert "100 to 100 times better than the truth known to 5 %" in made("recovery", recovery=rows, held_out=held)
+
+
+def test_costs_of_a_cell_are_reckoned_up(made):
+    values = {"run": 36.0, "overhead": 6.0, "files": 6.0, "bytes": 0.5, "lines": 72.0, "tokens": 1000.0, "prompt": 90.0}
+    rows = [{"name": name, "figure": name, "value": value, "unit": "u"} for name, value in values.items()]
+    assert "| run | 36.0 u |" in made("grid-cost", grid_cost=rows)
+    text = made("grid-scaling", grid_cost=rows)
+    assert "1000 core hours" in text
+    assert "800 a second" in text
+
+
+def test_measured_cells_show_what_was_named_and_how_far_the_gap_went(made):
+    row = {"cell": "x", "verdict": "effect-found", "named": "contact-resistance", "unit": "mohm", "cpu_s": 90.0}
+    errors = {"fitted_before_mv": 81, "fitted_after_mv": 40, "held_out_before_mv": 66, "held_out_after_mv": 29}
+    text = made("measured-cells", measured_cells=[{**row, **errors, "value": 52.3, "low": 32.0, "high": 73.0}])
+    assert "| contact-resistance | 52.3 mohm (32.0 to 73.0) | 81.0 → 40.0 | 66.0 → 29.0 | 90 |" in text
+
+
+def test_a_shortlist_counts_places(made):
+    rows = [
+        {"case": "a", "ranked_by": "score test", "place": 1.0},
+        {"case": "b", "ranked_by": "score test", "place": math.inf},
+    ]
+    assert "| score test | 2 | 1 | 1 | 1 |" in made("discovery-shortlists", discovery_shortlists=rows)
