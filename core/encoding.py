@@ -55,7 +55,9 @@ class _TaskRecord:
 
 
 @dataclass(frozen=True)
-class _TrialRecord:
+class TrialRecord:
+    """A trial as it stands in a journal."""
+
     index: int
     phase: Phase
     round: int
@@ -234,7 +236,7 @@ def decode_trial(record: Mapping[str, Any], folder: Path) -> Trial:
     ValueError, LookupError, TypeError or BsaError
         If the record is of another shape.
     """
-    known: _TrialRecord = shaped(_TrialRecord, record)
+    known: TrialRecord = shaped(TrialRecord, record)
     if any(Path(image).is_absolute() or ".." in Path(image).parts for image in known.images):
         # It would be shown to a language model.
         raise ValueError("an image outside the run's folder")
@@ -271,11 +273,11 @@ def decode_outcome(record: Mapping[str, Any]) -> Outcome:
     runs = (
         ExperimentRun(
             None if run["trajectory"] is None else decode_trajectory(run["trajectory"]),
-            None if run["failure"] is None else SimulationFailure(**run["failure"]),
+            None if run["failure"] is None else shaped(SimulationFailure, run["failure"]),
         )
         for run in record["runs"]
     )
-    return Outcome(tuple(runs), record["seconds"])
+    return Outcome(tuple(runs), float(record["seconds"]))
 
 
 def encode_proposal(proposal: Proposal) -> Json:

@@ -133,6 +133,8 @@ def read_events(folder: Path) -> Iterator[dict[str, Any]]:
     BsaError
         If there is no journal, it is damaged, or it was written by newer code.
     """
+    from .event_shapes import check_event  # needs numpy, which `bsa --help` does not
+
     path = folder / FILE_NAME
     if not path.is_file():
         raise BsaError(f"{folder} holds no run ({FILE_NAME} is missing).", "give the folder of an earlier run.")
@@ -148,8 +150,13 @@ def read_events(folder: Path) -> Iterator[dict[str, Any]]:
             version = event.get("format", 0) if number == 1 else 0
             if not isinstance(version, int):
                 raise ValueError("no number")
-        except (ValueError, RecursionError):
-            raise BsaError(f"{path} is damaged at line {number}.", "restore the file, or start a new run.") from None
+            if version <= FORMAT:
+                check_event(event["event"], line)
+        except (ValueError, RecursionError) as error:
+            raise BsaError(
+                f"{path} is damaged at line {number} ({str(error) or 'too deep'}).",
+                "restore the file, or start a new run.",
+            ) from None
         if version > FORMAT:
             raise BsaError(
                 f"{path} has format {version}, this version reads up to {FORMAT}.",

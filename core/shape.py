@@ -40,9 +40,27 @@ def shaped(kind: Any, content: Any) -> Any:
     try:
         return _adapter(kind).validate_python(content)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        place = ".".join(map(str, first["loc"])) or "the whole"
-        raise ValueError(f'"{place}": {first["msg"].casefold()}') from None
+        raise _in_one_line(error) from None
+
+
+def check_json(kind: Any, text: bytes) -> None:
+    """Hold JSON to a type; no number may be text, and no text a number.
+
+    Raises
+    ------
+    ValueError
+        If it is of another type, with the place.
+    """
+    try:
+        _adapter(kind).validate_json(text, strict=True)
+    except ValidationError as error:
+        raise _in_one_line(error) from None
+
+
+def _in_one_line(error: ValidationError) -> ValueError:
+    first = error.errors(include_url=False)[0]
+    place = ".".join(map(str, first["loc"])) or "the whole"
+    return ValueError(f'"{place}": {first["msg"]}')
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from ..core.discovery.recorded import SIMULATION
 from ..core.errors import BsaError
 from ..core.files import file_error
 from ..core.journal import FILE_NAME, FORMAT, Journal, read_events
+from ..core.shape import decoding, shaped
 from .discovery_case import DiscoverOptions
 from .run import versions
 
@@ -85,7 +86,9 @@ def read_options(folder: Path) -> DiscoverOptions:
     if first.get("kind") != KIND:
         hint = "bsa run --resume goes on with a calibration." if first else "give the folder of an earlier discovery."
         raise BsaError(f"{folder / FILE_NAME} is not the journal of a discovery.", hint)
-    return DiscoverOptions.model_validate({**first["options"], "out": folder})
+    with decoding(folder / FILE_NAME, "a discovery", "restore the file, or start a new discovery."):
+        found: DiscoverOptions = shaped(DiscoverOptions, {**first["options"], "out": folder})
+        return found
 
 
 def _dumped(options: DiscoverOptions) -> dict[str, Any]:

@@ -21,7 +21,9 @@ from ..core.recording import Recorder
 from ..core.registry import installed
 from ..core.run_config import RunConfig
 from ..core.run_plugins import RunPlugins
+from ..core.shape import decoding, shaped
 from ..core.task import Task
+from .story import read_run
 
 _VERSIONED = ("battery-sim-agent", "pybamm", "numpy", "scipy")
 
@@ -101,6 +103,8 @@ def execute_run(
     earlier: list[dict[str, Any]] = []
     try:
         earlier = list(read_events(folder))
+        if any(event["event"] == "trial" for event in earlier):
+            read_run(folder)  # What does not read must be refused before more is written behind it.
         _open_chapter(journal, earlier, task, config)
         recorder = Recorder(journal, earlier, resources.max_tokens, resources.max_cost_usd)
         if listener:
@@ -147,16 +151,13 @@ def _open_chapter(journal: Journal, earlier: list[dict[str, Any]], task: Task, c
         journal.append("run", format=FORMAT, identity=identity, config=dumped, versions=now, task=encoded)
         return
     first = earlier[0]
-    if first["event"] != "run" or first["config"] != dumped or first["task"] != json.loads(json.dumps(encoded)):
+    if first["event"] != "run" or first.get("config") != dumped or first.get("task") != json.loads(json.dumps(encoded)):
         raise BsaError(
             f"{journal.path} belongs to another task or configuration.",
             "choose another --out folder, or resume with --resume alone.",
         )
-    changed = [
-        f"{name} {first['versions'].get(name)} -> {now[name]}"
-        for name in now
-        if first["versions"].get(name) != now[name]
-    ]
+    began = first.get("versions", {})
+    changed = [f"{name} {began.get(name)} -> {now[name]}" for name in now if began.get(name) != now[name]]
     if changed:
         journal.warnings.append(f"Resumed with other versions than the run began with: {', '.join(changed)}.")
     journal.append("resumed", versions=now)
@@ -170,10 +171,11 @@ def read_request(folder: Path) -> tuple[Task, RunConfig]:
     BsaError
         If the folder holds no run.
     """
+    path = folder / FILE_NAME
     first = next(read_events(folder), {})
     if first.get("event") == "run" and "task" in first:
-        return decode_task(first["task"]), RunConfig.model_validate(first["config"])
-    path = folder / FILE_NAME
+        with decoding(path, "a run", "restore the file, or start a new run."):
+            return decode_task(first["task"]), shaped(RunConfig, first["config"])
     if first.get("kind") == "discovery":
         raise BsaError(f"{path} is the journal of a discovery.", "bsa discover --resume goes on with it.")
     raise BsaError(f"{path} does not begin with a run.", "give the folder of an earlier run.")

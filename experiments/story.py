@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +15,9 @@ from ..core.journal import FILE_NAME, read_events
 from ..core.loop import APPRAISAL
 from ..core.messages import Usage
 from ..core.metrics import Metrics, decode_metrics
+from ..core.parameters import Parameter
 from ..core.recording import LOST_CALL, REPLY, REVIEW, VOTE
+from ..core.shape import decoding, shaped
 from ..core.task import Task
 from ..core.trial import Phase, Trial
 
@@ -244,22 +247,23 @@ def read_run(folder: Path) -> RunRecord:
     events = list(read_events(folder))
     if not events or events[0]["event"] != "run":
         raise BsaError(f"{folder / FILE_NAME} does not begin with a run.", "give the folder of an earlier run.")
-    try:
+    with decoding(folder / FILE_NAME, "a run", "restore the file, or start a new run."):
         return _record(folder, events)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise BsaError(
-            f"{folder / FILE_NAME} does not read as a run ({type(error).__name__}: {error}).",
-            "restore the file, or start a new run.",
-        ) from None
 
 
 def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
     first = events[0]
     found = {event["index"]: event for event in events if event["event"] == "trial"}
     trials = tuple(decode_trial(found[index], folder) for index in sorted(found))
+    if [trial.index for trial in trials if trial.index >= 0] != sorted(found):
+        raise ValueError("a simulation has a number below 0")
     if not trials or trials[0].index != 0:
         raise BsaError(f"{folder} holds no finished simulation yet.", "wait for the first one, or resume the run.")
     task = decode_task(first["task"])
+    shaped(_Config, first["config"])
+    for trial in trials:
+        for parameter in task.space:
+            _check_bounds(parameter, trial.candidate[parameter.name])
     best = min(trials, key=lambda trial: trial.objective)
     return RunRecord(
         name=folder.resolve().name,
@@ -274,14 +278,37 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
         scores=_scores(events, {"initial": trials[0].index, "best": best.index}),
         notes=(*task.notes, *(str(event["text"]) for event in events if event["event"] == "note")),
         resumed=sum(event["event"] == "resumed" for event in events),
-        appraisal=_appraisal(events, best.index),
+        appraisal=_appraisal(events, best.index, task),
     )
 
 
-def _appraisal(events: Iterable[Mapping[str, Any]], best: int) -> Appraisal | None:
+def _check_bounds(parameter: Parameter, value: float) -> None:
+    if not math.isclose(value, parameter.project(value), rel_tol=1e-9):
+        raise ValueError(f'"{parameter.name}" is {value:g}, outside its bounds')
+
+
+@dataclass(frozen=True)
+class _Scaffold:
+    name: str
+
+
+@dataclass(frozen=True)
+class _Config:
+    """What a report tells of a configuration."""
+
+    scaffold: _Scaffold
+    backend: str
+    seed: int
+
+
+def _appraisal(events: Iterable[Mapping[str, Any]], best: int, task: Task) -> Appraisal | None:
     """The appraisal of the best trial: a resumed run may have found a better one since."""
     found = (event["appraisal"] for event in events if event["event"] == APPRAISAL)
-    return next((Appraisal.from_json(content) for content in found if content["base"] == best), None)
+    appraisal = next((Appraisal.from_json(content) for content in found if content["base"] == best), None)
+    for name, interval in () if appraisal is None else appraisal.identifiability.intervals.items():
+        for end in (interval.value, interval.lower, interval.upper) if name in task.space else ():
+            _check_bounds(task.space[name], end)
+    return appraisal
 
 
 def _status(events: Iterable[Mapping[str, Any]]) -> str:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import multiprocessing
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
 from ...core.errors import BsaError
-from ...core.files import read_json, write_json
+from ...core.files import file_error, read_json, write_json
 from ...core.journal import CLAIM
 from ...core.loop import RunResult
 from ...core.messages import Backend, Outage
@@ -94,26 +95,29 @@ def carry_out(order: Order) -> Report:
     """
     store = Store(Path(order.store))
     folder = store.cell(order.identity)
-    with claim(folder / CLAIM) as ours:
-        if not ours:
-            return Report(order.identity, "busy")
-        # Another process may have finished it since the order was written.
-        found = store.result(order.identity)
-        if found is not None:
-            return Report(order.identity, "done", found, memory_mb=memory_mb())
-        try:
-            result = _run(order, store, folder)
-            if result["status"] == OUTAGE:
-                raise Outage(result["reason"])
-        except (Exception, KeyboardInterrupt) as error:
-            if isinstance(error, KeyboardInterrupt):
-                return Report(order.identity, "stopped")
-            reason = str(error) if isinstance(error, (BsaError, Outage)) else f"{type(error).__name__}: {error}"
+    try:
+        with claim(folder / CLAIM) as ours:
+            return _claimed(order, store, folder) if ours else Report(order.identity, "busy")
+    except KeyboardInterrupt:
+        return Report(order.identity, "stopped")
+    except Exception as error:
+        worded = file_error(error) if isinstance(error, OSError) else error
+        reason = str(worded) if isinstance(worded, (BsaError, Outage)) else f"{type(error).__name__}: {error}"
+        with suppress(BsaError):  # a full disk, perhaps; the report tells the reason
             write_json(folder / FAILURE, {"reason": reason})
-            return Report(order.identity, "failed", reason=reason, memory_mb=memory_mb())
+        return Report(order.identity, "failed", reason=reason, memory_mb=memory_mb())
+
+
+def _claimed(order: Order, store: Store, folder: Path) -> Report:
+    # Another process may have finished it since the order was written.
+    result = store.result(order.identity)
+    if result is None:
+        result = _run(order, store, folder)
+        if result["status"] == OUTAGE:
+            raise Outage(result["reason"])
         (folder / FAILURE).unlink(missing_ok=True)
-        state: State = "done" if result["status"] in FINAL else "stopped"
-        return Report(order.identity, state, result, memory_mb=memory_mb())
+    state: State = "done" if result["status"] in FINAL else "stopped"
+    return Report(order.identity, state, result, memory_mb=memory_mb())
 
 
 def _run(order: Order, store: Store, folder: Path) -> dict[str, Any]:

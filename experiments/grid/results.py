@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib.util
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +14,11 @@ from ...core.errors import BsaError
 from ...core.files import begins, entries, foreign, read_json, replacing, write_csv, write_json
 from ...core.journal import read_events
 from ...core.metrics import PaperMetrics
+from ...core.shape import decoding, shaped
 from .expansion import GridCell
 from .grid_file import GridFile
 from .one_cell import Report
-from .store import FAILURE, FINAL, MANIFEST, OUTAGE, RESULT, TRACE, Store
+from .store import FAILURE, FINAL, MANIFEST, OUTAGE, TRACE, Store, read_result
 
 Row = dict[str, Any]
 
@@ -53,6 +56,37 @@ def write_manifest(grid: GridFile, cells: Sequence[GridCell], store: Store) -> P
     content = {"grid": grid.model_dump(mode="json"), "cells": entries, "methods": list(dict.fromkeys(methods.values()))}
     write_json(folder / MANIFEST, content)
     return folder
+
+
+_AGAIN = "run bsa grid again; finished cells are kept."
+
+
+@dataclass(frozen=True)
+class _Entry:
+    identity: str
+    method: str
+    task: str
+    mode: str
+    chemistry: str
+    rates: str
+    scaffold: str
+    backend: str
+    seed: int
+    trouble: str
+
+
+@dataclass(frozen=True)
+class _Grid:
+    name: str
+    summary: str = ""
+    reference: str | None = None
+
+
+@dataclass(frozen=True)
+class _Manifest:
+    grid: _Grid
+    cells: list[_Entry]
+    methods: list[str]
 
 
 def check_grid_folder(folder: Path) -> None:
@@ -117,8 +151,10 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         If it is missing or damaged.
     """
     content = read_json(folder / MANIFEST)
-    if content is None or "cells" not in content:
-        raise BsaError(f"{folder / MANIFEST} is missing or damaged.", "run bsa grid again; finished cells are kept.")
+    if content is None:
+        raise BsaError(f"{folder / MANIFEST} is missing or damaged.", _AGAIN)
+    with decoding(folder / MANIFEST, "a grid", _AGAIN):
+        shaped(_Manifest, content)
     return content
 
 
@@ -144,7 +180,7 @@ def _row(grid: str, entry: Mapping[str, Any], store: Store, report: Report | Non
     folder = store.cell(entry["identity"])
     result = report.result if report is not None and report.result else None
     if result is None and entry["identity"]:
-        result = read_json(folder / RESULT)
+        result = read_result(folder)
     state, reason = _state(entry, folder, result, report)
     # How many calls were lost is told of a cell that failed for it, too.
     lost_calls = (result or {}).get("lost_calls")
@@ -183,12 +219,18 @@ def _float(value: Any) -> float | None:
     return None if value is None or not math.isfinite(value) else float(value)
 
 
+@dataclass(frozen=True)
+class _Trace:
+    objective: list[float | None]
+
+
 def trace_of(store: Store, identity: str) -> list[float | None]:
     """The objective of every simulation of a cell, in order; None for a failed one."""
     folder = store.cell(identity)
     kept = read_json(folder / TRACE)
-    if kept is not None:
-        return list(kept["objective"])
+    with suppress(ValueError):
+        trace: _Trace = shaped(_Trace, kept)
+        return trace.objective
     # A run that was killed after its result and before its trace, or that bsa run made.
     found: dict[int, float | None] = {}
     for event in read_events(folder):

@@ -12,6 +12,8 @@ from ...core.encoding import decode_task, encode_task
 from ...core.errors import BsaError
 from ...core.files import entries, foreign, read_json, write_text
 from ...core.journal import FILE_NAME
+from ...core.paper_metrics import PaperMetrics
+from ...core.shape import decoding, shaped
 from ...core.task import Task
 
 FINAL = frozenset({"converged", "finished", "rounds-spent", "simulations-spent"})
@@ -21,6 +23,8 @@ OUTAGE = "outage"
 """How it ends when the language model could not be had: the cell failed, and is tried again."""
 
 RESULT, TRACE, FAILURE, MANIFEST = "result.json", "trace.json", "failure.json", "grid.json"
+
+_METRICS = frozenset(PaperMetrics.__dataclass_fields__)
 
 _PARTS = frozenset({"cells", "grids", "places", "tasks"})
 _STUDIES = frozenset({"suite", "runtime", "recovery", "warmup", "no-harm"})
@@ -65,8 +69,8 @@ class Store:
 
     def result(self, identity: str) -> dict[str, Any] | None:
         """What a finished cell found; None if it is not finished."""
-        content = read_json(self.cell(identity) / RESULT)
-        return content if content is not None and content.get("status") in FINAL else None
+        content = read_result(self.cell(identity))
+        return content if content is not None and content["status"] in FINAL else None
 
     def journal_size(self, identity: str) -> int:
         """Bytes of a cell's journal: how far it has come."""
@@ -94,7 +98,8 @@ class Store:
         content = read_json(self._task(digest)) if self.has_task(digest) else None
         if content is None:
             raise BsaError(f"{self._task(digest)} is missing or damaged.", "start the grid again; it writes it anew.")
-        return decode_task(content)
+        with decoding(self._task(digest), "a task", "remove the file, and start the grid again; it writes it anew."):
+            return decode_task(content)
 
     def has_task(self, digest: str) -> bool:
         """Whether a task was kept, and is whole."""
@@ -105,6 +110,37 @@ class Store:
 
     def _task(self, digest: str) -> Path:
         return self.root / "tasks" / f"{digest}.json"
+
+
+@dataclass(frozen=True)
+class _Result:
+    """What tables read of a result."""
+
+    status: str
+    best: dict[str, Any]
+    initial: dict[str, Any]
+    reason: str = ""
+    simulations: int | None = None
+    failed_simulations: int | None = None
+    llm_calls: int | None = None
+    lost_calls: int | None = None
+    tokens: int | None = None
+    cost_usd: float | None = None
+    wall_s: float | None = None
+    simulator_s: float | None = None
+    backend_s: float | None = None
+
+
+def read_result(folder: Path) -> dict[str, Any] | None:
+    """What ``result.json`` of a cell holds; None where there is none, or it was damaged: the journal makes it anew."""
+    content = read_json(folder / RESULT)
+    try:
+        found: _Result = shaped(_Result, content)
+        numbers = [value for part in (found.best, found.initial) for key, value in part.items() if key in _METRICS]
+        shaped(list[float | None], numbers)
+    except ValueError:
+        return None
+    return content
 
 
 def _digest(content: bytes) -> str:

@@ -134,8 +134,10 @@ def _case(case: SuiteCase, search: str | None, store: Store, say: Say, make: boo
     label = TaskLabel(case.key, case.mode, case.parameter_set, case.rates)
     note = store.root / "tasks" / f"{_reference(case, search)}.case.json"
     known = read_json(note)
-    if known is not None and (known["trouble"] or store.has_task(known["digest"])):
-        return replace(label, digest=known["digest"], trouble=known["trouble"])
+    if known is not None:
+        digest, trouble = str(known.get("digest", "")), str(known.get("trouble", ""))
+        if trouble or store.has_task(digest):
+            return replace(label, digest=digest, trouble=trouble)
     if not make:
         return label
     from ..suite.build import build_task

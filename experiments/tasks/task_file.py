@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from ...core.errors import BsaError
 from ...core.files import file_error
 from ...core.printable import shown
 from ...core.record import ReadOptions
+from ...core.shape import decoding
 from ...core.task import Task
 from ...core.validation import explain
 from ...core.yaml_text import read_yaml
@@ -113,10 +113,6 @@ def _read_json(path: Path) -> Any:
 
 
 def _encoded(content: dict[str, Any], path: Path) -> Task:
-    try:
+    hint = "write it with bsa.core.encoding.encode_task, or give a .yaml task file."
+    with decoding(path, "an encoded task", hint):
         return decode_task(content)
-    except (KeyError, TypeError, ValueError, AttributeError, zlib.error) as error:
-        raise BsaError(
-            f"{path} does not hold an encoded task ({type(error).__name__}: {shown(error)}).",
-            "write it with bsa.core.encoding.encode_task, or give a .yaml task file.",
-        ) from None

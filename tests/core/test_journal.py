@@ -11,7 +11,7 @@ from bsa.core.journal import CLAIM, FILE_NAME, FORMAT, Journal, check_run_folder
 def test_events_come_back_in_order(tmp_path: Path) -> None:
     journal = Journal(tmp_path)
     for number in range(3):
-        journal.append("trial", number=number, text="Σ\n")
+        journal.append("count", number=number, text="Σ\n")
     journal.close()
     assert [event["number"] for event in read_events(tmp_path)] == [0, 1, 2]
 
@@ -20,14 +20,14 @@ def test_events_come_back_in_order(tmp_path: Path) -> None:
 def test_a_torn_last_line_is_dropped_with_a_warning(tmp_path: Path, cut: int) -> None:
     journal = Journal(tmp_path)
     journal.append("run", number=0)
-    journal.append("trial", number=1, filler="x" * 40)
+    journal.append("count", number=1, filler="x" * 40)
     journal.close()
     path = tmp_path / FILE_NAME
     path.write_bytes(path.read_bytes()[:-cut])
     assert [event["number"] for event in read_events(tmp_path)] == [0]
     reopened = Journal(tmp_path)
     assert "torn last line" in reopened.warnings[0]
-    reopened.append("trial", number=1)
+    reopened.append("count", number=1)
     reopened.close()
     assert [event["number"] for event in read_events(tmp_path)] == [0, 1]
 
@@ -49,7 +49,7 @@ def test_a_newer_format_is_refused(tmp_path: Path) -> None:
 
 
 def test_damage_in_the_middle_is_told_with_its_line(tmp_path: Path) -> None:
-    (tmp_path / FILE_NAME).write_text('{"event":"run","format":1}\n{broken\n{"event":"end"}\n')
+    (tmp_path / FILE_NAME).write_text('{"event":"run","format":1}\n{broken\n{"event":"count"}\n')
     with pytest.raises(BsaError, match="damaged at line 2"):
         list(read_events(tmp_path))
 
@@ -129,10 +129,10 @@ def test_a_full_disk_tears_no_line(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     full = Full(journal._file)
     monkeypatch.setattr(journal, "_file", full)
     with pytest.raises(BsaError, match="No space left on device") as caught:
-        journal.append("trial", number=1, filler="x" * 100)
+        journal.append("count", number=1, filler="x" * 100)
     assert "make room" in caught.value.hint
     monkeypatch.setattr(journal, "_file", full.file)
-    journal.append("trial", number=2)
+    journal.append("count", number=2)
     journal.close()
     assert [event["number"] for event in read_events(tmp_path)] == [0, 2]
 
