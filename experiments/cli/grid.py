@@ -196,11 +196,11 @@ def _words(need: Any) -> str:
 
 
 def _print_outcome(plan: Plan, rows: list[Row]) -> None:
-    from ..grid.tables import METRICS, blocks
+    from ..grid.tables import blocks, compared_metric
 
     folder = plan.store.grid(plan.grid.name)
-    for block in blocks(rows, "mape"):
-        print(f"\n{block.title.replace(METRICS['mape'], 'total MAPE / %')}: {', '.join(block.columns)}")
+    for block in blocks(rows, compared_metric(rows, "mape")):
+        print(f"\n{block.title}: {', '.join(block.columns)}")
         for method, values in block.rows:
             entries = ", ".join("–" if value is None else str(value) for value in values)
             print(f"  {method:32s} {entries}")

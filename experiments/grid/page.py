@@ -24,7 +24,7 @@ from .figures import draw_all
 from .results import Row, grid_folder, read_manifest, rows_of
 from .statistics import compare
 from .store import Store
-from .tables import METRICS, RESULTS, Block, blocks, check_metric, effort, reference_of
+from .tables import RESULTS, Block, blocks, check_metric, compared_metric, effort, label_of, reference_of, shown_metrics
 
 if TYPE_CHECKING:
     import jinja2
@@ -103,6 +103,7 @@ def build_page(
     folder = grid_folder(grid, place)
     manifest = read_manifest(folder)
     rows = rows_of(manifest, place)
+    metric = compared_metric(rows, metric)
     path = out or folder / FILE_NAME
     if full:
         for row in rows:
@@ -117,10 +118,10 @@ def build_page(
         tasks=len({row["task"] for row in rows}),
         seeds=len({row["seed"] for row in rows}),
         methods=manifest["methods"],
-        tables=[_ranked(block) for name in METRICS for block in blocks(rows, name)],
+        tables=[_ranked(block) for name in shown_metrics(rows) for block in blocks(rows, name)],
         comparisons=compare(rows, reference, metric),
         reference=reference,
-        metric=METRICS.get(metric, metric),
+        metric=label_of(metric),
         effort=effort(rows),
         figures=[(_CAPTIONS[name], Markup(svg)) for name, svg in draw_all(rows, place, metric).items()],
         data=_json({"columns": _COLUMNS, "rows": [[row[name] for name in _COLUMNS] for row in rows]}),

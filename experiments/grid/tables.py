@@ -9,12 +9,17 @@ from pathlib import Path
 
 from ...core.errors import BsaError, did_you_mean
 from ...core.files import begins, entries, foreign, write_text
+from ...core.signal_metrics import MISFIT
 from ..studies.table import Statistic, ranks, statistic
 from .results import Row, grid_folder, read_manifest, rows_of, write_rows
 from .statistics import Comparison, compare
 from .store import Store
 
 METRICS = {"mape": "total MAPE, %", "rmse": "total RMSE", "v_rmse_mv": "voltage RMSE, mV"}
+"""The errors of cells."""
+
+OF_NO_CELL = {"objective": f"{MISFIT.label}, {MISFIT.unit}"}
+"""The error of tasks that are no cells."""
 RESULTS = Path("results")
 
 EFFORT = ("simulations", "failed_simulations", "llm_calls", "tokens", "cost_usd", "wall_s")
@@ -60,7 +65,7 @@ def tables(grid: str | Path, store: Path = RESULTS, out: Path | None = None, met
     out : Path, optional
         Where to write; the grid's folder by default.
     metric : str
-        The error that is compared and drawn; the tables show all of `METRICS`.
+        The error that is compared and drawn; the tables show all of `shown_metrics`.
 
     Returns
     -------
@@ -80,6 +85,7 @@ def tables(grid: str | Path, store: Path = RESULTS, out: Path | None = None, met
     folder = grid_folder(grid, place)
     manifest = read_manifest(folder)
     rows = rows_of(manifest, place)
+    metric = compared_metric(rows, metric)
     if out is None:
         out = folder
     elif entries(out) and not begins(out / "cells.csv", b"grid,task,mode,"):
@@ -107,6 +113,22 @@ def check_metric(metric: str) -> None:
         )
 
 
+def shown_metrics(rows: Sequence[Row]) -> dict[str, str]:
+    """The errors that tables show, by name: those of cells, or the objective where no task is one."""
+    found = {name for name in (*METRICS, *OF_NO_CELL) for row in rows if row.get(name) is not None}
+    return OF_NO_CELL if found == set(OF_NO_CELL) else METRICS
+
+
+def compared_metric(rows: Sequence[Row], metric: str) -> str:
+    """The error that is compared: the one asked for, if these tasks have it."""
+    return metric if metric in shown_metrics(rows) else next(iter(shown_metrics(rows)))
+
+
+def label_of(metric: str) -> str:
+    """An error as tables call it."""
+    return {**METRICS, **OF_NO_CELL}.get(metric, metric)
+
+
 def reference_of(wanted: str | None, methods: Sequence[str]) -> str:
     """The method that others are compared with: the one named, whole or by its scaffold, else the first."""
     return next((method for method in methods if wanted and method.split(" · ")[0] == wanted), methods[0])
@@ -121,7 +143,7 @@ def blocks(rows: Sequence[Row], metric: str) -> list[Block]:
         columns = [[chemistry] for chemistry in chemistries] + ([chemistries] if len(chemistries) > 1 else [])
         found.append(
             Block(
-                f"{mode}, {METRICS.get(metric, metric)}",
+                f"{mode}, {label_of(metric)}",
                 (*chemistries, "all") if len(chemistries) > 1 else tuple(chemistries),
                 tuple(
                     (method, tuple(_statistic(mine, method, column, metric) for column in columns))
@@ -144,7 +166,7 @@ def _statistic(rows: Sequence[Row], method: str, chemistries: Sequence[str], met
 def markdown(rows: Sequence[Row], reference: str, metric: str = "mape") -> str:
     """All tables as Markdown, and the comparisons behind them."""
     parts = [_coverage(rows)]
-    for name in METRICS:
+    for name in shown_metrics(rows):
         parts += [_markdown_block(block) for block in blocks(rows, name)]
     parts += [_markdown_comparisons(compare(rows, reference, metric), metric), _markdown_effort(rows)]
     return "\n\n".join(part for part in parts if part) + "\n"
@@ -206,7 +228,7 @@ def _in_latex(text: str, rank: int | None) -> str:
 def _markdown_comparisons(comparisons: Sequence[Comparison], metric: str) -> str:
     if not comparisons:
         return ""
-    name, reference = METRICS.get(metric, metric), comparisons[0].reference
+    name, reference = label_of(metric), comparisons[0].reference
     lines = [
         f"**against {reference}** ({name}; ratio of errors, geometric mean over cases, bootstrap 95 % interval; "
         "Wilcoxon signed-rank, Holm-corrected)",
@@ -242,7 +264,7 @@ def effort(rows: Sequence[Row]) -> dict[str, list[float]]:
 def latex(rows: Sequence[Row], reference: str, metric: str = "mape") -> str:
     """All tables as LaTeX (booktabs)."""
     parts = ["% \\usepackage{booktabs}"]
-    for name in METRICS:
+    for name in shown_metrics(rows):
         parts += [_latex_block(block) for block in blocks(rows, name)]
     parts.append(_latex_comparisons(compare(rows, reference, metric), metric))
     return "\n\n".join(part for part in parts if part) + "\n"
@@ -271,7 +293,7 @@ def _latex_comparisons(comparisons: Sequence[Comparison], metric: str) -> str:
         ]
         for item in comparisons
     ]
-    title = f"against {comparisons[0].reference}, {METRICS.get(metric, metric)}"
+    title = f"against {comparisons[0].reference}, {label_of(metric)}"
     return _tabular(title, ["method", "ratio", r"95 % interval", "cases", "$p$", "verdict"], body)
 
 

@@ -109,7 +109,7 @@ class Feasibility:
         self._task = task
         self._space = task.space
         self._rng = np.random.default_rng(seed)
-        self._too_large = too_large = outlasts(task, start)
+        self._too_large = too_large = bool(task.domain.drives) and outlasts(task, start)
         self._gentle = smaller_direction(task) if too_large else gentle_direction(task)
         self._strides = list(_STRIDES) if np.any(self._gentle) else []
         self._farthest = start

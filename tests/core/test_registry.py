@@ -83,6 +83,7 @@ class Unprintable:
         (entry("worm", factory=None), "its factory None cannot be called"),
         (entry("worm", summary=None), "its summary None is no text"),
         (entry("worm", config_type=dict), "no pydantic model"),
+        (entry("worm", domain="biology"), "no bsa.core.domain.Domain"),
         ("not an entry", "it lists 'not an entry': yield bsa.core.hooks.Entry"),
         (Unprintable(), "it lists Unprintable"),
         (None, "it lists None"),

@@ -123,6 +123,17 @@ def test_the_task_is_listed_with_its_origin_and_found_by_its_name() -> None:
         find_task("oscilator")
 
 
+def test_a_grid_of_it_compares_its_own_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    grid = {"name": "bench", "tasks": ["oscillator"], "scaffolds": ["default", "least-squares"], "simulations": 20}
+    Path("bench.json.yaml").write_text(json.dumps(grid | {"seeds": [1]}))
+    said = command(["grid", "bench.json.yaml", "--store", "store", "--workers", "1"], main)
+    assert re.search(r"own, RMS misfit, tolerances: damped driven oscillator\n +default +84\.29", said)
+    page = Path(command(["report", "bench", "--store", "store"], main).strip())
+    assert "RMS misfit, tolerances" in page.read_text()
+    assert "total MAPE" not in page.read_text()
+
+
 @pytest.mark.parametrize("scaffold", ["qnehvi", "weighted-de"])
 def test_a_scaffold_that_needs_the_papers_errors_says_so(
     scaffold: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
