@@ -157,5 +157,5 @@ def test_what_is_wrong_with_a_signal_is_told(before: str, after: str, message: s
 
 def test_a_file_that_is_no_json_is_told_apart() -> None:
     assert "is not valid JSON" in said("{", "wrong.json")
-    assert "does not hold an encoded task" in said('{"space": [], "simulator": "x"}', "wrong.json")
+    assert "does not read as an encoded task" in said('{"space": [], "simulator": "x"}', "wrong.json")
     assert '"name" is missing' in said("{}", "wrong.json")
