@@ -122,6 +122,19 @@ class _AppraisalSimulation:
 
 
 @dataclass(frozen=True)
+class _Simulation:
+    key: str
+    voltage: str | None
+    temperature: str | None = None
+
+
+@dataclass(frozen=True)
+class _Refused:
+    effect: str
+    why: str
+
+
+@dataclass(frozen=True)
 class _Note:
     text: str
 
@@ -142,6 +155,8 @@ _SHAPES = {
     "score": _Score,
     "appraisal": _Appraisal,
     "appraisal-simulation": _AppraisalSimulation,
+    "simulation": _Simulation,
+    "refused": _Refused,
     "note": _Note,
     "end": _End,
 }

@@ -125,6 +125,20 @@ def check_run_folder(folder: Path) -> None:
         raise foreign(folder / FILE_NAME, "the journal of a run")
 
 
+def check_calibration(first: Event, path: Path) -> None:
+    """Refuse a journal whose first event is not that of a calibration.
+
+    Raises
+    ------
+    BsaError
+        With what goes on with a discovery, where it is one.
+    """
+    if first.get("kind") == "discovery":
+        raise BsaError(f"{path} is the journal of a discovery.", "bsa discover --resume goes on with it.")
+    if first.get("event") != "run" or "task" not in first:
+        raise BsaError(f"{path} does not begin with a run.", "give the folder of an earlier run.")
+
+
 def read_events(folder: Path) -> Iterator[dict[str, Any]]:
     """The events of a run, oldest first; a torn last line is passed over.
 

@@ -13,7 +13,7 @@ from ..core.encoding import decode_task, encode_task
 from ..core.errors import BsaError
 from ..core.files import write_json, write_text
 from ..core.hooks import RunContext
-from ..core.journal import FILE_NAME, FORMAT, Journal, read_events
+from ..core.journal import FILE_NAME, FORMAT, Journal, check_calibration, read_events
 from ..core.loop import Listener, Run, RunResult
 from ..core.messages import Backend
 from ..core.metrics import Metrics, errors_of
@@ -173,12 +173,9 @@ def read_request(folder: Path) -> tuple[Task, RunConfig]:
     """
     path = folder / FILE_NAME
     first = next(read_events(folder), {})
-    if first.get("event") == "run" and "task" in first:
-        with decoding(path, "a run", "restore the file, or start a new run."):
-            return decode_task(first["task"]), shaped(RunConfig, first["config"])
-    if first.get("kind") == "discovery":
-        raise BsaError(f"{path} is the journal of a discovery.", "bsa discover --resume goes on with it.")
-    raise BsaError(f"{path} does not begin with a run.", "give the folder of an earlier run.")
+    check_calibration(first, path)
+    with decoding(path, "a run", "restore the file, or start a new run."):
+        return decode_task(first["task"]), shaped(RunConfig, first["config"])
 
 
 def summary(task: Task, config: RunConfig, backend_name: str, result: RunResult) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from ..core.appraisal import Appraisal
 from ..core.encoding import decode_task, decode_trial
 from ..core.errors import BsaError
-from ..core.journal import FILE_NAME, read_events
+from ..core.journal import FILE_NAME, check_calibration, read_events
 from ..core.loop import APPRAISAL
 from ..core.messages import Usage
 from ..core.metrics import Metrics, decode_metrics
@@ -245,8 +245,7 @@ def read_run(folder: Path) -> RunRecord:
         If there is no journal, it is damaged, or not even the first simulation was finished.
     """
     events = list(read_events(folder))
-    if not events or events[0]["event"] != "run":
-        raise BsaError(f"{folder / FILE_NAME} does not begin with a run.", "give the folder of an earlier run.")
+    check_calibration(events[0] if events else {}, folder / FILE_NAME)
     with decoding(folder / FILE_NAME, "a run", "restore the file, or start a new run."):
         return _record(folder, events)
 

@@ -92,5 +92,5 @@ def _encoded(prediction: Prediction | None) -> dict[str, str | None]:
 def _decoded(event: Mapping[str, Any]) -> Prediction | None:
     if event["voltage"] is None:
         return None
-    kelvin = event["temperature"]
+    kelvin = event.get("temperature")
     return Prediction(decode_array(event["voltage"]), None if kelvin is None else decode_array(kelvin))

@@ -128,7 +128,7 @@ def report(
     out: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="The page; default: index.html in the grid's folder.", rich_help_panel=shared.OUTPUT
+            metavar="FILE", help="The page; default: in the folder of the grid or run.", rich_help_panel=shared.OUTPUT
         ),
     ] = None,
     full: Annotated[
@@ -143,7 +143,7 @@ def report(
     if (Path(grid) / "journal.jsonl").is_file():
         from ..report import build_report
 
-        print(build_report(Path(grid)))
+        print(build_report(Path(grid), out))
         return
     from ..grid.page import build_page
 

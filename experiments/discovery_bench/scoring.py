@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ...core.errors import BsaError
 from ..studies.table import exact_interval
 from .making import read_rows, unseal
 from .running import RESULTS
@@ -61,6 +62,11 @@ def mark_cases(folder: Path, results: str = RESULTS) -> list[Marked]:
     """Mark every case that has a result."""
     answers = unseal(folder)
     rows = read_rows(folder, results)
+    unknown = [row["case"] for row in rows if row["case"] not in answers]
+    if unknown:
+        raise BsaError(
+            f"the results in {folder} are of a case that it has not: {unknown[0]!r}.", "make the cases anew."
+        )
     return [_mark(row, answers[row["case"]]) for row in sorted(rows, key=lambda row: row["case"])]
 
 

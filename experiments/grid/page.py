@@ -7,7 +7,6 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from ...core.errors import BsaError
-from ...core.files import foreign, write_text
+from ...core.files import write_text
 from ...core.reply_parsing import strip_control
+from ..own_pages import check_page
 from ..report import build_report
 from ..report.wording import clipped, number, quantity, short_name
 from ..story import Round, read_run
@@ -65,11 +65,6 @@ _CAPTIONS = {
 }
 
 
-_GENERATOR = b'<meta name="generator" content="battery-sim-agent">'
-_HEAD_BYTES = 2048
-"""The head of a page fits in."""
-
-
 def build_page(
     grid: str | Path, store: Path = RESULTS, out: Path | None = None, full: bool = False, metric: str = "mape"
 ) -> Path:
@@ -97,8 +92,8 @@ def build_page(
         If the grid has not been run in this store.
     """
     check_metric(metric)
-    if out is not None and not _is_page(out):
-        raise foreign(out, "a page of a grid")
+    if out is not None:
+        check_page(out)
     place = Store(store)
     folder = grid_folder(grid, place)
     manifest = read_manifest(folder)
@@ -132,15 +127,6 @@ def build_page(
     )
     write_text(path, page)
     return path
-
-
-def _is_page(path: Path) -> bool:
-    """Whether a page may be written there: nothing is, or a page of ours."""
-    if not path.exists() and not path.is_symlink():
-        return True
-    with suppress(OSError), path.open("rb") as file:
-        return path.is_file() and _GENERATOR in file.read(_HEAD_BYTES)
-    return False
 
 
 def _ranked(block: Block) -> dict[str, Any]:

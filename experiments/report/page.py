@@ -16,6 +16,7 @@ from ...core.files import write_text
 from ...core.metrics import Quantity, errors_of, headline_of, objective_of
 from ...core.parameters import Parameter
 from ...core.reply_parsing import strip_control
+from ..own_pages import check_page
 from ..story import UNFINISHED, RunRecord, read_run
 from .failures import failures
 from .figures import convergence, overlays
@@ -81,25 +82,29 @@ class ParameterRow:
     bound: str
 
 
-def build_report(folder: Path) -> Path:
-    """Write the report of a run into its folder.
+def build_report(folder: Path, out: Path | None = None) -> Path:
+    """Write the report of a run.
 
     Parameters
     ----------
     folder : Path
         The run's folder; its journal is all that is read.
+    out : Path, optional
+        The page; ``report.html`` in the run's folder by default.
 
     Returns
     -------
     Path
-        Of ``report.html``, written whole or not at all.
+        Of the page, written whole or not at all.
 
     Raises
     ------
     BsaError
-        If there is no journal, or it is damaged.
+        If there is no journal, it is damaged, or something else lies where the page is to be.
     """
-    path = folder / FILE_NAME
+    if out is not None:
+        check_page(out)
+    path = out or folder / FILE_NAME
     write_text(path, render(read_run(folder)))
     return path
 

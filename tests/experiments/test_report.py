@@ -390,3 +390,14 @@ class TestWording:
         assert text.startswith("a" * 40)
         assert text.endswith("z" * 20)
         assert "140 characters left out" in text
+
+
+def test_a_report_goes_where_it_is_wanted_and_over_no_foreign_file(tmp_path, run_toy):
+    run_toy(tmp_path / "run")
+    wanted = tmp_path / "elsewhere" / "page.html"
+    assert build_report(tmp_path / "run", wanted) == wanted
+    assert wanted.read_text() == (tmp_path / "run" / "report.html").read_text()
+    (tmp_path / "mine.html").write_text("mine")
+    with pytest.raises(BsaError, match=r"mine\.html holds something"):
+        build_report(tmp_path / "run", tmp_path / "mine.html")
+    assert (tmp_path / "mine.html").read_text() == "mine"
