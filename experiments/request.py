@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from ..core.errors import BsaError
-from ..core.record import ReadOptions
+from ..core.record import ReadOptions, Record
 from ..core.run_config import RunConfig
 from ..core.scaffold import load_scaffold
 from ..core.task import Task
@@ -139,9 +140,9 @@ def key_values(pairs: Sequence[str] | None, option: str) -> dict[str, Any]:
 
 
 def read_options(
-    columns: dict[str, str], units: dict[str, str], where: dict[str, str], cycles: str | None, **others: Any
+    columns: Mapping[str, str], units: Mapping[str, str], where: Mapping[str, str], cycles: str | None, **others: Any
 ) -> ReadOptions:
-    """What the command line says about a file.
+    """What a person says about a file.
 
     Raises
     ------
@@ -151,9 +152,9 @@ def read_options(
     from .tasks.records import parse_cycles
 
     content: dict[str, Any] = {
-        "columns": columns,
-        "units": units,
-        "where": where,
+        "columns": dict(columns),
+        "units": dict(units),
+        "where": dict(where),
         "cycles": None if cycles is None else parse_cycles(cycles),
         **others,
     }
@@ -170,3 +171,58 @@ def numbered_folder(parent: Path, name: str) -> Path:
     while (parent / f"{safe}-{number}").exists():
         number += 1
     return parent / f"{safe}-{number}"
+
+
+def task_of_records(
+    sources: Sequence[Path | Record],
+    read: ReadOptions,
+    reader: str | None,
+    reader_options: Mapping[str, Any],
+    parameters: str | None,
+    model: str,
+    options: Mapping[str, Any],
+    search: str | Mapping[str, Any],
+    scale: bool,
+) -> Task:
+    """The task of matching records, all read alike.
+
+    Raises
+    ------
+    BsaError
+        If no parameter set is given, or a record, a set or a parameter makes no sense.
+    """
+    from .tasks.records import RecordRequest, build_task
+
+    if parameters is None:
+        raise BsaError(
+            "a record needs a parameter set to start from.",
+            "add --parameters Chen2020 (NMC811), Marquis2019 or Ai2020 (LCO), Prada2013 (LFP), Ecker2015 (NMC); "
+            "bsa list parameters shows all sets.",
+        )
+    return build_task(
+        name=named_after(sources),
+        parameter_set=parameters,
+        records=[RecordRequest(source, read, reader, reader_options) for source in sources],
+        model=model,
+        options=options,
+        search=search,
+        scale_to_capacity=scale,
+    )
+
+
+def named_after(sources: Sequence[Path | Record]) -> str:
+    """The first record's name, and how many more there are."""
+    first = sources[0]
+    name = Path(first.name if isinstance(first, Record) else first).stem[:60]
+    return name + (f" and {len(sources) - 1} more" if len(sources) > 1 else "")
+
+
+def simulation_workers(asked: int) -> int:
+    """How many simulations run side by side: what was asked for, or one on each of up to four cores."""
+    return asked or min(os.cpu_count() or 1, 4)
+
+
+def backend_options(options: Mapping[str, Any], **given: Any) -> dict[str, Any]:
+    """How a language model is reached and asked, as it goes into a configuration: only what was set."""
+    said = {key: str(value) if isinstance(value, Path) else value for key, value in given.items() if value is not None}
+    return dict(options) | said

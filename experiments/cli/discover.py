@@ -172,6 +172,7 @@ def discover(
 def _carry_out(asked: DiscoverOptions, workers: int, as_json: bool) -> None:
     from ...core.messages import Outage
     from ..discover import discover as find
+    from ..request import simulation_workers
 
     print(f"discovery → {asked.out}", file=sys.stderr)
 
@@ -179,7 +180,7 @@ def _carry_out(asked: DiscoverOptions, workers: int, as_json: bool) -> None:
         print(printable(text, 400), file=sys.stderr, flush=True)
 
     try:
-        found = find(asked, say, shared.simulation_workers(workers))
+        found = find(asked, say, simulation_workers(workers))
     except (KeyboardInterrupt, Outage) as stopped:
         why = "interrupted" if isinstance(stopped, KeyboardInterrupt) else printable(str(stopped), 400)
         print(f"Stopped: {why}. Go on with: bsa discover --resume {shlex.quote(str(asked.out))}", file=sys.stderr)

@@ -6,7 +6,7 @@ import json
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -160,14 +160,20 @@ def run(
     version: shared.Version = False,
 ) -> None:
     """Calibrate a model against a target: the packaged demo, a task file, or cycler records."""
-    from ..request import Overrides, RunRequest, key_values, numbered_folder
+    from ..request import (
+        Overrides,
+        RunRequest,
+        key_values,
+        numbered_folder,
+        simulation_workers,
+        task_of_records,
+    )
     from ..run import Resources, read_request
     from ..tasks.find import find_task
-    from ..tasks.records import RecordRequest, build_task
 
     if out is not None:
         check_run_folder(out)
-    resources = Resources(shared.simulation_workers(workers), max_tokens, max_cost)
+    resources = Resources(simulation_workers(workers), max_tokens, max_cost)
     if resume is not None:
         earlier_task, config = read_request(resume)
         _execute(RunRequest(earlier_task, config, resume), resources, as_json, identifiability)
@@ -188,33 +194,14 @@ def run(
     )
     if data:
         read = shared.reading(column, unit, where, current_sign, constant_current, cycles, sheet, temperature)
-        chosen = build_task(
-            name=_named_after(data),
-            parameter_set=parameters or _no_parameter_set(),
-            records=[RecordRequest(path, read, reader, key_values(reader_option, "--reader-option")) for path in data],
-            model=model,
-            options=key_values(options, "--options"),
-            search=search,
-            scale_to_capacity=scale,
-        )
+        reader_options = key_values(reader_option, "--reader-option")
+        model_options = key_values(options, "--options")
+        chosen = task_of_records(data, read, reader, reader_options, parameters, model, model_options, search, scale)
     else:
         assert named is not None
         chosen = named
     folder = out or numbered_folder(Path("runs"), f"{chosen.name}-{config.scaffold.name}")
     _execute(RunRequest(chosen, config, folder), resources, as_json, identifiability)
-
-
-def _named_after(data: list[Path]) -> str:
-    """The first record's name, and how many more there are."""
-    return data[0].stem[:60] + (f" and {len(data) - 1} more" if len(data) > 1 else "")
-
-
-def _no_parameter_set() -> NoReturn:
-    raise BsaError(
-        "--data needs a parameter set to start from.",
-        "add --parameters Chen2020 (NMC811), Marquis2019 or Ai2020 (LCO), Prada2013 (LFP), Ecker2015 (NMC); "
-        "bsa list parameters shows all sets.",
-    )
 
 
 def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability: bool) -> None:

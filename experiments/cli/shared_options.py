@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -133,11 +132,6 @@ Resume = Annotated[
 ]
 
 
-def simulation_workers(asked: int) -> int:
-    """How many simulations run side by side: what was asked for, or one on each of up to four cores."""
-    return asked or min(os.cpu_count() or 1, 4)
-
-
 def _show_version(wanted: bool) -> None:
     if wanted:
         from importlib.metadata import version
@@ -178,8 +172,6 @@ def reading(
 
 def reaching(via: str | None, base_url: str | None, backend_option: list[str] | None, **more: Any) -> dict[str, Any]:
     """What the command line says about the language model, as it goes into a configuration: only what was set."""
-    from ..request import key_values
+    from ..request import backend_options, key_values
 
-    given = {"via": via, "base_url": base_url, **more}
-    said = {key: str(value) if isinstance(value, Path) else value for key, value in given.items() if value is not None}
-    return key_values(backend_option, "--backend-option") | said
+    return backend_options(key_values(backend_option, "--backend-option"), via=via, base_url=base_url, **more)

@@ -31,12 +31,12 @@ _SAME_SIZE = (0.8, 1.25)
 
 @dataclass(frozen=True)
 class RecordRequest:
-    """A record to be matched, before it is read.
+    """A record to be matched.
 
     Attributes
     ----------
-    path : Path
-        The file.
+    source : Path or Record
+        The file, or what was read from it.
     read : ReadOptions
         What its header does not say.
     reader : str or None
@@ -47,7 +47,7 @@ class RecordRequest:
         As in `Experiment`.
     """
 
-    path: Path
+    source: Path | Record
     read: ReadOptions = field(default_factory=ReadOptions)
     reader: str | None = None
     reader_options: Mapping[str, Any] = field(default_factory=dict)
@@ -87,15 +87,11 @@ def build_task(
     BsaError
         If a file, a parameter set or a parameter does not exist or makes no sense.
     """
-    from ...core.reading.reading import read_record
     from ...plugins.pybamm.parameter_sets import load
     from ...plugins.pybamm.presets import resolve_space
     from ...plugins.pybamm.state_of_charge import equilibrium_capacity_ah, soc_at_voltage
 
-    loaded = [
-        read_record(request.path, request.read, installed(), request.reader, request.reader_options)
-        for request in records
-    ]
+    loaded = [_loaded(request) for request in records]
     notes = [f"{record.name}: {note}" for record in loaded for note in record.notes]
     fixed = dict(overrides or {})
     values = load(parameter_set, fixed)
@@ -131,6 +127,14 @@ def build_task(
             )
         )
     return Task(name, cell, _with_initial_soc(space, experiments, socs), tuple(experiments), tuple(notes))
+
+
+def _loaded(request: RecordRequest) -> Record:
+    from ...core.reading.reading import read_record
+
+    if isinstance(request.source, Record):
+        return request.source
+    return read_record(request.source, request.read, installed(), request.reader, request.reader_options)
 
 
 def _size_factor(records: Sequence[Record], values: Any, capacity_ah: float) -> tuple[float, str]:

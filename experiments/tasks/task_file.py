@@ -78,7 +78,7 @@ def load_task_file(path: Path) -> Task:
         raise explain(error, str(path), TaskFile) from None
     records = [
         RecordRequest(
-            path=path.parent / entry.data,
+            source=path.parent / entry.data,
             read=entry.read,
             reader=entry.reader,
             reader_options=entry.reader_options,

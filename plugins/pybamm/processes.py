@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import queue
 import signal
+import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -124,7 +125,7 @@ class Worker(Generic[Job, Answer]):
             return
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
-        with interrupts_wait(), _single_threaded():
+        with interrupts_wait(), _single_threaded(), _script_left_out():
             self._process = context.Process(target=serve, args=(theirs, self._service, in_main_thread()), daemon=True)
             self._process.start()
             theirs.close()
@@ -271,3 +272,15 @@ def _single_threaded() -> Iterator[None]:
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
+
+
+@contextmanager
+def _script_left_out() -> Iterator[None]:
+    """Children do not run the caller's script again: one without a main guard would start its own run in each child."""
+    main = sys.modules["__main__"].__dict__
+    before: dict[str, Any] = {name: main[name] for name in ("__spec__", "__file__") if name in main}
+    main.update(dict.fromkeys(before))
+    try:
+        yield
+    finally:
+        main.update(before)

@@ -4,8 +4,8 @@ import pytest
 import typer
 from bsa.core.errors import BsaError
 from bsa.experiments.cli.main import app
-from bsa.experiments.cli.run import _named_after
 from bsa.experiments.cli.several_files import one_option_a_file
+from bsa.experiments.request import named_after
 from typer.testing import CliRunner
 
 
@@ -58,5 +58,5 @@ def test_a_task_after_the_records_is_still_a_task() -> None:
 
 
 def test_a_run_of_several_records_says_how_many() -> None:
-    assert _named_after([Path("dir/a.csv")]) == "a"
-    assert _named_after([Path("dir/a.csv"), Path("b.csv"), Path("c.csv")]) == "a and 2 more"
+    assert named_after([Path("dir/a.csv")]) == "a"
+    assert named_after([Path("dir/a.csv"), Path("b.csv"), Path("c.csv")]) == "a and 2 more"

@@ -1,0 +1,202 @@
+"""``bsa.calibrate``: what ``bsa run`` does."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ...core.errors import BsaError
+from ...core.journal import check_run_folder
+from ...core.printable import shown
+from ...core.record import ReadOptions
+from ...core.task import Task
+from ..request import (
+    Overrides,
+    RunRequest,
+    backend_options,
+    numbered_folder,
+    simulation_workers,
+    task_of_records,
+)
+from .calibration_result import Calibration
+from .measured import Data, listed, reading, source
+
+
+def calibrate(
+    data: Task | Data | Sequence[Data] | None = None,
+    *,
+    column: Mapping[str, str] | None = None,
+    unit: Mapping[str, str] | None = None,
+    current_sign: str = "charge-positive",
+    constant_current: float | None = None,
+    where: Mapping[str, Any] | None = None,
+    cycles: str | int | None = None,
+    sheet: str | None = None,
+    reader: str | None = None,
+    reader_option: Mapping[str, Any] | None = None,
+    temperature: float | None = None,
+    parameters: str | None = None,
+    model: str = "DFN",
+    options: Mapping[str, Any] | None = None,
+    search: str | Mapping[str, Any] = "cell",
+    scale: bool = True,
+    scaffold: str = "hybrid",
+    rounds: int = 80,
+    warmup: int = 20,
+    simulations: int = 100,
+    seed: int = 1234,
+    workers: int = 0,
+    settings: Mapping[str, Any] | None = None,
+    identifiability: bool = True,
+    backend: str = "rules",
+    via: str | None = None,
+    base_url: str | None = None,
+    exchange: str | Path | None = None,
+    backend_option: Mapping[str, Any] | None = None,
+    votes: int = 1,
+    review: bool = False,
+    max_tokens: int | None = None,
+    max_cost: float | None = None,
+    out: str | Path | None = None,
+    resume: str | Path | None = None,
+    progress: bool = True,
+) -> Calibration:
+    """Calibrate a model. The options are those of ``bsa run``, with mappings for ``KEY=VALUE``.
+
+    Parameters
+    ----------
+    data : path, pandas.DataFrame, Record, Task or str, or a sequence of records
+        What is matched: records with ``parameters``; or a task, the name of one (``"demo"``, ``"regular-134"``) or the
+        path of a task file. Left out, the demonstration.
+    column, unit, current_sign, constant_current, where, cycles, sheet, reader, reader_option, temperature
+        How files and DataFrames are read; see `read_record`. Their current is positive on charge unless
+        ``current_sign`` says otherwise.
+    parameters : str
+        PyBaMM parameter set to start from; needed for records.
+    model : {'DFN', 'SPMe', 'SPM'}
+        The model, for records.
+    options : mapping, optional
+        PyBaMM's model options.
+    search : str or mapping
+        What is searched: a preset, a YAML file, or parameters with bounds as such a file has them.
+    scale : bool
+        Whether the electrode area is scaled to the records' capacity.
+    scaffold : str
+        Scaffold by name, or a YAML file.
+    rounds, warmup, simulations : int
+        Search rounds, warm-up simulations, and simulations in all, at most.
+    seed : int
+        Seed for everything random.
+    workers : int
+        Simulations side by side; 0: as many as cores, 4 at most.
+    settings : mapping, optional
+        Any other setting, ``{"patience": 5, "feedback.use": "overlay"}`` (``--set`` of the command).
+    identifiability : bool
+        Whether to find out, after the search, what the record fixes and what to measure next.
+    backend, via, base_url, exchange, backend_option, votes, review
+        The language model and how it is reached.
+    max_tokens, max_cost : optional
+        Allowance for the language model; once spent, the run stops and can be resumed.
+    out : path, optional
+        Folder of the run; by default ``runs/<task>-<scaffold>-<n>``.
+    resume : path, optional
+        Go on with the run in this folder; all options but ``workers``, ``identifiability`` and allowances are its own.
+    progress : bool
+        Whether a bar shows how far the search is.
+
+    Returns
+    -------
+    Calibration
+        Also of a run that was interrupted (Ctrl-C), which ``calibrate(resume=folder)`` continues.
+
+    Raises
+    ------
+    BsaError
+        If data, an option or a plugin cannot be used.
+    """
+    if resume is not None:
+        from ..run import read_request
+
+        asked = RunRequest(*read_request(Path(resume)), Path(resume))
+    else:
+        if out is not None:
+            check_run_folder(Path(out))
+        read = reading(column, unit, current_sign, constant_current, where, cycles, sheet, temperature)
+        task = _named_task(data, parameters, read)
+        config = Overrides(rounds, warmup, simulations, seed, dict(settings or {})).config(
+            scaffold,
+            backend,
+            backend_options(
+                backend_option or {},
+                via=via,
+                base_url=base_url,
+                exchange=None if exchange is None else Path(exchange),
+                votes=votes if votes > 1 else None,
+                review=review or None,
+            ),
+            simulator="" if task is None else task.simulator,
+        )
+        if task is None:
+            assert data is not None
+            assert not isinstance(data, Task)
+            sources = [source(one, read, number) for number, one in enumerate(listed(data), 1)]
+            task = task_of_records(
+                sources, read, reader, reader_option or {}, parameters, model, options or {}, search, scale
+            )
+        folder = Path(out) if out is not None else numbered_folder(Path("runs"), f"{task.name}-{config.scaffold.name}")
+        asked = RunRequest(task, config, folder)
+    return _carried_out(asked, workers, max_tokens, max_cost, identifiability, progress)
+
+
+def _named_task(data: Any, parameters: str | None, read: ReadOptions) -> Task | None:
+    """The task that is given or named; None where records are given."""
+    from ..tasks.find import find_task
+    from ..tasks.task_file import SUFFIXES
+
+    named = data is None or isinstance(data, Task)
+    if isinstance(data, (str, Path)):
+        path = Path(data)
+        named = path.suffix in SUFFIXES or (not path.suffix and not path.exists())
+    if not named:
+        return None
+    if parameters is not None or read != ReadOptions():
+        what = "the demonstration" if data is None else data.name if isinstance(data, Task) else str(data)
+        raise BsaError(
+            f'a parameter set or options for reading were given, but "{shown(what)}" is a task, which has its own.',
+            "give a record as data, or leave them out.",
+        )
+    return data if isinstance(data, Task) else find_task("demo" if data is None else str(data))
+
+
+def _carried_out(
+    asked: RunRequest,
+    workers: int,
+    max_tokens: int | None,
+    max_cost: float | None,
+    identifiability: bool,
+    progress: bool,
+) -> Calibration:
+    from ...backends.opening import open_backend
+    from ..cli.exit_codes import STOPPED
+    from ..run import Resources, execute_run
+    from .progress import CalibrationBar
+
+    resources = Resources(simulation_workers(workers), max_tokens, max_cost)
+    backend = open_backend(asked.config.backend, asked.config.backend_options)
+    try:
+        with CalibrationBar(asked.task, asked.config.simulations, progress) as bar:
+            result = execute_run(
+                asked.task, asked.config, asked.folder, backend, resources, bar, appraising=identifiability
+            )
+    except KeyboardInterrupt:
+        _say_how_to_go_on("interrupted", asked.folder)
+        raise  # not even the first simulation was finished: there is no result
+    if result.status in STOPPED:
+        _say_how_to_go_on(shown(result.reason or result.status, 400), asked.folder)
+    return Calibration.of(asked.folder)
+
+
+def _say_how_to_go_on(why: str, folder: Path) -> None:
+    print(f"Stopped: {why}. Go on with: calibrate(resume={str(folder)!r})", file=sys.stderr)

@@ -1,0 +1,151 @@
+"""What ``bsa.calibrate`` returns."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ...core.errors import BsaError
+from ...core.files import file_error
+from ...core.metrics import errors_of, headline_of
+from ..report.page import FILE_NAME as REPORT
+from ..report.wording import number, quantity
+from ..story import RunRecord, read_run
+from .notebook import picture_of, render
+from .scripts import namespace_of
+
+if TYPE_CHECKING:
+    import pybamm
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A calibration as it stands in its folder; a notebook shows it as tables and curves.
+
+    Attributes
+    ----------
+    folder : Path
+        Journal, results and report.
+    """
+
+    folder: Path
+    _run: RunRecord = field(repr=False)
+
+    @classmethod
+    def of(cls, folder: str | Path) -> Calibration:
+        """The calibration in a folder, of this session or an earlier one.
+
+        Raises
+        ------
+        BsaError
+            If the folder holds none, or not even its first simulation finished.
+        """
+        return cls(Path(folder), read_run(Path(folder)))
+
+    @property
+    def status(self) -> str:
+        """Why it ended: ``"converged"``, ``"simulations-spent"``, ``"interrupted"``, ..."""
+        return self._run.status
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was assumed, repaired or worth saying."""
+        return self._run.notes
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The calibrated values by PyBaMM's names, in PyBaMM's units."""
+        return dict(self._run.best.candidate)
+
+    @property
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """95 % intervals by name, cut at the bounds; empty where the run did not look."""
+        appraisal = self._run.appraisal
+        found = {} if appraisal is None else appraisal.identifiability.intervals
+        return {name: (interval.lower, interval.upper) for name, interval in found.items()}
+
+    @property
+    def errors(self) -> dict[str, dict[str, float | None]]:
+        """``"initial"`` and ``"best"`` error by name and unit, ``"Voltage RMSE [mV]"``."""
+        return {
+            f"{quantity.label} [{quantity.unit}]": {
+                "initial": quantity.shown(self._run.initial_metrics),
+                "best": quantity.shown(self._run.best_metrics),
+            }
+            for quantity in errors_of(self._run.task)
+        }
+
+    @property
+    def report(self) -> Path:
+        """The report, one self-contained page."""
+        return self.folder / REPORT
+
+    @property
+    def parameter_values(self) -> pybamm.ParameterValues:
+        """The calibrated parameter set, ready to use; at temperature and initial state of the first record."""
+        return self._script["parameter_values"]()
+
+    @property
+    def model(self) -> pybamm.BaseBatteryModel:
+        """A new model of the kind that was calibrated, with its options."""
+        import pybamm
+
+        return getattr(pybamm.lithium_ion, self._script["MODEL"])(dict(self._script["OPTIONS"]))
+
+    @cached_property
+    def _script(self) -> dict[str, Any]:
+        from ...plugins.pybamm.export import script
+
+        task, simulator = self._run.task, self._run.config["scaffold"]["simulator"]["use"]
+        if simulator != "pybamm":
+            raise BsaError(
+                f'task "{task.name}" is simulated by {simulator}, not by PyBaMM.',
+                ".parameters has the calibrated values.",
+            )
+        return namespace_of(script(task, self._run.best.candidate), "best_parameters")
+
+    def to_json(self) -> dict[str, Any]:
+        """The contents of ``result.json``: plain dicts, lists, strings and numbers.
+
+        Raises
+        ------
+        BsaError
+            If the file is gone or damaged.
+        """
+        path = self.folder / "result.json"
+        try:
+            content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise file_error(error, path) from None
+        except ValueError:
+            raise BsaError(f"{path} is not valid JSON.", "calibrate(resume=FOLDER) writes it again.") from None
+        return content
+
+    def __repr__(self) -> str:
+        shown = (
+            f"{one.words} {number(one.shown(self._run.initial_metrics))} → "
+            f"{number(one.shown(self._run.best_metrics))} {one.unit}"
+            for one in headline_of(self._run.task)
+        )
+        return f"<Calibration {self._run.task.name}: {self.status}, {', '.join(shown)}; {self.report}>"
+
+    def _repr_html_(self) -> str:
+        run = self._run
+        before, after, intervals = run.initial_metrics, run.best_metrics, self.intervals
+        rows = []
+        for parameter in run.task.space:
+            name = parameter.name
+            ends = [quantity(end, parameter.unit) for end in intervals.get(name, ())]
+            best, initial = run.best.candidate[name], run.initial.candidate[name]
+            rows.append((name, quantity(initial, parameter.unit), quantity(best, parameter.unit), " to ".join(ends)))
+        return render(
+            "calibration.html.j2",
+            title=f"{run.task.name}: {self.status} after {len(run.trials)} simulations",
+            errors=[(q.label, number(q.shown(before)), number(q.shown(after)), q.unit) for q in headline_of(run.task)],
+            rows=rows,
+            picture=picture_of(run),
+            report=self.report,
+        )

@@ -1,0 +1,145 @@
+"""Measured data as a person has them: files, DataFrames, records that are read already."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from ...core.errors import BsaError
+from ...core.printable import shown
+from ...core.record import ReadOptions, Record
+from ..request import read_options
+
+if TYPE_CHECKING:
+    import pandas
+
+Data: TypeAlias = "str | Path | Record | pandas.DataFrame"
+"""One record: a file, a DataFrame, or what `read_record` returned."""
+
+
+def read_record(
+    data: str | Path | pandas.DataFrame,
+    *,
+    name: str | None = None,
+    column: Mapping[str, str] | None = None,
+    unit: Mapping[str, str] | None = None,
+    current_sign: str = "charge-positive",
+    constant_current: float | None = None,
+    where: Mapping[str, Any] | None = None,
+    cycles: str | int | None = None,
+    sheet: str | None = None,
+    reader: str | None = None,
+    reader_option: Mapping[str, Any] | None = None,
+    temperature: float | None = None,
+) -> Record:
+    """Read and check one record. The options are those of ``bsa run``, with mappings for ``KEY=VALUE``.
+
+    Parameters
+    ----------
+    data : path or pandas.DataFrame
+        A cycler's file, or one row a sample with columns such as ``"Time [s]"``, ``"Current [A]"``, ``"Voltage [V]"``
+        and, where known, ``"Temperature [degC]"``. Without a unit in its name a column is in s, A, V or degC.
+    name : str, optional
+        What a DataFrame is called in messages and reports; a file has its own name.
+    column, unit : mapping of str to str, optional
+        Column and unit of a signal (``"time"``, ``"current"``, ``"voltage"``, ``"temperature"``).
+    current_sign : {'charge-positive', 'discharge-positive', 'auto'}
+        Sign of the current in ``data``: cyclers write it positive on charge.
+    constant_current : float, optional
+        Current in A where ``data`` has none, in that sign.
+    where : mapping, optional
+        Keep only the rows with these values.
+    cycles : str or int, optional
+        Cycles to keep, ``"2-4"`` or ``1``.
+    sheet : str, optional
+        Sheet of a workbook.
+    reader, reader_option : optional
+        Reader to use, and its own options; left out, the reader that recognises the file.
+    temperature : float, optional
+        Ambient temperature in degC, where ``data`` has none.
+
+    Returns
+    -------
+    Record
+        ``trajectory`` in SI units (s, A, V, K), its current **positive on discharge**, cut into steps; ``notes`` say
+        what was assumed or repaired.
+
+    Raises
+    ------
+    BsaError
+        If the data cannot be read, naming the row or column at fault.
+    """
+    options = reading(column, unit, current_sign, constant_current, where, cycles, sheet, temperature)
+    if isinstance(data, (str, Path)):
+        from ...core.reading.reading import read_record as read_file
+
+        return read_file(data, options, reader=reader, reader_options=reader_option or {})
+    return _read_frame(data, options, name or "DataFrame")
+
+
+def reading(
+    column: Mapping[str, str] | None,
+    unit: Mapping[str, str] | None,
+    current_sign: str,
+    constant_current: float | None,
+    where: Mapping[str, Any] | None,
+    cycles: str | int | None,
+    sheet: str | None,
+    temperature: float | None,
+) -> ReadOptions:
+    """The checked options of a record."""
+    return read_options(
+        columns=column or {},
+        units=unit or {},
+        where={key: str(value) for key, value in (where or {}).items()},
+        cycles=None if cycles is None else str(cycles),
+        current_sign=current_sign,
+        constant_current_a=constant_current,
+        sheet=sheet,
+        ambient_c=temperature,
+    )
+
+
+def listed(data: Data | Sequence[Data]) -> list[Data]:
+    """One or several data as a list."""
+    return [data] if isinstance(data, (str, Path, Record)) or not isinstance(data, Sequence) else list(data)
+
+
+def source(data: Data, options: ReadOptions, number: int) -> Path | Record:
+    """What a task reads: a file, or a record.
+
+    Raises
+    ------
+    BsaError
+        If it is neither, or a record that is read already comes with options for reading.
+    """
+    if isinstance(data, (str, Path)):
+        return Path(data)
+    if not isinstance(data, Record):
+        return _read_frame(data, options, f"DataFrame {number}")
+    if options != ReadOptions():
+        given = ", ".join(sorted(options.model_fields_set - _left(options)))
+        raise BsaError(
+            f"options for reading ({given}) were given for {shown(data.name)}, which is read already.",
+            "give them to read_record instead.",
+        )
+    return data
+
+
+def _left(options: ReadOptions) -> set[str]:
+    """The options that are as they are by default."""
+    default = ReadOptions()
+    return {name for name in type(options).model_fields if getattr(options, name) == getattr(default, name)}
+
+
+def _read_frame(data: Any, options: ReadOptions, name: str) -> Record:
+    if not (hasattr(data, "to_csv") and hasattr(data, "columns")):
+        raise BsaError(
+            f"a {shown(type(data).__name__)} is no record.",
+            "give a path, a pandas DataFrame, or what bsa.read_record returned.",
+        )
+    from ...core.reading.checks import to_record
+    from ...plugins.readers.frame import read_frame
+
+    return to_record(read_frame(data, options, name), options)

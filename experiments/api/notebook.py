@@ -1,0 +1,52 @@
+"""Results as a notebook shows them: HTML without scripts, which takes no style from the page and gives it none."""
+
+from __future__ import annotations
+
+import base64
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ...core.reply_parsing import strip_control
+from ..story import RunRecord
+
+if TYPE_CHECKING:
+    import jinja2
+
+_HERE = Path(__file__).parent
+
+
+def render(template: str, **content: Any) -> str:
+    """A template of this folder; names of records and parameters are untrusted, and are escaped."""
+    return _environment().get_template(template).render(**content)
+
+
+@cache
+def _environment() -> jinja2.Environment:
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader([_HERE, _HERE.parent / "report"]),
+        autoescape=True,
+        finalize=lambda value: strip_control(value) if type(value) is str else value,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["link"] = lambda path: Path(path).absolute().as_uri()
+    return environment
+
+
+def picture_of(run: RunRecord) -> str:
+    """The first record's curves, as the report draws them."""
+    from ..report.figures import overlays
+
+    drawing = render("picture.svg.j2", chart=overlays(run)[0].chart)
+    style = (_HERE / "picture.css").read_text(encoding="utf-8")
+    return as_image(drawing.replace("<title", f"<style>{style}</style><title", 1))
+
+
+def as_image(svg: str) -> str:
+    """An SVG drawing as the address of an image: its styles stay its own."""
+    alone = svg.strip().replace("<svg ", '<svg xmlns="http://www.w3.org/2000/svg" ', 1)
+    return "data:image/svg+xml;base64," + base64.b64encode(alone.encode()).decode("ascii")

@@ -1,0 +1,76 @@
+"""A bar that shows how far a calibration or a discovery is, in notebooks and in terminals."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...core.messages import Usage
+from ...core.metrics import objective_of
+from ...core.printable import shown
+from ...core.proposal import Proposal
+from ...core.task import Task
+from ...core.trial import Phase, Trial
+
+
+class Bar:
+    """A bar of ``tqdm.auto``, a widget where the notebook has widgets.
+
+    Parameters
+    ----------
+    total : int or None
+        What it counts to; None where nobody knows.
+    unit : str
+        What it counts.
+    visible : bool
+        Whether it is shown.
+    """
+
+    def __init__(self, total: int | None, unit: str, visible: bool) -> None:
+        if visible:
+            from tqdm.auto import tqdm
+        else:
+            from tqdm.std import tqdm  # the widget would be made even if it is not shown
+        self._bar: Any = tqdm(total=total, unit=f" {unit}", disable=not visible, dynamic_ncols=True)
+
+    def __enter__(self) -> Any:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._bar.close()
+
+
+class CalibrationBar(Bar):
+    """The listener of a calibration."""
+
+    def __init__(self, task: Task, simulations: int, visible: bool) -> None:
+        super().__init__(simulations, "simulations", visible)
+        self._unit = objective_of(task).of_unit
+
+    def proposed(self, proposal: Proposal, phase: Phase, number: int) -> None:
+        """See `Listener.proposed`."""
+        self._bar.set_description_str(f"{phase}, round {number}")
+
+    def tried(self, trial: Trial, best: Trial, usage: Usage) -> None:
+        """See `Listener.tried`."""
+        self._bar.update(trial.index + 1 - self._bar.n)
+        if best.ok:
+            self._bar.set_postfix_str(f"{best.objective:.4g} {self._unit}")
+
+    def counted(self, purpose: str, done: int, total: int) -> None:
+        """See `Listener.counted`."""
+        self._bar.set_description_str(f"{purpose}: {done} of {total}")
+
+    def noted(self, text: str) -> None:
+        """See `Listener.noted`: the journal and the report keep notes."""
+
+
+class DiscoveryBar(Bar):
+    """The listener of a discovery."""
+
+    def __init__(self, visible: bool) -> None:
+        super().__init__(None, "steps", visible)
+
+    def said(self, text: str) -> None:
+        """Show what is being done."""
+        self._bar.set_description_str(shown(text, 100))
+        self._bar.update()

@@ -1,0 +1,20 @@
+"""The scripts that a run exports, as PyBaMM objects: what a notebook gets is what the file says."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+def namespace_of(script: str, name: str) -> dict[str, Any]:
+    """What an exported script defines.
+
+    Parameters
+    ----------
+    script : str
+        Source text, made by this package in this process: a file in a run's folder may be anyone's and is never run.
+    name : str
+        What tracebacks call it.
+    """
+    namespace: dict[str, Any] = {"__name__": name}
+    exec(compile(script, f"<{name}>", "exec"), namespace)
+    return namespace

@@ -1,0 +1,40 @@
+"""A pandas DataFrame read as a text table is: the same names, units and checks."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...core.errors import BsaError
+from ...core.printable import shown
+from ...core.reading.samples import Samples
+from ...core.record import ReadOptions
+from .generic_csv import read_table
+from .table import Table
+
+if TYPE_CHECKING:
+    import pandas
+
+
+def read_frame(frame: pandas.DataFrame, options: ReadOptions, name: str) -> Samples:
+    """Read the signals of a DataFrame.
+
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+        One row a sample; columns are recognised by name as those of a text table are, or said with
+        ``options.columns``. Rows count from 1 in messages.
+    options : ReadOptions
+        What the names do not say.
+    name : str
+        What the record is called.
+
+    Raises
+    ------
+    BsaError
+        Naming the column or the row at fault.
+    """
+    if len(frame) == 0:
+        raise BsaError(f"the DataFrame {shown(name)} has no rows.", "give one row a sample.")
+    lines = frame.to_csv(index=False, header=False, lineterminator="\n").split("\n")
+    table = Table(shown(name), tuple(str(column) for column in frame.columns), None, lines, 0, ",")
+    return read_table(table, options, [])

@@ -1,0 +1,64 @@
+"""`bsa.read_record`: files and DataFrames become the same records."""
+
+import bsa
+import numpy as np
+import pandas as pd
+import pytest
+from bsa.core.errors import BsaError
+from bsa.experiments.tasks.find import PACKAGED
+
+DEMO = PACKAGED / "demo.csv"
+
+
+def frame(**changes):
+    time = np.arange(0.0, 1000.0, 10.0)
+    content = {"time": time, "current": np.where(time < 300, 0.0, -2.0), "voltage": 4.0 - time / 5000, **changes}
+    return pd.DataFrame(content)
+
+
+def test_a_frame_of_a_file_is_the_record_of_the_file() -> None:
+    of_file, of_frame = bsa.read_record(DEMO), bsa.read_record(pd.read_csv(DEMO), name="demo")
+    for signal in ("current", "voltage"):
+        np.testing.assert_array_equal(of_file.trajectory.values(signal), of_frame.trajectory.values(signal))
+    assert of_file.trajectory.steps == of_frame.trajectory.steps
+    assert of_frame.name == "demo"
+
+
+def test_current_is_positive_on_charge_unless_it_is_said() -> None:
+    assert bsa.read_record(frame()).trajectory.current.max() == 2.0
+    other = frame()
+    other["current"] = -other["current"]
+    assert bsa.read_record(other, current_sign="discharge-positive").trajectory.current.max() == 2.0
+
+
+def test_columns_and_units_are_said_as_for_a_file() -> None:
+    data = frame(temperature=25.0, voltage=np.linspace(4000.0, 3800.0, 100)).rename(
+        columns={"voltage": "cell", "time": "Time [min]"}
+    )
+    record = bsa.read_record(data, column={"voltage": "cell"}, unit={"voltage": "mV"})
+    assert record.trajectory.voltage[0] == 4.0
+    assert record.trajectory.time[1] == 600.0
+    assert record.ambient_k == 298.15
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (frame().drop(columns="current"), "no column for current"),
+        (frame().iloc[:0], "no rows"),
+        (frame(voltage=["a"] * 100), 'row 1, column "voltage": "a" is not a number'),
+        (frame(voltage=pd.date_range("2024", periods=100)), "is not a number"),
+        ([1, 2], "list is no record"),
+        ({"time": [1]}, "dict is no record"),
+    ],
+)
+def test_what_is_wrong_with_a_frame_is_said_in_a_line(data, words) -> None:
+    with pytest.raises(BsaError, match=words):
+        bsa.read_record(data)
+
+
+def test_a_missing_cell_is_repaired_as_in_a_file() -> None:
+    data = frame()
+    data.loc[5, "voltage"] = np.nan
+    record = bsa.read_record(data)
+    assert any("6" in note for note in record.notes)
