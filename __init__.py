@@ -8,8 +8,10 @@ if TYPE_CHECKING:
     from .core.errors import BsaError as BsaError
     from .core.record import Record as Record
     from .core.task import Task as Task
-    from .experiments.api import Calibration as Calibration
+    from .experiments.api import CalibrationResult as CalibrationResult
+    from .experiments.api import DiscoveryResult as DiscoveryResult
     from .experiments.api import calibrate as calibrate
+    from .experiments.api import discover as discover
     from .experiments.api import read_record as read_record
 
 __version__: str
@@ -17,14 +19,25 @@ __version__: str
 
 _HOME = {
     "BsaError": ".core.errors",
-    "Calibration": ".experiments.api",
+    "CalibrationResult": ".experiments.api",
+    "DiscoveryResult": ".experiments.api",
     "Record": ".core.record",
     "Task": ".core.task",
     "calibrate": ".experiments.api",
+    "discover": ".experiments.api",
     "read_record": ".experiments.api",
 }
 
-__all__ = ["BsaError", "Calibration", "Record", "Task", "calibrate", "read_record"]
+__all__ = [
+    "BsaError",
+    "CalibrationResult",
+    "DiscoveryResult",
+    "Record",
+    "Task",
+    "calibrate",
+    "discover",
+    "read_record",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -20,7 +20,7 @@ from ..request import (
     simulation_workers,
     task_of_records,
 )
-from .calibration_result import Calibration
+from .calibration_result import CalibrationResult
 from .measured import Data, listed, reading, source
 
 
@@ -62,7 +62,7 @@ def calibrate(
     out: str | Path | None = None,
     resume: str | Path | None = None,
     progress: bool = True,
-) -> Calibration:
+) -> CalibrationResult:
     """Calibrate a model. The options are those of ``bsa run``, with mappings for ``KEY=VALUE``.
 
     Parameters
@@ -108,7 +108,7 @@ def calibrate(
 
     Returns
     -------
-    Calibration
+    CalibrationResult
         Also of a run that was interrupted (Ctrl-C), which ``calibrate(resume=folder)`` continues.
 
     Raises
@@ -177,7 +177,7 @@ def _carried_out(
     max_cost: float | None,
     identifiability: bool,
     progress: bool,
-) -> Calibration:
+) -> CalibrationResult:
     from ...backends.opening import open_backend
     from ..cli.exit_codes import STOPPED
     from ..run import Resources, execute_run
@@ -195,7 +195,7 @@ def _carried_out(
         raise  # not even the first simulation was finished: there is no result
     if result.status in STOPPED:
         _say_how_to_go_on(shown(result.reason or result.status, 400), asked.folder)
-    return Calibration.of(asked.folder)
+    return CalibrationResult.of(asked.folder)
 
 
 def _say_how_to_go_on(why: str, folder: Path) -> None:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class CalibrationResult:
     """A calibration as it stands in its folder; a notebook shows it as tables and curves.
 
     Attributes
@@ -35,7 +35,7 @@ class Calibration:
     _run: RunRecord = field(repr=False)
 
     @classmethod
-    def of(cls, folder: str | Path) -> Calibration:
+    def of(cls, folder: str | Path) -> CalibrationResult:
         """The calibration in a folder, of this session or an earlier one.
 
         Raises
@@ -130,7 +130,7 @@ class Calibration:
             f"{number(one.shown(self._run.best_metrics))} {one.unit}"
             for one in headline_of(self._run.task)
         )
-        return f"<Calibration {self._run.task.name}: {self.status}, {', '.join(shown)}; {self.report}>"
+        return f"<CalibrationResult {self._run.task.name}: {self.status}, {', '.join(shown)}; {self.report}>"
 
     def _repr_html_(self) -> str:
         run = self._run

@@ -90,7 +90,7 @@ def test_an_interrupted_run_says_how_it_goes_on_and_does(tmp_path, monkeypatch, 
     whole = bsa.calibrate(resume=tmp_path / "cut", progress=False)
     assert whole.status != "interrupted"
     assert whole.folder == cut.folder
-    assert bsa.Calibration.of(cut.folder).parameters == whole.parameters
+    assert bsa.CalibrationResult.of(cut.folder).parameters == whole.parameters
 
 
 @pytest.mark.parametrize(
@@ -128,8 +128,8 @@ def test_five_lines_without_a_main_guard_give_ready_parameter_values(tmp_path) -
             found = calibrate(record, parameters="Chen2020", model="SPM", simulations=3, workers=2,
                               identifiability=False, out="found")
             values = found.parameter_values
-            for name in ("Negative electrode thickness [m]", "Contact resistance [Ohm]"):
-                assert abs(values[name] / found.parameters[name] - 1) < 1e-12, name
+            name = "Contact resistance [Ohm]"
+            assert abs(values[name] / found.parameters[name] - 1) < 1e-12
             import pybamm
             simulation = pybamm.Simulation(found.model, parameter_values=values, C_rate=0.1)
             print(len(simulation.solve([0, 60])["Voltage [V]"].entries))

@@ -1,0 +1,181 @@
+"""``bsa.discover``: what ``bsa discover`` does."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pydantic import ValidationError
+
+from ...core.errors import BsaError
+from ...core.journal import check_run_folder
+from ...core.printable import shown
+from ...core.record import Record
+from ...core.validation import explain
+from ..request import backend_options, named_after, numbered_folder, simulation_workers
+from .discovery_result import DiscoveryResult
+from .measured import Data, listed, reading, source
+
+if TYPE_CHECKING:
+    from ..discovery_case import DiscoverOptions
+
+
+def discover(
+    data: Data | Sequence[Data] | None = None,
+    *,
+    holdout: Data | Sequence[Data] | None = None,
+    column: Mapping[str, str] | None = None,
+    unit: Mapping[str, str] | None = None,
+    where: Mapping[str, Any] | None = None,
+    current_sign: str = "charge-positive",
+    constant_current: float | None = None,
+    cycles: str | int | None = None,
+    sheet: str | None = None,
+    reader: str | None = None,
+    reader_option: Mapping[str, Any] | None = None,
+    temperature: float | None = None,
+    parameters: str | None = None,
+    model: str = "DFN",
+    options: Mapping[str, Any] | None = None,
+    override: Mapping[str, float] | None = None,
+    search: str | Mapping[str, Any] = "all",
+    scale: bool = True,
+    effect: Sequence[str] | None = None,
+    effect_option: Mapping[str, Any] | None = None,
+    max_effects: int = 2,
+    seed: int = 0,
+    workers: int = 0,
+    backend: str | None = None,
+    via: str | None = None,
+    base_url: str | None = None,
+    backend_option: Mapping[str, Any] | None = None,
+    out: str | Path | None = None,
+    resume: str | Path | None = None,
+    progress: bool = True,
+) -> DiscoveryResult:
+    """Find what a model is missing. The options are those of ``bsa discover``, with mappings for ``KEY=VALUE``.
+
+    Parameters
+    ----------
+    data, holdout : path, pandas.DataFrame or Record, or a sequence of them
+        Records to explain, and records that are predicted and never fitted. DataFrames and records are written into
+        the folder ``OUT-records`` beside the discovery's, so that it can be resumed.
+    column, unit, where, current_sign, constant_current, cycles, sheet, reader, reader_option, temperature
+        How files and DataFrames are read; see `read_record`.
+    parameters : str
+        PyBaMM parameter set to start from.
+    model : {'DFN', 'SPMe', 'SPM'}
+        Base model.
+    options, override : mapping, optional
+        PyBaMM's model options, and parameters that are known better.
+    search : str or mapping
+        What is uncertain about the base model: a preset, a YAML file, or factors by name.
+    scale : bool
+        Whether the electrode area is scaled to the records' capacity.
+    effect, effect_option : optional
+        Effects to consider (all, if left out), and their options.
+    max_effects : int
+        Effects in one explanation at most.
+    seed, workers : int
+        Seed for everything random; simulations side by side (0: as many as cores, 4 at most).
+    backend, via, base_url, backend_option : optional
+        Language model that ranks effects too, and how it is reached.
+    out : path, optional
+        Folder of the discovery; by default ``runs/<record>-discover-<n>``.
+    resume : path, optional
+        Go on with the discovery in this folder; all options but ``workers`` are its own.
+    progress : bool
+        Whether a bar shows what is being done.
+
+    Returns
+    -------
+    DiscoveryResult
+
+    Raises
+    ------
+    BsaError
+        If data, an option or an effect cannot be used, or the language model could not be had.
+    KeyboardInterrupt
+        On Ctrl-C, after saying how ``discover(resume=folder)`` goes on.
+    """
+    if resume is not None:
+        from ..discovery_journal import read_options
+
+        return _carried_out(read_options(Path(resume)), workers, progress)
+    if data is None or parameters is None:
+        missing = "data" if data is None else "parameters"
+        raise BsaError(f"{missing} is missing.", 'discover("RECORD.csv", parameters="Chen2020"), for example.')
+    from ..discovery_case import DiscoverOptions
+
+    read = reading(column, unit, current_sign, constant_current, where, cycles, sheet, temperature)
+    fitted = [source(one, read, number) for number, one in enumerate(listed(data), 1)]
+    held = [] if holdout is None else [source(one, read, n) for n, one in enumerate(listed(holdout), len(fitted) + 1)]
+    if not fitted:
+        raise BsaError("data is empty.", "give one record at least.")
+    folder = Path(out) if out is not None else numbered_folder(Path("runs"), f"{named_after(fitted[:1])}-discover")
+    check_run_folder(folder)
+    how = {"read": read, "reader": reader, "reader_options": dict(reader_option or {})}
+
+    def files(sources: list[Path | Record], first: int) -> list[dict[str, Any]]:
+        return [
+            {"path": _written(one, number, folder)} if isinstance(one, Record) else {"path": one, **how}
+            for number, one in enumerate(sources, first)
+        ]
+
+    try:
+        asked = DiscoverOptions.model_validate(
+            {
+                "data": files(fitted, 1),
+                "holdout": files(held, len(fitted) + 1),
+                "parameters": parameters,
+                "model": model,
+                "options": dict(options or {}),
+                "overrides": dict(override or {}),
+                "scale": scale,
+                "ambient_c": temperature,
+                "search": search,
+                "effects": None if effect is None else list(effect),
+                "effect_options": dict(effect_option or {}),
+                "backend": backend,
+                "backend_options": backend_options(backend_option or {}, via=via, base_url=base_url),
+                "max_effects": max_effects,
+                "seed": seed,
+                "out": folder,
+            }
+        )
+    except ValidationError as error:
+        raise explain(error, "discovery", DiscoverOptions) from None
+    return _carried_out(asked, workers, progress)
+
+
+def _written(record: Record, number: int, folder: Path) -> Path:
+    """A record as a file, which a discovery that is resumed reads again."""
+    from ...plugins.readers.bdf_csv import write
+
+    place = folder.with_name(f"{folder.name}-records")
+    place.mkdir(parents=True, exist_ok=True)
+    name = "".join(
+        character if character.isalnum() or character in "-_" else "-" for character in Path(record.name).stem
+    )
+    path = place / f"{number}-{name[:60]}.csv"
+    write(record, path)
+    return path
+
+
+def _carried_out(asked: DiscoverOptions, workers: int, progress: bool) -> DiscoveryResult:
+    from ...core.messages import Outage
+    from ..discover import discover as find
+    from .progress import DiscoveryBar
+
+    go_on = f"discover(resume={str(asked.out)!r})"
+    try:
+        with DiscoveryBar(progress) as bar:
+            found = find(asked, bar.said, simulation_workers(workers))
+    except KeyboardInterrupt:
+        print(f"Stopped: interrupted. Go on with: {go_on}", file=sys.stderr)
+        raise
+    except Outage as outage:
+        raise BsaError(f"stopped: {shown(outage, 400)}.", f"go on with {go_on}.") from None
+    return DiscoveryResult(asked.out, found)

@@ -1,0 +1,124 @@
+"""What ``bsa.discover`` returns."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ...core.discovery.discovery import Discovery
+from ..report.wording import number, quantity
+from .notebook import as_image, render
+from .scripts import namespace_of
+
+if TYPE_CHECKING:
+    import pybamm
+
+_DRAWING = re.compile(r"<svg .*?</svg>", re.DOTALL)
+
+
+@dataclass(frozen=True, eq=False)
+class DiscoveryResult:
+    """What was found to be missing; a notebook shows it as tables and curves.
+
+    Attributes
+    ----------
+    folder : Path
+        Journal, ``discovery.json``, ``augmented_model.py`` and report.
+    """
+
+    folder: Path
+    _found: Discovery = field(repr=False)
+
+    @property
+    def verdict(self) -> str:
+        """``"effect-found"``, ``"no-missing-effect"``, ``"ambiguous"`` or ``"unexplained"``."""
+        return self._found.verdict
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects found; empty unless the verdict is ``"effect-found"`` or ``"ambiguous"``."""
+        return self._found.names
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was assumed, repaired or settled."""
+        return tuple(self._found.notes)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Fitted values by name: factors and states of the base model, and the effects' parameters."""
+        return {name: float(value) for name, value in self._found.findings.best.fit.candidate.items()}
+
+    @property
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """95 % intervals of the effects' parameters, by ``"EFFECT: PARAMETER"``."""
+        return {name: estimate.ci95 for name, estimate in self._estimates.items()}
+
+    @property
+    def _estimates(self) -> dict[str, Any]:
+        best = self._found.findings.best
+        return {
+            f"{effect.key}: {estimate.name}": estimate
+            for effect in best.effects
+            for estimate in best.estimates[effect.key]
+        }
+
+    @property
+    def errors(self) -> dict[str, dict[str, float | None]]:
+        """``"initial"`` (base model, fitted) and ``"best"`` (with the effects) error, in mV."""
+        gap = self._found.to_json()["gap"]
+        return {
+            "Voltage RMSE [mV]": {"initial": gap["base_rmse_mv"], "best": gap["final_rmse_mv"]},
+            "Voltage RMSE of records not fitted [mV]": {
+                "initial": gap["holdout_base_rmse_mv"],
+                "best": gap["holdout_final_rmse_mv"],
+            },
+        }
+
+    @property
+    def report(self) -> Path:
+        """The report, one self-contained page."""
+        return self.folder / "report.html"
+
+    @property
+    def parameter_values(self) -> pybamm.ParameterValues:
+        """The fitted set with the effects' values; its current, temperature and start are the first record's."""
+        return self._script["parameter_values"]()
+
+    @property
+    def model(self) -> pybamm.BaseBatteryModel:
+        """The augmented model; only ``augmented_model.py`` has what an effect of the instrument does to a reading."""
+        return self._script["augmented_model"]()
+
+    @cached_property
+    def _script(self) -> dict[str, Any]:
+        return namespace_of(self._found.script, "augmented_model")
+
+    def to_json(self) -> dict[str, Any]:
+        """The contents of ``discovery.json``: plain dicts, lists, strings and numbers."""
+        return self._found.to_json()
+
+    def __repr__(self) -> str:
+        error = self.errors["Voltage RMSE [mV]"]
+        return (
+            f"<DiscoveryResult {self.verdict}: {', '.join(self.effects) or 'no effect'}, voltage RMSE "
+            f"{number(error['initial'])} → {number(error['best'])} mV; {self.report}>"
+        )
+
+    def _repr_html_(self) -> str:
+        # The curves need the simulator; the report has them drawn.
+        drawings = _DRAWING.findall(self.report.read_text(encoding="utf-8")) if self.report.exists() else []
+        return render(
+            "discovery.html.j2",
+            title=f"{self.verdict}: {', '.join(self.effects) or self._found.findings.reason}",
+            errors=[(name, number(error["initial"]), number(error["best"])) for name, error in self.errors.items()],
+            rows=[
+                (name, quantity(e.value, e.unit), " to ".join(quantity(end, e.unit) for end in e.ci95))
+                for name, e in self._estimates.items()
+            ],
+            pictures=[as_image(drawing) for drawing in drawings[:2]],
+            report=self.report,
+        )

@@ -1,0 +1,110 @@
+"""`bsa.discover`: what `bsa discover` does, from Python."""
+
+import inspect
+import json
+
+import bsa
+import numpy as np
+import pandas as pd
+import pytest
+from bsa.core.errors import BsaError
+from bsa.core.messages import Outage
+from bsa.core.task import CellModel
+from bsa.experiments.cli.discover import discover as command
+from bsa.experiments.discovery_bench.hidden_cell import Hidden, Leg, measure
+from bsa.experiments.effect_choice import effects_of
+from bsa.experiments.tasks.find import PACKAGED
+
+DEMO = PACKAGED / "demo.csv"
+
+
+def test_options_and_their_defaults_are_those_of_the_command() -> None:
+    def options(function, *without):
+        found = inspect.signature(function).parameters.values()
+        return {one.name: one.default for one in found if one.name not in without}
+
+    assert options(bsa.discover, "progress") == options(command, "as_json")
+
+
+@pytest.mark.parametrize(
+    ("data", "options", "words"),
+    [
+        (None, {"parameters": "Chen2020"}, "data is missing"),
+        (DEMO, {}, "parameters is missing"),
+        ([], {"parameters": "Chen2020"}, "data is empty"),
+        (3, {"parameters": "Chen2020"}, "int is no record"),
+        ("no_such.csv", {"parameters": "Chen2020"}, "no_such.csv"),
+        (DEMO, {"parameters": "Chen2020", "max_effects": 9}, "max_effects"),
+    ],
+)
+def test_a_mistake_is_one_line_and_leaves_nothing(data, options, words, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(BsaError, match=words):
+        bsa.discover(data, progress=False, **options)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("stop", "raised"), [(KeyboardInterrupt, KeyboardInterrupt), (Outage("gone"), BsaError)])
+def test_what_stops_it_says_how_it_goes_on(stop, raised, tmp_path, monkeypatch, capsys) -> None:
+    def fail(*arguments):
+        raise stop
+
+    monkeypatch.setattr("bsa.experiments.discover.discover", fail)
+    with pytest.raises(raised) as caught:
+        bsa.discover(DEMO, parameters="Chen2020", out=tmp_path / "found")
+    said = capsys.readouterr().err + getattr(caught.value, "hint", "")
+    assert f"discover(resume={str(tmp_path / 'found')!r})" in said
+
+
+def test_a_record_becomes_a_file_that_reads_the_same(tmp_path, monkeypatch) -> None:
+    asked = []
+
+    def stop(options, *arguments):
+        asked.append(options)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("bsa.experiments.discover.discover", stop)
+    record = bsa.read_record(pd.read_csv(DEMO), temperature=25, name="a/b c")
+    with pytest.raises(KeyboardInterrupt):
+        bsa.discover(record, holdout=DEMO, parameters="Chen2020", out=tmp_path / "found", progress=False)
+    (options,) = asked
+    written = bsa.read_record(options.data[0].path)
+    assert options.data[0].path.parent == tmp_path / "found-records"
+    np.testing.assert_array_equal(written.trajectory.voltage, record.trajectory.voltage)
+    np.testing.assert_array_equal(written.trajectory.current, record.trajectory.current)
+    assert written.ambient_k == record.ambient_k == 298.15
+    assert options.holdout[0].path == DEMO
+
+
+@pytest.mark.slow
+def test_a_hidden_resistance_is_found_and_shown(tmp_path) -> None:
+    effects = {effect.key: effect for effect in effects_of(None)}
+    resistance = effects["contact-resistance"]
+    hidden = Hidden((resistance,), {resistance.full_name(resistance.strength): 0.02}, {}, 1e-3)
+    legs = [Leg(0.0, 200.0), Leg(1.0, 1500.0), Leg(0.0, 900.0), Leg(2.0, 60.0, period=2.0), Leg(0.0, 300.0)]
+    record = measure(CellModel("Chen2020", "SPMe"), hidden, legs, 0.9, 298.15, np.random.default_rng(8))
+    signals = {"time": record.time, "current": record.current, "voltage": record.voltage}
+    found = bsa.discover(
+        pd.DataFrame(signals),
+        current_sign="discharge-positive",
+        parameters="Chen2020",
+        model="SPMe",
+        temperature=25,
+        scale=False,
+        effect=["contact-resistance", "voltage-offset"],
+        workers=2,
+        out=tmp_path / "found",
+    )
+    assert found.effects == ("contact-resistance",)
+    assert found.to_json() == json.loads((tmp_path / "found" / "discovery.json").read_text())
+    errors = found.errors["Voltage RMSE [mV]"]
+    assert errors["best"] < errors["initial"]
+    (interval,) = found.intervals.values()
+    assert interval[0] < 0.02 < interval[1]
+    page = found._repr_html_()
+    assert page.count("data:image/svg+xml") == 2
+    assert "contact-resistance" in page
+    values, model = found.parameter_values, found.model
+    assert interval[0] <= values["Contact resistance [Ohm]"] <= interval[1]
+    assert model.options["contact resistance"] == "true"
+    assert bsa.discover(resume=found.folder, progress=False).parameters == found.parameters
