@@ -8,9 +8,10 @@ from functools import partial
 from ..core.errors import BsaError
 from ..core.hooks import Entry, hookimpl
 from ..core.messages import Backend
-from .opening import open_preset, open_route
+from .opening import open_preset
 from .options import BackendOptions
 from .presets import load_presets
+from .route import Route
 
 
 @hookimpl
@@ -24,9 +25,19 @@ def bsa_backends() -> Iterable[Entry]:
         yield Entry(name, partial(open_preset, preset), preset.summary, BackendOptions, api=1)
     yield Entry("random-advice", RandomAdvice, "Answers at random, for measuring what bad advice costs.", api=1)
     yield Entry("adversarial-advice", AdversarialAdvice, "Sends the search into corners, for the same purpose.", api=1)
+    yield Entry("replay", _replay, "replay:RUN, the replies of an earlier run, without a model.", BackendOptions, api=1)
     yield Entry(
-        "litellm", _litellm, "litellm:PROVIDER/MODEL, any hosted model that litellm knows.", BackendOptions, api=1
+        "manual",
+        _manual,
+        "A person or another program, at the terminal or by files (--exchange).",
+        BackendOptions,
+        api=1,
     )
+
+
+@hookimpl
+def bsa_routes() -> Iterable[Entry]:
+    """The ways to language models."""
     yield Entry(
         "openai",
         _openai,
@@ -42,30 +53,33 @@ def bsa_backends() -> Iterable[Entry]:
         BackendOptions,
         api=1,
     )
-    yield Entry("replay", _replay, "replay:RUN, the replies of an earlier run, without a model.", BackendOptions, api=1)
     yield Entry(
-        "manual",
-        _manual,
-        "A person or another program, at the terminal or by files (--exchange).",
-        BackendOptions,
-        api=1,
+        "litellm", _litellm, "litellm:PROVIDER/MODEL, any hosted model that litellm knows.", BackendOptions, api=1
     )
 
 
-def _litellm(options: BackendOptions) -> Backend:
-    return open_route("litellm", options.model, options)
+def _openai(options: BackendOptions) -> Route:
+    from .openai_route import OpenAIRoute
+
+    return OpenAIRoute(options)
 
 
-def _openai(options: BackendOptions) -> Backend:
-    return open_route("openai", options.model, options)
+def _ollama(options: BackendOptions) -> Route:
+    from .ollama_route import OllamaRoute
+
+    return OllamaRoute(options)
 
 
-def _ollama(options: BackendOptions) -> Backend:
-    return open_route("ollama", options.model, options)
+def _transformers(options: BackendOptions) -> Route:
+    from .transformers_route import TransformersRoute
+
+    return TransformersRoute(options)
 
 
-def _transformers(options: BackendOptions) -> Backend:
-    return open_route("transformers", options.model, options)
+def _litellm(options: BackendOptions) -> Route:
+    from .litellm_route import LiteLLMRoute
+
+    return LiteLLMRoute(options)
 
 
 def _replay(options: BackendOptions) -> Backend:

@@ -1,12 +1,16 @@
-"""A backend whose answers are checked before anything is built on them."""
+"""Routes and backends whose answers are checked before anything is built on them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from ..core.border import Unfit, border
+from ..core.errors import BsaError
 from ..core.messages import Backend, JsonSchema, Message, Reply
 from ..core.products import instance, reply
+from ..core.registry import Registry, installed
+from .route import NotReady, Route
 
 
 class CheckedBackend:
@@ -18,6 +22,8 @@ class CheckedBackend:
         The backend.
     who : str
         Kind, name, distribution and version.
+    made_by : str
+        What returned it.
 
     Raises
     ------
@@ -25,9 +31,9 @@ class CheckedBackend:
         If it is no backend.
     """
 
-    def __init__(self, inner: Backend, who: str) -> None:
+    def __init__(self, inner: Backend, who: str, made_by: str = "its factory") -> None:
         self._inner, self._who = inner, who
-        with border(who, "its factory"):
+        with border(who, made_by):
             if not isinstance(inner, Backend):
                 missing = [
                     name for name in ("name", "sees_images", "complete", "close") if getattr(inner, name, None) is None
@@ -47,3 +53,54 @@ class CheckedBackend:
         """Release what the backend holds."""
         with border(self._who, "close"):
             self._inner.close()
+
+
+class CheckedRoute:
+    """Stands before a route, and names it in whatever goes wrong there.
+
+    Parameters
+    ----------
+    name : str
+        The route.
+    options : mapping
+        Its options, only what is to be set.
+    registry : Registry, optional
+        Where to look the name up; the installed one if unset.
+
+    Raises
+    ------
+    BsaError
+        If there is no such route, or it cannot be used, or it has no such option.
+    """
+
+    def __init__(self, name: str, options: Mapping[str, Any], registry: Registry | None = None) -> None:
+        registry = registry or installed()
+        self._name, self._has_address = name, options.get("base_url") is not None
+        self._who = registry.find("route", name).who
+        made = registry.make("route", name, options)
+        with border(self._who, "its factory"):
+            self._inner = instance(made, Route)  # type: ignore[type-abstract]
+            self._takes_address = instance(made.takes_base_url, bool, "gave takes_base_url = {}")
+            self.on_own_machines = instance(made.on_own_machines, bool, "gave on_own_machines = {}")
+            """See `Route`."""
+
+    def check(self, model: str) -> NotReady | None:
+        """See `Route.check`."""
+        with border(self._who, "check"):
+            found = self._inner.check(model)
+            if found is not None:
+                instance(found, NotReady)
+                instance(found.detail, str, "gave NotReady.detail = {}")
+                instance(found.remedy, str, "gave NotReady.remedy = {}")
+            return found
+
+    def open(self, model: str | None, name: str | None = None) -> CheckedBackend:
+        """A model by its name under this route; see `Route.open`."""
+        if not model:
+            raise BsaError(f'the backend "{self._name}" needs a model.', f"write {self._name}:MODEL.")
+        if self._has_address and not self._takes_address:
+            hint = f"write openai:{model} for a server at an address of your own."
+            raise BsaError(f"--base-url does not go with {self._name}:{model}.", hint)
+        with border(self._who, "open"):
+            backend = self._inner.open(model, name or f"{self._name}:{model}")
+        return CheckedBackend(backend, self._who, "open")

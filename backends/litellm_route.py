@@ -1,4 +1,4 @@
-"""Hosted models through litellm, and any OpenAI-compatible server by its address."""
+"""Hosted models through litellm."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ import httpx
 from ..core.errors import BsaError
 from ..core.messages import Message, StructuredBy, Usage
 from ..core.redaction import redact
-from .addresses import openai_address, shown
-from .api_keys import OWN_SERVER_KEY, has_key, key_variables, openai_server_key, provider_of
+from .addresses import shown
+from .api_keys import OWN_SERVER_KEY, has_key, key_variables, provider_of
 from .bounded_http import BoundedTransport, OwnServerTransport
 from .images import data_urls
 from .options import BackendOptions
 from .prompt_fitting import ContextTooSmallError
 from .reaching import connection_failure
 from .retrying import TransientError, retry_after
+from .route import NotReady, Route
 from .served import Answer, Request, ServedBackend
 from .strict_schema import strict, without_nulls
 from .structured_output import FormRefusedError
@@ -29,6 +30,21 @@ from .structured_output import FormRefusedError
 _REPLY_TOKENS = 4096
 _REPLY_TOKENS_REASONING = 32768
 _REASON_CHARS = 300
+
+
+class LiteLLMRoute(Route):
+    """Hosted models by litellm's names."""
+
+    def check(self, model: str) -> NotReady | None:
+        """Whether there is a key for the provider."""
+        provider = provider_of(model)
+        if has_key(provider):
+            return None
+        return NotReady(f"no key for {provider}", f"export {key_variables(provider)[0]}=...")
+
+    def open(self, model: str, name: str) -> LiteLLMBackend:
+        """See `Route.open`."""
+        return LiteLLMBackend(model if "/" in model else f"{provider_of(model)}/{model}", self.options, name)
 
 
 @cache
@@ -222,35 +238,6 @@ class LiteLLMBackend(ServedBackend):
         if status in (400, 413, 415, 422, 501) and not isinstance(error, litellm.Timeout):
             return ContextTooSmallError() if _speaks_of_context(str(error)) else FormRefusedError(reason)
         return TransientError(reason, retry_after(_headers(error)), server_fault=status == 500)
-
-
-def openai_compatible(model: str, options: BackendOptions, name: str) -> LiteLLMBackend:
-    """A model of the server at ``--base-url``, or at the one named by ``OPENAI_BASE_URL``.
-
-    Raises
-    ------
-    BsaError
-        If neither names a server.
-    """
-    address = openai_address(options.base_url)
-    if address is not None:
-        return LiteLLMBackend(
-            model, options, name, address, openai_server_key(address, by_option=options.base_url is not None)
-        )
-    raise BsaError(
-        f"openai:{model} needs the address of a server.",
-        f"add --base-url http://127.0.0.1:8000/v1, or write litellm:openai/{model} for OpenAI itself.",
-    )
-
-
-def hosted(model: str, options: BackendOptions, name: str) -> LiteLLMBackend:
-    """A hosted model by litellm's name."""
-    if options.base_url:
-        raise BsaError(
-            f"--base-url does not go with litellm:{model}.",
-            f"write openai:{model} for a server at an address of your own.",
-        )
-    return LiteLLMBackend(model if "/" in model else f"{provider_of(model)}/{model}", options, name)
 
 
 def _as_openai(message: Message) -> dict[str, Any]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from shutil import which
 from typing import Any
 
 from ..core.errors import BsaError
@@ -13,10 +14,12 @@ from ..core.redaction import redact
 from .addresses import ollama_address, shown
 from .api_keys import OLLAMA_KEY, OWN_SERVER_KEY, ollama_server_key
 from .bounded_http import OwnServerTransport
+from .looking import look
 from .options import BackendOptions
 from .prompt_fitting import ContextTooSmallError
 from .reaching import connection_failure
 from .retrying import TransientError, UnreachableError
+from .route import NotReady, Route
 from .served import Answer, Request, ServedBackend
 from .structured_output import FormRefusedError
 
@@ -27,6 +30,31 @@ _CHARS_PER_TOKEN = 2.5
 _TOKENS_PER_IMAGE = 1500
 _LOOK_UP_TIMEOUT_S = 10.0
 _REASON_CHARS = 300
+
+
+class OllamaRoute(Route):
+    """The server at ``--base-url``, else at ``OLLAMA_HOST``, else on this machine."""
+
+    takes_base_url = True
+    on_own_machines = True
+
+    def check(self, model: str) -> NotReady | None:
+        """Whether the server answers and holds the model."""
+        address = ollama_address(self.options.base_url)
+        key = ollama_server_key(address, by_option=self.options.base_url is not None)
+        content, problem = look(f"{address}/api/tags", key)
+        if problem:
+            remedy = "ollama serve" if which("ollama") else "install Ollama (https://ollama.com/download)"
+            return NotReady(f"Ollama {problem}", remedy)
+        listed = content.get("models") if isinstance(content, Mapping) else None
+        held = {str(item.get("model") or item.get("name")) for item in listed or [] if isinstance(item, Mapping)}
+        if not {model, f"{model}:latest"} & held:
+            return NotReady("Ollama does not hold it", f"ollama pull {model}")
+        return None
+
+    def open(self, model: str, name: str) -> OllamaBackend:
+        """See `Route.open`."""
+        return OllamaBackend(model, self.options, name)
 
 
 class OllamaBackend(ServedBackend):

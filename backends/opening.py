@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from pydantic import ValidationError
@@ -11,8 +12,8 @@ from ..core.errors import BsaError
 from ..core.messages import Backend
 from ..core.registry import Registry, installed
 from ..core.validation import explain
-from .checked import CheckedBackend
-from .options import BackendOptions, Route
+from .checked import CheckedBackend, CheckedRoute
+from .options import BackendOptions
 from .presets import Preset
 
 _WRAPPERS = {"votes", "review"}
@@ -50,7 +51,11 @@ def open_backend(spec: str, options: Given | None = None, registry: Registry | N
     """
     registry = registry or installed()
     name, own, around = _parted(spec, options, registry)
-    backend: Backend = CheckedBackend(registry.make("backend", name, own), registry.find("backend", name).who)
+    backend: Backend
+    if name in registry.names("route"):
+        backend = CheckedRoute(name, own, registry).open(own.get("model"))
+    else:
+        backend = CheckedBackend(registry.make("backend", name, own), registry.find("backend", name).who)
     if around.votes > 1:
         from .voting import VotingBackend
 
@@ -75,7 +80,7 @@ def _parted(spec: str, options: Given | None, registry: Registry) -> tuple[str, 
     if colon and not model:
         raise BsaError(f'the backend "{spec}" names no model behind its colon.', f"write {name}:MODEL.")
     try:
-        registry.find("backend", name)
+        listing = registry.find("backend", name)
     except BsaError as error:
         hint = f"{error.hint} litellm:PROVIDER/MODEL takes any model that litellm knows."
         raise BsaError(error.message, hint) from None
@@ -85,6 +90,8 @@ def _parted(spec: str, options: Given | None, registry: Registry) -> tuple[str, 
         around = BackendOptions.model_validate({key: value for key, value in given.items() if key in _WRAPPERS})
     except ValidationError as error:
         raise explain(error, "backend options", BackendOptions) from None
+    if given.get("via") is not None and issubclass(listing.entry.config_type, BackendOptions):
+        registry.find("route", str(given["via"]))
     return name, {key: value for key, value in given.items() if key not in _WRAPPERS}, around
 
 
@@ -96,72 +103,36 @@ def open_preset(preset: Preset, options: BackendOptions) -> Backend:
     BsaError
         If the preset has no such route, or none is ready; the hint names the way to each.
     """
-    from .readiness import check_preset, forget_looks
+    from .looking import forget_looks
+    from .readiness import check_preset
 
     if options.model is not None:
         raise BsaError(f'"{preset.name}" names its model itself.', f"leave out :{options.model}.")
-    if options.via is not None and options.via not in preset.models:
+    if options.route is not None and options.route not in preset.models:
         raise BsaError(
-            f'"{preset.name}" cannot be reached via {options.via}.', f"its routes are {', '.join(preset.models)}."
+            f'"{preset.name}" cannot be reached via {options.route}.', f"its routes are {', '.join(preset.models)}."
         )
+    wanted = {route: models for route, models in preset.models.items() if options.route in (None, route)}
+    for route in wanted:
+        try:
+            installed().find("route", route)
+        except BsaError as error:
+            raise BsaError(f'{preset.file}: preset "{preset.name}": {error.message}', error.hint) from None
     forget_looks()
-    found = check_preset(preset, options)
-    considered = [item for item in found if options.via in (None, item.route)]
-    if options.base_url is not None and options.via is None:
-        # An address without a route can only mean a server of that kind.
-        considered = [item for item in found if item.route == "openai"]
-    ready = next((item for item in considered if item.ready), None)
-    if ready is None and options.via == "transformers" and considered[0].detail == "not downloaded":
-        # Asked for by name, the weights are fetched by transformers itself.
-        ready = considered[0]
+    found = check_preset(replace(preset, models=wanted), options)
+    ready = next((item for item in found if item.ready), None)
+    if ready is None and options.via is not None and found[0].made_ready_by_opening:
+        ready = found[0]
     if ready is None:
-        ways = "; ".join(f"{item.route} ({item.detail}): {item.remedy}" for item in considered)
+        ways = "; ".join(f"{item.route} ({item.detail}): {item.remedy}" for item in found)
         raise BsaError(f'the model "{preset.name}" is not ready on this machine.', ways)
-    return open_route(ready.route, ready.model, options, f"{preset.name} via {ready.route}")
+    chosen = CheckedRoute(ready.route, options.for_route(ready.route))
+    return chosen.open(ready.model, f"{preset.name} via {ready.route}")
 
 
-def open_route(route: Route, model: str | None, options: BackendOptions, name: str | None = None) -> Backend:
-    """A model by a given route.
-
-    Raises
-    ------
-    BsaError
-        If no model is named or the route cannot reach it.
-    """
-    if not model:
-        raise BsaError(f'the backend "{route}" needs a model.', f"write {route}:MODEL.")
-    opener = _OPENERS[route]
-    backend: Backend = opener(model, options, name or f"{route}:{model}")
-    return backend
-
-
-def _openai(model: str, options: BackendOptions, name: str) -> Backend:
-    from .litellm_route import openai_compatible
-
-    return openai_compatible(model, options, name)
-
-
-def _litellm(model: str, options: BackendOptions, name: str) -> Backend:
-    from .litellm_route import hosted
-
-    return hosted(model, options, name)
-
-
-def _ollama(model: str, options: BackendOptions, name: str) -> Backend:
-    from .ollama_route import OllamaBackend
-
-    return OllamaBackend(model, options, name)
-
-
-def _transformers(model: str, options: BackendOptions, name: str) -> Backend:
-    from .transformers_route import TransformersBackend
-
-    return TransformersBackend(model, options, name)
-
-
-_OPENERS: dict[Route, Callable[[str, BackendOptions, str], Backend]] = {
-    "openai": _openai,
-    "ollama": _ollama,
-    "transformers": _transformers,
-    "litellm": _litellm,
-}
+def on_own_machines(spec: str, options: Mapping[str, Any]) -> bool:
+    """Whether a backend's models run on machines of the user, so that their tokens cost nothing."""
+    route = str(options.get("via") or spec.partition(":")[0])
+    if options.get("base_url") is not None:
+        return True
+    return route in installed().names("route") and CheckedRoute(route, {}).on_own_machines

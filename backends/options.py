@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 from urllib.parse import urlsplit
 
 from pydantic import BaseModel, Field, field_validator
-
-Route = Literal["openai", "ollama", "transformers", "litellm"]
-ROUTES: tuple[Route, ...] = ("openai", "ollama", "transformers", "litellm")
 
 
 class BackendOptions(BaseModel, extra="forbid", frozen=True):
     """Options of a backend. They are written to the journal, so none of them may hold a key."""
 
     model: str | None = Field(None, description="The model; usually written behind the colon of --backend ROUTE:MODEL.")
-    via: Route | None = Field(None, description="Route to a preset's model; without it the first ready route is used.")
+    via: str | None = Field(None, description="Route to a preset's model; without it the first ready route is used.")
     base_url: str | None = Field(
         None, description="Address of an OpenAI-compatible or Ollama server, as http://127.0.0.1:8000/v1."
     )
@@ -67,3 +64,13 @@ class BackendOptions(BaseModel, extra="forbid", frozen=True):
     def server_timeout_s(self) -> float:
         """Longest wait for a server's answer in seconds."""
         return 300.0 if self.timeout_s is None else self.timeout_s
+
+    @property
+    def route(self) -> str | None:
+        """The route that a preset is to be asked by, if any: an address alone means an OpenAI-compatible server."""
+        return self.via or (None if self.base_url is None else "openai")
+
+    def for_route(self, route: str) -> dict[str, Any]:
+        """What is set here, as options of one of a preset's routes: the address is for the route that it means."""
+        about_the_preset = {"via", "model"} if route == self.route else {"via", "model", "base_url"}
+        return self.model_dump(exclude_unset=True, exclude=about_the_preset)

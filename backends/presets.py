@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..core.errors import BsaError, did_you_mean
+from ..core.errors import BsaError
 from ..core.yaml_text import read_yaml
-from .options import ROUTES, Route
 
 _SHIPPED = Path(__file__).with_name("presets.yaml")
 
@@ -26,12 +25,16 @@ class Preset:
     ----------
     name : str
         The short name.
-    models : mapping of route to tuple of str
-        The model's names under each route, routes in the order in which they are tried.
+    models : mapping of str to tuple of str
+        The model's names under each route, routes in the order in which they are tried. Whether there are such routes
+        is found out when the preset is used: plugins may add some.
+    file : str
+        Where the preset is written, for messages.
     """
 
     name: str
-    models: Mapping[Route, tuple[str, ...]]
+    models: Mapping[str, tuple[str, ...]]
+    file: str = ""
 
     @property
     def summary(self) -> str:
@@ -45,7 +48,7 @@ def load_presets() -> dict[str, Preset]:
     Raises
     ------
     BsaError
-        If the user's file cannot be read or holds an unknown route.
+        If the user's file cannot be read or holds something else than presets.
     """
     presets = _parse(read_yaml(_SHIPPED), _SHIPPED.name)
     named = os.environ.get(USER_FILE_VARIABLE)
@@ -59,20 +62,16 @@ def _parse(content: Any, where: str) -> dict[str, Preset]:
     content = content or {}
     if not isinstance(content, dict):
         raise BsaError(f"{where} holds no presets.", "write `my-model:` and below it `  ollama: my-model:8b`.")
-    return {str(name): Preset(str(name), _models(str(name), routes, where)) for name, routes in content.items()}
+    return {str(name): Preset(str(name), _models(str(name), routes, where), where) for name, routes in content.items()}
 
 
-def _models(preset: str, routes: Any, where: str) -> dict[Route, tuple[str, ...]]:
+def _models(preset: str, routes: Any, where: str) -> dict[str, tuple[str, ...]]:
     if not isinstance(routes, dict) or not routes:
-        raise BsaError(f'{where}: preset "{preset}" names no route.', f"routes: {', '.join(ROUTES)}.")
-    models: dict[Route, tuple[str, ...]] = {}
-    for written, names in routes.items():
-        route = next((known for known in ROUTES if known == written), None)
-        if route is None:
-            hint = did_you_mean(str(written), ROUTES) or f"routes: {', '.join(ROUTES)}."
-            raise BsaError(f'{where}: preset "{preset}" has no route "{written}".', hint)
+        raise BsaError(f'{where}: preset "{preset}" names no route.', "write `  ollama: my-model:8b` below it.")
+    models: dict[str, tuple[str, ...]] = {}
+    for route, names in routes.items():
         listed = names if isinstance(names, list) else [names]
         if not listed or not all(isinstance(name, str) and name for name in listed):
             raise BsaError(f'{where}: preset "{preset}", route "{route}" names {names!r}.', "write the model's name.")
-        models[route] = tuple(listed)
+        models[str(route)] = tuple(listed)
     return models

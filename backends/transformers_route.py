@@ -5,14 +5,17 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from contextlib import contextmanager
+from importlib.util import find_spec
 from typing import Any
 
 from ..core.messages import JsonSchema, Message, PromptRefused, Reply, StructuredBy, Usage
 from .constrained_decoding import SchemaProcessor
 from .images import showable
-from .loaded_model import LoadedModel, load
+from .loaded_model import INSTALL_HINT, LoadedModel, load
+from .model_files import model_folder
 from .options import BackendOptions
 from .prompt_fitting import ContextTooSmallError, fit
+from .route import NotReady, Route
 from .structured_output import held_by, with_schema_in_prompt
 
 _REPLY_TOKENS = 4096
@@ -20,6 +23,25 @@ _REPLY_TOKENS = 4096
 _LEAST_REPLY_SHARE = 0.25
 # GPT-OSS speaks on several channels; a reply that is an object from its first token belongs on this one.
 _HARMONY_CHANNEL, _HARMONY_FINAL = "<|channel|>", "<|channel|>final<|message|>"
+
+
+class TransformersRoute(Route):
+    """Hugging Face models in this process."""
+
+    on_own_machines = True
+
+    def check(self, model: str) -> NotReady | None:
+        """Whether the libraries and the model's files are on this machine."""
+        missing = [package for package in ("torch", "transformers", "llguidance") if find_spec(package) is None]
+        if missing:
+            return NotReady(f"{' and '.join(missing)} not installed", INSTALL_HINT)
+        if model_folder(model) is None:
+            return NotReady("not downloaded", f"hf download {model}", made_ready_by_opening=True)
+        return None
+
+    def open(self, model: str, name: str) -> TransformersBackend:
+        """See `Route.open`."""
+        return TransformersBackend(model, self.options, name)
 
 
 class TransformersBackend:

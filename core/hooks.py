@@ -173,6 +173,10 @@ class CatalogueHooks:
         """Language models; the product is a `Backend`."""
 
     @hookspec
+    def bsa_routes(self) -> Iterable[Entry]:
+        """Routes to language models, each asked by its name; the product is a `bsa.backends.route.Route`."""
+
+    @hookspec
     def bsa_readers(self) -> Iterable[Entry]:
         """File readers; the product is a `Reader`."""
 

@@ -19,7 +19,7 @@ from .hooks import API_VERSION, PROJECT, CatalogueHooks, Entry
 from .printable import shown
 from .validation import explain
 
-Kind = Literal["simulator", "feedback", "memory", "proposer", "warm-up", "backend", "reader", "effect", "task"]
+Kind = Literal["simulator", "feedback", "memory", "proposer", "warm-up", "backend", "route", "reader", "effect", "task"]
 
 _HOOKS: dict[Kind, str] = {
     "simulator": "bsa_simulators",
@@ -28,11 +28,15 @@ _HOOKS: dict[Kind, str] = {
     "proposer": "bsa_proposers",
     "warm-up": "bsa_warm_ups",
     "backend": "bsa_backends",
+    "route": "bsa_routes",
     "reader": "bsa_readers",
     "effect": "bsa_effects",
     "task": "bsa_tasks",
 }
 KINDS: tuple[Kind, ...] = tuple(_HOOKS)
+
+_NAMED_AMONG: dict[Kind, Kind] = {"route": "backend"}
+"""Kinds that share the names of another: a route stands behind ``--backend`` as well, ``--backend ROUTE:MODEL``."""
 
 OWN = "battery-sim-agent"
 """Our own distribution: a name that it uses stays its own."""
@@ -146,7 +150,8 @@ class Registry:
         offered: dict[tuple[Kind, str], list[Listing]] = {}
         for plugin, name, origin in self._plugins:
             for listing in self._listings_of(plugin, name, origin):
-                offered.setdefault((listing.kind, listing.entry.name), []).append(listing)
+                among = _NAMED_AMONG.get(listing.kind, listing.kind)
+                offered.setdefault((among, listing.entry.name), []).append(listing)
         self._listings = {}
         for key, rivals in offered.items():
             own = [listing for listing in rivals if listing.own]
@@ -156,7 +161,7 @@ class Registry:
                 if self._listings.get(key) is not listing:
                     others = " and ".join(other.origin for other in rivals if other is not listing)
                     reason = "the name is taken by" if key in self._listings else "the name is also offered by"
-                    self._not_listed.append(Unusable(key[1], f"{reason} {others}", listing.origin, key[0]))
+                    self._not_listed.append(Unusable(key[1], f"{reason} {others}", listing.origin, listing.kind))
         return self
 
     def _listings_of(self, plugin: object, name: str, origin: str) -> Iterable[Listing]:
@@ -187,8 +192,8 @@ class Registry:
                     yield Listing(kind, entry, origin)
 
     def listings(self, kind: Kind | None = None) -> list[Listing]:
-        """The entries of a kind, or all of them, in order of registration."""
-        return [listing for listing in self._listings.values() if kind in (None, listing.kind)]
+        """The entries of a kind, or all of them, in order of registration; routes are backends as well."""
+        return [listing for listing in self._listings.values() if kind is None or _is(listing.kind, kind)]
 
     def names(self, kind: Kind) -> list[str]:
         """The names of a kind."""
@@ -202,10 +207,10 @@ class Registry:
         BsaError
             If there is none, with the nearest name, or if nobody can use it, with the reason and who offers it.
         """
-        listing = self._listings.get((kind, name))
-        if listing is not None:
+        listing = self._listings.get((_NAMED_AMONG.get(kind, kind), name))
+        if listing is not None and _is(listing.kind, kind):
             return listing
-        at_fault = [item for item in self.unusable if (item.kind, item.name) == (kind, name)]
+        at_fault = [item for item in self.unusable if item.kind and _is(item.kind, kind) and item.name == name]
         if at_fault:
             reasons = "; ".join(f"{item.origin}: {item.reason}" for item in at_fault)
             distributions = " or ".join(dict.fromkeys(item.origin.split()[0] for item in at_fault))
@@ -247,6 +252,10 @@ class Registry:
         listing, checked = self.find(kind, name), self.configure(kind, name, options)
         with border(listing.who, "its factory"):
             return listing.entry.factory(checked, *more)
+
+
+def _is(kind: Kind, asked: Kind) -> bool:
+    return asked in (kind, _NAMED_AMONG.get(kind))
 
 
 def _fault(entry: Any) -> str:

@@ -32,6 +32,7 @@ def plugins() -> None:
         rows = [
             (listing.entry.name, listing.entry.summary, listing.origin)
             for listing in sorted(registry.listings(kind), key=lambda listing: listing.entry.name)
+            if listing.kind == kind
         ]
         _table(f"{kind}s" if kind != "memory" else "memories", rows)
     _table(
@@ -85,12 +86,16 @@ def parameters(
 def doctor() -> None:
     """Show which language models are ready here, and the command that would make each other one so."""
     from ...backends.readiness import survey
+    from ...core.registry import installed
 
     rows = [
         (item.backend, f"{item.route}: {'ready' if item.ready else 'not ready'}", item.remedy or item.detail)
         for item in survey()
     ]
     _table("backends", [("rules", "built in: ready", "needs nothing"), *rows])
+    routes = [(item.entry.name, item.origin, item.entry.summary) for item in installed().listings("route")]
+    broken = [(item.name, f"{item.origin}: not usable", item.reason) for item in installed().unusable]
+    _table("routes", [*routes, *broken])
 
 
 def _table(title: str, rows: Sequence[tuple[str, str, str]] | Iterable[tuple[str, str, str]]) -> None:

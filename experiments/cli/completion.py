@@ -38,6 +38,11 @@ def backends() -> list[str]:
     return _installed("backend")
 
 
+def routes() -> list[str]:
+    """Names of the routes to language models."""
+    return _installed("route")
+
+
 def readers() -> list[str]:
     """Names of the readers."""
     return _installed("reader")

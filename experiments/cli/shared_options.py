@@ -86,7 +86,12 @@ Scale = Annotated[
 
 Via = Annotated[
     str | None,
-    typer.Option(metavar="ROUTE", help="litellm, openai, ollama or transformers.", rich_help_panel=LANGUAGE_MODEL),
+    typer.Option(
+        metavar="ROUTE",
+        help="Route to a preset's model: litellm, openai, ollama, transformers or a plugin's.",
+        autocompletion=completion.routes,
+        rich_help_panel=LANGUAGE_MODEL,
+    ),
 ]
 BaseUrl = Annotated[
     str | None,

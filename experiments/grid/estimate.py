@@ -6,6 +6,7 @@ import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ...backends.opening import on_own_machines
 from ...core.run_config import RunConfig
 from .expansion import GridCell
 from .store import Store
@@ -120,15 +121,10 @@ def need_of(cell: GridCell, past: Experience) -> Need:
 def _cost(cell: GridCell, tokens: int, known: float | None) -> float | None:
     if known is not None:
         return known
-    if not tokens or _is_local(cell):
+    if not tokens or on_own_machines(cell.backend.use, cell.backend.options):
         return 0.0
     price = cell.backend.usd_per_million_tokens
     return None if price is None else price * tokens / 1e6
-
-
-def _is_local(cell: GridCell) -> bool:
-    options = cell.backend.options
-    return "base_url" in options or options.get("via") in ("ollama", "transformers", "openai")
 
 
 def _asks_a_model(config: RunConfig) -> bool:

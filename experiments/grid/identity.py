@@ -64,11 +64,13 @@ def code_digest() -> str:
 
 def _plugins(config: RunConfig) -> tuple[tuple[str, str], ...]:
     scaffold = config.scaffold
+    backend = config.backend.partition(":")[0]
     chosen = [
         ("simulator", scaffold.simulator.use),
         ("feedback", scaffold.feedback.use),
         ("proposer", scaffold.proposer.use),
-        ("backend", config.backend.partition(":")[0]),
+        ("backend", backend),
+        ("route", str(config.backend_options.get("via") or backend)),
         *(("memory", memory.use) for memory in scaffold.memories),
     ]
     if scaffold.warm_up is not None:

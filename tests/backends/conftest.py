@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from bsa.backends.readiness import forget_looks
+from bsa.backends.looking import forget_looks
 from bsa.backends.structured_output import forget_refusals
 from bsa.core.messages import Message
 from bsa.core.proposal import CHANGE_PATTERN

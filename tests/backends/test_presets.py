@@ -5,10 +5,11 @@ from importlib.util import find_spec
 
 import pytest
 from bsa.backends.catalogue import bsa_backends
+from bsa.backends.looking import forget_looks
 from bsa.backends.opening import open_backend
 from bsa.backends.options import BackendOptions
 from bsa.backends.presets import load_presets
-from bsa.backends.readiness import check_preset, forget_looks, survey
+from bsa.backends.readiness import check_preset, survey
 from bsa.core.errors import BsaError
 from bsa.core.registry import Registry
 
@@ -53,7 +54,6 @@ def test_a_user_adds_a_preset_in_four_lines(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("m:\n  olama: x", 'did you mean "ollama"'),
         ("m: x", "names no route"),
         ("m:\n  ollama: 3", "names 3"),
         ("m: [", "not valid YAML"),
@@ -68,10 +68,23 @@ def test_a_bad_preset_file_is_explained(tmp_path, monkeypatch, content, words):
         load_presets()
 
 
+def test_a_mistyped_route_is_told_with_its_file_when_the_preset_is_used(tmp_path, monkeypatch):
+    path = tmp_path / "mine.yaml"
+    path.write_text("m:\n  olama: x\nother:\n  litellm: openai/o3")
+    monkeypatch.setenv("BSA_PRESETS", str(path))
+    with pytest.raises(BsaError, match=r'mine\.yaml: preset "m": there is no route "olama".*did you mean "ollama"'):
+        open_backend("m", registry=_registry())
+    monkeypatch.setenv("OPENAI_API_KEY", "some-value")
+    assert open_backend("other", registry=_registry()).name == "other via litellm"
+    (row,) = [item for item in survey() if item.backend == "m"]
+    assert not row.ready
+    assert 'did you mean "ollama"' in row.remedy
+
+
 def test_a_machine_without_the_model_says_what_is_missing(monkeypatch, tmp_path):
     monkeypatch.setenv("HF_HOME", str(tmp_path))
     monkeypatch.setenv("OLLAMA_HOST", "127.0.0.1:9")
-    monkeypatch.setattr("bsa.backends.readiness.which", lambda name: None)
+    monkeypatch.setattr("bsa.backends.ollama_route.which", lambda name: None)
     with pytest.raises(BsaError) as caught:
         open_backend("qwen2.5-14b", registry=_registry())
     for remedy in (

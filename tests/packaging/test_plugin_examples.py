@@ -14,12 +14,21 @@ from bsa.core.journal import read_events
 from bsa.core.reading.reading import read_record
 from bsa.core.record import ReadOptions
 from bsa.core.registry import KINDS, installed
+from bsa.experiments.cli.catalogue import doctor
 from bsa.experiments.cli.main import run_main
 from bsa.experiments.effect_choice import effects_of
 
 PAGE = (Path(__file__).parents[2] / "docs" / "plugins.md").read_text()
 BLOCKS = {kind: re.findall(rf"```{kind}\n(.*?)```", PAGE, re.DOTALL) for kind in ("python", "yaml", "sh")}
 EXAMPLES = [block for block in BLOCKS["python"] if "@hookimpl\ndef bsa_" in block]
+
+ANSWER = f"""#!{sys.executable}
+import json, sys
+name = next(iter(json.load(sys.stdin)["schema"]["properties"]["updated_params"]["properties"]))
+words = dict.fromkeys(["analysis", "hypothesis", "rationale"], "none")
+print(json.dumps({{**words, "updated_params": {{name: "*1.02"}}}}))
+"""
+"""A program as the route of the page asks it."""
 
 Install = Callable[..., Path]
 
@@ -29,7 +38,8 @@ def _installed(stranger: Install, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     for number, code in enumerate(EXAMPLES):
         stranger(code, f"zz-example-{number}")
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine.yaml").write_text(BLOCKS["yaml"][0])
+    for name, content in zip(("mine.yaml", "bsa-presets.yaml"), BLOCKS["yaml"], strict=True):
+        (tmp_path / name).write_text(content)
 
 
 def ran(monkeypatch: pytest.MonkeyPatch, command: str, *more: str) -> None:
@@ -61,6 +71,21 @@ def test_a_run_with_the_backend(monkeypatch: pytest.MonkeyPatch, tmp_path: Path)
     replies = [event for event in read_events(tmp_path / "run") if event["event"] == "reply"]
     assert [reply["model"] for reply in replies] == ["echo large"] * 2
     assert '"*1.02"' in replies[0]["text"]
+
+
+def test_a_run_by_the_route(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    doctor()
+    assert "my-model program: not ready chmod +x ./answer" in " ".join(capsys.readouterr().out.split())
+    answer = tmp_path / "answer"
+    answer.write_text(ANSWER)
+    answer.chmod(0o755)
+    more = ["--rounds", "2", "--warmup", "0", "--set", "simulator.use=ohmic", "--out", "run"]
+    ran(monkeypatch, "bsa-run demo --scaffold full --backend my-model", *more)
+    events = read_events(tmp_path / "run")
+    assert [event["model"] for event in events if event["event"] == "reply"] == ["./answer"] * 2
+    assert json.loads((tmp_path / "run" / "result.json").read_text())["backend"] == "my-model via program"
 
 
 def test_the_reader(tmp_path: Path) -> None:
