@@ -1,7 +1,4 @@
-"""Measured cells: a right name or no name, never a wrong one. Slow: minutes each.
-
-What comes out today, and why it is not always the name that is expected, stands in docs/discovery.md.
-"""
+"""Measured cells: a right name or no name, never a wrong one. Slow: minutes each."""
 
 from pathlib import Path
 
@@ -58,7 +55,7 @@ def test_lgm50_lacks_self_heating(tmp_path):
         model="SPMe",
         ambient_c=25.0,
         max_effects=1,
-        effects=["self-heating"],  # the whole catalogue takes half an hour: docs/discovery.md
+        effects=["self-heating"],  # the whole catalogue takes half an hour
         out=tmp_path,
     )
     found = discover(options)
