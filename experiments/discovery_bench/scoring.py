@@ -132,7 +132,7 @@ _SETTINGS = ("strong", "weak", "pair", "none", "outside")
 
 
 def as_markdown(marked: Sequence[Marked]) -> str:
-    """The tables of ``docs/discovery-results.md``: marks by setting, confusion matrix, rates, gap, parameters and cost."""
+    """The tables of ``docs/discovery-results.md``: marks by setting, confusion matrix, rates, gap, parameters, cost."""
     lines = ["| setting | cases | " + " | ".join(_MARKS) + " |", "| --- |" + " ---: |" * (len(_MARKS) + 1)]
     for setting in _SETTINGS:
         some = [m for m in marked if m.setting == setting]
