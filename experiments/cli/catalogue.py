@@ -94,7 +94,11 @@ def doctor() -> None:
     ]
     _table("backends", [("rules", "built in: ready", "needs nothing"), *rows])
     routes = [(item.entry.name, item.origin, item.entry.summary) for item in installed().listings("route")]
-    broken = [(item.name, f"{item.origin}: not usable", item.reason) for item in installed().unusable]
+    broken = [
+        (item.name, f"{item.origin}: not usable", item.reason)
+        for item in installed().unusable
+        if item.kind in (None, "backend", "route")
+    ]
     _table("routes", [*routes, *broken])
 
 

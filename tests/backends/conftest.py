@@ -179,6 +179,8 @@ def tiny_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pytest.importorskip("llguidance")
     from tokenizers import Tokenizer, decoders, models, pre_tokenizers, trainers
 
+    # Its layers take microseconds: on a busy machine threads spend minutes in waiting for one another.
+    torch.set_num_threads(1)
     folder = tmp_path_factory.mktemp("tiny-qwen2")
     bytes_first = Tokenizer(models.BPE())
     bytes_first.pre_tokenizer = pre_tokenizers.ByteLevel(add_prefix_space=False)

@@ -57,6 +57,11 @@ def _says(*words):
     def answer(connection):
         connection.recv(65536)
         connection.sendall(b"".join(words))
+        # Closed with unread words, the connection would be reset, and the answer lost.
+        connection.shutdown(socket.SHUT_WR)
+        connection.settimeout(1.0)
+        while connection.recv(65536):
+            pass
 
     return answer
 

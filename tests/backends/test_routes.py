@@ -118,8 +118,10 @@ def test_an_address_goes_to_the_route_that_it_means(route: Callable[..., None]) 
             open_backend(f"{name}:m", {"base_url": address})
 
 
-def test_a_built_in_name_stays_built_in(route: Callable[..., None]) -> None:
+def test_a_built_in_name_stays_built_in(route: Callable[..., None], capsys: pytest.CaptureFixture[str]) -> None:
     route(name="rules")
+    doctor()
+    assert "rules zz-dist 0.1: not usable the name is taken by" in " ".join(capsys.readouterr().out.split())
     assert open_backend("rules").name == "rules"
     with pytest.raises(
         BsaError, match=r'the route "rules" cannot be used \(zz-dist 0\.1: the name is taken by battery'
