@@ -140,7 +140,7 @@ class Discovery:
         return rows
 
     def _rationale(self, signature: str, nomination: Nomination | None) -> str:
-        text = f"expected mark: {signature}."
+        text = f"expected signature: {signature}."
         if self.sentences:
             text += f" Seen: {self.sentences[0]}."
         if self.ranking is not None and nomination is not None:
@@ -172,9 +172,9 @@ class Discovery:
             if not reason and nomination is not None:
                 score = nomination.score
                 if score is None or score.gain <= 0:
-                    reason = "the score test promises no gain in the allowed direction"
+                    reason = "the score test predicts no gain in the allowed direction"
                 elif nomination.screened is None:
-                    reason = "the score test promises less than others"
+                    reason = "the score test predicts less gain than for others"
                 else:
                     reason = "a short refit gained less than others"
             empty = dict.fromkeys(("refit_rmse_mv", "bic", "delta_bic", "holdout_rmse_mv"))

@@ -183,7 +183,7 @@ class Engine:
         misjudged = [n for n in nominations if n.mark is not None and (n not in chosen or n.promise > calm.cost)]
         if not misjudged:
             return found
-        self._say(f"none of them explains half of it; screening {len(misjudged)} effects with slopes of their own")
+        self._say(f"none of them explains half of it; refitting {len(misjudged)} effects with fresh Jacobians")
         scout.problem.misfit_v = misfit_v  # the scores were taken with it
         self._side_by_side([partial(screen_afresh, scout, calm, nomination) for nomination in misjudged])
         known = {explanation.label for explanation in found}

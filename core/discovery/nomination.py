@@ -58,7 +58,7 @@ def nominate(
     for n in nominations[:6]:
         if n.score:
             share = n.score.gain / max(base.fit.chi2, 1.0)
-            listener(f"  {n.effect.key}: z {n.score.z:+.1f}, promises {share:.0%}")
+            listener(f"  {n.effect.key}: z {n.score.z:+.1f}, predicted gain {share:.0%}")
     return nominations
 
 

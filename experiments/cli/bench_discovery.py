@@ -12,7 +12,7 @@ from . import completion
 from . import shared_options as shared
 
 discovery_app = typer.Typer(
-    help="Blind cases for discovery: make them, run them, mark them; or ask who finds the effect without a fit.",
+    help="Blind cases for discovery: make, run and grade them; or rank the effects without fitting them.",
     no_args_is_help=True,
 )
 
@@ -81,7 +81,7 @@ def run_command(
 
 @discovery_app.command("score")
 def score_command(folder: Folder, results: Results = RESULTS) -> None:
-    """Open the answers and mark the results."""
+    """Open the answers and grade the results."""
     from ..discovery_bench.scoring import as_markdown, case_table, mark_cases, marked_row
     from ..studies.table import write_csv
 

@@ -139,7 +139,7 @@ def report(
     ] = False,
     metric: Metric = "mape",
 ) -> None:
-    """Write one page on a grid: tables, figures, comparisons, and every run's story."""
+    """Write one page on a grid: tables, figures, comparisons, and the rounds of every run."""
     if (Path(grid) / "journal.jsonl").is_file():
         from ..report import build_report
 

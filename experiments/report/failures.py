@@ -72,7 +72,7 @@ def _summary(run: RunRecord) -> str:
     eased = sum(trial.easing is not None for trial in run.trials)
     text = f"{len(failed)} of {len(run.trials)} simulations failed"
     if eased:
-        text += f"; {eased} were eased, which counts as a simulation but never as a fit"
+        text += f"; {eased} were of a reduced task, which count as simulations but never as a fit"
     limits = Counter(
         _without_numbers(part)
         for trial in failed
