@@ -57,7 +57,7 @@ def discover(options: DiscoverOptions, listener: Listener = lambda text: None, w
     BsaError
         If a record, a parameter set, an effect or an option is wrong, or the folder holds something else.
     """
-    from .discovery_page import write_page
+    from .report.discovery import write_page
 
     with opened(options) as journal, ExitStack() as held:
         recorder = Recorder(journal.file, journal.earlier, say=listener)

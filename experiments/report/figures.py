@@ -15,7 +15,7 @@ from ...core.trajectory import FloatArray, StepKind, Trajectory
 from ...core.trial import Trial
 from ..story import RunRecord
 from .chart import BOTTOM, GAP, TOP, Axis, Band, Chart, Key, Mark, Panel, horizontal, padded, vertical
-from .wording import number, unit
+from .wording import number, time_unit, unit
 
 _DRIVEN_HEIGHT, _OBSERVED_HEIGHT, _RESIDUAL_HEIGHT, _CONVERGENCE_HEIGHT = 96.0, 210.0, 110.0, 250.0
 
@@ -97,7 +97,7 @@ def _overlay(run: RunRecord, place: int, experiment: Experiment) -> Overlay:
     simulated = [curve for curve in (initial, best) if curve is not None]
     focus = best or initial
     longest = max([measured.time[-1], *(min(curve.time[-1], 1.5 * measured.time[-1]) for curve in simulated)])
-    scale, time_unit = _time_unit(float(longest))
+    scale, clock_unit = time_unit(float(longest))
     across = horizontal(0.0, float(longest) / scale)
     drawn = _panels(run.task, measured, simulated, focus)
     for panel, signal, is_residual in drawn:
@@ -120,7 +120,7 @@ def _overlay(run: RunRecord, place: int, experiment: Experiment) -> Overlay:
             + _fit(run.task, "", initial, focus, measured),
             panels=panels,
             x_ticks=across.ticks(8),
-            x_label=f"Time / {time_unit}",
+            x_label=f"Time / {clock_unit}",
             keys=keys,
             height=panels[-1].top + panels[-1].height + BOTTOM,
         ),
@@ -222,12 +222,6 @@ def _rms(curve: _Curve | None, measured: _Curve, signal: Signal) -> float | None
     if len(time) < 2 or time[-1] <= time[0]:
         return None
     return float(np.sqrt(np.trapezoid(values**2, time) / (time[-1] - time[0])))
-
-
-def _time_unit(seconds: float) -> tuple[float, str]:
-    if seconds > 2.5 * 3600:
-        return 3600.0, "h"
-    return (60.0, "min") if seconds > 300 else (1.0, "s")
 
 
 def convergence(run: RunRecord, objective: Quantity) -> Chart | None:

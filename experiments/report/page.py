@@ -113,7 +113,7 @@ def render(run: RunRecord) -> str:
     """The report as HTML."""
     objective = objective_of(run.task)
     parameters = [_parameter_row(parameter, run) for parameter in run.task.space]
-    return _template().render(
+    return template("report.html.j2").render(
         run=run,
         usage=run.usage,
         status=_STATUS.get(run.status, run.status),
@@ -135,7 +135,8 @@ def render(run: RunRecord) -> str:
 
 
 @cache
-def _template() -> jinja2.Template:
+def template(name: str) -> jinja2.Template:
+    """A template of this folder; what it prints is escaped, and free of control codes."""
     import jinja2
 
     environment = jinja2.Environment(
@@ -147,7 +148,8 @@ def _template() -> jinja2.Template:
         lstrip_blocks=True,
     )
     environment.filters.update(number=number, duration=duration)
-    return environment.get_template("report.html.j2")
+    environment.globals["zip"] = zip
+    return environment.get_template(name)
 
 
 def _printable(value: Any) -> Any:

@@ -90,3 +90,10 @@ def clipped(text: str, most: int) -> str:
     head = 2 * most // 3
     tail = text[len(text) - most + head :]
     return f"{text[:head]}\n… {len(text) - most} characters left out; journal.jsonl holds them …\n{tail}"
+
+
+def time_unit(seconds: float) -> tuple[float, str]:
+    """Seconds in the unit that suits so long a time, and the unit."""
+    if seconds > 2.5 * 3600:
+        return 3600.0, "h"
+    return (60.0, "min") if seconds > 300 else (1.0, "s")
