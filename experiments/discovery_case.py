@@ -75,7 +75,7 @@ class DiscoverOptions(BaseModel, extra="forbid"):
     backend: str | None = Field(default=None, description="Language model that ranks effects too.")
     backend_options: dict[str, Any] = Field(default={}, description="How it is reached and asked: its own options.")
     hide_names: bool = Field(default=False, description="Show the language model effects under names without meaning.")
-    max_effects: int = Field(default=2, ge=1, le=3, description="Effects in one explanation at most.")
+    max_effects: int = Field(default=2, ge=1, le=2, description="Effects in one explanation at most.")
     seed: int = Field(default=0, ge=0, description="Seed for everything random.")
     points: int = Field(default=400, ge=60, description="Averages that each record is condensed to.")
     floor_mv: float = Field(default=1e3 * FLOOR_V, gt=0, description="Differences below this are not physics, mV.")

@@ -94,7 +94,7 @@ def discover(
     max_effects: Annotated[
         int,
         typer.Option(
-            min=1, max=3, metavar="N", help="Effects in one explanation at most.", rich_help_panel=shared.SEARCH
+            min=1, max=2, metavar="N", help="Effects in one explanation at most.", rich_help_panel=shared.SEARCH
         ),
     ] = 2,
     seed: shared.Seed = 0,

@@ -31,7 +31,7 @@ def test_nasa_b0005_lacks_a_series_resistance(tmp_path, search):
         max_effects=1,
         out=tmp_path,
     )
-    found = discover(options)
+    found = discover(options, workers=2)
     assert found.verdict != "no-missing-effect"
     if found.verdict == "effect-found":
         assert found.names == ("contact-resistance",)
@@ -58,7 +58,7 @@ def test_lgm50_lacks_self_heating(tmp_path):
         effects=["self-heating"],  # the whole catalogue takes half an hour
         out=tmp_path,
     )
-    found = discover(options)
+    found = discover(options, workers=2)
     assert any("mesh points resolve each particle" in note for note in found.notes)
     assert found.names == ("self-heating",)
     assert found.verdict == "effect-found"
