@@ -57,7 +57,7 @@ COMMANDS = [
     (["--set", "proposer.options.memory_budged=3"], "memory_budged", 'did you mean "memory_budget"'),
     (["--set", "simulator.options.time_limit_s=-1"], "time_limit_s", ""),
     (["--resume", "nowhere"], "nowhere", ""),
-    (["--data", "record.csv"], "--data needs a parameter set", "--parameters Chen2020"),
+    (["--data", "record.csv"], "a record needs a parameter set to start from", "--parameters Chen2020"),
     (["--data", "record.csv", "--parameters", "Chen2021"], 'no parameter set "Chen2021"', 'did you mean "Chen2020"'),
     (["--data", "absent.csv", "--parameters", "Chen2020"], "absent.csv", ""),
     (["demo", "--data", "record.csv", "--parameters", "Chen2020"], "both a task", "give one of them"),

@@ -68,7 +68,7 @@ def test_a_step_that_dies_shows_its_last_moments_and_the_limit() -> None:
 @pytest.mark.slow
 def test_it_runs_at_lower_currents(tmp_path: Path) -> None:
     space, candidate = starved()
-    experiment = Experiment("x", NOTHING, protocol(2, 2, 4.2, 2.5), 2)
+    experiment = Experiment("x", NOTHING, protocol(2, 2, 4.2, 2.5))
     task = Task("starved", CellModel("Ecker2015", "DFN", MODEL_OPTIONS), space, (experiment,))
     simulator = PyBaMMSimulator(PyBaMMOptions(), RunContext(task, 1, tmp_path))
     try:
