@@ -218,13 +218,14 @@ class Pool(Generic[Job, Answer]):
         busy: dict[Worker[Job, Answer], int] = {}
         try:
             while waiting or busy:
-                if self._closed:
-                    raise RuntimeError("the worker processes were ended")  # for threads that nobody waits for any more
+                self._check_open()
                 while waiting and (worker := self._idle_worker(must_wait=not busy)) is not None:
                     place, job = waiting.pop()
                     busy[worker] = place
                     worker.submit(job, allowance)
                 for worker, answer in self._finished(list(busy)):
+                    # A worker that was ended has not failed its job: nobody may write that down.
+                    self._check_open()
                     self._idle.put(worker)
                     yield busy.pop(worker), answer
         finally:
@@ -232,6 +233,10 @@ class Pool(Generic[Job, Answer]):
                 # What it is doing is of no use any more.
                 worker.stop()
                 self._idle.put(worker)
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise RuntimeError("the worker processes were ended")  # for threads that nobody waits for any more
 
     def _idle_worker(self, must_wait: bool) -> Worker[Job, Answer] | None:
         try:
