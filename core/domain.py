@@ -33,9 +33,9 @@ class Domain:
     rules : tuple of mapping
         Rules of thumb for the priors: ``parameter`` (or the beginning of its name), ``raises``, ``lowers``, ``why``.
     drives : str
-        What can be lowered while a task is eased, ``"currents"``; empty if the field knows no easing.
+        What can be lowered while a task is reduced, ``"currents"``; empty if the field knows no reduction.
     gentler : str
-        The sentence in which the agent is told how to ease the task.
+        The sentence in which the agent is told how to reduce the task.
     start_of_next : str
         The state from which a suggested further record starts: ``"from a fully charged cell"``.
     accuracy : str

@@ -13,7 +13,6 @@ import numpy as np
 
 from .cell import CELL
 from .domain import Domain
-from .easing import Easing
 from .feedback import Feedback
 from .metrics import decode_metrics
 from .parameters import Parameter, ParameterSpace
@@ -23,6 +22,7 @@ from .signals import Signal
 from .simulation import ExperimentRun, Outcome, SimulationFailure
 from .target import CyclableLithium, EffectValue, Factor, InitialSoc, Target, Value, target_named
 from .task import CellModel, Experiment, Task
+from .task_reduction import TaskReduction
 from .trajectory import FloatArray, Step, Trajectory
 from .trial import Phase, Trial
 
@@ -69,8 +69,8 @@ class TrialRecord:
     images: list[str]
     curves: list[dict[str, Any] | None]
     seconds: float
-    # Journals of before tasks could be eased have neither.
-    easing: Easing | None = None
+    # Journals of before tasks could be reduced have neither.
+    reduction: TaskReduction | None = None
     partial: str | None = None
 
 
@@ -223,7 +223,7 @@ def encode_trial(trial: Trial, folder: Path) -> Json:
         "images": [str(image.relative_to(folder)) for image in trial.feedback.images],
         "curves": [None if curve is None else encode_trajectory(curve) for curve in trial.curves],
         "seconds": trial.seconds,
-        "easing": None if trial.easing is None else asdict(trial.easing),
+        "reduction": None if trial.reduction is None else asdict(trial.reduction),
         "partial": None if trial.partial is None else encode_array(trial.partial),
     }
 
@@ -251,7 +251,7 @@ def decode_trial(record: Mapping[str, Any], folder: Path) -> Trial:
         feedback=Feedback(known.feedback, tuple(folder / image for image in known.images)),
         curves=tuple(None if curve is None else decode_trajectory(curve) for curve in known.curves),
         seconds=known.seconds,
-        easing=known.easing,
+        reduction=known.reduction,
         partial=None if known.partial is None else decode_array(known.partial),
     )
 

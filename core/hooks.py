@@ -16,13 +16,13 @@ import pluggy
 from pydantic import BaseModel
 
 from .domain import Domain
-from .easing import Easing
 from .feedback import Feedback
 from .messages import Backend
 from .parameters import Candidate
 from .proposal import Proposal
 from .simulation import Outcome
 from .task import Experiment, Protocol, Task
+from .task_reduction import TaskReduction
 from .trial import Trial
 
 if TYPE_CHECKING:
@@ -225,7 +225,7 @@ class RunHooks:
     ) -> Iterable[tuple[int, Outcome]] | None:
         """Simulate candidates of the task's cell under other experiments than the task's.
 
-        Optional: a simulator without it neither eases a task nor says what to measure next.
+        Optional: a simulator without it neither reduces a task nor says what to measure next.
 
         Parameters
         ----------
@@ -241,10 +241,10 @@ class RunHooks:
         """
 
     @hookspec(firstresult=True)
-    def ease(self, easing: Easing) -> tuple[Experiment, ...] | None:
-        """The task's experiments, eased: what `simulate_variant` is then given. Optional.
+    def reduce_task(self, reduction: TaskReduction) -> tuple[Experiment, ...] | None:
+        """The task's experiments, reduced: what `simulate_variant` is then given. Optional.
 
-        The same easing must give the same object, so that what was compiled for it can be kept.
+        The same reduction must give the same object, so that what was compiled for it can be kept.
         """
 
     @hookspec(firstresult=True)

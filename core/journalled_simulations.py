@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from .appraisal import Simulating
 from .encoding import decode_outcome, encode_outcome
 from .journal import Journal
 from .parameters import Candidate
+from .post_fit_analysis import Simulating
 from .simulation import Outcome
 from .task import Experiment, Protocol
 

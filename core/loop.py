@@ -14,8 +14,6 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from .appraisal import Appraisal, appraise
-from .easing import Easing
 from .encoding import decode_trial, encode_proposal, encode_trial
 from .errors import BsaError
 from .feedback import Feedback
@@ -25,6 +23,7 @@ from .journalled_simulations import JournalledSimulations
 from .messages import Outage, RunStopped, Usage
 from .metrics import Metrics, decode_metrics, evaluate
 from .parameters import Candidate
+from .post_fit_analysis import PostFitAnalysis, analyse
 from .proposal import Proposal
 from .recording import Recorder
 from .residuals import partial_residuals, residuals
@@ -32,6 +31,7 @@ from .run_config import RunConfig
 from .run_plugins import RunPlugins
 from .simulation import ExperimentRun, Outcome, SimulationFailure
 from .task import Task
+from .task_reduction import TaskReduction
 from .trajectory import FloatArray
 from .trial import Phase, Trial
 from .watched_simulations import WatchedSimulations
@@ -83,7 +83,7 @@ class RunResult:
         Calls of the backend, lost ones included; those that gave no reply.
     wall_s, simulator_s : float
         Time of this process from start to end, and of all simulations of the search, in seconds.
-    appraisal : Appraisal or None
+    appraisal : PostFitAnalysis or None
         What the records fix, where that was asked for and something simulated.
     reason : str
         Why the language model was not asked any more, where that stopped the run before its end.
@@ -99,7 +99,7 @@ class RunResult:
     lost_calls: int
     wall_s: float
     simulator_s: float
-    appraisal: Appraisal | None = None
+    appraisal: PostFitAnalysis | None = None
     reason: str = ""
 
 
@@ -152,11 +152,9 @@ class Run:
         self._earlier_trials = {event["index"]: event for event in earlier if event["event"] == "trial"}
         self._earlier_proposals = sum(event["event"] == "proposal" for event in earlier)
         self._earlier_scores = {event["which"]: event for event in earlier if event["event"] == "score"}
-        self._appraising = appraising
-        self._appraisal_simulations = WatchedSimulations(JournalledSimulations(plugins, journal, earlier), self._watch)
-        self._earlier_appraisals = {
-            event["appraisal"]["base"]: event for event in earlier if event["event"] == APPRAISAL
-        }
+        self._analysing = appraising
+        self._analysis_simulations = WatchedSimulations(JournalledSimulations(plugins, journal, earlier), self._watch)
+        self._earlier_analyses = {event["appraisal"]["base"]: event for event in earlier if event["event"] == APPRAISAL}
         self._trials: list[Trial] = []
 
     @property
@@ -242,7 +240,7 @@ class Run:
         if self._listener:
             self._listener.proposed(proposal, phase, number)
         candidates = [self._task.space.project(candidate) for candidate in proposal.candidates[:limit]]
-        self._simulate(candidates, phase, number, proposal, proposal.easings)
+        self._simulate(candidates, phase, number, proposal, proposal.reductions)
 
     def _simulate(
         self,
@@ -250,9 +248,9 @@ class Run:
         phase: Phase,
         number: int,
         proposal: Proposal | None,
-        easings: Sequence[Easing | None] = (),
+        reductions: Sequence[TaskReduction | None] = (),
     ) -> None:
-        easings = [*easings[: len(candidates)], *[None] * (len(candidates) - len(easings))]
+        reductions = [*reductions[: len(candidates)], *[None] * (len(candidates) - len(reductions))]
         first = len(self._trials)
         done: dict[int, Trial] = {}
         todo: list[int] = []
@@ -261,8 +259,10 @@ class Run:
             if earlier is None:
                 todo.append(place)
                 continue
-            easing = easings[place]
-            if dict(earlier["candidate"]) != dict(candidate) or earlier.get("easing") != (easing and asdict(easing)):
+            reduction = reductions[place]
+            if dict(earlier["candidate"]) != dict(candidate) or earlier.get("reduction") != (
+                reduction and asdict(reduction)
+            ):
                 raise BsaError(
                     f"the journal does not fit: simulation {first + place} of {self._journal.path} "
                     "was made with other parameters than this version proposes.",
@@ -271,43 +271,51 @@ class Run:
             done[place] = decode_trial(earlier, self._folder)
 
         def report(place: int, outcome: Outcome) -> None:
-            trial = self._trial(first + place, phase, number, candidates[place], outcome, easings[place])
+            trial = self._trial(first + place, phase, number, candidates[place], outcome, reductions[place])
             self._journal.append("trial", **encode_trial(trial, self._folder))
             done[place] = trial
 
-        for easing in dict.fromkeys(easings[place] for place in todo):
-            places = [place for place in todo if easings[place] == easing]
-            self._simulate_eased([candidates[place] for place in places], easing, places, report)
+        for reduction in dict.fromkeys(reductions[place] for place in todo):
+            places = [place for place in todo if reductions[place] == reduction]
+            self._simulate_reduced([candidates[place] for place in places], reduction, places, report)
         for place in range(len(candidates)):
             self._trials.append(done[place])
             self._plugins.remember(done[place], proposal)
             if self._listener:
                 self._listener.tried(done[place], self.best, self._recorder.usage)
 
-    def _simulate_eased(
+    def _simulate_reduced(
         self,
         candidates: Sequence[Candidate],
-        easing: Easing | None,
+        reduction: TaskReduction | None,
         places: Sequence[int],
         report: Callable[[int, Outcome], None],
     ) -> None:
-        for position, outcome in self._outcomes(candidates, easing):
+        for position, outcome in self._outcomes(candidates, reduction):
             report(places[position], outcome)
 
-    def _outcomes(self, candidates: Sequence[Candidate], easing: Easing | None) -> Iterable[tuple[int, Outcome]]:
-        if easing is None:
+    def _outcomes(
+        self, candidates: Sequence[Candidate], reduction: TaskReduction | None
+    ) -> Iterable[tuple[int, Outcome]]:
+        if reduction is None:
             return self._plugins.simulate(candidates, False)
-        experiments = self._plugins.ease(easing)
+        experiments = self._plugins.reduce_task(reduction)
         outcomes = None if experiments is None else self._plugins.simulate_variant(candidates, experiments)
         if outcomes is None:
-            refused = ExperimentRun(None, SimulationFailure("this simulator cannot ease a task"))
+            refused = ExperimentRun(None, SimulationFailure("this simulator cannot reduce a task"))
             return enumerate([Outcome((refused,) * len(self._task.experiments))] * len(candidates))
         return outcomes
 
     def _trial(
-        self, index: int, phase: Phase, number: int, candidate: Candidate, outcome: Outcome, easing: Easing | None
+        self,
+        index: int,
+        phase: Phase,
+        number: int,
+        candidate: Candidate,
+        outcome: Outcome,
+        reduction: TaskReduction | None,
     ) -> Trial:
-        metrics = None if easing is not None else evaluate(self._task, outcome)
+        metrics = None if reduction is not None else evaluate(self._task, outcome)
         swings = any(signal.oscillates for signal in self._task.observed)
         samples = _SWING_SAMPLES_PER_STEP if swings else _CURVE_SAMPLES_PER_STEP
         curves = tuple(None if run.trajectory is None else run.trajectory.thinned(samples) for run in outcome.runs)
@@ -318,27 +326,29 @@ class Run:
             candidate=candidate,
             metrics=metrics,
             failure=outcome.failure,
-            residuals=None if easing is not None else residuals(self._task, outcome),
-            feedback=self._feedback(outcome, metrics, index, easing),
+            residuals=None if reduction is not None else residuals(self._task, outcome),
+            feedback=self._feedback(outcome, metrics, index, reduction),
             curves=curves,
             seconds=outcome.seconds,
-            easing=easing,
-            partial=self._partial(outcome, easing),
+            reduction=reduction,
+            partial=self._partial(outcome, reduction),
         )
 
-    def _feedback(self, outcome: Outcome, metrics: Metrics | None, index: int, easing: Easing | None) -> Feedback:
-        if easing is None:
+    def _feedback(
+        self, outcome: Outcome, metrics: Metrics | None, index: int, reduction: TaskReduction | None
+    ) -> Feedback:
+        if reduction is None:
             return self._plugins.build_feedback(outcome, metrics, index)
         # What a builder says compares with the record of the task as it is.
         failure = outcome.failure
         event = "simulation_success" if failure is None else f"simulation_failed: {failure.cause}"
-        return Feedback({"eased": easing.words, "events": [event]})
+        return Feedback({"reduced": reduction.words, "events": [event]})
 
-    def _partial(self, outcome: Outcome, easing: Easing | None) -> FloatArray | None:
-        if easing is None:
+    def _partial(self, outcome: Outcome, reduction: TaskReduction | None) -> FloatArray | None:
+        if reduction is None:
             return None if outcome.ok else partial_residuals(self._task, outcome)
-        experiments = self._plugins.ease(easing)
-        if easing.rate < 1.0 or experiments is None:
+        experiments = self._plugins.reduce_task(reduction)
+        if reduction.rate < 1.0 or experiments is None:
             return None
         return partial_residuals(replace(self._task, experiments=experiments), outcome)
 
@@ -350,7 +360,7 @@ class Run:
         if last_word:
             scores = self._score(best)
         # A single simulation is no fit, and there is nothing to judge.
-        appraisal = self._appraise(best) if last_word and self._appraising and len(self._trials) > 1 else None
+        appraisal = self._analyse(best) if last_word and self._analysing and len(self._trials) > 1 else None
         result = RunResult(
             status=status,
             best=best,
@@ -368,15 +378,15 @@ class Run:
         self._journal.append("end", status=status, best=best.index)
         return result
 
-    def _appraise(self, best: Trial) -> Appraisal | None:
+    def _analyse(self, best: Trial) -> PostFitAnalysis | None:
         """What the records fix at the best candidate; from the journal if it was found out before."""
-        known = self._earlier_appraisals.get(best.index)
+        known = self._earlier_analyses.get(best.index)
         if known is not None:
-            return Appraisal.from_json(known["appraisal"])
+            return PostFitAnalysis.from_json(known["appraisal"])
         if self._listener and best.ok:
             self._listener.noted("The search has ended; now what the record fixes, and what to measure next.")
         try:
-            found = appraise(self._task, self._trials, best, self._appraisal_simulations)
+            found = analyse(self._task, self._trials, best, self._analysis_simulations)
         except KeyboardInterrupt:
             self._note("Stopped before it was known what the record fixes. Resume the run to find out.")
             return None

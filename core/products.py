@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, TypeVar, get_args
 
 from .border import Unfit
-from .easing import Easing
 from .effect import Effect, EffectParameter
 from .errors import did_you_mean
 from .feedback import Feedback
@@ -24,6 +23,7 @@ from .printable import listed, shown
 from .proposal import Proposal
 from .simulation import ExperimentRun, Outcome, SimulationFailure
 from .task import Experiment, Protocol
+from .task_reduction import TaskReduction
 from .trajectory import Trajectory
 
 T = TypeVar("T")
@@ -169,10 +169,13 @@ def proposal(product: object, space: ParameterSpace) -> Proposal:
         _json(_mapping(getattr(found, name), f"Proposal.{name}"), f"Proposal.{name}")
     if not isinstance(found.candidates, (tuple, list)):
         raise Unfit(f"gave Proposal.candidates = {shown(_repr(found.candidates))}, not a tuple of candidates")
-    if len(found.easings) not in (0, len(found.candidates)) or not all(
-        easing is None or isinstance(easing, Easing) for easing in found.easings
+    if len(found.reductions) not in (0, len(found.candidates)) or not all(
+        reduction is None or isinstance(reduction, TaskReduction) for reduction in found.reductions
     ):
-        raise Unfit(f"gave Proposal.easings = {shown(_repr(found.easings))}", "give one Easing or None a candidate.")
+        raise Unfit(
+            f"gave Proposal.reductions = {shown(_repr(found.reductions))}",
+            "give one TaskReduction or None a candidate.",
+        )
     return replace(found, candidates=tuple(_candidate(candidate, space) for candidate in found.candidates))
 
 

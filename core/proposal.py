@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from .easing import Easing
 from .errors import BsaError
 from .parameters import Candidate
+from .task_reduction import TaskReduction
 
 _NUMBER = r"[0-9]+(\.[0-9]*)?([eE][+-]?[0-9]{1,3})?"
 CHANGE_PATTERN = rf"^[*+-]?{_NUMBER}$"
@@ -77,8 +77,8 @@ class Proposal:
     by_simulations : bool
         The method's budget is the number of simulations alone, as a sampler's is: neither the run's rounds nor its
         patience count this round, unless it has no candidates.
-    easings : tuple of Easing or None
-        How the task is eased for each candidate; empty where it is not.
+    reductions : tuple of TaskReduction or None
+        How the task is reduced for each candidate; empty where it is not.
     """
 
     candidates: tuple[Candidate, ...]
@@ -91,4 +91,4 @@ class Proposal:
     finished: bool = False
     advancing: bool = False
     by_simulations: bool = False
-    easings: tuple[Easing | None, ...] = ()
+    reductions: tuple[TaskReduction | None, ...] = ()

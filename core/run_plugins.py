@@ -10,7 +10,6 @@ import pluggy
 
 from . import products
 from .border import Unfit, border
-from .easing import Easing
 from .errors import BsaError
 from .feedback import Feedback
 from .hook_methods import call, hook_methods
@@ -23,6 +22,7 @@ from .registry import Kind, Registry
 from .scaffold import PluginChoice, Scaffold
 from .simulation import Outcome
 from .task import Experiment, Protocol
+from .task_reduction import TaskReduction
 from .trial import Trial
 
 _MAIN_HOOK: dict[Kind, str] = {
@@ -167,10 +167,10 @@ class RunPlugins:
         with border(participant.who, hook):
             return check(found)
 
-    def ease(self, easing: Easing) -> tuple[Experiment, ...] | None:
-        """See `RunHooks.ease`; None where the simulator cannot."""
+    def reduce_task(self, reduction: TaskReduction) -> tuple[Experiment, ...] | None:
+        """See `RunHooks.reduce_task`; None where the simulator cannot."""
         count = len(self._context.task.experiments)
-        return self._optional("ease", lambda found: products.experiments(found, count), easing=easing)  # type: ignore[no-any-return]
+        return self._optional("reduce_task", lambda found: products.experiments(found, count), reduction=reduction)  # type: ignore[no-any-return]
 
     def next_protocols(self) -> Mapping[str, Protocol]:
         """See `RunHooks.next_protocols`."""

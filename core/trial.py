@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from .easing import Easing
 from .feedback import Feedback
 from .metrics import Metrics
 from .parameters import Candidate
 from .simulation import SimulationFailure
+from .task_reduction import TaskReduction
 from .trajectory import FloatArray, Trajectory
 
 Phase = Literal["initial", "warm-up", "search"]
@@ -41,11 +41,11 @@ class Trial:
         The simulated records, thinned, one for each experiment.
     seconds : float
         Wall time in the simulator.
-    easing : Easing or None
-        How the task was eased for this simulation; it then has no metrics and no residuals of the task.
+    reduction : TaskReduction or None
+        How the task was reduced for this simulation; it then has no metrics and no residuals of the task.
     partial : ndarray of shape (k,) or None
         Of a trial that failed: residuals of all cycles (see `partial_residuals`), NaN for steps that it did
-        not finish. Of an eased one: residuals against the record's first cycles. None where there is no record
+        not finish. Of an reduced one: residuals against the record's first cycles. None where there is no record
         to compare with, or nothing was reached.
     """
 
@@ -59,7 +59,7 @@ class Trial:
     feedback: Feedback
     curves: tuple[Trajectory | None, ...]
     seconds: float
-    easing: Easing | None = None
+    reduction: TaskReduction | None = None
     partial: FloatArray | None = None
 
     @property
@@ -70,7 +70,7 @@ class Trial:
     @property
     def failed(self) -> bool:
         """Whether the simulation did not run to its end, or showed nothing that can be compared."""
-        return self.failure is not None or (self.metrics is None and self.easing is None)
+        return self.failure is not None or (self.metrics is None and self.reduction is None)
 
     @property
     def objective(self) -> float:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-from .appraisal import Simulating
 from .parameters import Candidate
+from .post_fit_analysis import Simulating
 from .simulation import Outcome
 from .task import Experiment, Protocol
 

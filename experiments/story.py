@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from ..core.appraisal import Appraisal
 from ..core.encoding import decode_task, decode_trial
 from ..core.errors import BsaError
 from ..core.journal import FILE_NAME, check_calibration, read_events
@@ -16,6 +15,7 @@ from ..core.loop import APPRAISAL
 from ..core.messages import Usage
 from ..core.metrics import Metrics, decode_metrics
 from ..core.parameters import Parameter
+from ..core.post_fit_analysis import PostFitAnalysis
 from ..core.recording import LOST_CALL, REPLY, REVIEW, VOTE
 from ..core.shape import decoding, shaped
 from ..core.task import Task
@@ -158,7 +158,7 @@ class RunRecord:
         What the run had to say, task's assumptions first.
     resumed : int
         How often it was taken up again.
-    appraisal : Appraisal or None
+    appraisal : PostFitAnalysis or None
         What the records fix, if the run looked.
     """
 
@@ -174,7 +174,7 @@ class RunRecord:
     scores: Mapping[str, Metrics | None] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     resumed: int = 0
-    appraisal: Appraisal | None = None
+    appraisal: PostFitAnalysis | None = None
 
     @property
     def initial(self) -> Trial:
@@ -300,10 +300,10 @@ class _Config:
     seed: int
 
 
-def _appraisal(events: Iterable[Mapping[str, Any]], best: int, task: Task) -> Appraisal | None:
+def _appraisal(events: Iterable[Mapping[str, Any]], best: int, task: Task) -> PostFitAnalysis | None:
     """The appraisal of the best trial: a resumed run may have found a better one since."""
     found = (event["appraisal"] for event in events if event["event"] == APPRAISAL)
-    appraisal = next((Appraisal.from_json(content) for content in found if content["base"] == best), None)
+    appraisal = next((PostFitAnalysis.from_json(content) for content in found if content["base"] == best), None)
     for name, interval in () if appraisal is None else appraisal.identifiability.intervals.items():
         for end in (interval.value, interval.lower, interval.upper) if name in task.space else ():
             _check_bounds(task.space[name], end)

@@ -23,7 +23,7 @@ def act(prompt: Prompt) -> dict[str, Any]:
         return _reply(
             "Nothing could be simulated yet: the model gives up before the record ends.",
             "The values are harsher than the model can bear.",
-            "ease",
+            "reduce",
             "Gentler values first.",
             simulations=prompt.numerics.allowance,
         )
@@ -65,11 +65,11 @@ def _said_by_the_record(prompt: Prompt) -> str:
 def _after_the_end(prompt: Prompt) -> dict[str, Any]:
     """The fit ended far from the record: first what eases, then fresh slopes, then the values the features ask for."""
     tried = prompt.numerics.actions
-    if "ease" not in tried:
+    if "reduce" not in tried:
         return _reply(
             "The fit has ended far from the record: a trap, as where a step has vanished.",
             "A step that vanished hides what the parameters do.",
-            "ease",
+            "reduce",
             "Bring it back with gentler values, match the rest, then everything.",
             simulations=_TRIP,
         )

@@ -15,7 +15,7 @@ from .findings import Findings, Nomination
 from .localisation import Place
 from .next_experiment import NextExperiment
 from .ranking import Ranking
-from .rules import believable, bic, bic_difference, closed
+from .rules import bic, bic_difference, closed, objection_to
 
 Json = dict[str, Any]
 
@@ -184,7 +184,7 @@ class Discovery:
         elif explanation in found.rivals:
             reason = "cannot be told from the best"
         else:
-            reason = believable(found.base, explanation, self.noise_v, self.held_noise_v, found.nearest_base)
+            reason = objection_to(found.base, explanation, self.noise_v, self.held_noise_v, found.nearest_base)
             reason = reason or "explains the data less well than the best, or needs more effects for the same"
         return {
             "refit_rmse_mv": 1e3 * explanation.rmse_v,

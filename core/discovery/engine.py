@@ -12,24 +12,24 @@ from ..parameters import ParameterSpace
 from .explanation import Explanation
 from .findings import Findings, Listener, Nomination, Settings
 from .fitting import LAG, Fitter
-from .nomination import nominate, nominate_beside, screen, screen_afresh
+from .nomination import nominate, nominate_second, screen, screen_afresh
 from .problem import Problem
 from .rules import (
     CLEAR_BIC,
     CLEAR_HELD,
     CLOSED_FITTED,
-    believable,
     bic,
     bic_difference,
     closed,
-    predicts_warmth,
+    objection_to,
+    predicts_temperature,
     rivals,
 )
 from .side_by_side import side_by_side
 
 T = TypeVar("T")
 
-_SECONDS = 4
+_SECOND_EFFECTS = 4
 """Second effects that get a short refit beside a first one."""
 
 _MORE = 2
@@ -38,7 +38,7 @@ _MORE = 2
 _KINDRED = 0.5
 """Share of the highest promise from which an effect is not given up after a short refit alone."""
 
-_HOPELESS = 3.0
+_FAR_BEHIND = 3.0
 """Times the best one's BIC from which a single effect is no start for a pair."""
 
 _WORTHWHILE = CLEAR_HELD**2
@@ -62,9 +62,9 @@ class Shortlist:
         The base model.
     mesh_v : float
         Root mean square of the mesh correction, V.
-    scout : Fitter
+    early_fitter : Fitter
         Of the records, or of their first cycles, that the scores are of.
-    calm : Explanation
+    refitted : Explanation
         The base model that they are of: with its misfit as noise, or as the cell was new.
     nominations : list of Nomination
         Every effect, the most promising first; none where the base model leaves noise only.
@@ -72,8 +72,8 @@ class Shortlist:
 
     base: Explanation
     mesh_v: float
-    scout: Fitter
-    calm: Explanation
+    early_fitter: Fitter
+    refitted: Explanation
     nominations: list[Nomination]
 
 
@@ -124,21 +124,32 @@ class Engine:
             return Shortlist(base, mesh_v, fitter, base, [])
         self._say(f"a discrepancy of {1e3 * base.adequacy.structured_v:.2f} mV remains; nominating effects")
         near = fitter.near_new()
-        scout, calm = near or (fitter, fitter.temper(base) if self._bent(base) else base)
-        if scout is fitter and calm.rmse_v < base.rmse_v:
-            base = calm
-        return Shortlist(base, mesh_v, scout, calm, nominate(scout, calm, self.catalogue, self.evidence, self._say))
+        early_fitter, refitted = near or (fitter, fitter.temper(base) if self._overfitted(base) else base)
+        if early_fitter is fitter and refitted.rmse_v < base.rmse_v:
+            base = refitted
+        return Shortlist(
+            base,
+            mesh_v,
+            early_fitter,
+            refitted,
+            nominate(early_fitter, refitted, self.catalogue, self.evidence, self._say),
+        )
 
     def run(self) -> Findings:
         """Carry out the whole workflow."""
         fitter, known = self._fitter, self.shortlist()
-        base, mesh_v, scout, nominations = known.base, known.mesh_v, known.scout, known.nominations
+        base, mesh_v, early_fitter, nominations = (
+            known.base,
+            known.mesh_v,
+            known.early_fitter,
+            known.nominations,
+        )
         if base.adequacy.adequate:
             return Findings("no-missing-effect", base, base, reason=_why_adequate(base), mesh_v=mesh_v)
-        confirmed = self.confirm(base, scout, known.calm, nominations)
+        confirmed = self.confirm(base, early_fitter, known.refitted, nominations)
         # From parameters of a new cell no effect loses its way in a short refit, and none needs a second chance.
-        kin = self._kin(confirmed, nominations) if scout is fitter else []
-        explanations = self.finish(base, _sorted(confirmed), kin)
+        near_ties = self._near_ties(confirmed, nominations) if early_fitter is fitter else []
+        explanations = self.finish(base, _sorted(confirmed), near_ties)
         calibrated = base
         # A base model that started from the parameters of a new cell had the start that its explanations had.
         if explanations and fitter.as_new is None:
@@ -158,36 +169,40 @@ class Engine:
     def _side_by_side(self, actions: Sequence[Callable[[], T]]) -> list[T]:
         return side_by_side(actions, self.problem.laboratory.at_once)
 
-    def _bent(self, base: Explanation) -> bool:
+    def _overfitted(self, base: Explanation) -> bool:
         """Whether the base model was fitted with less counted as noise than what it leaves."""
-        return self.problem.misfit_v == 0.0 or base.blur_v > self.problem.misfit_v
+        return self.problem.misfit_v == 0.0 or base.inflated_noise_v > self.problem.misfit_v
 
     def confirm(
-        self, base: Explanation, scout: Fitter, calm: Explanation, nominations: Sequence[Nomination]
+        self,
+        base: Explanation,
+        early_fitter: Fitter,
+        refitted: Explanation,
+        nominations: Sequence[Nomination],
     ) -> list[Explanation]:
         """Screen with short refits, then fit the shortlist side by side until one is settled.
 
-        Screening stands on what a scout knows, ``calm``: of the whole records, or of their first cycles.
+        Screening stands on what ``early_fitter`` fitted (the whole records, or their first cycles): ``refitted``.
         """
-        keys = list(self._preferred(calm, nominations)) if self._preferred is not None else []
+        keys = list(self._preferred(refitted, nominations)) if self._preferred is not None else []
         scored = [n for n in nominations if n.gain > 0]
         chosen = scored[: self.settings.screened]
         chosen += [n for n in scored[self.settings.screened :] if n.effect.key in keys]
         self._say(f"screening {len(chosen)} effects")
-        as_new = scout is not self._fitter
-        self._side_by_side([partial(screen, scout, calm, nomination, as_new) for nomination in chosen])
-        misfit_v = scout.problem.misfit_v
-        found = self._settle(base, chosen, scout)
-        if scout is not self._fitter or (found and self._explains(base, found[0])):
+        as_new = early_fitter is not self._fitter
+        self._side_by_side([partial(screen, early_fitter, refitted, nomination, as_new) for nomination in chosen])
+        misfit_v = early_fitter.problem.misfit_v
+        found = self._settle(base, chosen, early_fitter)
+        if early_fitter is not self._fitter or (found and self._explains(base, found[0])):
             return found
-        misjudged = [n for n in nominations if n.mark is not None and (n not in chosen or n.promise > calm.cost)]
+        misjudged = [n for n in nominations if n.mark is not None and (n not in chosen or n.promise > refitted.cost)]
         if not misjudged:
             return found
         self._say(f"none of them explains half of it; refitting {len(misjudged)} effects with fresh Jacobians")
-        scout.problem.misfit_v = misfit_v  # the scores were taken with it
-        self._side_by_side([partial(screen_afresh, scout, calm, nomination) for nomination in misjudged])
+        early_fitter.problem.misfit_v = misfit_v  # the scores were taken with it
+        self._side_by_side([partial(screen_afresh, early_fitter, refitted, nomination) for nomination in misjudged])
         known = {explanation.label for explanation in found}
-        fresh = self._settle(base, [n for n in nominations if n.effect.key not in known], scout)
+        fresh = self._settle(base, [n for n in nominations if n.effect.key not in known], early_fitter)
         return _sorted([*found, *fresh])
 
     def _explains(self, base: Explanation, best: Explanation) -> bool:
@@ -198,8 +213,8 @@ class Engine:
         self, base: Explanation, singles: Sequence[Explanation], nominations: Sequence[Nomination]
     ) -> list[Explanation]:
         """Fit the best single effects on with their own misfit as noise, and try a second one beside each."""
-        self.problem.misfit_v = singles[0].blur_v
-        near = [e for e in singles[:2] if bic(e, singles[0]) < _HOPELESS * bic(singles[0], singles[0])]
+        self.problem.misfit_v = singles[0].inflated_noise_v
+        near = [e for e in singles[:2] if bic(e, singles[0]) < _FAR_BEHIND * bic(singles[0], singles[0])]
         nearer = _sorted([self._fitter.again(e, self.settings.refit_budget // 2) for e in near])
         ranked = [*nearer, *singles[len(near) :]]
         if CLEAR_HELD * nearer[0].held_rmse_v < self.problem.held_noise_v:
@@ -216,8 +231,8 @@ class Engine:
         """Add a second effect to the best single ones: re-score on what they leave, screen, settle."""
         screened: dict[tuple[str, ...], tuple[tuple[Effect, ...], Nomination]] = {}
         for first in singles:
-            beside = nominate_beside(self._fitter, first, nominations)
-            hinted = [n for n in beside[:_SECONDS] if n.gain > _HINT * first.cost]
+            beside = nominate_second(self._fitter, first, nominations)
+            hinted = [n for n in beside[:_SECOND_EFFECTS] if n.gain > _HINT * first.cost]
             # Two that each bend the parameters to do without the other are not seen by a score on what either leaves.
             best = [n for n in beside if any(n.effect is e.effects[0] for e in singles) and n not in hinted]
             new = [n for n in (*hinted, *best) if _pair_key(first, n) not in screened]
@@ -230,12 +245,12 @@ class Engine:
         return self._contest(base, list(screened.values()))
 
     def finish(
-        self, base: Explanation, explanations: Sequence[Explanation], kin: Sequence[Nomination] = ()
+        self, base: Explanation, explanations: Sequence[Explanation], near_ties: Sequence[Nomination] = ()
     ) -> list[Explanation]:
         """Fit the best of some sorted explanations until it has converged or comes no nearer.
 
-        Then those that lost their way and might yet be better, and its kin that never came so far, are fitted from
-        where it ended; if one overtakes it, that one is gone on with.
+        Then stuck fits that might yet be better, and near ties that were never fitted so far, are fitted from where it
+        ended; if one becomes better, the fit goes on with that one.
         """
         result = self._converge(base, explanations)
         if not result or result[0].adequacy.adequate:
@@ -243,9 +258,9 @@ class Engine:
         leader = result[0]
         lost = [e for e in result[1:] if len(e.effects) == 1 and not e.settled and _may_yet_lead(e, leader)]
         starts = [(e.effects, e.fit, e.score) for e in lost]
-        starts += [((n.effect,), n.screened, n.score) for n in kin if n.screened is not None]
+        starts += [((n.effect,), n.screened, n.score) for n in near_ties if n.screened is not None]
         found = self._side_by_side(
-            [partial(self._fitter.from_beside, effects, fit, leader, score) for effects, fit, score in starts]
+            [partial(self._fitter.from_neighbour, effects, fit, leader, score) for effects, fit, score in starts]
         )
         for (_, fit, _), again in zip(starts, found, strict=True):
             known = next((e for e in lost if e.fit is fit), None)
@@ -258,7 +273,7 @@ class Engine:
         # It comes nearer than anything before it, so that less misfit counts as noise.
         return self._converge(base, [*self._fitter.contest(base, result[:1]), *result[1:]])
 
-    def _kin(self, confirmed: Sequence[Explanation], nominations: Sequence[Nomination]) -> list[Nomination]:
+    def _near_ties(self, confirmed: Sequence[Explanation], nominations: Sequence[Nomination]) -> list[Nomination]:
         """Effects that promise nearly as much as the most promising one and were dropped after their short refits.
 
         Marks as alike as those of all that costs lithium promise alike; which of them a short refit favours is chance.
@@ -293,12 +308,15 @@ class Engine:
             result = [e for e in result if e not in known] + _sorted([single, *known])[:1]
         return _sorted(result)
 
-    def _settle(self, base: Explanation, shortlist: Sequence[Nomination], scout: Fitter) -> list[Explanation]:
+    def _settle(self, base: Explanation, shortlist: Sequence[Nomination], early_fitter: Fitter) -> list[Explanation]:
         """Fit the best single effects of a shortlist until one is settled."""
-        return self._contest(base, [((n.effect,), n) for n in shortlist], scout)
+        return self._contest(base, [((n.effect,), n) for n in shortlist], early_fitter)
 
     def _contest(
-        self, base: Explanation, shortlist: Sequence[tuple[tuple[Effect, ...], Nomination]], scout: Fitter | None = None
+        self,
+        base: Explanation,
+        shortlist: Sequence[tuple[tuple[Effect, ...], Nomination]],
+        early_fitter: Fitter | None = None,
     ) -> list[Explanation]:
         """Fit the best of a shortlist until one is settled; at least two, so that it has a rival."""
         ranked = sorted(shortlist, key=lambda row: row[1].promise)
@@ -306,32 +324,32 @@ class Engine:
         kept = kept[: self.settings.confirmed]
         ahead = kept[0][1].promise + LAG if kept else 0.0
         fits = [(effects, n, fit) for place, (effects, n, fit) in enumerate(kept) if place < 2 or n.promise < ahead]
-        scout = scout or self._fitter
-        running = [scout.explain(effects, fit, n.score) for effects, n, fit in fits]
-        if scout is not self._fitter:
-            running = self._fitter.lengthened(scout, running)
+        early_fitter = early_fitter or self._fitter
+        running = [early_fitter.explain(effects, fit, n.score) for effects, n, fit in fits]
+        if early_fitter is not self._fitter:
+            running = self._fitter.lengthened(early_fitter, running)
         return self._fitter.contest(base, running) if running else []
 
     def decide(
         self, base: Explanation, explanations: Sequence[Explanation], nearest: Explanation | None = None
     ) -> Findings:
-        """Apply the rules to explanations that are sorted, the best first; see `believable` for ``nearest``."""
+        """Apply the rules to explanations that are sorted, the best first; see `objection_to` for ``nearest``."""
         ranked = list(explanations)
         if not ranked:
             return Findings("unexplained", base, base, reason="no effect of the catalogue points the right way")
         noise, held_noise = self.problem.noise_v, self.problem.held_noise_v
-        objections = {id(e): believable(base, e, noise, held_noise, nearest) for e in ranked}
+        objections = {id(e): objection_to(base, e, noise, held_noise, nearest) for e in ranked}
         # A pair must beat each of its members clearly, on data not fitted too, or the simpler one stands.
         needed = [e for e in ranked if not _needless(e, ranked)]
-        believed = [e for e in needed if not objections[id(e)]]
-        if not believed:
+        accepted = [e for e in needed if not objections[id(e)]]
+        if not accepted:
             first = needed[0]
             reason = f"{first.label}: {objections[id(first)]}"
             return Findings("unexplained", base, first, explanations=ranked, reason=reason)
-        best = believed[0]
-        for other in believed[1:]:
+        best = accepted[0]
+        for other in accepted[1:]:
             # Within what BIC can tell, the temperature that no fit was shown decides.
-            if bic_difference(other, best) <= CLEAR_BIC and predicts_warmth(other, best):
+            if bic_difference(other, best) <= CLEAR_BIC and predicts_temperature(other, best):
                 best = other
         equal = rivals(best, [e for e in needed if e is not best])
         reason = f"{best.label} beats the base model by {bic_difference(base, best):.0f} in BIC"

@@ -9,11 +9,11 @@ import numpy as np
 from ..effect import Effect
 from ..trajectory import FloatArray
 from .adequacy import Adequacy
-from .far_errors import drawn_in
 from .refit import Refit
+from .robust_loss import robust
 from .score import Score
 
-WARMTH_K = 2.0
+TEMPERATURE_DEVIATION_K = 2.0
 """How well a lumped model's temperature can be expected to agree with a sensor on the can, K."""
 
 CLEAR_K = 1.0
@@ -100,7 +100,7 @@ class Explanation:
 
     def chi2(self, misfit_v: float = 0.0) -> float:
         """Sum of squares, as a fit weighs them, with a misfit (V) added in quadrature to the deviations."""
-        return float(np.sum(drawn_in(self.errors) ** 2 / (self.sigma**2 + misfit_v**2)))
+        return float(np.sum(robust(self.errors) ** 2 / (self.sigma**2 + misfit_v**2)))
 
     def dispersion(self, misfit_v: float) -> float:
         """Sum of squares over degrees of freedom, stretched for neighbours that repeat one another; 1 or more."""
@@ -126,23 +126,23 @@ class Explanation:
         return float(np.sqrt(max(typical - float(np.median(self.sigma**2)), 0.0)))
 
     @property
-    def blur_v(self) -> float:
+    def inflated_noise_v(self) -> float:
         """The misfit that one average counts with where neighbours repeat one another, V.
 
         Averages that all err the same way are one piece of evidence: with each of ``n`` neighbours blurred by
-        ``sqrt(n)``, what is believed of the parameters is weighed against one misfit and not against n.
+        ``sqrt(n)``, the priors are weighed against one misfit and not against n.
         """
         return self.misfit_v * float(np.sqrt(self.adequacy.repetition))
 
     @property
-    def warmth(self) -> float:
-        """Squared error of the temperature, which no fit is shown, in units of `WARMTH_K`."""
-        return warmth(self.temperature_rms_k)
+    def temperature_misfit(self) -> float:
+        """Squared error of the temperature, which no fit is shown, in units of `TEMPERATURE_DEVIATION_K`."""
+        return temperature_misfit(self.temperature_rms_k)
 
     @property
     def cost(self) -> float:
         """What its fit left, with the temperature: by this explanations that are fitted side by side are compared."""
-        return self.fit.cost + self.warmth
+        return self.fit.cost + self.temperature_misfit
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -180,9 +180,9 @@ def clearly_nearer(ours_k: float | None, theirs_k: float | None) -> bool:
     return ours_k is not None and theirs_k is not None and 2 * ours_k <= theirs_k and ours_k + CLEAR_K <= theirs_k
 
 
-def warmth(temperature_rms_k: float | None) -> float:
+def temperature_misfit(temperature_rms_k: float | None) -> float:
     """Squared error of a temperature (K), as one observation; 0 where none was measured."""
-    return ((temperature_rms_k or 0.0) / WARMTH_K) ** 2
+    return ((temperature_rms_k or 0.0) / TEMPERATURE_DEVIATION_K) ** 2
 
 
 def estimates_of(effects: tuple[Effect, ...], fit: Refit, dispersion: float) -> dict[str, tuple[Estimate, ...]]:

@@ -61,7 +61,7 @@ class Nomination:
         The standard deviations that the mark is in, V.
     screened : Refit or None
         A short refit with it.
-    warmth : float
+    temperature_misfit : float
         What the temperature adds to that refit's cost.
     """
 
@@ -71,7 +71,7 @@ class Nomination:
     mark: FloatArray | None = None
     deviation: FloatArray | None = None
     screened: Refit | None = None
-    warmth: float = 0.0
+    temperature_misfit: float = 0.0
 
     @property
     def gain(self) -> float:
@@ -81,7 +81,7 @@ class Nomination:
     @property
     def promise(self) -> float:
         """Cost that it is ranked by after its short refit; infinite if that could not be made."""
-        return np.inf if self.screened is None else self.screened.cost + self.warmth
+        return np.inf if self.screened is None else self.screened.cost + self.temperature_misfit
 
 
 @dataclass(eq=False)

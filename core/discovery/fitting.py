@@ -14,7 +14,7 @@ from ..errors import BsaError
 from ..parameters import ParameterSpace
 from ..trajectory import FloatArray
 from .adequacy import judge
-from .explanation import Explanation, estimates_of, warmth
+from .explanation import Explanation, estimates_of, temperature_misfit
 from .findings import Listener, Settings
 from .first_cycles import first_cycle, longer, near_cycles
 from .laboratory import Prediction
@@ -134,9 +134,9 @@ class Fitter:
         new = first_cycle(problem)
         if new is not None:
             self._say("first cycle alone:")
-            scout = Fitter(new, self.space, self.settings, self._say)
-            first, _ = scout.calibrate(_STARTS)
-            self.as_new = (first if first.adequacy.adequate else scout.temper(first)).fit.u
+            early_fitter = Fitter(new, self.space, self.settings, self._say)
+            first, _ = early_fitter.calibrate(_STARTS)
+            self.as_new = (first if first.adequacy.adequate else early_fitter.temper(first)).fit.u
         # From coarse to fine: each fit counts as noise what the one before it could not explain, and noise alone is
         # reached only by a model that comes near it. Started at the finest, a fit loses itself on the steep parts.
         problem.misfit_v = _COARSE_V
@@ -173,7 +173,7 @@ class Fitter:
         costs: dict[tuple[float, float], float] = {}
         for ease in (0.0, 0.5, 1.0, 1.5):
             shifts = [(ease, soc_shift) for soc_shift in (0.0, 3.0, -4.0)]
-            found = self.residuals(())([self.space.at(self._eased(start, *shift)) for shift in shifts])
+            found = self.residuals(())([self.space.at(self._roomier(start, *shift)) for shift in shifts])
             costs |= {shift: float(r @ r) for shift, r in zip(shifts, found, strict=True) if r is not None}
             if costs and min(costs.values()) < _GOOD_START**2 * len(self.problem.fitted[0]):
                 break
@@ -183,7 +183,7 @@ class Fitter:
             places.append((0.0, 0.0))
         effort = self.settings.base_budget
         tried = self._side_by_side(
-            [partial(self.fit, (), self.space, self._eased(start, *place), effort, 2e-2) for place in places]
+            [partial(self.fit, (), self.space, self._roomier(start, *place), effort, 2e-2) for place in places]
         )
         fits = [fit for fit in tried if fit is not None]
         if not fits:
@@ -196,7 +196,7 @@ class Fitter:
     def _side_by_side(self, actions: Sequence[Callable[[], T]]) -> list[T]:
         return side_by_side(actions, self.problem.laboratory.at_once)
 
-    def _eased(self, start: FloatArray, ease: float, soc_shift: float) -> FloatArray:
+    def _roomier(self, start: FloatArray, ease: float, soc_shift: float) -> FloatArray:
         shift: FloatArray = np.array([ease if parameter.prior else soc_shift for parameter in self.space])
         return start + shift
 
@@ -205,7 +205,7 @@ class Fitter:
 
         An explanation that is better for its better start only, its effect next to nothing, is no explanation.
         """
-        self.problem.misfit_v = best.blur_v if best.misfit_v > _NEAR_V else 0.0
+        self.problem.misfit_v = best.inflated_noise_v if best.misfit_v > _NEAR_V else 0.0
         budget = self.settings.base_budget // 2
         fit = self.fit((), self.space, best.fit.u[: len(self.space)], budget)
         if fit is None:
@@ -225,7 +225,7 @@ class Fitter:
         found = self.onwards(rest, start, self.settings.refit_budget)
         return None if found is start else self.explain(rest, found, None)
 
-    def from_beside(
+    def from_neighbour(
         self, effects: tuple[Effect, ...], known: Refit, leader: Explanation, score: Score | None
     ) -> Explanation | None:
         """Effects fitted once more from the leader's base parameters; None where that leads nowhere near it.
@@ -256,16 +256,16 @@ class Fitter:
         """Fit the base model again with its misfit taken for noise.
 
         Weighed against noise, a model that lacks something bends its parameters to any length, and hides what it
-        lacks; weighed against its own misfit it keeps to what is believed of them.
+        lacks; weighed against its own misfit it keeps them near their priors.
         """
-        self.problem.misfit_v = base.blur_v
-        calm = self.again(base, self.settings.refit_budget // 2)
-        if not calm.fit.converged:
+        self.problem.misfit_v = base.inflated_noise_v
+        refitted = self.again(base, self.settings.refit_budget // 2)
+        if not refitted.fit.converged:
             # Scores and short refits stand on this Jacobian: after many updates it is no derivative any more.
-            fit = calm.fit
+            fit = refitted.fit
             slopes, _ = differences(self.residuals(base.effects), fit.space, fit.u, fit.residual, fit.jacobian)
-            calm.fit = replace(fit, jacobian=slopes)
-        return calm
+            refitted.fit = replace(fit, jacobian=slopes)
+        return refitted
 
     def near_new(self) -> tuple[Fitter, Explanation] | None:
         """Records of many cycles up to where the cell as it was new has drifted far, and the base model there.
@@ -283,7 +283,7 @@ class Fitter:
         here = near.at((), self.space, self.as_new)
         if here is None:
             return None
-        near.problem.misfit_v = here.blur_v
+        near.problem.misfit_v = here.inflated_noise_v
         fit = near.fit((), self.space, self.as_new, 1 + len(self.space))
         return None if fit is None else (near, near.explain((), fit, None))
 
@@ -297,7 +297,7 @@ class Fitter:
             stage = Fitter(problem, self.space, self.settings, self._say)
             running = stage.moved(running)
             if running:
-                problem.misfit_v = max(_NEAR_V, min(explanation.blur_v for explanation in running))
+                problem.misfit_v = max(_NEAR_V, min(explanation.inflated_noise_v for explanation in running))
                 running, _ = stage.race(running, _STAGE)
         return self.moved(running)
 
@@ -332,7 +332,7 @@ class Fitter:
             running.sort(key=lambda e: e.cost)
             best, before = running[0], self.problem.misfit_v
             # One that is near is weighed against the noise, as the base model was: only there can it prove adequate.
-            left = best.blur_v if best.misfit_v > _NEAR_V else 0.0
+            left = best.inflated_noise_v if best.misfit_v > _NEAR_V else 0.0
             last = left > 0.6 * before or left == 0.0 or level == _LEVELS - 1
             self.problem.misfit_v = min(left, before)
             fitted: list[Explanation] = []
@@ -376,12 +376,12 @@ class Fitter:
             explanation.temperature_without_k = self._temperatures_without(doubted, effects, fit.candidate)
         return explanation
 
-    def warmth(self, effects: Sequence[Effect], candidate: dict[str, float]) -> float:
+    def temperature_misfit(self, effects: Sequence[Effect], candidate: dict[str, float]) -> float:
         """What a measured temperature says against a candidate; 0 where none was measured."""
         if all(observed.temperature is None for observed in self.problem.observations):
             return 0.0
         predictions = self.problem.predict(effects, candidate)
-        return 0.0 if predictions is None else warmth(_temperature_error(self.problem, predictions))
+        return 0.0 if predictions is None else temperature_misfit(_temperature_error(self.problem, predictions))
 
     def _temperatures_without(
         self, doubted: Sequence[Effect], effects: Sequence[Effect], candidate: dict[str, float]

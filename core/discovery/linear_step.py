@@ -1,4 +1,4 @@
-"""The step that a linear picture of the residuals asks for, inside bounds and with beliefs, and what it promises."""
+"""The step of the linearised problem, with bounds and priors, and the decrease that it predicts."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..trajectory import FloatArray
 def linear_step(
     jacobian: FloatArray,
     here: FloatArray,
-    beliefs: FloatArray,
+    prior_weights: FloatArray,
     u: FloatArray,
     damping: float,
     lower: FloatArray,
@@ -25,8 +25,8 @@ def linear_step(
     jacobian : ndarray of shape (n, p)
         Derivative of the residuals by the coordinates.
     here : ndarray of shape (n,)
-        The residuals, without the beliefs.
-    beliefs : ndarray of shape (p,)
+        The residuals, without the priors.
+    prior_weights : ndarray of shape (p,)
         What each coordinate costs.
     u : ndarray of shape (p,)
         Where the picture was taken.
@@ -35,9 +35,9 @@ def linear_step(
     lower, upper : ndarray of shape (p,)
         Bounds of the coordinates.
     """
-    scale = np.sqrt(damping * (np.sum(jacobian**2, axis=0) + beliefs**2) + 1e-9)
-    matrix = np.vstack([jacobian, np.diag(beliefs)])
-    target = -np.concatenate([here, beliefs * u])
+    scale = np.sqrt(damping * (np.sum(jacobian**2, axis=0) + prior_weights**2) + 1e-9)
+    matrix = np.vstack([jacobian, np.diag(prior_weights)])
+    target = -np.concatenate([here, prior_weights * u])
     # One small triangular system instead of a tall one.
     q, r = np.linalg.qr(matrix)
     reduced = q.T @ target

@@ -184,9 +184,9 @@ def in_words(places: Sequence[Place], noise_v: float) -> list[str]:
         rows = [p for p in places if p.by == by and p.samples >= 4]
         if len(rows) > 1:
             worst = max(rows, key=lambda p: p.rms_mv)
-            calm = min(rows, key=lambda p: p.rms_mv)
+            best = min(rows, key=lambda p: p.rms_mv)
             sentences.append(
                 f"by {by}: {worst.rms_mv:.1f} mV rms ({worst.bias_mv:+.1f} mV) for {worst.where}, "
-                f"{calm.rms_mv:.1f} mV for {calm.where}"
+                f"{best.rms_mv:.1f} mV for {best.where}"
             )
     return sentences

@@ -20,7 +20,7 @@ from .rules import CLEAR_BIC
 from .score import Score, score_effect
 
 _REACH = 3.0
-"""How far, in units of belief, base parameters move along with an effect before anything is fitted."""
+"""Standard deviations of the priors by which base parameters move along with an effect before anything is fitted."""
 
 _SHARES = (1.0, 0.3, 0.0)
 """Shares of that move that are tried."""
@@ -31,11 +31,11 @@ _SHORT = 12
 _ENOUGH = 0.5
 """Share of what a score promises that a short refit has to keep: one step that goes wrong uses its slopes up."""
 
-_BENT = 10.0
-"""Price of departing from beliefs above which the parameters count as bent."""
+_OVERFITTED = 10.0
+"""Cost of the priors above which the base model counts as overfitted."""
 
 _EASES = (0.0, 0.5, 1.0)
-"""Units of belief by which base parameters start roomier and faster, where a fit made nothing of them."""
+"""Standard deviations of the priors by which base parameters start larger and faster, where a fit was no help."""
 
 _RUNGS = (0.5, 1.0, 3.0, 10.0, 32.0, 100.0, 320.0)
 """Strengths from which a short refit may start, in probes."""
@@ -62,7 +62,7 @@ def nominate(
     return nominations
 
 
-def nominate_beside(fitter: Fitter, first: Explanation, nominations: Sequence[Nomination]) -> list[Nomination]:
+def nominate_second(fitter: Fitter, first: Explanation, nominations: Sequence[Nomination]) -> list[Nomination]:
     """Score every other effect on what an explanation leaves, the most promising first.
 
     With the marks that were simulated at the base fit: an explanation moves the parameters little, and a mark
@@ -137,9 +137,9 @@ def screen_afresh(fitter: Fitter, before: Explanation, nomination: Nomination) -
 def _note(fitter: Fitter, before: Explanation, nomination: Nomination, found: Refit | None) -> None:
     if found is None:
         return
-    warmth = fitter.warmth((*before.effects, nomination.effect), found.candidate)
-    if found.cost + warmth < nomination.promise:
-        nomination.screened, nomination.warmth = found, warmth
+    temperature_misfit = fitter.temperature_misfit((*before.effects, nomination.effect), found.candidate)
+    if found.cost + temperature_misfit < nomination.promise:
+        nomination.screened, nomination.temperature_misfit = found, temperature_misfit
 
 
 def _short_refit(fitter: Fitter, before: Explanation, nomination: Nomination, as_new: bool) -> Refit | None:
@@ -147,7 +147,7 @@ def _short_refit(fitter: Fitter, before: Explanation, nomination: Nomination, as
 
     A strong effect is far from where the linear picture of its probe points: the steps start from the best
     rung of a ladder of strengths. And a model that lacks a strong effect bends its parameters to hide that, or is lost
-    on the way: where it has bent them beyond belief or has not converged, they may start as they are believed, on
+    on the way: where that fit is overfitted or has not converged, they may start at the means of the priors, on
     slopes taken there. Parameters of a new cell are neither bent nor lost, and stay where they are at first.
     """
     effects = (*before.effects, nomination.effect)
@@ -187,10 +187,10 @@ def _best_start(
     shares: Sequence[float],
     as_new: bool = False,
 ) -> _Start | None:
-    """The best rung, beside the base parameters as they are or, where these are bent or lost, as they are believed."""
+    """The best start, with the base parameters as they are or, where overfitted, at the means of the priors."""
     best = _climb(ladder, lambda strength: _moved_along(fitter, before, nomination, strength, shares), before.cost)
-    lost = not as_new and (before.fit.belief > _BENT or not before.fit.converged)
-    for place in _believed(fitter, before) if lost else ():
+    lost = not as_new and (before.fit.prior_cost > _OVERFITTED or not before.fit.converged)
+    for place in _prior_starts(fitter, before) if lost else ():
         unbent = _climb(ladder, partial(_start, fitter, before, nomination, place))
         if unbent is not None and (best is None or unbent.price < best.price):
             best = unbent
@@ -239,8 +239,8 @@ def _moved_along(
     return best
 
 
-def _believed(fitter: Fitter, before: Explanation) -> list[FloatArray]:
-    """Places with the base parameters as they are believed, or as a new cell has them, whatever a fit made of them.
+def _prior_starts(fitter: Fitter, before: Explanation) -> list[FloatArray]:
+    """Starts with the base parameters at the means of the priors, or as in a new cell, whatever a fit made of them.
 
     A cell that runs empty before its record does is no start either, so that roomier and faster ones are among them;
     the charge is the fitted one, and the one that a rested voltage tells.
@@ -266,7 +266,7 @@ def _start(
     if here is None:
         return None
     found = Refit(space, there, here, before.fit.jacobian, False, 1)
-    return _Start(found.cost + fitter.warmth(effects, candidate), found)
+    return _Start(found.cost + fitter.temperature_misfit(effects, candidate), found)
 
 
 def _ladder(nomination: Nomination) -> list[float]:

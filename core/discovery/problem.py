@@ -13,9 +13,9 @@ from ..effect import Effect
 from ..parameters import Candidate
 from ..trajectory import FloatArray
 from .evidence import is_long
-from .far_errors import drawn_in
 from .laboratory import Laboratory, Prediction, Request, Specimen
 from .observations import Observations, subset
+from .robust_loss import robust
 
 _BLOCK = 6
 """Stretches that are held out together, where no whole record is."""
@@ -69,7 +69,7 @@ class Problem:
     simulations: int = 0
     masks: Sequence[NDArray[np.bool_]] | None = None
     misfit_v: float = 0.0
-    """Added in quadrature to every deviation of a fit, V. While no model comes near the data, what is believed of the
+    """Added in quadrature to every deviation of a fit, V. While no model comes near the data, the priors of the
     parameters, and the flat parts of a record beside its steep ones, must count against the misfit, not the noise."""
 
     def __post_init__(self) -> None:
@@ -163,7 +163,7 @@ class Problem:
 
     def _weighted(self, predictions: Sequence[Prediction]) -> FloatArray:
         errors = zip(self.errors(predictions), self.fitted, strict=True)
-        return drawn_in(np.concatenate([error[mask] for error, mask in errors]))
+        return robust(np.concatenate([error[mask] for error, mask in errors]))
 
     def correct_mesh(self, effects: Sequence[Effect], candidate: Candidate) -> float:
         """Measure at one candidate what the mesh and the tolerances do to the voltage, and correct for it.
@@ -257,12 +257,12 @@ class Problem:
             moved = error_at(soc + nudge)
             if moved is None:
                 break
-            here = weight * drawn_in(error)
-            slope = (weight * drawn_in(moved) - here) / nudge
+            here = weight * robust(error)
+            slope = (weight * robust(moved) - here) / nudge
             step = -float(here @ slope) / max(float(slope @ slope), 1e-12)
             wanted = float(np.clip(soc + np.clip(step, -0.05, 0.05), 0.0, 1.08))
             there = error_at(wanted)
-            if there is None or np.sum((weight * drawn_in(there)) ** 2) >= here @ here:
+            if there is None or np.sum((weight * robust(there)) ** 2) >= here @ here:
                 break
             moved_by, soc, error = abs(wanted - soc), wanted, there
             if moved_by < 5e-4:

@@ -1,4 +1,4 @@
-"""Weighted least squares with bounds and beliefs, from a Jacobian that may be known already."""
+"""Weighted least squares with bounds and priors, from a Jacobian that may be known already."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Refit:
     u : ndarray of shape (p,)
         Coordinates of the best candidate.
     residual : ndarray of shape (n,)
-        Weighted residuals there, without the beliefs.
+        Weighted residuals there, without the priors.
     jacobian : ndarray of shape (n, p)
         Derivative of the residual by the coordinates.
     converged : bool
@@ -66,14 +66,14 @@ class Refit:
         return float(self.residual @ self.residual)
 
     @property
-    def belief(self) -> float:
-        """The price of departing from beliefs."""
+    def prior_cost(self) -> float:
+        """What the priors add to the cost."""
         return float(np.sum((self.space.prior_weights * self.u) ** 2))
 
     @property
     def cost(self) -> float:
-        """``chi2`` plus ``belief``."""
-        return self.chi2 + self.belief
+        """``chi2`` plus ``prior_cost``."""
+        return self.chi2 + self.prior_cost
 
     def covariance(self, inflation: float = 1.0) -> FloatArray:
         """Covariance of the coordinates (Gauss-Newton), shape (p, p); ``inflation`` multiplies the data's variances."""
@@ -171,7 +171,7 @@ def refit(
     budget: int = 120,
     tolerance: float = 2e-3,
 ) -> Refit | None:
-    """Minimise the sum of squares of weighted residuals and beliefs inside bounds (Levenberg-Marquardt).
+    """Minimise the sum of squares of weighted residuals and priors inside bounds (Levenberg-Marquardt).
 
     The Jacobian is updated by Broyden's rule after each step and taken afresh when a step fails or when it
     promises nothing more: a fit counts as converged only on a fresh Jacobian.
@@ -196,7 +196,7 @@ def refit(
     Refit or None
         None if the start cannot be simulated.
     """
-    lower, upper, beliefs = space.lowest, space.highest, space.prior_weights
+    lower, upper, prior_weights = space.lowest, space.highest, space.prior_weights
     u = np.clip(np.asarray(start, dtype=np.float64), lower, upper)
     first = residuals([space.at(u)])[0]
     spent = 1
@@ -210,9 +210,9 @@ def refit(
     else:
         slopes = jacobian
     damping = 1e-3
-    cost = float(here @ here + np.sum((beliefs * u) ** 2))
+    cost = float(here @ here + np.sum((prior_weights * u) ** 2))
     while spent < budget:
-        step, promised = linear_step(slopes, here, beliefs, u, damping, lower, upper)
+        step, promised = linear_step(slopes, here, prior_weights, u, damping, lower, upper)
         enough = promised > tolerance * cost + 1e-2
         if not enough and fresh:
             break
@@ -221,7 +221,7 @@ def refit(
             there = residuals([space.at(u + step)])[0]
             spent += 1
             if there is not None:
-                new_cost = float(there @ there + np.sum((beliefs * (u + step)) ** 2))
+                new_cost = float(there @ there + np.sum((prior_weights * (u + step)) ** 2))
                 norm = float(step @ step)
                 improved = new_cost < cost
                 # A rejected step's secant would spoil a fresh Jacobian.
@@ -243,6 +243,6 @@ def refit(
             spent += used
             fresh = True
     # Small steps promise little by being small: what counts is what a full one would.
-    _, in_full = linear_step(slopes, here, beliefs, u, 1e-6, lower, upper)
+    _, in_full = linear_step(slopes, here, prior_weights, u, 1e-6, lower, upper)
     promised = in_full if fresh else np.inf
     return Refit(space, u, here, slopes, promised <= max(5 * tolerance * cost, 1e-2), spent, promised=promised)

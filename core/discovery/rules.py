@@ -1,4 +1,4 @@
-"""The rules by which an explanation is believed, and two are called indistinguishable."""
+"""The rules by which an explanation is accepted, and two are called indistinguishable."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ def bic(explanation: Explanation, scale: Explanation) -> float:
     with ``S`` the sum of squares in which the misfit of ``scale`` counts as noise, and ``c`` its dispersion, so that
     neighbours which repeat one another, and what neither explains, do not count as evidence (Burnham and Anderson
     2002, doi:10.1007/b97636, section 2.5); ``W`` the squared error of the temperature, which no fit is shown, as one
-    observation with a deviation of `WARMTH_K`; ``B`` the price of departing from beliefs; ``k`` the number of
+    observation with a deviation of `TEMPERATURE_DEVIATION_K`; ``B`` the cost of the priors; ``k`` the number of
     parameters and ``n`` that of observations.
     """
     misfit = scale.misfit_v
     squares = explanation.chi2(misfit) / scale.dispersion(misfit)
     size = len(explanation.fit.space) * float(np.log(len(scale.errors)))
-    return squares + explanation.warmth + explanation.fit.belief + size
+    return squares + explanation.temperature_misfit + explanation.fit.prior_cost + size
 
 
 def bic_difference(worse: Explanation, better: Explanation) -> float:
@@ -54,7 +54,7 @@ def closed(before_v: float, after_v: float, noise_v: float) -> float:
     return 1.0 if excess <= 0 else 1.0 - max(after_v**2 - noise_v**2, 0.0) / excess
 
 
-def believable(
+def objection_to(
     base: Explanation, found: Explanation, noise_v: float, held_noise_v: float, nearest: Explanation | None = None
 ) -> str:
     """Why an explanation may not be named; empty if it may.
@@ -75,9 +75,9 @@ def believable(
         return "a strength's 95 % interval contains its null value, or it ran into a bound"
     if not (found.settled or found.adequacy.adequate or margin > FAR_AHEAD):
         return "its fit did not converge"
-    # A base model that bends its parameters beyond belief may come as near to the voltage; BIC counts the bending.
+    # A base model with parameters far from their priors may come as near to the voltage; BIC counts the priors.
     # A temperature predicted clearly better, which no fit was shown, then stands for the gap that it hides.
-    if not (found.adequacy.adequate or predicts_warmth(found, base)):
+    if not (found.adequacy.adequate or predicts_temperature(found, base)):
         material = base.held_rmse_v > 1.1 * held_noise_v
         share = closed((nearest or base).rmse_v, found.rmse_v, noise_v)
         if share < (CLOSED_FITTED if material else CLOSED_ENOUGH):
@@ -86,7 +86,7 @@ def believable(
         if material and held < CLOSED_ENOUGH:
             return f"closes {held:.0%} of the gap in data not fitted only"
     # A measured temperature is data not fitted too: where it tells, the voltage has to be predicted about as well.
-    allowed = base.held_rmse_v / (CLEAR_HELD if predicts_warmth(found, base) else 1.0)
+    allowed = base.held_rmse_v / (CLEAR_HELD if predicts_temperature(found, base) else 1.0)
     if not found.held_rmse_v < allowed:
         return "does not predict the data not fitted better than the base model"
     return ""
@@ -104,7 +104,7 @@ def rivals(best: Explanation, others: Sequence[Explanation]) -> list[Explanation
             continue
         if set(best.names) < set(other.names):
             continue  # the best one with an ornament is no rival
-        if predicts_warmth(best, other) or best.held_rmse_v < CLEAR_HELD * other.held_rmse_v:
+        if predicts_temperature(best, other) or best.held_rmse_v < CLEAR_HELD * other.held_rmse_v:
             continue
         difference = bic_difference(other, best)
         predicts_better = other.held_rmse_v < CLEAR_HELD * best.held_rmse_v and not best.adequacy.adequate
@@ -113,6 +113,6 @@ def rivals(best: Explanation, others: Sequence[Explanation]) -> list[Explanation
     return found
 
 
-def predicts_warmth(better: Explanation, worse: Explanation) -> bool:
+def predicts_temperature(better: Explanation, worse: Explanation) -> bool:
     """Whether one explanation predicts the measured temperature clearly better than another."""
     return clearly_nearer(better.temperature_rms_k, worse.temperature_rms_k)

@@ -46,7 +46,7 @@ def score_effect(
     """Score one effect at the null.
 
     With ``r`` the weighted residual (data minus model), ``J`` its derivative by the fitted parameters and ``d``
-    by the strength, the projected mark is ``d_p = d - J (J^T J + B)^-1 J^T d`` with the beliefs ``B``; the
+    by the strength, the projected mark is ``d_p = d - J (J^T J + B)^-1 J^T d`` with the priors' weights ``B``; the
     strength that it asks for is ``-d_p.r / d_p.d_p`` (Rao's score test; Rao 1948, doi:10.1017/S0305004100023987).
 
     Parameters
@@ -62,12 +62,12 @@ def score_effect(
     bounds : tuple of float
         Bounds of the strength in units of the probe, null at 0.
     reach : float
-        How far (in units of belief) the linear picture is trusted.
+        How far (in standard deviations of the priors) the linear picture is trusted.
     """
-    beliefs = space.prior_weights
-    normal = jacobian.T @ jacobian + np.diag(beliefs**2 + 1e-9)
+    prior_weights = space.prior_weights
+    normal = jacobian.T @ jacobian + np.diag(prior_weights**2 + 1e-9)
     projected = mark - jacobian @ np.linalg.solve(normal, jacobian.T @ mark)
-    free = residual - jacobian @ np.linalg.solve(normal, jacobian.T @ residual + beliefs**2 * u)
+    free = residual - jacobian @ np.linalg.solve(normal, jacobian.T @ residual + prior_weights**2 * u)
     size = float(projected @ projected)
     whole = float(mark @ mark)
     if whole < 1e-6 or size < 1e-9:
@@ -78,7 +78,7 @@ def score_effect(
     step, gain = linear_step(
         np.column_stack([jacobian, mark]),
         residual,
-        np.append(beliefs, 0.0),
+        np.append(prior_weights, 0.0),
         np.append(u, 0.0),
         1e-8,
         np.append(lower, min(bounds[0], -1e-9)),

@@ -47,13 +47,13 @@ class PlainProgress:
 
     def tried(self, trial: Trial, best: Trial, usage: Usage) -> None:
         """See `Listener.tried`."""
-        eased = "" if trial.easing is None else f" {trial.easing.words}"
+        reduced = "" if trial.reduction is None else f" {trial.reduction.words}"
         if trial.failed:
             cause = trial.failure.cause if trial.failure else "nothing to compare"
             limit = f"; {printable(trial.failure.limit, 160)}" if trial.failure and trial.failure.limit else ""
-            self._say(f"  simulation {trial.index}{eased}: failed ({printable(cause, 120)}{limit})")
-        elif eased:
-            self._say(f"  simulation {trial.index}{eased}: ran")
+            self._say(f"  simulation {trial.index}{reduced}: failed ({printable(cause, 120)}{limit})")
+        elif reduced:
+            self._say(f"  simulation {trial.index}{reduced}: ran")
         elif trial.objective < self._best:
             self._best = trial.objective
             cost = f", {usage.tokens} tokens, ${usage.cost_usd:.4f}" if usage.tokens else ""

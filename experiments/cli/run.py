@@ -249,7 +249,7 @@ def _print_summary(task: Task, result: RunResult, folder: Path) -> None:
         before, after = (number(quantity.shown(metrics)) for metrics in (result.initial_metrics, result.best_metrics))
         print(f"  {quantity.words:{width}s} {before:>10s} → {after} {quantity.unit}")
     if result.appraisal is not None:
-        from ..appraisal_words import caution_line, groups_line, next_line, verdict_line
+        from ..post_fit_words import caution_line, groups_line, next_line, verdict_line
 
         lines = [words(result.appraisal) for words in (verdict_line, caution_line, groups_line)]
         lines.append(next_line(result.appraisal, task.domain))

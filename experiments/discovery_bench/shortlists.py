@@ -54,7 +54,7 @@ def shortlist_case(folder: Path, **asked: Any) -> dict[str, Any]:
     }
     # Where nothing is to be ranked no model is loaded.
     with backend_or_none(options) if possible else nullcontext() as backend:
-        words = None if backend is None else bench.discrepancy(known.calm)
+        words = None if backend is None else bench.discrepancy(known.refitted)
         for how, hidden in (("named", False), ("nameless", True)):
             if backend is not None and words:
                 ranking = ask(backend, words, [n.effect for n in possible], options.seed, hidden)

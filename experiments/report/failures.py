@@ -16,7 +16,7 @@ _MOST_ROWS = 40
 
 @dataclass(frozen=True)
 class FailureRow:
-    """A failed or eased simulation, printed."""
+    """A failed or reduced simulation, printed."""
 
     index: int
     place: str
@@ -48,8 +48,8 @@ class Failures:
 
 
 def failures(run: RunRecord) -> Failures | None:
-    """What a run's failures amount to; None if nothing failed or was eased."""
-    shown = [trial for trial in run.trials if trial.failed or trial.easing is not None]
+    """What a run's failures amount to; None if nothing failed or was reduced."""
+    shown = [trial for trial in run.trials if trial.failed or trial.reduction is not None]
     if not shown:
         return None
     return Failures(
@@ -69,10 +69,10 @@ def failure_words(trial: Trial) -> str:
 
 def _summary(run: RunRecord) -> str:
     failed = [trial for trial in run.trials if trial.failed]
-    eased = sum(trial.easing is not None for trial in run.trials)
+    reduced = sum(trial.reduction is not None for trial in run.trials)
     text = f"{len(failed)} of {len(run.trials)} simulations failed"
-    if eased:
-        text += f"; {eased} were of a reduced task, which count as simulations but never as a fit"
+    if reduced:
+        text += f"; {reduced} were of a reduced task, which count as simulations but never as a fit"
     limits = Counter(
         _without_numbers(part)
         for trial in failed
@@ -112,8 +112,8 @@ def _first_good(round_: Round) -> Trial | None:
 def _row(run: RunRecord, trial: Trial) -> FailureRow:
     failure = trial.failure
     where = "initial" if trial.phase == "initial" else f"{trial.phase} {trial.round}"
-    if trial.easing is not None:
-        where += f", {trial.easing.words}"
+    if trial.reduction is not None:
+        where += f", {trial.reduction.words}"
     step = "" if failure is None or not failure.step else f"{failure.step} (cycle {failure.cycle})"
     return FailureRow(
         trial.index, where, _reached(run, trial), step, "ran to its end" if failure is None else failure_words(trial)
@@ -122,7 +122,7 @@ def _row(run: RunRecord, trial: Trial) -> FailureRow:
 
 def _reached(run: RunRecord, trial: Trial) -> str:
     got = sum(curve.duration for curve in trial.curves if curve is not None)
-    if trial.easing is not None:
+    if trial.reduction is not None:
         return duration(got)
     wanted = sum(experiment.target.duration for experiment in run.task.experiments)
     return f"{duration(got)} ({number(100.0 * got / wanted, 2)} % of the record)" if wanted > 0 else duration(got)

@@ -267,8 +267,8 @@ def _mark(trial: Trial, across: Axis, axis: Axis, of_unit: str, is_best: bool) -
     x = float(across.pixels(float(trial.index)))
     where = "initial" if trial.phase == "initial" else f"{trial.phase} round {trial.round}"
     if not trial.ok:
-        if not trial.failed and trial.easing is not None:
-            words = f"Simulation {trial.index} ({where}) ran {trial.easing.words}"
+        if not trial.failed and trial.reduction is not None:
+            words = f"Simulation {trial.index} ({where}) ran {trial.reduction.words}"
             return Mark(x, axis.end + 9.0, trial.phase, words)
         cause = trial.failure.cause if trial.failure else "nothing to compare"
         return Mark(x, axis.end + 9.0, "failed", f"Simulation {trial.index} ({where}) failed: {cause[:200]}")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...core.appraisal import Appraisal
 from ...core.parameters import Parameter
-from ..appraisal_words import (
+from ...core.post_fit_analysis import PostFitAnalysis
+from ..post_fit_words import (
     caution_line,
     groups_line,
     named,
@@ -99,7 +99,7 @@ def section(run: RunRecord) -> Section | None:
     )
 
 
-def _row(parameter: Parameter, found: Appraisal) -> IntervalRow:
+def _row(parameter: Parameter, found: PostFitAnalysis) -> IntervalRow:
     interval = found.identifiability.intervals[parameter.name]
     micro = parameter.unit == "m" and 0 < parameter.upper < 1e-2
     scale = 1e6 if micro else 1.0
@@ -117,7 +117,7 @@ def _row(parameter: Parameter, found: Appraisal) -> IntervalRow:
     )
 
 
-def _combinations(found: Appraisal) -> list[str]:
+def _combinations(found: PostFitAnalysis) -> list[str]:
     """The directions that the record does not fix, in words, worst first."""
     lines = []
     for combination in reversed(found.identifiability.combinations):

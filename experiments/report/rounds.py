@@ -49,7 +49,7 @@ class TrialRow:
     changes: Sequence[Change]
     objective: str
     failure: str
-    eased: str = ""
+    reduced: str = ""
 
 
 @dataclass(frozen=True)
@@ -185,8 +185,10 @@ def _simulations(round_: Round) -> str:
 
 
 def _row(space: ParameterSpace, base: Trial, trial: Trial) -> TrialRow:
-    eased = "" if trial.easing is None else f"ran {trial.easing.words}"
-    return TrialRow(trial.index, changes(space, base, trial)[:4], number(trial.objective), failure_words(trial), eased)
+    reduced = "" if trial.reduction is None else f"ran {trial.reduction.words}"
+    return TrialRow(
+        trial.index, changes(space, base, trial)[:4], number(trial.objective), failure_words(trial), reduced
+    )
 
 
 def _remarks(round_: Round) -> list[str]:

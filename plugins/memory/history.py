@@ -35,8 +35,8 @@ class HistoryMemory:
     @hookimpl
     def remember(self, trial: Trial, proposal: Proposal | None) -> None:
         """See `RunHooks.remember`."""
-        # An eased simulation has no place in a table of fits.
-        if trial.phase == "warm-up" or trial.easing is not None:
+        # An reduced simulation has no place in a table of fits.
+        if trial.phase == "warm-up" or trial.reduction is not None:
             return
         content = trial.feedback.content
         row: dict[str, Any] = {

@@ -13,7 +13,7 @@ from ...core.parameters import Candidate
 from ...core.task import Task
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial
-from .detours import Easings
+from .continuation import Reductions
 from .feasibility import Feasibility
 
 Status = Literal["infeasible", "descending", "restarting", "done"]
@@ -118,7 +118,7 @@ class Descent:
         return self._out_of_ideas
 
     @property
-    def at_a_loss(self) -> bool:
+    def exhausted(self) -> bool:
         """Whether advice can do no harm: nothing is left to try, or nothing but guesses at a feasible start."""
         return self.done or (self._search is None and self._feasibility is not None and self._feasibility.guesses)
 
@@ -128,9 +128,9 @@ class Descent:
         return rms(self.best.residual) if self.best is not None else float("inf")
 
     @property
-    def easings(self) -> Easings:
-        """How the task is eased for each of the candidates just asked for; empty where it is not."""
-        return self._feasibility.easings if self._search is None and self._feasibility is not None else ()
+    def reductions(self) -> Reductions:
+        """How the task is reduced for each of the candidates just asked for; empty where it is not."""
+        return self._feasibility.reductions if self._search is None and self._feasibility is not None else ()
 
     @property
     def way_back(self) -> str:
@@ -142,20 +142,20 @@ class Descent:
         """Whether the candidates asked for are finite differences rather than a step."""
         return self._search is not None and self._search.stage in ("jacobian", "other side")
 
-    def ask(self, limit: int, thrift: int | None = None) -> list[Candidate]:
+    def ask(self, limit: int, planning_budget: int | None = None) -> list[Candidate]:
         """What to simulate next, at most ``limit`` candidates; empty when done.
 
         Parameters
         ----------
         limit : int
             How many can still be simulated.
-        thrift : int, optional
+        planning_budget : int, optional
             How many to reckon with when the next Jacobian is weighed against more steps; ``limit`` by default.
         """
-        points = self._points(limit, limit if thrift is None else min(thrift, limit))
+        points = self._points(limit, limit if planning_budget is None else min(planning_budget, limit))
         return [self._task.space.from_unit(point) for point in points]
 
-    def _points(self, limit: int, thrift: int) -> list[FloatArray]:
+    def _points(self, limit: int, planning_budget: int) -> list[FloatArray]:
         if limit <= 0 or self._out_of_ideas:
             return []
         if self._search is None:
@@ -163,14 +163,14 @@ class Descent:
             return self._feasibility.ask()[:limit]
         if self._crawls() and self._may_restart(limit):
             self._left_crawling = self._search
-            return self._begin_again(thrift)
-        points = self._search.ask(thrift)
+            return self._begin_again(planning_budget)
+        points = self._search.ask(planning_budget)
         if not points and self._may_restart(limit):
-            points = self._begin_again(thrift)
+            points = self._begin_again(planning_budget)
         if not points and self._left_crawling is not None and self._left_crawling is self.best:
             # Nothing else was better: crawl on.
             self._search, self._left_crawling = self._left_crawling, None
-            points = self._search.ask(thrift)
+            points = self._search.ask(planning_budget)
         self._out_of_ideas = not points
         return points[:limit]
 
@@ -236,7 +236,7 @@ class Descent:
         needed = polls + len(self._task.space) + _STEPS_WORTH
         return self._restarts_left > 0 and self.misfit > _SUSPICIOUS and limit >= needed
 
-    def _begin_again(self, thrift: int) -> list[FloatArray]:
+    def _begin_again(self, planning_budget: int) -> list[FloatArray]:
         """Go on from elsewhere: each parameter alone goes far to either side of the first start, and the best leads.
 
         The fit may have shared among many what one had done; and far from the record a slope may point
@@ -246,7 +246,7 @@ class Descent:
         self._restarting = True
         self._restarts_left -= 1
         if self._promising:
-            return self._search_from_trial(self._promising.pop(0)).ask(thrift)
+            return self._search_from_trial(self._promising.pop(0)).ask(planning_budget)
         origin = self._task.space.to_unit(self._first_start)
         far = _ELSEWHERE * np.eye(len(origin))
         points = [np.clip(origin + step, 0.0, 1.0) for step in (*far, *-far)]

@@ -1,6 +1,6 @@
 """A start that cannot be simulated: find a gentler cell that can, before anything is fitted.
 
-First what is gentle by rule, since it is cheap and mostly works; then detours over easier tasks; then guesses
+First what is gentle by rule, since it is cheap and mostly works; then continuations over easier tasks; then guesses
 around the trial that got farthest.
 """
 
@@ -15,7 +15,7 @@ from ...core.alignment import pair_steps
 from ...core.task import Task
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial
-from .detours import Detour, Easings, ShortenedFit, SlowedClimb
+from .continuation import Continuation, CurrentRateContinuation, FirstCycleContinuation, Reductions
 
 _STRIDES = (0.1, 0.25, 0.45, 0.7)
 """How far along the gentle direction, in units of the box."""
@@ -93,7 +93,7 @@ def progress(task: Task, trial: Trial) -> tuple[float, float]:
 
 
 class Feasibility:
-    """Looks for a point that simulates, near the start: along the gentle direction, by detours, then around.
+    """Looks for a point that simulates, near the start: along the gentle direction, by continuations, then around.
 
     Parameters
     ----------
@@ -114,25 +114,25 @@ class Feasibility:
         self._strides = list(_STRIDES) if np.any(self._gentle) else []
         self._farthest = start
         # Lower currents do not empty a cell that is too large any sooner.
-        self._detours = (["shortened"] if too_large else ["shortened", "slowed"]) if _can_be_eased(task) else []
-        self._detour: Detour | None = None
-        self._asked: Easings = ()
+        self._continuations = (["shortened"] if too_large else ["shortened", "slowed"]) if _can_be_reduced(task) else []
+        self._continuation: Continuation | None = None
+        self._asked: Reductions = ()
 
     @property
     def guesses(self) -> bool:
-        """Whether rules of thumb and detours are used up."""
-        return not self._strides and not self._detours and self._detour is None
+        """Whether rules of thumb and continuations are used up."""
+        return not self._strides and not self._continuations and self._continuation is None
 
     @property
-    def easings(self) -> Easings:
-        """How the task is eased for each of the points just asked for; empty where it is not."""
+    def reductions(self) -> Reductions:
+        """How the task is reduced for each of the points just asked for; empty where it is not."""
         return self._asked
 
     @property
     def words(self) -> str:
         """What is being tried, in a sentence."""
-        if self._detour is not None:
-            return self._detour.words
+        if self._continuation is not None:
+            return self._continuation.words
         if self._too_large:
             return "The cell holds more charge than its steps have time for: a smaller one first."
         return "Nothing near the start could be simulated yet: looking for gentler values that can."
@@ -141,7 +141,7 @@ class Feasibility:
         """The points to try next, in the unit box."""
         self._asked = ()
         if not self._strides:
-            points = self._by_detour()
+            points = self._by_continuation()
             if points:
                 return points
         origin = self._space.to_unit(self._farthest.candidate)
@@ -154,43 +154,43 @@ class Feasibility:
         steps[0] = np.where(self._gentle == 0.0, steps[0], np.abs(steps[0]) * self._gentle)
         return [np.clip(origin + step, 0.0, 1.0) for step in steps]
 
-    def _by_detour(self) -> list[FloatArray]:
-        """What a detour asks for, the next one where the last has led nowhere."""
-        while self._detour is not None or self._detours:
-            if self._detour is None:
-                self._detour = self._begin(self._detours.pop(0))
+    def _by_continuation(self) -> list[FloatArray]:
+        """What a continuation asks for, the next one where the last has led nowhere."""
+        while self._continuation is not None or self._continuations:
+            if self._continuation is None:
+                self._continuation = self._begin(self._continuations.pop(0))
                 continue
-            candidates = self._detour.ask(_NO_LIMIT)
+            candidates = self._continuation.ask(_NO_LIMIT)
             if candidates:
-                self._asked = self._detour.easings
+                self._asked = self._continuation.reductions
                 return [self._space.to_unit(candidate) for candidate in candidates]
-            self._detour = None
+            self._continuation = None
         return []
 
-    def _begin(self, kind: str) -> Detour | None:
+    def _begin(self, kind: str) -> Continuation | None:
         failure = self._farthest.failure
         if kind == "slowed":
-            return SlowedClimb(self._space, self._space.to_unit(self._space.initial), self._gentle)
+            return CurrentRateContinuation(self._space, self._space.to_unit(self._space.initial), self._gentle)
         if failure is None or failure.cycle < 2:
             return None
-        return ShortenedFit(self._space, self._space.to_unit(self._farthest.candidate), failure.cycle - 1)
+        return FirstCycleContinuation(self._space, self._space.to_unit(self._farthest.candidate), failure.cycle - 1)
 
     def tell(self, trials: Sequence[Trial]) -> Trial | None:
         """Take in the trials; the one nearest the record, if any ran to its end."""
-        if self._asked and self._detour is not None:
-            self._detour.tell(trials)
-            if self._detour.over:
-                self._detour = None
+        if self._asked and self._continuation is not None:
+            self._continuation.tell(trials)
+            if self._continuation.over:
+                self._continuation = None
         good = [trial for trial in trials if trial.residuals is not None]
         if good:
             return min(good, key=lambda trial: _misfit(trial))
-        whole = [trial for trial in trials if trial.easing is None]
+        whole = [trial for trial in trials if trial.reduction is None]
         self._farthest = max([self._farthest, *whole], key=lambda trial: progress(self._task, trial))
         return None
 
 
-def _can_be_eased(task: Task) -> bool:
-    """Whether a protocol drives every record (a measured drive has no cut-offs that end its steps) and may be eased."""
+def _can_be_reduced(task: Task) -> bool:
+    """Whether a protocol, which may be reduced, drives every record; a measured current has no cut-offs."""
     return bool(task.domain.drives) and all(experiment.protocol is not None for experiment in task.experiments)
 
 

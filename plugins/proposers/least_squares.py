@@ -35,14 +35,14 @@ class LeastSquaresProposer:
             details=numbers(self._descent),
             finished=not candidates,
             by_simulations=True,
-            easings=self._descent.easings[: len(candidates)],
+            reductions=self._descent.reductions[: len(candidates)],
         )
 
 
 def action(descent: Descent) -> str:
     """What kind of move comes next."""
     if descent.status in ("infeasible", "restarting"):
-        return "ease" if descent.status == "infeasible" else "restart"
+        return "reduce" if descent.status == "infeasible" else "restart"
     return "jacobian" if descent.jacobian_next else "refine"
 
 

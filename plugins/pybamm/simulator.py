@@ -7,14 +7,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from pydantic import BaseModel, Field
 
 from ...core.cell import CELL
-from ...core.easing import Easing
 from ...core.errors import BsaError
 from ...core.hooks import RunContext, hookimpl
 from ...core.parameters import Candidate
 from ...core.simulation import Outcome
 from ...core.target import InitialSoc
 from ...core.task import Experiment, Protocol
-from .eased import eased
+from ...core.task_reduction import TaskReduction
+from .reduced import reduced
 from .worker import Assignment, WorkerPool
 
 
@@ -45,7 +45,7 @@ class PyBaMMSimulator:
             )
         self._task = task
         self._options, self._workers = options, context.workers
-        self._eased: dict[Easing, tuple[Experiment, ...]] = {}
+        self._reduced: dict[TaskReduction, tuple[Experiment, ...]] = {}
         self._variant: tuple[tuple[Experiment, ...], WorkerPool] | None = None
         self._pool = WorkerPool(
             Assignment(task.cell, task.experiments, task.space.targets), context.workers, options.time_limit_s
@@ -82,11 +82,11 @@ class PyBaMMSimulator:
         return pool
 
     @hookimpl
-    def ease(self, easing: Easing) -> tuple[Experiment, ...]:
+    def reduce_task(self, reduction: TaskReduction) -> tuple[Experiment, ...]:
         """The task's experiments at lower currents, or their first cycles."""
-        if easing not in self._eased:
-            self._eased[easing] = tuple(eased(experiment, easing) for experiment in self._task.experiments)
-        return self._eased[easing]
+        if reduction not in self._reduced:
+            self._reduced[reduction] = tuple(reduced(experiment, reduction) for experiment in self._task.experiments)
+        return self._reduced[reduction]
 
     @hookimpl
     def next_protocols(self) -> Mapping[str, Protocol]:

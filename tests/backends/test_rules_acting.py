@@ -33,7 +33,7 @@ def test_a_fit_that_is_slow_gets_a_hand_and_then_is_left_alone_again() -> None:
 
 @pytest.mark.parametrize("status", ["infeasible", "done"])
 def test_trouble_is_eased_first(status: str) -> None:
-    assert act(prompt(status=status))["action"] == "ease"
+    assert act(prompt(status=status))["action"] == "reduce"
 
 
 def test_after_the_end_it_tries_in_turn_and_then_gives_up() -> None:
@@ -42,7 +42,7 @@ def test_after_the_end_it_tries_in_turn_and_then_gives_up() -> None:
         answer = act(prompt(status="done", misfit_tolerances=20.0, your_last_actions=tried[-5:]))
         tried.append({"action": answer["action"]})
     kinds = [entry["action"] for entry in tried]
-    assert kinds[:3] == ["ease", "jacobian", "set"]
+    assert kinds[:3] == ["reduce", "jacobian", "set"]
     assert "refine" in kinds
 
 

@@ -37,7 +37,7 @@ SECTIONS: dict[str, Any] = {
         "misfit_tolerances": 9.0,
         "misfit_by_round": [10.0, 9.9, 9.8, 9.8, 9.7, 9.7],
         "you_may_spend": 3,
-        "your_last_actions": [{"action": "ease"}],
+        "your_last_actions": [{"action": "reduce"}],
         "the_record": {"fixes": [A], "leaves_open": [B], "only_together": [[A, B]]},
     },
 }

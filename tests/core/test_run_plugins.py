@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 from bsa.backends.rules.backend import RulesBackend
-from bsa.core.easing import Easing
 from bsa.core.errors import BsaError
 from bsa.core.feedback import Feedback
 from bsa.core.hooks import Entry, ProposeContext, Recollection, RunContext, hookimpl
@@ -19,6 +18,7 @@ from bsa.core.registry import Registry
 from bsa.core.run_plugins import RunPlugins
 from bsa.core.scaffold import Scaffold
 from bsa.core.simulation import ExperimentRun, Outcome, SimulationFailure
+from bsa.core.task_reduction import TaskReduction
 from bsa.core.trajectory import Trajectory
 from bsa.core.trial import Trial
 from bsa_toy_cell import CAPACITY, record, toy_scaffold, toy_task
@@ -129,7 +129,7 @@ def test_plain_plugins_pass() -> None:
     assert found.recall(500)[0].content == {"budget": 500}
     assert found.propose(context()).candidates == (SPACE.initial,)
     assert found.warm_up(context()) is None
-    assert found.ease(Easing(0.5)) is None
+    assert found.reduce_task(TaskReduction(0.5)) is None
     assert found.simulate_variant([], ()) is None
     assert dict(found.next_protocols()) == dict(found.export(SPACE.initial)) == {}
     found.remember(trial(), None)
@@ -210,7 +210,7 @@ PROPOSALS: dict[str, tuple[Any, str]] = {
     "no hypothesis": (Proposal((), None), "Proposal.hypothesis = None, not a str"),  # type: ignore[arg-type]
     "details": (Proposal((), details={"f": object()}), "Proposal.details that is no JSON"),
     "finished": (Proposal((), finished="yes"), "Proposal.finished = 'yes' (str), not a bool"),  # type: ignore[arg-type]
-    "easings": (Proposal((SPACE.initial,), easings=(None, None)), "Proposal.easings"),
+    "reductions": (Proposal((SPACE.initial,), reductions=(None, None)), "Proposal.reductions"),
 }
 
 

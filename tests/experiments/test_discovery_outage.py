@@ -16,9 +16,10 @@ from bsa.experiments.discovery_bench import running, shortlists
 def test_an_outage_is_no_row(module, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     lost = Ranking((), note="nothing listens", lost=True)
     nomination = SimpleNamespace(lacks=(), gain=1.0, effect=SimpleNamespace(key="heat"))
-    known = SimpleNamespace(nominations=[nomination], calm=None)
+    known = SimpleNamespace(nominations=[nomination], refitted=None)
     bench = SimpleNamespace(
-        engine=lambda settings: SimpleNamespace(shortlist=lambda: known), discrepancy=lambda calm: ["28 mV too high"]
+        engine=lambda settings: SimpleNamespace(shortlist=lambda: known),
+        discrepancy=lambda refitted: ["28 mV too high"],
     )
     options = SimpleNamespace(settings=None, seed=1)
     monkeypatch.setattr(module, "options_of", lambda folder, **asked: options)

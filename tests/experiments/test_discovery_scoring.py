@@ -125,10 +125,10 @@ def test_a_backend_ranks_the_effects_of_a_case_with_names_and_without(tmp_path, 
     nominations = [
         Nomination(e, score=Score(1.0, 3.0, gain, 1.0)) for e, gain in zip(effects, (9.0, 4.0, 0.0), strict=True)
     ]
-    known = SimpleNamespace(nominations=nominations, calm=None)
+    known = SimpleNamespace(nominations=nominations, refitted=None)
     bench = SimpleNamespace(
         engine=lambda settings: SimpleNamespace(shortlist=lambda: known),
-        discrepancy=lambda calm: ["measured voltage lies 9 mV below the model during rest after a discharge"],
+        discrepancy=lambda refitted: ["measured voltage lies 9 mV below the model during rest after a discharge"],
     )
 
     def options_of(folder, backend=None):

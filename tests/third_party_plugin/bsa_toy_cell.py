@@ -11,12 +11,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from bsa.core.easing import Easing
 from bsa.core.hooks import Entry, RunContext, hookimpl
 from bsa.core.parameters import Candidate, Parameter, ParameterSpace
 from bsa.core.scaffold import Scaffold, load_scaffold
 from bsa.core.simulation import ExperimentRun, Outcome, SimulationFailure
 from bsa.core.task import CellModel, Experiment, Task
+from bsa.core.task_reduction import TaskReduction
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from pydantic import BaseModel, Field
 
@@ -109,9 +109,9 @@ class ToyCell:
             yield place, Outcome(tuple(self._run(candidate, discharge_a(e)) for e in experiments), 1e-4)
 
     @hookimpl
-    def ease(self, easing: Easing) -> tuple[Experiment, ...]:
-        """See `RunHooks.ease`; the toy has a single cycle, so only its current can be lowered."""
-        amperes = CURRENT_A * easing.rate
+    def reduce_task(self, reduction: TaskReduction) -> tuple[Experiment, ...]:
+        """See `RunHooks.reduce_task`; the toy has a single cycle, so only its current can be lowered."""
+        amperes = CURRENT_A * reduction.rate
         protocol = (("Rest for 60 seconds", f"Discharge at {amperes:g} A until 3.2 V", "Rest for 600 seconds"),)
         return (replace(self._experiment, protocol=protocol),)
 

@@ -13,7 +13,7 @@ from ....core.reply_parsing import strip_control
 from ....core.trial import Trial
 from ...agent.reply_schema import apply_updates, reply_schema
 
-Kind = Literal["set", "refine", "jacobian", "restart", "ease"]
+Kind = Literal["set", "refine", "jacobian", "restart", "reduce"]
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
@@ -22,8 +22,8 @@ _DEFAULT_SIMULATIONS = 5
 _LOWEST_RATE_PERCENT = 10
 
 _EASED_BY: JsonSchema = {
-    "ease_rate_percent": {"type": "integer", "minimum": _LOWEST_RATE_PERCENT, "maximum": 100},
-    "ease_cycles": {"type": "integer", "minimum": 1},
+    "reduce_rate_percent": {"type": "integer", "minimum": _LOWEST_RATE_PERCENT, "maximum": 100},
+    "reduce_cycles": {"type": "integer", "minimum": 1},
 }
 
 
@@ -33,7 +33,7 @@ class Action:
 
     Attributes
     ----------
-    kind : {'set', 'refine', 'jacobian', 'restart', 'ease'}
+    kind : {'set', 'refine', 'jacobian', 'restart', 'reduce'}
         What to do.
     candidate : Candidate or None
         For ``set``: the values to try.
@@ -46,9 +46,9 @@ class Action:
     trial : int or None
         For ``restart``: where from.
     rate : float or None
-        For ``ease``: the share of the currents to come back from; None for a gentler cell at full rate.
+        For ``reduce``: the share of the currents to come back from; None for a gentler cell at full rate.
     cycles : int or None
-        For ``ease``: how many of the record's cycles to fit first; None for all.
+        For ``reduce``: how many of the record's cycles to fit first; None for all.
     analysis, hypothesis, rationale : str
         The agent's words.
     """
@@ -79,7 +79,7 @@ def action_schema(space: ParameterSpace, drives: bool = True) -> JsonSchema:
     space : ParameterSpace
         What is searched.
     drives : bool
-        Whether the task can be eased by what drives it (`Domain.drives`).
+        Whether the task can be reduced by what drives it (`Domain.drives`).
     """
     agent = reply_schema(space)
     properties = dict(agent["properties"])
@@ -134,8 +134,8 @@ def check_action(reply: Mapping[str, Any], space: ParameterSpace, base: Candidat
         parameters=_parameters(reply.get("refine_params"), space) if kind == "refine" else (),
         simulations=_simulations(reply.get("simulations")),
         trial=trial,
-        rate=_rate(reply.get("ease_rate_percent")) if kind == "ease" else None,
-        cycles=_cycles(reply.get("ease_cycles")) if kind == "ease" else None,
+        rate=_rate(reply.get("reduce_rate_percent")) if kind == "reduce" else None,
+        cycles=_cycles(reply.get("reduce_cycles")) if kind == "reduce" else None,
         **words,
     )
 

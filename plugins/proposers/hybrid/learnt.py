@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ....core.appraisal import NOISE_FLOOR
 from ....core.identifiability import effective_noise, identify
 from ....core.parameters import Candidate, ParameterSpace
+from ....core.post_fit_analysis import NOISE_FLOOR
 from ....core.trajectory import FloatArray
 from ....core.trial import Trial
 

@@ -19,7 +19,7 @@ hypothesis about the physical cause, one action and your reasons. The actions:
 - "set": try the values in "updated_params" ("*1.2", "+0.02", or an absolute value; applied to the present values).
 - "jacobian": measure again what each parameter does at the present values.
 - "restart": go on from the earlier trial with the number "trial".
-- "ease": {gentler}
+- "reduce": {gentler}
 "the_record" under Numerics says which parameters the record fixes, which it leaves open, and which move together: \
 do not look for causes in open ones.
 Let the fit go on while it gets on. Step in when it is stuck, when simulations fail or a step has vanished, or when \

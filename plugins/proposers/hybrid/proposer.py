@@ -28,18 +28,18 @@ from ....core.sensitivities import Sensitivities
 from ....core.trial import Trial
 from ...agent.conversation import Answer, ask
 from ...agent.proposer import require_backend
+from ..continuation import LOWERED, Continuation, CurrentRateContinuation, FirstCycleContinuation, Reductions
 from ..descent import Descent, DescentOptions, rms
-from ..detours import LOWERED, Detour, Easings, ShortenedFit, SlowedClimb
 from ..feasibility import gentle_direction, progress
 from ..least_squares import action as main_action
 from ..least_squares import numbers, words
 from .actions import Action, action_schema, check_action
-from .excursion import Excursion
+from .agent_search import AgentSearch
 from .learnt import effects, open_questions, settled_questions
 from .prompt import build_messages
 
 _NUDGE = 0.1
-"""How far "ease" moves towards a gentler cell, in units of the box."""
+"""How far "reduce" moves towards a gentler cell, in units of the box."""
 
 _WORTH_ASKING = 1.0
 """Misfit in tolerances below which a finished fit is good enough to end without another word."""
@@ -66,7 +66,7 @@ class HybridProposer:
         self._seed = context.seed
         self._backend = require_backend(context)
         self._main: Descent | None = None
-        self._excursion: Excursion | Detour | None = None
+        self._agent_search: AgentSearch | Continuation | None = None
         self._agent_best: Trial | None = None
         self._last_attempt: Trial | None = None
         self._log: list[dict[str, Any]] = []
@@ -80,24 +80,24 @@ class HybridProposer:
     def propose(self, context: ProposeContext) -> Proposal:
         """See `RunHooks.propose`."""
         main_fit = self._take(context)
-        main = main_fit.ask(context.simulations_left, self._thrift(context))
-        easings = _padded(main_fit.easings, len(main))
+        main = main_fit.ask(context.simulations_left, self._planning_budget(context))
+        reductions = _padded(main_fit.reductions, len(main))
         left = context.simulations_left - len(main)
         allowance = self._allowance(left, bool(main))
         answer: Answer[Action] | None = None
         own: list[Candidate] = []
-        if self._excursion is None and allowance > 0 and self._should_ask(main_fit, bool(main)):
+        if self._agent_search is None and allowance > 0 and self._should_ask(main_fit, bool(main)):
             answer = self._ask(context, main_fit, allowance)
             if answer.value is not None:
                 own = self._begin(answer.value, context, main_fit, allowance)
-        if self._excursion is not None:
-            own = self._excursion.ask(allowance)
+        if self._agent_search is not None:
+            own = self._agent_search.ask(allowance)
             if not own:
-                self._excursion = None
-        easings += _padded(getattr(self._excursion, "easings", ()), len(own))
+                self._agent_search = None
+        reductions += _padded(getattr(self._agent_search, "reductions", ()), len(own))
         self._main_asked = len(main)
         self._seen = len(context.trials)
-        return self._proposal(main_fit, main, own, answer, allowance, easings)
+        return self._proposal(main_fit, main, own, answer, allowance, reductions)
 
     @hookimpl
     def recall(self, budget: int) -> Recollection | None:
@@ -128,18 +128,18 @@ class HybridProposer:
         self._misfits.append(self._main.misfit)
         self._take_own(theirs)
         better = self._agent_best is not None and _cost(self._agent_best) < _BETTER * self._main.cost
-        if self._main.at_a_loss and better and self._agent_best is not None:
+        if self._main.exhausted and better and self._agent_best is not None:
             self._main.adopt(self._agent_best)
         return self._main
 
     def _take_own(self, trials: Sequence[Trial]) -> None:
         self._agent_spent += len(trials)
-        if self._excursion is not None:
-            self._excursion.tell(trials)
-            if self._excursion.over:
-                self._excursion = None
-        # An eased simulation is no attempt at the task.
-        trials = [trial for trial in trials if trial.easing is None]
+        if self._agent_search is not None:
+            self._agent_search.tell(trials)
+            if self._agent_search.over:
+                self._agent_search = None
+        # An reduced simulation is no attempt at the task.
+        trials = [trial for trial in trials if trial.reduction is None]
         if not trials:
             return
         found = min(trials, key=_cost)
@@ -154,7 +154,7 @@ class HybridProposer:
             elif before is None:
                 self._log[-1]["failed"] = True
 
-    def _thrift(self, context: ProposeContext) -> int | None:
+    def _planning_budget(self, context: ProposeContext) -> int | None:
         """What would be left to a fit on its own with the share of the simulations that is the fit's here.
 
         Near its end such a fit saves a last Jacobian for more steps; so must this one, to be no worse.
@@ -201,27 +201,27 @@ class HybridProposer:
         return content
 
     def _begin(self, action: Action, context: ProposeContext, main_fit: Descent, allowance: int) -> list[Candidate]:
-        """Start what the agent asked for: candidates to try at once, or an excursion."""
+        """Start what the agent asked for: candidates to try at once, or a search of its own."""
         self._log.append({"action": action.kind, "hypothesis": action.hypothesis[:120]})
         count = min(action.simulations, allowance)
         if action.carries_on:
             self._hold = action.simulations
         elif action.kind == "set":
             return [] if action.candidate is None or _known(action.candidate, context) else [action.candidate]
-        elif action.kind == "ease" and context.task.domain.drives and (action.rate or action.cycles):
-            self._excursion = self._detour(action, context, count)
-        elif action.kind == "ease":
+        elif action.kind == "reduce" and context.task.domain.drives and (action.rate or action.cycles):
+            self._agent_search = self._continuation(action, context, count)
+        elif action.kind == "reduce":
             start = self._space.to_unit(context.best.candidate) + _NUDGE * gentle_direction(context.task)
             jacobian = None if allowance > len(self._space) + 1 else _jacobian(main_fit)
-            self._excursion = Excursion(self._space, start, count, jacobian=jacobian, eased=True)
+            self._agent_search = AgentSearch(self._space, start, count, jacobian=jacobian, robust=True)
         elif action.kind == "restart":
             trial = context.trials[action.trial or 0]
-            self._excursion = self._trip(trial, main_fit, count, allowance)
+            self._agent_search = self._search_from(trial, main_fit, count, allowance)
         elif main_fit.base is not None:
             free = None
             if action.kind == "refine":
                 free = np.array([name in action.parameters for name in self._space.names])
-                self._excursion = Excursion(
+                self._agent_search = AgentSearch(
                     self._space,
                     self._space.to_unit(main_fit.base.candidate),
                     count,
@@ -231,26 +231,28 @@ class HybridProposer:
                 )
             else:
                 count = max(count, len(self._space) + 3)
-                self._excursion = self._trip(main_fit.base, main_fit, count, allowance)
+                self._agent_search = self._search_from(main_fit.base, main_fit, count, allowance)
         return []
 
-    def _detour(self, action: Action, context: ProposeContext, count: int) -> Detour:
+    def _continuation(self, action: Action, context: ProposeContext, count: int) -> Continuation:
         """Over an easier task, from the best trial or, if none ran, from the one that got farthest."""
-        whole = [trial for trial in context.trials if trial.easing is None]
+        whole = [trial for trial in context.trials if trial.reduction is None]
         start = context.best if context.best.ok else max(whole, key=lambda trial: progress(context.task, trial))
         point = self._space.to_unit(start.candidate)
         if action.cycles is not None:
-            return ShortenedFit(self._space, point, action.cycles, count)
+            return FirstCycleContinuation(self._space, point, action.cycles, count)
         assert action.rate is not None
-        return SlowedClimb(self._space, point, gentle_direction(context.task), (action.rate, *_below(action.rate)))
+        return CurrentRateContinuation(
+            self._space, point, gentle_direction(context.task), (action.rate, *_below(action.rate))
+        )
 
-    def _trip(self, start: Trial, main_fit: Descent, count: int, allowance: int) -> Excursion:
+    def _search_from(self, start: Trial, main_fit: Descent, count: int, allowance: int) -> AgentSearch:
         """From a trial, with derivatives of its own where the allowance covers them."""
         fresh = allowance > len(self._space) + 1
         count = max(count, len(self._space) + 2) if fresh else count
         jacobian = None if fresh else _jacobian(main_fit)
         point = self._space.to_unit(start.candidate)
-        return Excursion(self._space, point, min(count, allowance), start.residuals, jacobian)
+        return AgentSearch(self._space, point, min(count, allowance), start.residuals, jacobian)
 
     def _proposal(
         self,
@@ -259,7 +261,7 @@ class HybridProposer:
         own: list[Candidate],
         answer: Answer[Action] | None,
         allowance: int,
-        easings: Easings,
+        reductions: Reductions,
     ) -> Proposal:
         action = answer.value if answer is not None else None
         details: dict[str, Any] = {
@@ -282,7 +284,7 @@ class HybridProposer:
             lost="; ".join(answer.problems) if answer is not None and action is None and not main else "",
             finished=not main and not own,
             advancing=bool(main),
-            easings=easings if any(easings) else (),
+            reductions=reductions if any(reductions) else (),
         )
 
 
@@ -294,8 +296,8 @@ def _jacobian(main_fit: Descent) -> Any:
     return main_fit.best.jacobian if main_fit.best is not None else None
 
 
-def _padded(easings: Easings, count: int) -> Easings:
-    return (*easings[:count], *[None] * (count - len(easings)))
+def _padded(reductions: Reductions, count: int) -> Reductions:
+    return (*reductions[:count], *[None] * (count - len(reductions)))
 
 
 def _below(rate: float) -> list[float]:
@@ -304,4 +306,4 @@ def _below(rate: float) -> list[float]:
 
 
 def _known(candidate: Candidate, context: ProposeContext) -> bool:
-    return any(dict(trial.candidate) == dict(candidate) and trial.easing is None for trial in context.trials)
+    return any(dict(trial.candidate) == dict(candidate) and trial.reduction is None for trial in context.trials)

@@ -127,7 +127,7 @@ def test_a_short_refit_that_keeps_little_of_what_a_score_promises_gets_fresh_slo
     def fit(effects, space, start, budget, jacobian=None):
         fresh.append(jacobian is None)
         found = Fitter.fit(fitter, effects, space, start, 1)
-        left = base.fit.cost - kept * nomination.gain - found.belief
+        left = base.fit.cost - kept * nomination.gain - found.prior_cost
         return found if fresh[-1] else replace(found, residual=np.array([np.sqrt(left)]))
 
     monkeypatch.setattr(fitter, "fit", fit)
@@ -154,7 +154,7 @@ def test_where_what_the_scores_favour_helps_little_the_others_are_fitted_whateve
     for nomination in known.nominations:
         amplitude, gain = misled[nomination.effect.name]
         nomination.score = replace(nomination.score, amplitude=amplitude, gain=gain)
-    best = engine.confirm(known.base, known.scout, known.calm, known.nominations)[0]
+    best = engine.confirm(known.base, known.early_fitter, known.refitted, known.nominations)[0]
     assert best.names == ("sign",)
     assert best.estimates["sign"][0].value == pytest.approx(0.02, rel=0.1)
 
@@ -221,11 +221,11 @@ def test_an_effect_that_lost_its_way_is_fitted_from_where_the_best_one_ended():
 
 
 def test_a_temperature_has_its_say_in_who_is_fitted_on():
-    cold, warm = Nomination(toy.QUADRATIC), Nomination(toy.HYSTERESIS, warmth=1.0)
+    cold, warm = Nomination(toy.QUADRATIC), Nomination(toy.HYSTERESIS, temperature_misfit=1.0)
     assert cold.promise == np.inf
     problem, space = toy.problem(np.random.default_rng(0), {})
     fit = fitted(Fitter(problem, space, Settings(), print), (), 100).fit
-    cold.screened, cold.warmth, warm.screened = fit, 25.0, fit
+    cold.screened, cold.temperature_misfit, warm.screened = fit, 25.0, fit
     assert cold.promise - warm.promise == pytest.approx(24.0)
 
 

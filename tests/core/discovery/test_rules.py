@@ -3,9 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bsa.core.discovery.adequacy import Adequacy
-from bsa.core.discovery.explanation import WARMTH_K, Estimate, Explanation
+from bsa.core.discovery.explanation import TEMPERATURE_DEVIATION_K, Estimate, Explanation
 from bsa.core.discovery.refit import Refit
-from bsa.core.discovery.rules import CLEAR_BIC, believable, bic_difference, rivals
+from bsa.core.discovery.rules import CLEAR_BIC, bic_difference, objection_to, rivals
 from bsa.core.effect import Effect, EffectParameter
 from bsa.core.parameters import Parameter, ParameterSpace
 
@@ -30,26 +30,26 @@ def test_a_temperature_that_no_fit_was_shown_tells_equals_apart():
 
 def test_a_temperature_counts_as_one_observation():
     warm, blind, unknown = explanation("heat", 2.0), explanation("cold", 10.0), explanation("cold", None)
-    assert bic_difference(blind, warm) == pytest.approx((10.0**2 - 2.0**2) / WARMTH_K**2)
+    assert bic_difference(blind, warm) == pytest.approx((10.0**2 - 2.0**2) / TEMPERATURE_DEVIATION_K**2)
     assert bic_difference(warm, blind) == pytest.approx(-bic_difference(blind, warm))
     assert bic_difference(unknown, explanation("heat", None)) == pytest.approx(0.0)
 
 
 def test_a_gap_that_bent_parameters_hide_shows_in_the_temperature():
     base = explanation("base", 15.0, rmse=5.0)
-    believed = ParameterSpace((Parameter("p", 0.0, -50.0, 50.0, deviation=1.0, prior=True),))
-    base.fit = replace(base.fit, space=believed, u=np.array([9.0]))
+    expected = ParameterSpace((Parameter("p", 0.0, -50.0, 50.0, deviation=1.0, prior=True),))
+    base.fit = replace(base.fit, space=expected, u=np.array([9.0]))
     base.held_rmse_v = 2e-3
     base.rmse_v = 1.02e-3
     blind, warm = explanation("cold", 15.0), explanation("heat", 2.0)
     for found in (blind, warm):
         found.adequacy = Adequacy(0.0, 0.0, 1e-3, 1.0)
-    assert "of the gap only" in believable(base, blind, 1e-4, 1e-4)
-    assert believable(base, warm, 1e-4, 1e-4) == ""
+    assert "of the gap only" in objection_to(base, blind, 1e-4, 1e-4)
+    assert objection_to(base, warm, 1e-4, 1e-4) == ""
     warm.held_rmse_v = 1.05 * base.held_rmse_v
-    assert believable(base, warm, 1e-4, 1e-4) == ""
+    assert objection_to(base, warm, 1e-4, 1e-4) == ""
     warm.held_rmse_v = 1.2 * base.held_rmse_v
-    assert "data not fitted" in believable(base, warm, 1e-4, 1e-4)
+    assert "data not fitted" in objection_to(base, warm, 1e-4, 1e-4)
 
 
 @pytest.mark.parametrize(("without", "excluded"), [(10.0, True), (3.0, False), (None, False)])
@@ -77,7 +77,7 @@ def test_data_that_was_not_fitted_decides_what_is_closed_where_it_shows_the_gap(
     found.adequacy = Adequacy(0.0, 0.0, 1e-3, 1.0)
     base.rmse_v, base.held_rmse_v = 10e-3, 1e-3 * base_held_mv
     found.rmse_v, found.held_rmse_v = 1e-3 * fitted_mv, 1e-3 * held_mv
-    reason = believable(base, found, 1e-3, 1e-3)
+    reason = objection_to(base, found, 1e-3, 1e-3)
     assert words in reason
     assert bool(words) == bool(reason)
 
@@ -104,7 +104,7 @@ def test_a_fit_is_settled_where_its_promise_lies_inside_its_intervals(left, repe
     found.adequacy = Adequacy(0.0, 0.0, 1e-3, repetition)
     found.fit = replace(found.fit, residual=np.full(80, left), converged=False, promised=promised)
     assert found.settled is settled
-    assert ("did not converge" in believable(base, found, 1e-4, 1e-4)) is not settled
+    assert ("did not converge" in objection_to(base, found, 1e-4, 1e-4)) is not settled
 
 
 @pytest.mark.parametrize(("base_rmse", "held_mv", "named"), [(2.0, 1.2, False), (50.0, 1.2, True), (50.0, 15.0, False)])
@@ -116,7 +116,7 @@ def test_who_is_far_ahead_need_not_have_converged(base_rmse, held_mv, named):
     found.fit = replace(found.fit, residual=np.full(80, 1.0), converged=False)
     assert not found.settled
     assert bic_difference(base, found) > CLEAR_BIC
-    assert (believable(base, found, 1e-3, 1e-3) == "") is named
+    assert (objection_to(base, found, 1e-3, 1e-3) == "") is named
 
 
 def test_the_gap_is_measured_from_the_base_fit_that_comes_nearest():
@@ -125,5 +125,5 @@ def test_the_gap_is_measured_from_the_base_fit_that_comes_nearest():
     likelier.rmse_v, nearest.rmse_v = 100e-3, 12e-3
     found = explanation("effect", None, rmse=2.0)
     found.adequacy, found.rmse_v, found.held_rmse_v = Adequacy(0.0, 0.0, 1e-3, 1.0), 10e-3, 0.5e-3
-    assert believable(likelier, found, 1e-4, 1e-3) == ""
-    assert "of the gap only" in believable(likelier, found, 1e-4, 1e-3, nearest)
+    assert objection_to(likelier, found, 1e-4, 1e-3) == ""
+    assert "of the gap only" in objection_to(likelier, found, 1e-4, 1e-3, nearest)

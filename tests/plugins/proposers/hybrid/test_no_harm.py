@@ -19,7 +19,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 RunToy = Callable[..., RunResult]
-KINDS = ("set", "refine", "jacobian", "restart", "ease")
+KINDS = ("set", "refine", "jacobian", "restart", "reduce")
 
 
 class Speaking:
@@ -60,7 +60,7 @@ def at_random(schema: JsonSchema, seed: int, call: int) -> dict[str, Any]:
 
 
 def spendthrift(schema: JsonSchema, seed: int, call: int) -> dict[str, Any]:
-    return words(("jacobian", "restart", "ease")[call % 3], simulations=40, trial=0)
+    return words(("jacobian", "restart", "reduce")[call % 3], simulations=40, trial=0)
 
 
 def nonsense(schema: JsonSchema, seed: int, call: int) -> str:

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bsa.core.easing import Easing, shortened
 from bsa.core.errors import BsaError
 from bsa.core.journal import read_events
 from bsa.core.loop import RunResult
 from bsa.core.residuals import partial_residuals, residuals
 from bsa.core.simulation import ExperimentRun, Outcome, SimulationFailure
 from bsa.core.task import Experiment, Task
+from bsa.core.task_reduction import TaskReduction, shortened
 from bsa.core.trajectory import Trajectory
 from bsa.experiments.story import read_run
 from bsa_toy_cell import HIDDEN, record, space, toy_scaffold, toy_task
@@ -54,12 +54,12 @@ def test_the_first_cycles_are_compared_as_a_whole() -> None:
     assert shortened(experiment, 5).target is experiment.target
 
 
-def test_an_easing_must_ease() -> None:
+def test_a_reduction_must_reduce() -> None:
     for wrong in ({"rate": 0.0}, {"rate": 1.5}, {"cycles": 0}):
         with pytest.raises(BsaError, match="must hold"):
-            Easing(**wrong)
-    assert Easing(0.5).words == "at 50 % of the currents"
-    assert Easing(cycles=1).words == "the first cycle alone"
+            TaskReduction(**wrong)
+    assert TaskReduction(0.5).words == "at 50 % of the currents"
+    assert TaskReduction(cycles=1).words == "the first cycle alone"
 
 
 @pytest.mark.parametrize(("samples", "unfinished", "finished"), [(2, False, 1), (100, True, 1), (202, False, 2)])
@@ -100,16 +100,16 @@ def test_eased_simulations_count_are_kept_and_come_back_on_resume(run_toy: RunTo
     # The start has 0.05 Ohm, and nothing runs above 0.04 at the full current.
     scaffold = fragile(0.04, name)
     result = run_toy(tmp_path / "whole", scaffold=scaffold, simulations=40, rounds=40)
-    eased = [trial for trial in result.trials if trial.easing is not None]
-    assert eased
+    reduced = [trial for trial in result.trials if trial.reduction is not None]
+    assert reduced
     assert result.trials[0].failed
-    assert not any(trial.failed for trial in eased[:1])
-    assert all(trial.metrics is None and trial.residuals is None for trial in eased)
-    assert result.best.easing is None
+    assert not any(trial.failed for trial in reduced[:1])
+    assert all(trial.metrics is None and trial.residuals is None for trial in reduced)
+    assert result.best.reduction is None
     assert result.best.objective < 0.1
     assert len(result.trials) <= 40
     story = read_run(tmp_path / "whole")
-    assert [trial.easing for trial in story.trials] == [trial.easing for trial in result.trials]
+    assert [trial.reduction for trial in story.trials] == [trial.reduction for trial in result.trials]
     assert story.failed == sum(trial.failed for trial in result.trials)
     page = (tmp_path / "whole" / "report.html").read_text()
     assert "at 50 % of the currents" in page
@@ -120,13 +120,13 @@ def test_eased_simulations_count_are_kept_and_come_back_on_resume(run_toy: RunTo
         folder.mkdir()
         (folder / "journal.jsonl").write_bytes(b"".join(lines[:kept]))
         again = run_toy(folder, scaffold=scaffold, simulations=40, rounds=40)
-        assert [(dict(t.candidate), t.easing) for t in again.trials] == [
-            (dict(t.candidate), t.easing) for t in result.trials
+        assert [(dict(t.candidate), t.reduction) for t in again.trials] == [
+            (dict(t.candidate), t.reduction) for t in result.trials
         ]
         assert sum(event["event"] == "trial" for event in read_events(folder)) == len(result.trials)
 
 
-def test_a_simulator_that_cannot_ease_says_so_and_the_run_goes_on(
+def test_a_simulator_that_cannot_reduce_says_so_and_the_run_goes_on(
     run_toy: RunToy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from bsa_toy_cell import ToyCell
@@ -138,6 +138,8 @@ def test_a_simulator_that_cannot_ease_says_so_and_the_run_goes_on(
 
     monkeypatch.setattr(ToyCell, "simulate_variant", hookimpl(cannot))
     result = run_toy(tmp_path, scaffold=fragile(0.04, "least-squares"), simulations=60, rounds=60)
-    causes = {trial.failure.cause for trial in result.trials if trial.easing is not None and trial.failure is not None}
-    assert causes == {"this simulator cannot ease a task"}
+    causes = {
+        trial.failure.cause for trial in result.trials if trial.reduction is not None and trial.failure is not None
+    }
+    assert causes == {"this simulator cannot reduce a task"}
     assert result.best.objective < 0.1

@@ -5,15 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bsa.core.easing import Easing
 from bsa.core.feedback import Feedback
 from bsa.core.metrics import PaperMetrics
 from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.simulation import SimulationFailure
 from bsa.core.task import CellModel, Experiment, Task
+from bsa.core.task_reduction import TaskReduction
 from bsa.core.trajectory import FloatArray, Step, StepKind, Trajectory
 from bsa.core.trial import Trial
-from bsa.plugins.proposers.detours import Detour, ShortenedFit, SlowedClimb
+from bsa.plugins.proposers.continuation import Continuation, CurrentRateContinuation, FirstCycleContinuation
 from bsa.plugins.proposers.feasibility import Feasibility, outlasts, progress, smaller_direction
 
 SPACE = ParameterSpace(tuple(Parameter(name, 0.5, 0.0, 1.0) for name in ("a", "b", "c")))
@@ -30,7 +30,7 @@ def discharge(seconds: float, drop_v: float = 0.0) -> Trajectory:
 
 def made(
     candidate: dict[str, float],
-    easing: Easing | None,
+    reduction: TaskReduction | None,
     runs: bool,
     seconds: float = 1000.0,
     partial: FloatArray | None = None,
@@ -41,98 +41,100 @@ def made(
         phase="search",
         round=1,
         candidate=candidate,
-        metrics=GOOD if runs and easing is None else None,
+        metrics=GOOD if runs and reduction is None else None,
         failure=None if runs else SimulationFailure("gave up"),
-        residuals=np.ones(3) if runs and easing is None else None,
+        residuals=np.ones(3) if runs and reduction is None else None,
         feedback=Feedback(),
         curves=(discharge(seconds, drop_v),),
         seconds=0.1,
-        easing=easing,
+        reduction=reduction,
         partial=partial,
     )
 
 
 def travel(
-    detour: Detour, simulate: Callable[[dict[str, float], Easing | None], Trial], limit: int = 100
+    continuation: Continuation, simulate: Callable[[dict[str, float], TaskReduction | None], Trial], limit: int = 100
 ) -> list[Trial]:
     trials: list[Trial] = []
-    while candidates := detour.ask(limit):
-        batch = [simulate(c, easing) for c, easing in zip(candidates, detour.easings, strict=True)]
-        detour.tell(batch)
+    while candidates := continuation.ask(limit):
+        batch = [simulate(c, reduction) for c, reduction in zip(candidates, continuation.reductions, strict=True)]
+        continuation.tell(batch)
         trials += batch
         assert len(trials) < 60
     return trials
 
 
-def stiff(strength: float) -> Callable[[dict[str, float], Easing | None], Trial]:
+def stiff(strength: float) -> Callable[[dict[str, float], TaskReduction | None], Trial]:
     """Runs where rate x severity is at most 1; only the first parameter eases it, and lowers the polarisation."""
 
-    def simulate(candidate: dict[str, float], easing: Easing | None) -> Trial:
-        rate = 1.0 if easing is None else easing.rate
+    def simulate(candidate: dict[str, float], reduction: TaskReduction | None) -> Trial:
+        rate = 1.0 if reduction is None else reduction.rate
         severity = strength * np.exp(-3.0 * (candidate["a"] - 0.5))
         # The second one makes the cell larger, which lengthens the discharge and eases nothing.
         seconds = 1000.0 * (1.0 + candidate["b"]) / rate
-        return made(candidate, easing, rate * severity <= 1.0, seconds, drop_v=0.1 * rate * severity)
+        return made(candidate, reduction, rate * severity <= 1.0, seconds, drop_v=0.1 * rate * severity)
 
     return simulate
 
 
 @pytest.mark.parametrize("strength", [1.2, 1.8, 3.0])
 def test_the_climb_finds_out_what_eases_the_cell_and_comes_back(strength: float) -> None:
-    detour = SlowedClimb(SPACE, np.full(3, 0.5), np.zeros(3))
-    trials = travel(detour, stiff(strength))
-    assert detour.found is not None
-    assert detour.found.easing is None
-    moved = SPACE.to_unit(detour.found.candidate) - 0.5
+    continuation = CurrentRateContinuation(SPACE, np.full(3, 0.5), np.zeros(3))
+    trials = travel(continuation, stiff(strength))
+    assert continuation.found is not None
+    assert continuation.found.reduction is None
+    moved = SPACE.to_unit(continuation.found.candidate) - 0.5
     assert moved[0] > 0.1
     assert moved[1:] == pytest.approx([0.0, 0.0], abs=1e-3)
-    rates = [trial.easing.rate for trial in trials if trial.easing is not None]
+    rates = [trial.reduction.rate for trial in trials if trial.reduction is not None]
     assert rates[0] == 0.5
     assert max(rates) > 0.5
     assert len(trials) <= 18
 
 
 def test_a_neighbour_that_fails_shows_the_way_too() -> None:
-    detour = SlowedClimb(SPACE, np.array([0.6, 0.5, 0.5]), np.zeros(3))
-    trials = travel(detour, stiff(2.5))
-    assert trials[0].easing == Easing(0.5)
+    continuation = CurrentRateContinuation(SPACE, np.array([0.6, 0.5, 0.5]), np.zeros(3))
+    trials = travel(continuation, stiff(2.5))
+    assert trials[0].reduction == TaskReduction(0.5)
     assert not trials[0].failed
     assert trials[1].failed  # the neighbour on the side of the room has less of what eases the cell
-    assert detour.found is not None
-    assert detour.found.candidate["a"] > 0.7
+    assert continuation.found is not None
+    assert continuation.found.candidate["a"] > 0.7
 
 
 def test_a_cell_that_runs_at_no_rate_is_given_up_soon() -> None:
-    detour = SlowedClimb(SPACE, np.full(3, 0.5), np.ones(3))
-    trials = travel(detour, stiff(100.0))
-    assert detour.over
-    assert detour.found is None
-    assert [trial.easing for trial in trials] == [Easing(0.5), Easing(0.25)]
+    continuation = CurrentRateContinuation(SPACE, np.full(3, 0.5), np.ones(3))
+    trials = travel(continuation, stiff(100.0))
+    assert continuation.over
+    assert continuation.found is None
+    assert [trial.reduction for trial in trials] == [TaskReduction(0.5), TaskReduction(0.25)]
 
 
 def test_without_room_for_slopes_the_rules_of_thumb_lead() -> None:
-    detour = SlowedClimb(SPACE, np.full(3, 0.5), np.array([1.0, 0.0, 0.0]))
-    trials = travel(detour, stiff(1.8), limit=2)
-    assert detour.found is not None
-    assert sum(trial.easing == Easing(0.5) for trial in trials) == 1
+    continuation = CurrentRateContinuation(SPACE, np.full(3, 0.5), np.array([1.0, 0.0, 0.0]))
+    trials = travel(continuation, stiff(1.8), limit=2)
+    assert continuation.found is not None
+    assert sum(trial.reduction == TaskReduction(0.5) for trial in trials) == 1
 
 
 def test_the_first_cycle_leads_to_the_second() -> None:
     truth = np.array([0.7, 0.4, 0.6])
 
-    def simulate(candidate: dict[str, float], easing: Easing | None) -> Trial:
+    def simulate(candidate: dict[str, float], reduction: TaskReduction | None) -> Trial:
         off = SPACE.to_unit(candidate) - truth
-        if easing is None:
+        if reduction is None:
             return made(candidate, None, bool(np.linalg.norm(off) < 0.1))
-        assert easing == Easing(cycles=1)
+        assert reduction == TaskReduction(cycles=1)
         matrix = np.vander(np.linspace(0.0, 1.0, 8), 3)
-        return made(candidate, easing, True, partial=50.0 * matrix @ off)
+        return made(candidate, reduction, True, partial=50.0 * matrix @ off)
 
-    detour = ShortenedFit(SPACE, np.full(3, 0.5), 1)
-    trials = travel(detour, simulate)
-    assert detour.found is not None
+    continuation = FirstCycleContinuation(SPACE, np.full(3, 0.5), 1)
+    trials = travel(continuation, simulate)
+    assert continuation.found is not None
     assert len(trials) <= 11
-    assert travel(ShortenedFit(SPACE, np.full(3, 0.5), 1, allowance=3), simulate)  # no room for a Jacobian: it ends
+    assert travel(
+        FirstCycleContinuation(SPACE, np.full(3, 0.5), 1, allowance=3), simulate
+    )  # no room for a Jacobian: it ends
 
 
 def failing_task() -> Task:

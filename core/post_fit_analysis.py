@@ -83,7 +83,7 @@ class Suggestion:
 
 
 @dataclass(frozen=True)
-class Appraisal:
+class PostFitAnalysis:
     """What is known after a fit.
 
     Attributes
@@ -146,7 +146,7 @@ class Appraisal:
         }
 
     @classmethod
-    def from_json(cls, content: Mapping[str, Any]) -> Appraisal:
+    def from_json(cls, content: Mapping[str, Any]) -> PostFitAnalysis:
         """The inverse of `as_json`."""
         suggestions = tuple(
             Suggestion(
@@ -190,7 +190,7 @@ class _Spent:
         return [found[place] for place in range(len(found))]
 
 
-def appraise(task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulating) -> Appraisal | None:
+def analyse(task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulating) -> PostFitAnalysis | None:
     """Judge the fit that a run ended with.
 
     Parameters
@@ -206,7 +206,7 @@ def appraise(task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulati
 
     Returns
     -------
-    Appraisal or None
+    PostFitAnalysis or None
         None if the best candidate did not run to its end.
     """
     if best.residuals is None:
@@ -218,7 +218,9 @@ def appraise(task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulati
     suggestions = _suggestions(task, best, jacobian, noise, plugins, spent)
     worst = max(found.intervals, key=lambda name: found.intervals[name].share_of_range)
     moving = unsettled(jacobian, best.residuals, noise, task.space.names)
-    return Appraisal(best.index, found, unknown, moving, worst, suggestions, spent.simulations, reused, spent.seconds)
+    return PostFitAnalysis(
+        best.index, found, unknown, moving, worst, suggestions, spent.simulations, reused, spent.seconds
+    )
 
 
 def _jacobian(

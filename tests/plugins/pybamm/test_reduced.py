@@ -4,15 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bsa.core.easing import Easing
 from bsa.core.hooks import RunContext
 from bsa.core.parameters import ParameterSpace
 from bsa.core.task import CellModel, Experiment, Task
+from bsa.core.task_reduction import TaskReduction
 from bsa.core.trajectory import StepKind, Trajectory
 from bsa.experiments.suite.case import MODEL_OPTIONS, protocol
 from bsa.plugins.pybamm.compiled import CompiledExperiment
-from bsa.plugins.pybamm.eased import eased, slowed
 from bsa.plugins.pybamm.presets import preset_space
+from bsa.plugins.pybamm.reduced import reduced, slowed
 from bsa.plugins.pybamm.simulator import PyBaMMOptions, PyBaMMSimulator
 
 NOTHING = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
@@ -37,7 +37,7 @@ def test_currents_are_halved_and_nothing_else(step: str, half: str) -> None:
 
 def test_a_measured_current_keeps_its_charge() -> None:
     record = Trajectory(np.array([0.0, 10.0, 20.0]), np.array([2.0, 2.0, 2.0]), np.array([4.0, 3.9, 3.8]))
-    slow = eased(Experiment("r", record), Easing(0.5)).target
+    slow = reduced(Experiment("r", record), TaskReduction(0.5)).target
     assert slow.duration == 40.0
     assert slow.discharge_capacity[-1] == pytest.approx(record.discharge_capacity[-1])
 
@@ -72,8 +72,8 @@ def test_it_runs_at_lower_currents(tmp_path: Path) -> None:
     task = Task("starved", CellModel("Ecker2015", "DFN", MODEL_OPTIONS), space, (experiment,))
     simulator = PyBaMMSimulator(PyBaMMOptions(), RunContext(task, 1, tmp_path))
     try:
-        experiments = simulator.ease(Easing(0.25))
-        assert simulator.ease(Easing(0.25)) is experiments
+        experiments = simulator.reduce_task(TaskReduction(0.25))
+        assert simulator.reduce_task(TaskReduction(0.25)) is experiments
         ((place, outcome),) = simulator.simulate_variant([candidate], experiments)
     finally:
         simulator.close()

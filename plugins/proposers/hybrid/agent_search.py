@@ -1,4 +1,4 @@
-"""A side trip on the agent's account: a small fit of its own that leaves the main one alone."""
+"""A small fit at the agent's request, which leaves the main fit unchanged."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from ....core.parameters import Candidate, ParameterSpace
 from ....core.trajectory import FloatArray
 from ....core.trial import Trial
 
-_EASED_ABOVE = 30.0
-"""Residuals, in tolerances, beyond which an eased fit hears only the order of magnitude."""
+_ROBUST_ABOVE = 30.0
+"""Residuals, in tolerances, beyond which a robust fit takes in only the order of magnitude."""
 
 
-class Excursion:
+class AgentSearch:
     """Simulates at most ``allowance`` candidates.
 
     Parameters
@@ -33,7 +33,7 @@ class Excursion:
         Derivatives believed there.
     free : ndarray of bool, shape (p,), optional
         What may move.
-    eased : bool
+    robust : bool
         Whether to flatten large residuals: a step that has vanished then no longer drowns the rest.
     """
 
@@ -45,20 +45,20 @@ class Excursion:
         residual: FloatArray | None = None,
         jacobian: FloatArray | None = None,
         free: NDArray[np.bool_] | None = None,
-        eased: bool = False,
+        robust: bool = False,
     ) -> None:
         self._space = space
         self._left = allowance
-        self._eased = eased
-        if residual is not None and jacobian is not None and eased:
-            jacobian = jacobian / np.sqrt(1.0 + np.square(residual / _EASED_ABOVE))[:, None]
-        self._search = LeastSquares(start, self._heard(residual), Settings(radius=0.15), free, jacobian)
+        self._robust = robust
+        if residual is not None and jacobian is not None and robust:
+            jacobian = jacobian / np.sqrt(1.0 + np.square(residual / _ROBUST_ABOVE))[:, None]
+        self._search = LeastSquares(start, self._flattened(residual), Settings(radius=0.15), free, jacobian)
 
     def ask(self, limit: int) -> list[Candidate]:
-        """What to simulate next; empty when the trip is over or cannot go on within the limit."""
+        """What to simulate next; empty when the search is over or cannot go on within the limit."""
         limit = min(limit, self._left)
         points = self._search.ask(limit) if limit > 0 else []
-        # A first Jacobian that the allowance does not cover ends the trip.
+        # A first Jacobian that the allowance does not cover ends the search.
         if not points or len(points) > limit:
             self._left = 0
             return []
@@ -70,14 +70,14 @@ class Excursion:
             self._left = 0
             return
         self._left -= len(trials)
-        self._search.tell([self._heard(trial.residuals) for trial in trials])
+        self._search.tell([self._flattened(trial.residuals) for trial in trials])
 
     @property
     def over(self) -> bool:
         """Whether nothing more is to come."""
         return self._left <= 0 or self._search.done
 
-    def _heard(self, residual: FloatArray | None) -> FloatArray | None:
-        if residual is None or not self._eased:
+    def _flattened(self, residual: FloatArray | None) -> FloatArray | None:
+        if residual is None or not self._robust:
             return residual
-        return _EASED_ABOVE * np.arcsinh(residual / _EASED_ABOVE)
+        return _ROBUST_ABOVE * np.arcsinh(residual / _ROBUST_ABOVE)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..core.appraisal import Appraisal, Suggestion
 from ..core.domain import Domain
+from ..core.post_fit_analysis import PostFitAnalysis, Suggestion
 from ..core.residuals import DURATION_TOLERANCE
 from ..core.task import Task
 from .report.wording import number, short_name, unit
 
 
-def verdict_line(appraisal: Appraisal) -> str:
+def verdict_line(appraisal: PostFitAnalysis) -> str:
     """``"The record fixes 4 of 7 parameters; loose: ...; open: ..."``."""
     found = appraisal.identifiability
     parts = [f"The record fixes {len(found.fixed)} of {len(found.intervals)} parameters"]
@@ -22,7 +22,7 @@ def verdict_line(appraisal: Appraisal) -> str:
     return "; ".join(parts) + "."
 
 
-def caution_line(appraisal: Appraisal) -> str:
+def caution_line(appraisal: PostFitAnalysis) -> str:
     """Why the intervals are not to be trusted; empty if nothing speaks against them."""
     if not appraisal.unsettled:
         return ""
@@ -32,13 +32,13 @@ def caution_line(appraisal: Appraisal) -> str:
     )
 
 
-def groups_line(appraisal: Appraisal) -> str:
+def groups_line(appraisal: PostFitAnalysis) -> str:
     """Which parameters cannot be told apart; empty if all can."""
     groups = [named(group) for group in appraisal.identifiability.correlated]
     return f"Known only together: {'; '.join(groups)}." if groups else ""
 
 
-def next_line(appraisal: Appraisal, domain: Domain) -> str:
+def next_line(appraisal: PostFitAnalysis, domain: Domain) -> str:
     """What to measure next and what it would do; empty if nothing was found that helps."""
     if not appraisal.measure_next:
         return ""

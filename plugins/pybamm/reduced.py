@@ -5,15 +5,15 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-from ...core.easing import Easing, shortened
 from ...core.task import Experiment
+from ...core.task_reduction import TaskReduction, shortened
 
 _DRIVEN = re.compile(
     r"^(?P<verb>(?:Charge|Discharge) at )(?:C/(?P<hours>[\d.]+)|(?P<value>[\d.]+) ?(?P<unit>mA|A|mW|W|C)\b)"
 )
 
 
-def eased(experiment: Experiment, easing: Easing) -> Experiment:
+def reduced(experiment: Experiment, reduction: TaskReduction) -> Experiment:
     """An experiment made easier.
 
     Currents of constant-current steps are lowered; voltages, rests and the current at which a hold ends stay. A
@@ -24,17 +24,17 @@ def eased(experiment: Experiment, easing: Easing) -> Experiment:
     ----------
     experiment : Experiment
         Of the task.
-    easing : Easing
+    reduction : TaskReduction
         How much easier.
     """
-    short = shortened(experiment, easing.cycles)
-    if easing.rate == 1.0:
+    short = shortened(experiment, reduction.cycles)
+    if reduction.rate == 1.0:
         return short
     if short.protocol is not None:
-        protocol = tuple(tuple(slowed(step, easing.rate) for step in cycle) for cycle in short.protocol)
+        protocol = tuple(tuple(slowed(step, reduction.rate) for step in cycle) for cycle in short.protocol)
         return replace(short, protocol=protocol)
     record = short.target
-    slow = record.changed(time=record.time / easing.rate, current=record.current * easing.rate)
+    slow = record.changed(time=record.time / reduction.rate, current=record.current * reduction.rate)
     return replace(short, target=slow)
 
 

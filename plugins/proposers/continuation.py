@@ -1,7 +1,7 @@
 """Ways back to a cell that runs: lower the currents and raise them again, or fit the first cycles alone.
 
 Continuation, as in Allgower & Georg, Introduction to Numerical Continuation Methods (1990), Ch. 2: an easier problem
-that can be solved is led over into the hard one. Every eased simulation is one of the run's.
+that can be solved is led over into the hard one. Every reduced simulation is one of the run's.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...core.easing import Easing
 from ...core.least_squares import LeastSquares
 from ...core.parameters import Candidate, ParameterSpace
+from ...core.task_reduction import TaskReduction
 from ...core.trajectory import FloatArray, Step, StepKind, Trajectory
 from ...core.trial import Trial
 
-Easings = tuple[Easing | None, ...]
+Reductions = tuple[TaskReduction | None, ...]
 
 LOWERED = (0.5, 0.25)
 """Shares of the currents at which a cell is tried that does not run at its own."""
@@ -39,13 +39,13 @@ _ONSET = 0.2
 _ONSET_POINTS = 20
 
 
-class Detour(ABC):
-    """Asks for candidates, some of them eased, until one runs as the task is.
+class Continuation(ABC):
+    """Asks for candidates, some of them reduced, until one runs as the task is.
 
     Attributes
     ----------
-    easings : tuple of Easing or None
-        How the task is eased for each of the candidates just asked for.
+    reductions : tuple of TaskReduction or None
+        How the task is reduced for each of the candidates just asked for.
     found : Trial or None
         A trial of the task as it is that ran to its end.
     over : bool
@@ -53,7 +53,7 @@ class Detour(ABC):
     """
 
     def __init__(self) -> None:
-        self.easings: Easings = ()
+        self.reductions: Reductions = ()
         self.found: Trial | None = None
         self.over = False
 
@@ -71,7 +71,7 @@ class Detour(ABC):
         """Take in the trials of the candidates asked for, in order."""
 
 
-class SlowedClimb(Detour):
+class CurrentRateContinuation(Continuation):
     """Lowers the currents until the cell runs, finds out there what eases it, and climbs back to the full rate.
 
     What eases the cell is measured at the rate at which it runs: the direction in which the voltage moves least
@@ -105,7 +105,7 @@ class SlowedClimb(Detour):
 
     @property
     def words(self) -> str:
-        """See `Detour.words`."""
+        """See `Continuation.words`."""
         if self._rate == 0.0:
             return "Nothing runs at the task's own currents: lower ones first."
         if self._direction is None:
@@ -113,27 +113,27 @@ class SlowedClimb(Detour):
         return f"It runs at {100 * self._rate:.3g} % of the currents: back towards all of them, in a gentler cell."
 
     def ask(self, limit: int) -> list[Candidate]:
-        """See `Detour.ask`."""
+        """See `Continuation.ask`."""
         if self.over or limit <= 0:
             return []
         if self._rate == 0.0:
-            self._batch, self.easings = [self._point], (Easing(self._rates[0]),)
+            self._batch, self.reductions = [self._point], (TaskReduction(self._rates[0]),)
         elif self._direction is None and limit >= len(self._space):
             self._batch = [self._beside(place) for place in range(len(self._space))]
-            self.easings = (Easing(self._rate),) * len(self._batch)
+            self.reductions = (TaskReduction(self._rate),) * len(self._batch)
         else:
             if self._direction is None:
                 self._direction = self._gentle
             if not np.any(self._direction):
                 self.over = True
                 return []
-            easing = None if self._next_rate == 1.0 else Easing(self._next_rate)
+            reduction = None if self._next_rate == 1.0 else TaskReduction(self._next_rate)
             self._batch = [self._along(1), self._along(2)][: max(limit, 1)]
-            self.easings = (easing, None)[: len(self._batch)]
+            self.reductions = (reduction, None)[: len(self._batch)]
         return [self._space.from_unit(point) for point in self._batch]
 
     def tell(self, trials: Sequence[Trial]) -> None:
-        """See `Detour.tell`."""
+        """See `Continuation.tell`."""
         if len(trials) < len(self._batch) or not trials:
             self.over = True
         elif self._rate == 0.0:
@@ -168,7 +168,7 @@ class SlowedClimb(Detour):
 
     def _take_climb(self, trials: Sequence[Trial]) -> None:
         self._rounds += 1
-        whole = [trial for trial in trials if trial.easing is None and trial.residuals is not None]
+        whole = [trial for trial in trials if trial.reduction is None and trial.residuals is not None]
         if whole:
             # The first of two lies nearer the start, and so nearer the record as far as anybody knows.
             self.found, self.over = whole[0], True
@@ -223,7 +223,7 @@ def _voltage_moved(curve: Trajectory, step: Step, horizon_s: float) -> float:
     return float(np.mean(np.abs(np.interp(np.linspace(0.0, horizon_s, _ONSET_POINTS), time, voltage) - before)))
 
 
-class ShortenedFit(Detour):
+class FirstCycleContinuation(Continuation):
     """Fits the record's first cycles alone, which run, and tries the whole task from every better point.
 
     Parameters
@@ -241,44 +241,44 @@ class ShortenedFit(Detour):
     def __init__(self, space: ParameterSpace, start: FloatArray, cycles: int, allowance: int | None = None) -> None:
         super().__init__()
         self._space = space
-        self._easing = Easing(cycles=cycles)
+        self._reduction = TaskReduction(cycles=cycles)
         self._left = allowance or len(space) + _FIT_BEYOND_JACOBIAN
         self._search = LeastSquares(start)
         self._tried = np.asarray(start, dtype=np.float64)
 
     @property
     def words(self) -> str:
-        """See `Detour.words`."""
-        return f"The task ends early, but it has a beginning: fit {self._easing.words}, then all of it."
+        """See `Continuation.words`."""
+        return f"The task ends early, but it has a beginning: fit {self._reduction.words}, then all of it."
 
     def ask(self, limit: int) -> list[Candidate]:
-        """See `Detour.ask`."""
+        """See `Continuation.ask`."""
         limit = min(limit, self._left)
         points = self._search.ask(limit) if not self.over and limit > 0 else []
         if len(points) > limit:
             points = []
-        asked: list[Easing | None] = [self._easing] * len(points)
+        asked: list[TaskReduction | None] = [self._reduction] * len(points)
         better = not np.array_equal(self._search.point, self._tried)
         # A better point of the first cycles is tried on all of them beside the next step.
         if better and len(points) < limit and len(points) <= 1:
             points = [*points, self._search.point]
             asked.append(None)
-        self.easings = tuple(asked)
+        self.reductions = tuple(asked)
         self.over = self.over or not points
         return [self._space.from_unit(point) for point in points]
 
     def tell(self, trials: Sequence[Trial]) -> None:
-        """See `Detour.tell`."""
-        if not trials or len(trials) < len(self.easings):
+        """See `Continuation.tell`."""
+        if not trials or len(trials) < len(self.reductions):
             self.over = True
             return
         self._left -= len(trials)
-        whole = [trial for trial in trials if trial.easing is None]
+        whole = [trial for trial in trials if trial.reduction is None]
         if whole:
             self._tried = self._search.point
-        eased = [trial for trial in trials if trial.easing is not None]
-        if eased:
-            self._search.tell([None if trial.failed else trial.partial for trial in eased])
+        reduced = [trial for trial in trials if trial.reduction is not None]
+        if reduced:
+            self._search.tell([None if trial.failed else trial.partial for trial in reduced])
         good = [trial for trial in whole if trial.residuals is not None]
         if good:
             self.found, self.over = good[0], True

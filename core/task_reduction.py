@@ -9,8 +9,8 @@ from .task import Experiment
 
 
 @dataclass(frozen=True)
-class Easing:
-    """How a task is eased. An eased simulation never counts as a fit of the task.
+class TaskReduction:
+    """How a task is reduced. An reduced simulation never counts as a fit of the task.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class Easing:
     def __post_init__(self) -> None:
         if not 0.0 < self.rate <= 1.0:
             raise BsaError(
-                f"0 < rate <= 1 must hold, but got rate={self.rate:g}.", "a task is eased by lower currents."
+                f"0 < rate <= 1 must hold, but got rate={self.rate:g}.", "a task is reduced by lower currents."
             )
         if self.cycles is not None and self.cycles < 1:
             raise BsaError(f"cycles >= 1 must hold, but got cycles={self.cycles}.")

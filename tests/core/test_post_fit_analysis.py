@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bsa.core.appraisal import Appraisal
 from bsa.core.derivatives import known_derivatives
 from bsa.core.identifiability import effective_noise, unsettled
 from bsa.core.journal import FILE_NAME, read_events
 from bsa.core.loop import RunResult
+from bsa.core.post_fit_analysis import PostFitAnalysis
 from bsa.experiments.story import read_run
 from bsa_toy_cell import (
     CAPACITY,
@@ -106,7 +106,7 @@ def test_simulations_after_the_search_are_not_the_searchs(run_toy: RunToy, tmp_p
     content = json.loads((tmp_path / "looked" / "result.json").read_text())
     assert content["simulations"] == len(plain.trials)
     assert content["identifiability_simulations"] == looked.appraisal.simulations
-    assert Appraisal.from_json(content["identifiability"]) == looked.appraisal
+    assert PostFitAnalysis.from_json(content["identifiability"]) == looked.appraisal
     assert read_run(tmp_path / "looked").appraisal == looked.appraisal
 
 

@@ -10,7 +10,7 @@ _FAR_V = 0.1
 """Errors beyond this are drawn in."""
 
 
-def drawn_in(error: FloatArray) -> FloatArray:
+def robust(error: FloatArray) -> FloatArray:
     """Errors (V) with those beyond a tenth of a volt drawn in: ``s arcsinh(e / s)``.
 
     A candidate whose cell is empty before its record ends is volts off, and how many samples it is off by would
