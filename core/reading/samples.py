@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,9 @@ from ..record import Signal
 from ..trajectory import FloatArray
 
 Mask = NDArray[np.bool_]
+
+Extra = Literal["step", "cycle", "date", "net_ah", "charged_ah", "discharged_ah"]
+"""What a file may say beside the signals: numbers of steps and cycles, date in s since 1970, counters in A.h."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,8 @@ class Samples:
         Sheets (or workbooks and sheets) that the samples come from.
     sheet : ndarray of shape (n,)
         Sheet of each sample.
+    extra : mapping of str to ndarray of shape (n,)
+        What the file says beside the signals (see `Extra`), NaN where a cell is empty.
     """
 
     source: str
@@ -53,6 +59,7 @@ class Samples:
     ambient_k: float | None = None
     sheets: tuple[str, ...] = ()
     sheet: NDArray[np.int64] | None = None
+    extra: Mapping[Extra, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "source", shown(self.source))
@@ -104,6 +111,7 @@ class Samples:
             current=self.current[keep],
             temperature=None if self.temperature is None else self.temperature[keep],
             sheet=None if self.sheet is None else self.sheet[keep],
+            extra={name: values[keep] for name, values in self.extra.items()},
             notes=(*self.notes, note) if note else self.notes,
         )
 

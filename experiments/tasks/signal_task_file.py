@@ -21,7 +21,7 @@ from ...core.task import CellModel, Experiment, Task
 from ...core.trajectory import FloatArray, Step, Trajectory
 from ...core.validation import explain
 from ...plugins.readers.source import load_text
-from ...plugins.readers.table import find_table, numbers
+from ...plugins.readers.table import find_table
 
 TIME = "time"
 _KIND = "record"
@@ -193,7 +193,7 @@ def _table_columns(path: Path, wanted: Mapping[str, str], notes: list[str]) -> d
                 f"its columns are {listed(table.header)}; name another under columns.",
             )
         places[key] = table.header.index(column)
-    read = numbers(table, {place: wanted[key] for key, place in places.items()}, {})
+    read = table.numbers({place: wanted[key] for key, place in places.items()}, {})
     notes += [f"{table.source}: {note}" for note in (*said, *read.notes)]
     return {key: read.values[place] for key, place in places.items()}
 

@@ -13,10 +13,7 @@ from ...core.printable import shown
 from ...core.reading.samples import Samples
 from ...core.record import ReadOptions, Record
 from ...core.trajectory import Trajectory
-from .columns import split_name
-from .generic_csv import first_lines, is_text_table, read_table
-from .source import load_text
-from .table import find_table
+from .generic_csv import first_lines, is_text_table, read_text_table
 
 _LABELS = re.compile(r"^(test time|voltage|current) / \S+$")
 _MACHINE = re.compile(r"^(test_time_(second|hour|minute)|voltage_(milli)?volt|current_(milli)?ampere)$")
@@ -36,10 +33,7 @@ class BdfCsv:
 
     def read(self, path: Path, options: ReadOptions) -> Samples:
         """Read the file; see `Reader.read`."""
-        text, notes = load_text(path)
-        table = find_table(text, shown(path.name))
-        ambient = [k for k, name in enumerate(table.header) if split_name(name)[0] == "ambienttemperature"]
-        return read_table(table, options, notes, ambient[0] if len(ambient) == 1 else None)
+        return read_text_table(path, options)
 
 
 def write(data: Record | Trajectory, path: Path) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...core.errors import BsaError, did_you_mean
 from ...core.printable import listed, shown
+from ...core.reading.samples import Extra
 from ...core.record import ReadOptions, Signal
 from ...core.trajectory import FloatArray
 
@@ -52,9 +53,22 @@ _NAMES: Mapping[Signal, tuple[str, ...]] = {
     "temperature": (
         *("celltemperature", "surfacetemperature", "temperaturet1", "surfacetemperaturet1", "temperature"),
         *("temperaturemeasured", "auxtemperature1", "temperature1", "temp", "celltempmid", "celltemppos"),
-        *("logtempmid", "logtemppositive", "logtemp001"),
+        *("logtempmid", "logtemppositive", "logtemp001", "batterytemp", "casetemperature"),
     ),
 }
+
+AMBIENT = ("ambienttemperature", "chambertemp", "chambertemperature", "chambert")
+"""Names of a column with the temperature around the cell, in degC."""
+
+EXTRA: Mapping[Extra, tuple[str, ...]] = {
+    "step": ("stepcount", "stepindex", "step", "stepid", "stepnumber", "stepno", "ns"),
+    "cycle": ("cyclecount", "cycleindex", "cycle", "cyclenumber", "cycleno", "cycleid"),
+    "date": ("unixtime", "datetime", "timestamp", "date", "absolutetime"),
+    "net_ah": ("netcapacity", "ah", "ahaccu"),
+    "charged_ah": ("chargingcapacity", "chargecapacity", "qcharge"),
+    "discharged_ah": ("dischargingcapacity", "dischargecapacity", "qdischarge"),
+}
+"""Names of the columns that say more than the signals do; folded, in order of preference."""
 
 _BRACKETS = re.compile(r"^(?P<base>.*?)\s*[\[(]\s*(?P<unit>[^\[\]()]*?)\s*[\])]\s*(?P<tail>_?\d*)$")
 _SLASH = re.compile(r"^(?P<base>.*?)\s*/\s*(?P<unit>[^/]*)$")
@@ -120,6 +134,13 @@ def signal_of(name: str) -> Signal | None:
     """The signal that a column's name suggests."""
     base = split_name(name)[0]
     return next((signal for signal in SIGNALS if base in _NAMES[signal]), None)
+
+
+def named(header: Sequence[str], names: Sequence[str]) -> int | None:
+    """Place of the column with the first of these folded names; None where it is absent or there are two."""
+    bases = [split_name(name)[0] for name in header]
+    found = next((name for name in names if name in bases), None)
+    return bases.index(found) if found is not None and bases.count(found) == 1 else None
 
 
 def resolve(

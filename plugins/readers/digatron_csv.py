@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ...core.printable import shown
 from ...core.reading.samples import Samples
 from ...core.record import ReadOptions
-from .generic_csv import first_lines, is_text_table, read_table
-from .source import load_text
-from .table import find_table
+from .generic_csv import first_lines, is_text_table, read_text_table
 
 
 class DigatronCsv:
@@ -26,5 +23,4 @@ class DigatronCsv:
 
     def read(self, path: Path, options: ReadOptions) -> Samples:
         """Read the file; see `Reader.read`."""
-        text, notes = load_text(path)
-        return read_table(find_table(text, shown(path.name)), options, notes)
+        return read_text_table(path, options)

@@ -8,8 +8,8 @@ from ...core.errors import BsaError
 from ...core.printable import shown
 from ...core.reading.samples import Samples
 from ...core.record import ReadOptions
-from .generic_csv import read_table
-from .table import Table
+from .arrays import ArrayTable
+from .assembly import read_table
 
 if TYPE_CHECKING:
     import pandas
@@ -35,6 +35,6 @@ def read_frame(frame: pandas.DataFrame, options: ReadOptions, name: str) -> Samp
     """
     if len(frame) == 0:
         raise BsaError(f"the DataFrame {shown(name)} has no rows.", "give one row a sample.")
-    lines = frame.to_csv(index=False, header=False, lineterminator="\n").split("\n")
-    table = Table(shown(name), tuple(str(column) for column in frame.columns), None, lines, 0, ",")
-    return read_table(table, options, [])
+    header = tuple(str(column) for column in frame.columns)
+    columns = [frame.iloc[:, place].to_numpy() for place in range(len(header))]
+    return read_table(ArrayTable(shown(name), header, columns), options, [])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from array import array
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,6 +18,28 @@ from .source import MAX_SAMPLES
 _PREAMBLE_LINES = 200
 _SEPARATORS: tuple[str | None, ...] = (";", "\t", ",", None)
 _MISSING = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"})
+
+
+@dataclass
+class Numbers:
+    """The wanted columns.
+
+    Attributes
+    ----------
+    rows : ndarray of shape (n,)
+        Line numbers in the file.
+    values : dict of int to ndarray of shape (n,)
+        Numbers by the place of their column; NaN where a cell is empty.
+    texts : dict of int to list of str
+        Columns that hold no numbers, such as dates.
+    notes : list of str
+        What was left out.
+    """
+
+    rows: NDArray[np.int64]
+    values: dict[int, FloatArray]
+    texts: dict[int, list[str]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -54,24 +76,55 @@ class Table:
         """The line number, from 1, and the cells of each row that is not blank."""
         yield from _rows(self.lines, self.first, self.separator, self.source)
 
+    def numbers(self, wanted: Mapping[int, str], where: Mapping[str, str], texts: Sequence[int] = ()) -> Numbers:
+        """Read columns.
 
-@dataclass
-class Numbers:
-    """The wanted columns.
+        Parameters
+        ----------
+        wanted : mapping of int to str
+            Places and names of the columns.
+        where : mapping of str to str
+            Columns and the values that a row must have to be kept.
+        texts : sequence of int
+            Places of columns that are wanted as they are written; an absent cell is empty.
 
-    Attributes
-    ----------
-    rows : ndarray of shape (n,)
-        Line numbers in the file.
-    values : dict of int to ndarray of shape (n,)
-        Numbers by the place of their column; NaN where a cell is empty.
-    notes : list of str
-        What was left out.
-    """
-
-    rows: NDArray[np.int64]
-    values: dict[int, FloatArray]
-    notes: list[str] = field(default_factory=list)
+        Raises
+        ------
+        BsaError
+            Naming the row, the column and the value of a cell that is no number.
+        """
+        conditions = row_conditions(self.header, where, self.source)
+        width = len(self.header)
+        needed = max([*wanted, *(place for place, _ in conditions)]) + 1
+        rows, columns = array("q"), {place: array("d") for place in wanted}
+        written: dict[int, list[str]] = {place: [] for place in texts}
+        short: int | None = None
+        for number, cells in self.cells():
+            if short is not None:
+                _refuse_width(self, short, "fewer")
+            if len(cells) < needed:
+                # Only the last row may be torn: the cycler or the copy was stopped while it was written.
+                short = number
+                continue
+            if len(cells) > width and any(cell.strip() for cell in cells[width:]):
+                _refuse_width(self, number, "more")
+            if any(not same(cells[place], value) for place, value in conditions):
+                continue
+            rows.append(number)
+            for place, kept in written.items():
+                kept.append(cells[place] if place < len(cells) else "")
+            for place, column in columns.items():
+                column.append(_number(cells[place], self, number, wanted[place]))
+            if len(rows) > MAX_SAMPLES:
+                raise BsaError(f"{self.source} has more than {MAX_SAMPLES} rows.", "cut it, or thin it out first.")
+        if conditions and not rows:
+            place = conditions[0][0]
+            raise no_row(self.source, where, (cells[place] for _, cells in self.cells() if place < len(cells)))
+        notes = [] if short is None else [f"row {short}, the last one, is incomplete and was left out."]
+        if self.decimal_comma:
+            notes.append("decimal commas were read as decimal points.")
+        values = {place: np.frombuffer(column, dtype=np.float64).copy() for place, column in columns.items()}
+        return Numbers(np.frombuffer(rows, dtype=np.int64).copy(), values, written, notes)
 
 
 def find_table(text: str, source: str) -> Table:
@@ -184,70 +237,28 @@ def _rows(lines: list[str], first: int, separator: str | None, source: str) -> I
             yield first + reader.line_num, cells
 
 
-def numbers(table: Table, wanted: Mapping[int, str], where: Mapping[str, str]) -> Numbers:
-    """Read columns.
-
-    Parameters
-    ----------
-    table : Table
-        Where they are.
-    wanted : mapping of int to str
-        Places and names of the columns.
-    where : mapping of str to str
-        Columns and the values that a row must have to be kept.
+def row_conditions(header: Sequence[str], where: Mapping[str, str], source: str) -> list[tuple[int, str]]:
+    """Places of the columns that a row is chosen by, and the values that they must have.
 
     Raises
     ------
     BsaError
-        Naming the row, the column and the value of a cell that is no number.
+        If there is no such column.
     """
-    conditions = _conditions(table, where)
-    width = len(table.header)
-    needed = max([*wanted, *(place for place, _ in conditions)]) + 1
-    rows, columns = array("q"), {place: array("d") for place in wanted}
-    short: int | None = None
-    for number, cells in table.cells():
-        if short is not None:
-            _refuse_width(table, short, "fewer")
-        if len(cells) < needed:
-            # Only the last row may be torn: the cycler or the copy was stopped while it was written.
-            short = number
-            continue
-        if len(cells) > width and any(cell.strip() for cell in cells[width:]):
-            _refuse_width(table, number, "more")
-        if any(not _same(cells[place], value) for place, value in conditions):
-            continue
-        rows.append(number)
-        for place, column in columns.items():
-            column.append(_number(cells[place], table, number, wanted[place]))
-        if len(rows) > MAX_SAMPLES:
-            raise BsaError(f"{table.source} has more than {MAX_SAMPLES} rows.", "cut it, or thin it out first.")
-    if conditions and not rows:
-        raise BsaError(
-            f"{table.source} has no row where {' and '.join(f'{shown(k)} is {shown(v)}' for k, v in where.items())}.",
-            f"values there: {_values(table, conditions[0][0])}.",
-        )
-    notes = [] if short is None else [f"row {short}, the last one, is incomplete and was left out."]
-    if table.decimal_comma:
-        notes.append("decimal commas were read as decimal points.")
-    values = {place: np.frombuffer(column, dtype=np.float64).copy() for place, column in columns.items()}
-    return Numbers(np.frombuffer(rows, dtype=np.int64).copy(), values, notes)
-
-
-def _conditions(table: Table, where: Mapping[str, str]) -> list[tuple[int, str]]:
     found = []
     for name, value in where.items():
-        if name not in table.header:
-            nearest = did_you_mean(name, table.header)
+        if name not in header:
+            nearest = did_you_mean(name, header)
             raise BsaError(
-                f'"{shown(name)}" is not a column of {table.source}.',
-                shown(f"{nearest} ", 100) * bool(nearest) + f"Columns: {listed(table.header)}.",
+                f'"{shown(name)}" is not a column of {source}.',
+                shown(f"{nearest} ", 100) * bool(nearest) + f"Columns: {listed(header)}.",
             )
-        found.append((table.header.index(name), value))
+        found.append((header.index(name), value))
     return found
 
 
-def _same(cell: str, value: str) -> bool:
+def same(cell: str, value: str) -> bool:
+    """Whether a cell holds a value, as text or as a number."""
     cell = cell.strip()
     if cell == value:
         return True
@@ -257,14 +268,15 @@ def _same(cell: str, value: str) -> bool:
         return False
 
 
-def _values(table: Table, place: int) -> str:
+def no_row(source: str, where: Mapping[str, str], cells: Iterable[object]) -> BsaError:
+    """The error that says which values the first column of ``where`` has instead."""
     seen: dict[str, None] = {}
-    for _, cells in table.cells():
-        if place < len(cells):
-            seen.setdefault(cells[place].strip())
+    for cell in cells:
+        seen.setdefault(str(cell).strip())
         if len(seen) > 20:
             break
-    return listed(seen, 8)
+    wanted = " and ".join(f"{shown(name)} is {shown(value)}" for name, value in where.items())
+    return BsaError(f"{source} has no row where {wanted}.", f"values there: {listed(seen, 8)}.")
 
 
 def _refuse_width(table: Table, row: int, word: str) -> None:

@@ -1,0 +1,76 @@
+"""A table whose columns a file gives as arrays: binary files, workbooks and DataFrames."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.errors import BsaError
+from ...core.printable import shown
+from ...core.trajectory import FloatArray
+from .source import MAX_SAMPLES
+from .table import Numbers, no_row, row_conditions, same
+
+
+@dataclass(frozen=True)
+class ArrayTable:
+    """Columns of one length, read with the names, units and checks of a text table.
+
+    Attributes
+    ----------
+    source : str
+        Printable name of the file.
+    header : tuple of str
+        Names of the columns.
+    columns : sequence of ndarray of shape (n,)
+        Numbers, texts or any objects; a cell that is None or blank is missing.
+    rows : ndarray of shape (n,), optional
+        Rows in the file, from 1, for messages; left out, they are counted.
+    units : tuple of str, optional
+        Row of units beneath the header.
+    place : str
+        Where the table stands in its file, for messages: ``"sheet Channel_1-008, "``.
+    """
+
+    source: str
+    header: tuple[str, ...]
+    columns: Sequence[NDArray[Any]]
+    rows: NDArray[np.int64] | None = None
+    units: tuple[str, ...] | None = None
+    place: str = ""
+
+    def numbers(self, wanted: Mapping[int, str], where: Mapping[str, str], texts: Sequence[int] = ()) -> Numbers:
+        """Read columns; see `Table.numbers`."""
+        size = len(self.columns[0])
+        if size > MAX_SAMPLES:
+            raise BsaError(f"{self.source} has more than {MAX_SAMPLES} rows.", "cut it, or thin it out first.")
+        rows = np.arange(1, size + 1) if self.rows is None else self.rows
+        keep = np.ones(size, dtype=np.bool_)
+        for place, value in row_conditions(self.header, where, self.source):
+            keep &= np.array([same(str(cell), value) for cell in self.columns[place].tolist()], dtype=np.bool_)
+        if not keep.any() and where:
+            raise no_row(self.source, where, self.columns[self.header.index(next(iter(where)))].tolist())
+        return Numbers(
+            rows[keep],
+            {place: self._floats(self.columns[place][keep], rows[keep], name) for place, name in wanted.items()},
+            {place: ["" if c is None else str(c) for c in self.columns[place][keep].tolist()] for place in texts},
+        )
+
+    def _floats(self, column: NDArray[Any], rows: NDArray[np.int64], name: str) -> FloatArray:
+        if column.dtype.kind in "fiub":
+            return np.asarray(column, dtype=np.float64)
+        values = np.empty(len(column))
+        for k, cell in enumerate(column.tolist()):
+            try:
+                values[k] = np.nan if cell is None or cell == "" else float(cell)
+            except (TypeError, ValueError):
+                raise BsaError(
+                    f'{self.source}: {self.place}row {rows[k]}, column "{shown(name)}": '
+                    f'"{shown(cell)}" is not a number.',
+                    "repair or remove the row.",
+                ) from None
+        return values

@@ -1,0 +1,113 @@
+"""From the columns of a table, wherever it stands, to the signals of a cell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from ...core.printable import shown
+from ...core.reading.samples import Extra, Samples
+from ...core.record import ReadOptions
+from ...core.trajectory import FloatArray
+from .columns import AMBIENT, EXTRA, SIGNALS, named, resolve, split_name
+from .dates import seconds_of
+from .table import Numbers
+
+_TAKEN = {"time": "s", "voltage": "V", "current": "A", "temperature": "degC"}
+
+
+class AnyTable(Protocol):
+    """A table of any kind of file."""
+
+    @property
+    def source(self) -> str:
+        """Printable name of the file."""
+
+    @property
+    def header(self) -> tuple[str, ...]:
+        """Names of the columns."""
+
+    @property
+    def units(self) -> tuple[str, ...] | None:
+        """Row of units beneath the header."""
+
+    def numbers(self, wanted: Mapping[int, str], where: Mapping[str, str], texts: Sequence[int] = ()) -> Numbers:
+        """Read columns; see `Table.numbers`."""
+
+
+def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ()) -> Samples:
+    """Read the signals of a table.
+
+    Parameters
+    ----------
+    table : Table or ArrayTable
+        Where the numbers are.
+    options : ReadOptions
+        What the user said.
+    notes : sequence of str
+        What was assumed so far.
+
+    Raises
+    ------
+    BsaError
+        Naming the file, the row or column at fault and its value.
+    """
+    found = resolve(table.header, table.units, options, table.source)
+    taken = {column.index for column in found.values()}
+    extra: dict[Extra, int] = {}
+    for name, names in EXTRA.items():
+        place = named(table.header, names)
+        if place is not None and place not in taken:
+            extra[name] = place
+    ambient = named(table.header, AMBIENT)
+    texts = [*extra.values(), *([] if ambient is None else [ambient])]
+    read = table.numbers({column.index: column.name for column in found.values()}, options.where, texts)
+    signals = {signal: found[signal].in_si(read.values[found[signal].index]) for signal in SIGNALS if signal in found}
+    said = [*notes, *read.notes]
+    for signal, column in found.items():
+        if column.unit is None:
+            said.append(f'column "{shown(column.name)}" has no unit; it was taken to be in {_TAKEN[signal]}.')
+    if "current" not in signals:
+        assert options.constant_current_a is not None
+        signals["current"] = signals["time"] * 0.0 + options.constant_current_a
+        said.append(f"the file has no current; {options.constant_current_a:g} A was used throughout, as said.")
+    return Samples(
+        source=table.source,
+        rows=read.rows,
+        time=signals["time"],
+        voltage=signals["voltage"],
+        current=signals["current"],
+        temperature=signals.get("temperature"),
+        names={signal: shown(column.name) for signal, column in found.items()},
+        notes=tuple(said),
+        ambient_k=None if ambient is None else _first_kelvin(read.texts[ambient]),
+        extra=_extra({name: (table.header[place], read.texts[place]) for name, place in extra.items()}),
+    )
+
+
+def _extra(columns: Mapping[Extra, tuple[str, list[str]]]) -> dict[Extra, FloatArray]:
+    """What can be read of the columns; one that is no number is no step, but nothing is wrong with the file."""
+    found: dict[Extra, FloatArray] = {}
+    for name, (title, texts) in columns.items():
+        values = seconds_of(texts) if name == "date" else np.array([_number(text) for text in texts])
+        if values is None or not np.isfinite(values).any():
+            continue
+        if name.endswith("_ah") and (split_name(title)[1] or "").casefold().startswith("m"):
+            values = values / 1000.0
+        found[name] = values
+    return found
+
+
+def _number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        return float("nan")
+    return value if abs(value) < 1e15 else float("nan")
+
+
+def _first_kelvin(texts: Sequence[str]) -> float | None:
+    values = (_number(text) for text in texts)
+    return next((value + 273.15 for value in values if value == value and abs(value) < 1e3), None)
