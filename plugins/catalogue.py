@@ -101,12 +101,14 @@ def bsa_readers() -> Iterable[Entry]:
     from .readers.bdf_csv import BdfCsv
     from .readers.digatron_csv import DigatronCsv
     from .readers.generic_csv import GenericCsv
+    from .readers.matlab import MatlabMat
 
     yield Entry(
         "bdf-csv", lambda options: BdfCsv(), "Battery Data Format: Test Time / s, Voltage / V, Current / A.", api=1
     )
     yield Entry("arbin-xlsx", lambda options: ArbinXlsx(), "Arbin workbooks, or a folder of them.", api=1)
     yield Entry("digatron-csv", lambda options: DigatronCsv(), "Digatron exports: Prog Time, Voltage, Current.", api=1)
+    yield Entry("matlab", lambda options: MatlabMat(), "MATLAB .mat: structs of columns, at any depth.", api=1)
     yield Entry(
         "generic-csv", lambda options: GenericCsv(), "Any text table (.csv, .txt, .gz), with column mapping.", api=1
     )

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import BsaError
+from ..trajectory import FloatArray
 from .samples import Samples
 
 BACKWARD_SHARE = 0.02
@@ -85,10 +87,15 @@ def _without_repeats(samples: Samples) -> Samples:
     )
 
 
+def gaps_in(time: FloatArray) -> NDArray[np.intp]:
+    """The samples after which a record is silent for long."""
+    spacing = np.diff(time)
+    return np.flatnonzero(spacing > max(GAP_S, 20.0 * float(np.median(spacing)))) if len(spacing) else np.zeros(0, int)
+
+
 def with_gaps_noted(samples: Samples) -> Samples:
     """Note long silences; nothing is filled in."""
-    spacing = np.diff(samples.time)
-    gaps = np.flatnonzero(spacing > max(GAP_S, 20.0 * float(np.median(spacing))))
+    spacing, gaps = np.diff(samples.time), gaps_in(samples.time)
     if len(gaps) == 0:
         return samples
     scale = float(np.max(np.abs(samples.current)))

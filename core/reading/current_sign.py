@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import BsaError
 from ..record import ReadOptions
+from .clock import gaps_in
 from .samples import Samples
 
 
@@ -59,7 +60,9 @@ def _discharge_positive(samples: Samples) -> tuple[float, int, int]:
     if scale == 0.0:
         return 0.0, 0, len(samples) - 1
     signs = np.where(np.abs(current) > 0.02 * scale, np.sign(current), 0.0)
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(signs)) + 1, [len(signs)]])
+    # What happened in a gap is not known: a charge may stand between two discharges.
+    cuts = np.union1d(np.flatnonzero(np.diff(signs)), gaps_in(samples.time)) + 1
+    edges = np.concatenate([[0], cuts, [len(signs)]])
     first, last = edges[:-1], edges[1:] - 1
     flowing = signs[first] != 0
     first, last = first[flowing], last[flowing]

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ...core.printable import shown
+from ...core.printable import listed, shown
 from ...core.reading.samples import Extra, Samples
 from ...core.record import ReadOptions
 from ...core.trajectory import FloatArray
@@ -66,9 +66,11 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
     read = table.numbers({column.index: column.name for column in found.values()}, options.where, texts)
     signals = {signal: found[signal].in_si(read.values[found[signal].index]) for signal in SIGNALS if signal in found}
     said = [*notes, *read.notes]
-    for signal, column in found.items():
-        if column.unit is None:
-            said.append(f'column "{shown(column.name)}" has no unit; it was taken to be in {_TAKEN[signal]}.')
+    bare = [column for column in found.values() if column.unit is None]
+    if bare:
+        verb = "has no unit; it was" if len(bare) == 1 else "have no units; they were"
+        taken_in = ", ".join(_TAKEN[column.signal] for column in bare)
+        said.append(f"{listed(column.name for column in bare)} {verb} taken to be in {taken_in}.")
     if "current" not in signals:
         assert options.constant_current_a is not None
         signals["current"] = signals["time"] * 0.0 + options.constant_current_a

@@ -87,7 +87,7 @@ def test_gzip_mapping_and_rows_of_one_test(tmp_path):
         read_record(path, ReadOptions(columns=columns))
     record = read_record(path, ReadOptions(columns=columns, where={"test": "2"}))
     assert_same(record.trajectory, made)
-    assert [note for note in record.notes if '"b" has no unit; it was taken to be in V' in note]
+    assert [note for note in record.notes if '"a", "b", "c" have no units; they were taken to be in s, V, A' in note]
 
 
 def test_units_can_be_said(tmp_path):

@@ -18,9 +18,9 @@ pytestmark = [
     pytest.mark.skipif(not DATA.is_dir(), reason="the measured cells of ../shared/data are not here"),
 ]
 
-R, CC, CV, D, DR = (
+R, CC, CV, D, DR, P = (
     *(StepKind.REST, StepKind.CC_CHARGE, StepKind.CV_HOLD),
-    *(StepKind.CC_DISCHARGE, StepKind.DRIVE),
+    *(StepKind.CC_DISCHARGE, StepKind.DRIVE, StepKind.PULSE),
 )
 CALCE = [R, CC, R, CV, R, D, R]
 RATE = [R, CC, CV, R, D, R]
@@ -41,6 +41,12 @@ FILES = {
     "lgm50/Cell796_2C_25degC.csv": ({}, FULL, 4.826),
     "nasa_pcoe/B0005_discharges.csv.gz": ({"where": {"test_id": "1"}}, [R, D, R], 1.8565),
     "nasa_pcoe/B0005_charges_every20th.csv.gz": ({"where": {"test_id": "2"}}, [R, CC, CV, R], None),
+    "panasonic_18650pf/03-09-17_17.59 3349_Dis1C_1.mat": ({}, [D, R], 2.802),
+    "panasonic_18650pf/03-09-17_19.03 3349_Charge2.mat": ({}, [R, CC, CV, R], None),
+    "panasonic_18650pf/03-20-17_01.43 25degC_US06_Pan18650PF.mat": ({}, [R, DR, R], None),
+    "panasonic_18650pf/05-08-17_13.26 C20 OCV Test_C20_25dC.mat": ({}, [R, D, R, CC, R], 2.995),
+    "lgm50/LGM50_5Ah_RateTest.mat": ({"sheet": "T25/cRate_2C"}, [R, D, R, CC, CV, R], 4.82),
+    "lgm50/LGM50_5Ah_Pulse.mat": ({"sheet": "T25/SoC5/Cell3"}, [R, P, R], None),
     "enertech/1C_discharge_U.txt": (
         {"columns": {"time": "1", "voltage": "2"}, "constant_current_a": -2.28},
         [D],

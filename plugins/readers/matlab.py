@@ -1,0 +1,209 @@
+"""MATLAB ``.mat`` files: tests anywhere in nested structs, chosen by their place and by the fields around them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.errors import BsaError
+from ...core.printable import listed, shown
+from ...core.reading.samples import Samples
+from ...core.record import ReadOptions
+from .arrays import ArrayTable
+from .assembly import read_table
+from .columns import AMBIENT, named, signal_of
+from .matlab_files import load
+
+_MIN_ROWS = 2
+_KINDS = "fiubUO"
+_VALUES = 8
+"""A field with more values than this numbers the tests, and chooses none of them."""
+
+
+@dataclass(frozen=True)
+class _Test:
+    """A struct with columns of one length.
+
+    Attributes
+    ----------
+    path : tuple of str
+        Names of the structs around it and its own; elements of struct arrays count from 1.
+    columns : dict of str to ndarray of shape (n,)
+        Its columns.
+    fields : dict of str to str
+        Single values in it and in the structs around it.
+    """
+
+    path: tuple[str, ...]
+    columns: dict[str, NDArray[Any]]
+    fields: dict[str, str]
+
+    @property
+    def name(self) -> str:
+        return "/".join(self.path)
+
+
+class MatlabMat:
+    """Reads structs of columns (``meas.Voltage``), at any depth, and plain variables.
+
+    A file of several tests needs ``--sheet T25/cRate_1C`` (names on the way to the test, in order; patterns such as
+    ``T25/*`` are allowed) or ``--where type=discharge`` (a field in the structs around it).
+    """
+
+    def matches(self, path: Path) -> bool:
+        """Whether the name ends in ``.mat``."""
+        return path.suffix.lower() == ".mat" and path.is_file()
+
+    def read(self, path: Path, options: ReadOptions) -> Samples:
+        """Read the one test that is meant; see `Reader.read`."""
+        source = shown(path.name)
+        content = load(path, source)
+        everything = list(_tests(content, (), {}))
+        tests = [test for test in everything if _is_record(test, options)]
+        if not tests:
+            raise _no_test(source, everything)
+        return _read(_chosen(tests, options, source), source, options)
+
+
+def _tests(content: Any, path: tuple[str, ...], fields: Mapping[str, str]) -> Iterator[_Test]:
+    """Every struct that has columns, in the order of the file."""
+    if isinstance(content, Mapping):
+        inside = {**fields, **{name: str(value) for name, value in content.items() if _is_single(value)}}
+        columns = _columns(content)
+        if columns:
+            yield _Test(path, columns, inside)
+        children = list(content.items())
+    elif isinstance(content, Sequence | np.ndarray) and not isinstance(content, str):
+        inside = dict(fields)
+        children = [(str(k), child) for k, child in enumerate(content, 1)] if _holds_structs(content) else []
+    else:
+        return
+    for name, child in children:
+        yield from _tests(child, (*path, shown(name)), inside)
+
+
+def _is_single(value: Any) -> bool:
+    return isinstance(value, str | int | float | np.number) and len(str(value)) <= 60
+
+
+def _holds_structs(content: Any) -> bool:
+    return (not isinstance(content, np.ndarray) or content.dtype == object) and any(
+        isinstance(child, Mapping | Sequence) and not isinstance(child, str) for child in content
+    )
+
+
+def _columns(struct: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+    """The fields of the most frequent length."""
+    arrays = {
+        name: np.asarray(value)
+        for name, value in struct.items()
+        if isinstance(value, np.ndarray)
+        and value.ndim == 1
+        and len(value) >= _MIN_ROWS
+        and value.dtype.kind in "fiubUO"
+    }
+    lengths = [len(value) for value in arrays.values()]
+    usual = max(set(lengths), key=lengths.count, default=0)
+    return {name: value for name, value in arrays.items() if len(value) == usual}
+
+
+def _is_record(test: _Test, options: ReadOptions) -> bool:
+    said = set(options.columns.values())
+    signals = {signal_of(name) for name in test.columns} | set(options.columns)
+    return said <= set(test.columns) and {"time", "voltage"} <= signals
+
+
+def _chosen(tests: Sequence[_Test], options: ReadOptions, source: str) -> _Test:
+    fields = {name for test in tests for name in test.fields} & set(options.where)
+    found = [
+        test
+        for test in tests
+        if (options.sheet is None or _lies_at(test, options.sheet))
+        and all(test.fields.get(name) == options.where[name] for name in fields)
+    ]
+    if len(found) == 1:
+        return found[0]
+    if not found:
+        wanted = [f'--sheet "{shown(options.sheet)}"'] * (options.sheet is not None)
+        wanted += [f"--where {shown(name)}={shown(options.where[name])}" for name in sorted(fields)]
+        raise BsaError(
+            f"{source} has no test for {' and '.join(wanted)}.", f"it has {_overview(_nearest(tests, options.sheet))}."
+        )
+    raise BsaError(
+        f"{source} holds {len(found)} tests" + " that fit." * (len(found) < len(tests)) + "." * (found == tests),
+        f"choose one with --sheet {shown(_example(found))}; there are {_overview(found)}.",
+    )
+
+
+def _lies_at(test: _Test, pattern: str) -> bool:
+    """Whether the parts of the pattern are met on the way to the test, in order."""
+    steps = iter(test.path)
+    return all(any(fnmatchcase(step, part) for step in steps) for part in pattern.split("/"))
+
+
+def _nearest(tests: Sequence[_Test], pattern: str | None) -> Sequence[_Test]:
+    """The tests that lie where the pattern leads, as far as it leads anywhere."""
+    parts = (pattern or "").split("/")
+    heads = ("/".join(parts[:count]) for count in range(len(parts) - 1, 0, -1))
+    found = ([test for test in tests if _lies_at(test, head)] for head in heads)
+    return next((near for near in found if near), tests)
+
+
+def _levels(tests: Sequence[_Test]) -> list[list[str]]:
+    """The names at each depth, in the order of the file."""
+    depth = max(len(test.path) for test in tests)
+    return [list(dict.fromkeys(test.path[k] for test in tests if k < len(test.path))) for k in range(depth)]
+
+
+def _example(tests: Sequence[_Test]) -> str:
+    """The names that tell the first test from the others."""
+    return "/".join(name for name, level in zip(tests[0].path, _levels(tests), strict=False) if len(level) > 1)
+
+
+def _overview(tests: Sequence[_Test]) -> str:
+    """The names at each depth where they differ, and the fields that differ between the tests."""
+    levels = _levels(tests)
+    said = " / ".join(_names(level) for level in levels if len(level) > 1) or tests[0].name
+    for name in {name: None for test in tests for name in test.fields}:
+        values = list(dict.fromkeys(test.fields[name] for test in tests if name in test.fields))
+        if 1 < len(values) <= _VALUES:
+            said += f"; --where {shown(name)}= {', '.join(shown(value, 30) for value in values)}"
+    return said
+
+
+def _names(level: Sequence[str]) -> str:
+    if len(level) > 12:
+        return f"{level[0]} ... {level[-1]} ({len(level)})"
+    return ", ".join(level)
+
+
+def _no_test(source: str, everything: Sequence[_Test]) -> BsaError:
+    if not everything:
+        return BsaError(
+            f"{source} holds no columns of numbers.",
+            "tables and objects of MATLAB cannot be read: save a struct of arrays (s = table2struct(t, "
+            '"ToScalar", true)) with time, voltage and current.',
+        )
+    widest = max(everything, key=lambda test: len(test.columns))
+    return BsaError(
+        f"{source} holds no test with a time and a voltage; {widest.name or 'the file'} has {listed(widest.columns)}.",
+        "say which column is which with --column time=NAME and --column voltage=NAME.",
+    )
+
+
+def _read(test: _Test, source: str, options: ReadOptions) -> Samples:
+    columns = dict(test.columns)
+    around = named(tuple(test.fields), AMBIENT)
+    if around is not None and named(tuple(columns), AMBIENT) is None:
+        name = tuple(test.fields)[around]
+        columns[name] = np.full(len(next(iter(columns.values()))), test.fields[name], dtype=object)
+    where = {name: value for name, value in options.where.items() if name not in test.fields}
+    label = f"{source}: {test.name}" if len(test.path) > 1 else source
+    table = ArrayTable(label, tuple(columns), tuple(columns.values()))
+    return read_table(table, options.model_copy(update={"where": where, "sheet": None}))
