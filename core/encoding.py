@@ -20,7 +20,7 @@ from .proposal import Proposal
 from .shape import shaped
 from .signals import Signal
 from .simulation import ExperimentRun, Outcome, SimulationFailure
-from .target import CyclableLithium, EffectValue, Factor, InitialSoc, Target, Value, target_named
+from .target import CyclableLithium, EffectValue, Factor, InitialSoc, OcpShape, Target, Value, target_named
 from .task import CellModel, Experiment, Task
 from .task_reduction import TaskReduction
 from .trajectory import FloatArray, Step, Trajectory
@@ -118,6 +118,7 @@ _TARGETS: dict[str, type[Target]] = {
     "factor": Factor,
     "initial_soc": InitialSoc,
     "cyclable_lithium": CyclableLithium,
+    "ocp_shape": OcpShape,
     "effect": EffectValue,
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
@@ -12,6 +13,8 @@ CYCLABLE_LITHIUM = "Cyclable lithium factor"
 """Name of the multiplier on the lithium that both electrodes share."""
 
 _FACTOR = " factor"
+
+_OCP_SHAPE = re.compile(r"(Negative|Positive) electrode OCP correction at stoichiometry (\d*\.?\d+) \[V\]")
 
 
 @dataclass(frozen=True)
@@ -59,6 +62,27 @@ class CyclableLithium:
 
 
 @dataclass(frozen=True)
+class OcpShape:
+    """Adds a smooth bump to the open-circuit potential of an electrode.
+
+    Attributes
+    ----------
+    electrode : str
+        ``"Negative"`` or ``"Positive"``.
+    stoichiometry : float
+        Where the bump has its height, 0 to 1.
+    """
+
+    electrode: str
+    stoichiometry: float
+
+    @property
+    def ocp(self) -> str:
+        """PyBaMM's name of the potential."""
+        return ocp_name(self.electrode)
+
+
+@dataclass(frozen=True)
 class EffectValue:
     """A parameter that exists only when an effect does.
 
@@ -72,7 +96,7 @@ class EffectValue:
     parameter: str
 
 
-Target = Value | Factor | InitialSoc | CyclableLithium | EffectValue
+Target = Value | Factor | InitialSoc | CyclableLithium | OcpShape | EffectValue
 
 
 def soc_name(record: str) -> str:
@@ -85,6 +109,16 @@ def factor_name(name: str) -> str:
     return name + _FACTOR
 
 
+def ocp_name(electrode: str) -> str:
+    """PyBaMM's name of the open-circuit potential of an electrode."""
+    return f"{electrode} electrode OCP [V]"
+
+
+def ocp_shape_name(electrode: str, stoichiometry: float) -> str:
+    """Name of the height of a bump in the open-circuit potential of an electrode."""
+    return f"{electrode} electrode OCP correction at stoichiometry {stoichiometry:g} [V]"
+
+
 def target_named(name: str, known: Iterable[str] = ()) -> Target:
     """The target that a person's notation means.
 
@@ -92,7 +126,8 @@ def target_named(name: str, known: Iterable[str] = ()) -> Target:
     ----------
     name : str
         ``"NAME"`` for a value, ``"NAME factor"`` for a multiplier, ``"Initial state of charge"`` (of one record:
-        ``"Initial state of charge: RECORD"``) or ``"Cyclable lithium factor"``.
+        ``"Initial state of charge: RECORD"``), ``"Cyclable lithium factor"`` or
+        ``"Positive electrode OCP correction at stoichiometry 0.3 [V]"``.
     known : iterable of str, optional
         Names of the parameter set: one of these is a value, whatever it ends with.
     """
@@ -102,6 +137,9 @@ def target_named(name: str, known: Iterable[str] = ()) -> Target:
         return InitialSoc(name.removeprefix(soc_name("")))
     if name == CYCLABLE_LITHIUM:
         return CyclableLithium()
+    shape = _OCP_SHAPE.fullmatch(name)
+    if shape is not None and float(shape[2]) <= 1.0:
+        return OcpShape(shape[1], float(shape[2]))
     if name.endswith(_FACTOR) and name not in known:
         return Factor(name.removesuffix(_FACTOR))
     return Value(name)
@@ -126,12 +164,15 @@ class CellChange:
         Multiplies the lithium that both electrodes share.
     initial_soc : mapping of str to float
         State of charge at which a record starts, by the record's name; under the empty name that of all others.
+    ocp_shape : mapping of OcpShape to float
+        Heights of the bumps that are added to open-circuit potentials, V.
     """
 
     values: Mapping[str, float] = field(default_factory=dict)
     factors: Mapping[str, float] = field(default_factory=dict)
     cyclable_lithium: float = 1.0
     initial_soc: Mapping[str, float] = field(default_factory=dict)
+    ocp_shape: Mapping[OcpShape, float] = field(default_factory=dict)
 
     def soc_of(self, record: str) -> float | None:
         """The state of charge at which a record starts; None where nothing is said of it."""
@@ -151,6 +192,7 @@ def change_of(targets: Mapping[str, Target], candidate: Mapping[str, float]) -> 
     values: dict[str, float] = {}
     factors: dict[str, float] = {}
     initial_soc: dict[str, float] = {}
+    ocp_shape: dict[OcpShape, float] = {}
     lithium = 1.0
     for name, target in targets.items():
         if name not in candidate:
@@ -165,6 +207,8 @@ def change_of(targets: Mapping[str, Target], candidate: Mapping[str, float]) -> 
                 initial_soc[record] = value
             case CyclableLithium():
                 lithium = value
+            case OcpShape():
+                ocp_shape[target] = value
             case EffectValue():
                 pass
-    return CellChange(values, factors, lithium, initial_soc)
+    return CellChange(values, factors, lithium, initial_soc, ocp_shape)

@@ -17,7 +17,8 @@ from ...core.trajectory import StepKind
 from . import drive
 from .last_moments import last_moments, nearest_limit
 from .mesh import search_spatial_methods, search_submeshes
-from .parameter_sets import bake, inputs_of, load, open_to_search, pybamm
+from .ocp_shape import keeping_ocp_falling
+from .parameter_sets import bake, input_values, load, open_to_search, pybamm
 from .state_of_charge import InitialState, initial_concentration
 from .step_solutions import Unfinished, at_samples_of, keep_solver_steps_of_holds, step_kind, to_trajectory
 
@@ -120,12 +121,12 @@ class CompiledExperiment:
         bake(values, baked)
         starts = (InitialSoc(), InitialSoc(experiment.name), CyclableLithium())
         by_state = self._initial_soc is not None or any(target in starts for target in self._targets.values())
+        self._feasible = keeping_ocp_falling(values, self._targets)
         self._state = InitialState(values) if by_state else None
         open_to_search(values, self._targets)
         if by_state:
             concentrations = [initial_concentration(which) for which in ("Negative", "Positive")]
             open_to_search(values, {name: Value(name) for name in concentrations})
-        self._inputs = inputs_of(self._targets)
         self._steps = drive.steps_of(experiment)
         by_current = experiment.protocol is None
         self._window_v = (float(values["Lower voltage cut-off [V]"]), float(values["Upper voltage cut-off [V]"]))
@@ -170,9 +171,9 @@ class CompiledExperiment:
         ValueError
             If the electrodes cannot start at the wanted state of charge.
         """
-        inputs = {name: float(candidate[name]) for name in self._inputs}
+        change = self._feasible(change_of(self._targets, candidate))
+        inputs = input_values(self._targets, change)
         if self._state is not None:
-            change = change_of(self._targets, candidate)
             soc = change.soc_of(self._experiment.name)
             inputs |= self._state.concentrations(change, self._initial_soc if soc is None else soc)
         return inputs

@@ -20,7 +20,8 @@ from ...core.trajectory import FloatArray, Trajectory
 from .augmentation import PyBaMMPart, augmented_cell, part_of
 from .compiled import make_model
 from .drive import JUMP_S, current_function, widen_cut_offs
-from .parameter_sets import inputs_of, load, open_to_search, pybamm
+from .ocp_shape import keeping_ocp_falling
+from .parameter_sets import input_values, load, open_to_search, pybamm
 from .state_of_charge import InitialState, initial_concentration
 
 _LONGEST_SOLVE_STEPS = 30_000
@@ -121,6 +122,7 @@ class DrivenCell:
         if temperature_k is not None:
             values.update({"Ambient temperature [K]": temperature_k, "Initial temperature [K]": temperature_k})
         widen_cut_offs(values)
+        self._feasible = keeping_ocp_falling(values, self._targets)
         open_to_search(values, self._targets)
         self._initial = InitialState(load(cell.parameter_set, cell.overrides))
         symbols = [
@@ -198,11 +200,12 @@ class DrivenCell:
                 with border(f"effect {effect.key}", "clock"):
                     wanted = effect.measurement.clock(wanted, effect.values(candidate))
         inside = np.clip(wanted, self._stops[0], self._stops[-1])
-        inputs = {name: float(candidate[name]) for name in inputs_of(self._targets)}
+        change = self._feasible(change_of(self._targets, candidate))
+        inputs = input_values(self._targets, change)
         for effect in self._effects:
             inputs.update({effect.full_name(p): effect.values(candidate)[p.name] for p in effect.parameters})
         try:
-            inputs |= self._initial.concentrations(change_of(self._targets, candidate), soc)
+            inputs |= self._initial.concentrations(change, soc)
         except ValueError:
             return None
         solved = self._through_pauses(inputs, inside)

@@ -13,6 +13,7 @@ from ...core.task import CellModel, Experiment, Task
 from ...core.trajectory import StepKind
 from . import drive
 from .compiled import MODELS, REFERENCE
+from .ocp_shape import BUMP_WIDTH, OcpCurves
 from .parameter_sets import FILL_FROM, bake, load, pybamm
 from .state_of_charge import InitialState
 from .step_solutions import step_kind
@@ -66,6 +67,8 @@ def script(task: Task, candidate: Candidate) -> str:
         overrides={name: float(value) for name, value in task.cell.overrides.items()},
         calibrated=dict(change.values),
         factors=dict(change.factors),
+        bumps=_bumps(task.cell, change),
+        bump_width=BUMP_WIDTH,
         records=[_record(task.cell, experiment, change, tables) for experiment in task.experiments],
         tables=tables,
         rtol=REFERENCE.rtol,
@@ -73,6 +76,17 @@ def script(task: Task, candidate: Candidate) -> str:
         max_solver_steps=_MAX_SOLVER_STEPS,
         cut_offs=cut_offs,
     )
+
+
+def _bumps(cell: CellModel, change: CellChange) -> dict[str, dict[float, float]]:
+    """Height in V by stoichiometry of what is added to open-circuit potentials, by PyBaMM's names of these."""
+    if not change.ocp_shape:
+        return {}
+    found: dict[str, dict[float, float]] = {}
+    falling = OcpCurves(load(cell.parameter_set, cell.overrides)).falling(change)
+    for target, height in falling.ocp_shape.items():
+        found.setdefault(target.ocp, {})[target.stoichiometry] = height
+    return found
 
 
 def literal(value: Any, indent: int = 0) -> str:

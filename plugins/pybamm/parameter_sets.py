@@ -8,7 +8,8 @@ from functools import cache
 from typing import Any
 
 from ...core.errors import BsaError, did_you_mean
-from ...core.target import CellChange, Factor, InitialSoc, Target, Value, factor_name, target_named
+from ...core.target import CellChange, Factor, InitialSoc, OcpShape, Target, Value, factor_name, target_named
+from .ocp_shape import OcpCurves, correct
 
 os.environ.setdefault("PYBAMM_DISABLE_TELEMETRY", "true")  # or the first import may prompt
 
@@ -96,6 +97,8 @@ def target_in(set_name: str, name: str) -> Target:
     target = target_named(name, known)
     if isinstance(target, Factor) and not callable(known[require(set_name, target.name)]):
         raise BsaError(f'"{target.name}" of {set_name} is a number.', f'search "{target.name}" itself, not "{name}".')
+    if isinstance(target, OcpShape) and not is_function(set_name, target.ocp):
+        raise BsaError(f'"{target.ocp}" of {set_name} is a number.', "only a function of stoichiometry has a shape.")
     if isinstance(target, Value) and is_function(set_name, name):
         raise BsaError(f'"{name}" of {set_name} is a function.', f'search the multiplier "{factor_name(name)}".')
     return target
@@ -106,7 +109,7 @@ _START_SOC = 0.5
 
 
 def initial_value(set_name: str, name: str, overrides: Mapping[str, float] | None = None) -> float:
-    """The value at which a search over ``name`` starts: the set's own, or 1 for a factor.
+    """The value at which a search over ``name`` starts: the set's own, 1 for a factor, 0 for a correction.
 
     Raises
     ------
@@ -118,6 +121,8 @@ def initial_value(set_name: str, name: str, overrides: Mapping[str, float] | Non
     target = target_in(set_name, name)
     if isinstance(target, InitialSoc):
         return _START_SOC
+    if isinstance(target, OcpShape):
+        return 0.0
     return float(_load(set_name)[name]) if isinstance(target, Value) else 1.0
 
 
@@ -130,18 +135,30 @@ def open_to_search(values: pybamm.ParameterValues, targets: Mapping[str, Target]
         The set.
     targets : mapping of str to Target
         What is searched, by the names of the inputs. Numbers become ``"[input]"``, numbers and functions with a
-        factor are multiplied by an input. Initial states need no input: they set the initial conditions.
+        factor are multiplied by an input, open-circuit potentials get bumps whose heights are inputs. Initial states
+        need no input: they set the initial conditions.
     """
     for name, target in targets.items():
         if isinstance(target, Value):
             values.update({_known(values, target.name): "[input]"})
         elif isinstance(target, Factor):
             values.update({target.name: _scaled(values[target.name], pybamm.InputParameter(name))})
+    shapes = {target: name for name, target in targets.items() if isinstance(target, OcpShape)}
+    correct(values, {target: pybamm.InputParameter(name) for target, name in shapes.items()})
 
 
-def inputs_of(targets: Mapping[str, Target]) -> tuple[str, ...]:
-    """The names that are inputs of a model which `open_to_search` has opened."""
-    return tuple(name for name, target in targets.items() if isinstance(target, (Value, Factor)))
+def input_values(targets: Mapping[str, Target], change: CellChange) -> dict[str, float]:
+    """The inputs of a model which `open_to_search` has opened, for a candidate."""
+    inputs: dict[str, float] = {}
+    for name, target in targets.items():
+        match target:
+            case Value(base):
+                inputs[name] = change.values[base]
+            case Factor(base):
+                inputs[name] = change.factors[base]
+            case OcpShape():
+                inputs[name] = change.ocp_shape[target]
+    return inputs
 
 
 def bake(values: pybamm.ParameterValues, change: CellChange) -> None:
@@ -149,6 +166,8 @@ def bake(values: pybamm.ParameterValues, change: CellChange) -> None:
     values.update({_known(values, name): value for name, value in change.values.items()})
     for name, factor in change.factors.items():
         values.update({name: _scaled(values[name], factor)})
+    if change.ocp_shape:
+        correct(values, OcpCurves(values).falling(CellChange(ocp_shape=change.ocp_shape)).ocp_shape)
 
 
 def _known(values: pybamm.ParameterValues, name: str) -> str:

@@ -30,6 +30,7 @@ class Range(BaseModel, extra="forbid"):
     volts_at_1c: tuple[float, float] | None = Field(None, description="A resistance's bounds, as volts lost at 1C.")
     scale: Scale = Field("linear", description="linear or log.")
     at_most: float | None = Field(None, description="No bound above this.")
+    deviation: float | None = Field(None, gt=0, description="Standard deviation of a normal prior, of ln on log scale.")
     start: float | None = Field(None, description="Initial value, in the units of the bounds, where the set has 0.")
     needs: dict[str, list[str]] = Field(default_factory=dict, description="Model options it takes part with.")
 
@@ -59,6 +60,7 @@ class OwnRange(BaseModel, extra="forbid"):
     upper: float | None = Field(None, description="Upper bound.")
     factors: tuple[float, float] | None = Field(None, description="Bounds as multiples of the initial value.")
     scale: Scale | None = Field(None, description="linear or log; log if left out and factors are given.")
+    deviation: float | None = Field(None, gt=0, description="Standard deviation of a normal prior, of ln on log scale.")
 
     @model_validator(mode="after")
     def _whole_bounds(self) -> OwnRange:
@@ -175,16 +177,22 @@ def _from_person(parameter_set: str, name: str, entry: OwnRange, overrides: Mapp
             initial_value(parameter_set, name, overrides)
             raise BsaError(f'"{name}" has no bounds.', "give lower and upper, or factors: [0.5, 2].")
         parameter = _from_preset(parameter_set, _preset_name(name), known, overrides)
+        if entry.deviation is not None:
+            parameter = replace(parameter, deviation=entry.deviation, prior=True)
         return parameter if entry.initial is None else replace(parameter, initial=entry.initial)
     initial, target = initial_value(parameter_set, name, overrides), _target(parameter_set, name, overrides)
     if entry.factors is not None:
         initial = initial if entry.initial is None else entry.initial
         lower, upper = sorted(initial * factor for factor in entry.factors)
-        return Parameter(name, initial, lower, upper, entry.scale or ("log" if lower > 0 else "linear"), target)
+        scale = entry.scale or ("log" if lower > 0 else "linear")
+        return Parameter(name, initial, lower, upper, scale, target, entry.deviation, entry.deviation is not None)
     assert entry.lower is not None
     assert entry.upper is not None
     initial = min(max(initial, entry.lower), entry.upper) if entry.initial is None else entry.initial
-    return Parameter(name, initial, entry.lower, entry.upper, entry.scale or "linear", target)
+    scale = entry.scale or "linear"
+    return Parameter(
+        name, initial, entry.lower, entry.upper, scale, target, entry.deviation, entry.deviation is not None
+    )
 
 
 def _from_preset(parameter_set: str, name: str, entry: Range, overrides: Mapping[str, float]) -> Parameter:
@@ -202,7 +210,8 @@ def _from_preset(parameter_set: str, name: str, entry: Range, overrides: Mapping
     if entry.at_most is not None:
         upper = min(upper, entry.at_most)
     target = _target(parameter_set, name, overrides)
-    return Parameter(name, initial, min(lower, initial), max(upper, initial), entry.scale, target)
+    lower, upper = min(lower, initial), max(upper, initial)
+    return Parameter(name, initial, lower, upper, entry.scale, target, entry.deviation, entry.deviation is not None)
 
 
 def _target(parameter_set: str, name: str, overrides: Mapping[str, float]) -> Target:

@@ -10,6 +10,7 @@ import numpy as np
 from ...core.target import CellChange
 from ...core.task import CellModel
 from ...core.trajectory import FloatArray
+from .ocp_shape import ELECTRODES, GRID, OcpCurves
 from .parameter_sets import load, pybamm
 
 
@@ -52,11 +53,6 @@ def equilibrium_capacity_ah(parameter_set: str, overrides: Mapping[str, float]) 
     return float(negative_ah * (full - empty))
 
 
-_ELECTRODES = ("Negative", "Positive")
-_GRID: FloatArray = 1.0 / (1.0 + np.exp(-np.linspace(-9.0, 9.0, 4001)))
-"""Stoichiometries, dense towards 0 and 1, where open-circuit potentials bend."""
-
-
 _SOC_GRID: FloatArray = np.linspace(0.0, 1.0, 401)
 
 
@@ -88,7 +84,7 @@ class InitialState:
     def __init__(self, values: Any) -> None:
         self._base = {
             name: _number(values, name)
-            for which in _ELECTRODES
+            for which in ELECTRODES
             for name in (
                 f"{which} electrode active material volume fraction",
                 f"{which} electrode thickness [m]",
@@ -96,11 +92,7 @@ class InitialState:
                 initial_concentration(which),
             )
         }
-        self._potential: dict[str, FloatArray] = {}
-        for which in _ELECTRODES:
-            ocp = values[f"{which} electrode OCP [V]"]
-            curve = values.process_symbol(ocp(pybamm.Vector(_GRID))).evaluate()
-            self._potential[which] = np.asarray(curve, dtype=np.float64).ravel()
+        self._ocp = OcpCurves(values)
         self._limits = tuple(
             _number(values, f"Open-circuit voltage at {percent}% SOC [V]", f"{side} voltage cut-off [V]")
             for percent, side in ((0, "Lower"), (100, "Upper"))
@@ -124,7 +116,7 @@ class InitialState:
         held: dict[str, float] = {}
         highest: dict[str, float] = {}
         lithium = 0.0
-        for which in _ELECTRODES:
+        for which in ELECTRODES:
             fraction, thickness, c_max, initial = (
                 change.values.get(name, value) * change.factors.get(name, 1.0)
                 for name, value in self._base.items()
@@ -134,15 +126,14 @@ class InitialState:
             held[which] = fraction * thickness * c_max
             lithium += fraction * thickness * initial
         lithium *= change.cyclable_lithium
-        x = _GRID
+        x = GRID
         y = (lithium - held["Negative"] * x) / held["Positive"]
-        possible = (y > _GRID[0]) & (y < _GRID[-1])
+        possible = (y > GRID[0]) & (y < GRID[-1])
         if np.count_nonzero(possible) < 10:
             raise ValueError("no state of charge puts this lithium into both electrodes")
         x, y = x[possible], y[possible]
-        scale_n, scale_p = (change.factors.get(f"{which} electrode OCP [V]", 1.0) for which in _ELECTRODES)
-        positive_v = scale_p * np.interp(y, _GRID, self._potential["Positive"])
-        voltage = positive_v - scale_n * self._potential["Negative"][possible]
+        negative_v, positive_v = (self._ocp.curve(which, change) for which in ELECTRODES)
+        voltage = np.interp(y, GRID, positive_v) - negative_v[possible]
         empty, full = np.interp(self._limits, np.maximum.accumulate(voltage), x)
         own = self._base[initial_concentration("Negative")] / highest["Negative"]
         negative = own if soc is None else float(empty + soc * (full - empty))
@@ -161,10 +152,9 @@ class InitialState:
         return float(np.interp(voltage, np.maximum.accumulate(curve), _SOC_GRID))
 
     def _open_circuit_voltage(self, concentrations: Mapping[str, float]) -> float:
-        x, y = (concentrations[initial_concentration(which)] / self._base[_maximum(which)] for which in _ELECTRODES)
-        return float(
-            np.interp(y, _GRID, self._potential["Positive"]) - np.interp(x, _GRID, self._potential["Negative"])
-        )
+        x, y = (concentrations[initial_concentration(which)] / self._base[_maximum(which)] for which in ELECTRODES)
+        negative_v, positive_v = (self._ocp.curve(which, CellChange()) for which in ELECTRODES)
+        return float(np.interp(y, GRID, positive_v) - np.interp(x, GRID, negative_v))
 
     def _is_of(self, name: str, which: str) -> bool:
         return which.lower() in name.lower()

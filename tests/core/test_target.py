@@ -7,8 +7,10 @@ from bsa.core.target import (
     EffectValue,
     Factor,
     InitialSoc,
+    OcpShape,
     Value,
     change_of,
+    ocp_shape_name,
     soc_name,
     target_named,
     targets_named,
@@ -23,6 +25,11 @@ from bsa.core.target import (
         ("Initial state of charge", InitialSoc()),
         ("Initial state of charge: 1 cell factor", InitialSoc("1 cell factor")),
         ("Cyclable lithium factor", CyclableLithium()),
+        ("Positive electrode OCP correction at stoichiometry 0.3 [V]", OcpShape("Positive", 0.3)),
+        (
+            "Positive electrode OCP correction at stoichiometry 1.3 [V]",
+            Value("Positive electrode OCP correction at stoichiometry 1.3 [V]"),
+        ),
     ],
 )
 def test_a_name_in_a_persons_notation_means_one_target(name, target):
@@ -42,16 +49,26 @@ def test_a_parameter_acts_on_the_number_of_its_name_unless_it_says_otherwise():
 
 
 def test_a_candidate_is_sorted_by_what_it_acts_on():
-    candidate = {"R [m]": 2.0, "D factor": 3.0, soc_name("a"): 0.4, "Cyclable lithium factor": 0.9, "unknown": 7.0}
+    candidate = {"R [m]": 2.0, "D factor": 3.0, soc_name("a"): 0.4, "Cyclable lithium factor": 0.9}
+    candidate |= {ocp_shape_name("Negative", 0.25): 0.01, "unknown": 7.0}
     targets = targets_named(name for name in candidate if name != "unknown") | {"x: y": EffectValue("x", "y")}
     change = change_of(targets, {**candidate, "x: y": 1.0})
-    assert change == CellChange({"R [m]": 2.0}, {"D": 3.0}, 0.9, {"a": 0.4})
+    assert change == CellChange({"R [m]": 2.0}, {"D": 3.0}, 0.9, {"a": 0.4}, {OcpShape("Negative", 0.25): 0.01})
     assert (change.soc_of("a"), change.soc_of("b")) == (0.4, None)
     assert CellChange(initial_soc={"": 0.2}).soc_of("any") == 0.2
 
 
 @pytest.mark.parametrize(
-    "target", [None, Value("p"), Factor("p"), InitialSoc("r"), CyclableLithium(), EffectValue("e", "p")]
+    "target",
+    [
+        None,
+        Value("p"),
+        Factor("p"),
+        InitialSoc("r"),
+        CyclableLithium(),
+        OcpShape("Negative", 0.1),
+        EffectValue("e", "p"),
+    ],
 )
 def test_what_a_parameter_acts_on_survives_the_journal(target):
     parameter = Parameter("p", 1.0, 0.5, 2.0, "log", target, deviation=0.1, prior=True)

@@ -33,6 +33,15 @@ def test_functions_are_searched_as_factors() -> None:
     assert "Negative particle diffusivity [m2.s-1] factor" in preset_space("Marquis2019", "cell")
 
 
+def test_priors_come_from_the_preset_and_a_person_can_give_one() -> None:
+    name = "Positive electrode OCP correction at stoichiometry 0.3 [V]"
+    own = preset_space("Chen2020", "cell")[name]
+    assert (own.initial, own.deviation, own.prior, own.unit) == (0.0, 0.015, True, "V")
+    given = resolve_space("Chen2020", {name: {"deviation": 0.03}, "Separator porosity": {"factors": [0.8, 1.2]}})
+    assert (given[name].deviation, given[name].upper) == (0.03, own.upper)
+    assert not given["Separator porosity"].prior
+
+
 def test_contact_resistance_needs_its_option_and_scales_with_the_cell() -> None:
     assert "Contact resistance [Ohm]" not in preset_space("Chen2020", "cell")
     options = {"contact resistance": "true"}

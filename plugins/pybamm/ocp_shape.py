@@ -1,0 +1,133 @@
+"""Smooth corrections of the electrodes' open-circuit potentials, held to curves that fall with stoichiometry."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.optimize import nnls
+
+from ...core.target import CellChange, OcpShape, Target, ocp_name
+from ...core.trajectory import FloatArray
+
+ELECTRODES = ("Negative", "Positive")
+
+GRID: FloatArray = 1.0 / (1.0 + np.exp(-np.linspace(-9.0, 9.0, 4001)))
+"""Stoichiometries, dense towards 0 and 1, where open-circuit potentials bend."""
+
+BUMP_WIDTH = 0.12
+"""Standard deviation of a bump in stoichiometry. Bumps every 0.2 then add up to an even line (within 2 %), and each is
+narrow enough for the plateaus of graphite, which are 0.3 to 0.5 wide."""
+
+_CHECKED: FloatArray = np.linspace(0.01, 0.99, 393)
+"""Where the slope is looked at: every 0.0025, for steps of potentials are as narrow as 0.01."""
+
+_LEAST_SLOPE = 0.1
+"""Share of its own slope that a potential keeps: one that is flat would not tell the state of charge any more."""
+
+
+def bump(stoichiometry: Any, centre: Any) -> Any:
+    """A bump of height 1: Gaussian in stoichiometry, for arrays and PyBaMM symbols alike."""
+    return np.exp(-0.5 * ((stoichiometry - centre) / BUMP_WIDTH) ** 2)
+
+
+def corrected(potential: Callable[..., Any], heights: Mapping[float, Any]) -> Callable[..., Any]:
+    """An open-circuit potential with bumps added to it.
+
+    Parameters
+    ----------
+    potential : callable
+        Of the stoichiometry, V.
+    heights : mapping of float to float or pybamm.Symbol
+        By the stoichiometry of each bump, V.
+    """
+
+    def ocp(stoichiometry: Any) -> Any:
+        return sum(
+            (height * bump(stoichiometry, centre) for centre, height in heights.items()), potential(stoichiometry)
+        )
+
+    return ocp
+
+
+def correct(values: Any, heights: Mapping[OcpShape, Any]) -> None:
+    """Add bumps to the potentials of a parameter set, in place."""
+    for which in ELECTRODES:
+        own = _by_stoichiometry(heights, which)
+        if own:
+            name = ocp_name(which)
+            values.update({name: corrected(values[name], own)})
+
+
+class OcpCurves:
+    """Open-circuit potentials of a parameter set as numbers.
+
+    Parameters
+    ----------
+    values : pybamm.ParameterValues
+        The cell's values, before anything is opened to the search.
+    """
+
+    def __init__(self, values: Any) -> None:
+        from .parameter_sets import pybamm  # which builds on this module
+
+        self._own: dict[str, FloatArray] = {}
+        for which in ELECTRODES:
+            curve = values.process_symbol(values[ocp_name(which)](pybamm.Vector(GRID))).evaluate()
+            self._own[which] = np.asarray(curve, dtype=np.float64).ravel()
+
+    def curve(self, which: str, change: CellChange) -> FloatArray:
+        """The potential of an electrode on `GRID` as a candidate changes it, V."""
+        heights = _by_stoichiometry(change.ocp_shape, which)
+        scaled = change.factors.get(ocp_name(which), 1.0) * self._own[which]
+        return np.asarray(sum((height * bump(GRID, at) for at, height in heights.items()), scaled))
+
+    def falling(self, change: CellChange) -> CellChange:
+        """The change with the nearest heights that leave both potentials falling.
+
+        Nearest in the sum of squares of all heights; heights that already do are left as they are. Where the set's
+        own potential rises, the correction may not raise it further.
+
+        References
+        ----------
+        Lawson & Hanson, Solving Least Squares Problems (1974), Ch. 23: least distance programming.
+        """
+        heights = dict(change.ocp_shape)
+        for which in ELECTRODES:
+            targets = [target for target in heights if target.electrode == which]
+            if not targets:
+                continue
+            own = np.interp(_CHECKED, GRID, self._own[which]) * change.factors.get(ocp_name(which), 1.0)
+            room = (1.0 - _LEAST_SLOPE) * np.maximum(-np.gradient(own, _CHECKED), 0.0)
+            slopes = np.column_stack([np.gradient(bump(_CHECKED, t.stoichiometry), _CHECKED) for t in targets])
+            nearest = _nearest_within(np.array([heights[target] for target in targets]), slopes, room)
+            heights.update(zip(targets, nearest.tolist(), strict=True))
+        return replace(change, ocp_shape=heights)
+
+
+def keeping_ocp_falling(values: Any, targets: Mapping[str, Target]) -> Callable[[CellChange], CellChange]:
+    """`OcpCurves.falling` of a set where a potential's shape is searched; else what changes nothing."""
+    if any(isinstance(target, OcpShape) for target in targets.values()):
+        return OcpCurves(values).falling
+    return _as_it_is
+
+
+def _as_it_is(change: CellChange) -> CellChange:
+    return change
+
+
+def _by_stoichiometry(heights: Mapping[OcpShape, Any], which: str) -> dict[float, Any]:
+    return {target.stoichiometry: height for target, height in heights.items() if target.electrode == which}
+
+
+def _nearest_within(point: FloatArray, rows: FloatArray, room: FloatArray) -> FloatArray:
+    """The point nearest to ``point`` at which ``rows @ point <= room``, where ``room >= 0``."""
+    left = room - rows @ point
+    if np.all(left >= 0.0):
+        return point
+    dual = np.vstack([-rows.T, -left])
+    wanted = np.append(np.zeros(len(point)), 1.0)
+    rest = dual @ nnls(dual, wanted)[0] - wanted
+    return np.asarray(point - rest[:-1] / rest[-1])
