@@ -7,13 +7,14 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-ROOMS = ("core", "plugins", "backends", "scaffolds", "experiments")
+ROOMS = ("core", "plugins", "backends", "scaffolds", "experiments", "testing")
 MAY_IMPORT = {
     "core": {"core"},
     "plugins": {"core", "plugins"},
     "backends": {"core", "backends"},
     "scaffolds": set(),
     "experiments": {"core", "plugins", "backends", "experiments"},
+    "testing": {"core", "backends", "experiments", "testing"},
 }
 FORBIDDEN_IN_CORE = {"pybamm", "torch", "litellm", "ollama", "transformers", "matplotlib", "typer", "rich", "pandas"}
 

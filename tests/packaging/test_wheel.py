@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-ROOMS = ("core", "plugins", "backends", "scaffolds", "experiments")
+ROOMS = ("core", "plugins", "backends", "scaffolds", "experiments", "testing")
 
 
 def tracked(*suffixes: str) -> set[str]:

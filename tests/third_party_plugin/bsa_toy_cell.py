@@ -74,11 +74,11 @@ def space() -> ParameterSpace:
     )
 
 
-def toy_task(hidden: Candidate | None = None, name: str = "toy") -> Task:
+def toy_task(hidden: Candidate | None = None, name: str = "toy", simulator: str = "") -> Task:
     """A task whose target is the record of a cell with hidden values."""
     protocol = (("Rest for 60 seconds", "Discharge at 1 A until 3.2 V", "Rest for 600 seconds"),)
     experiment = Experiment("toy record", record(hidden or HIDDEN), protocol)
-    return Task(name, CellModel("toy"), space(), (experiment,))
+    return Task(name, CellModel("toy"), space(), (experiment,), simulator=simulator)
 
 
 def toy_scaffold(name: str = "full", **changes: Any) -> Scaffold:
@@ -93,6 +93,7 @@ class ToyCell:
     def __init__(self, options: ToyOptions, context: RunContext) -> None:
         self._breaks_above = options.breaks_above_ohm
         self._experiment = context.task.experiments[0]
+        self._reduced: dict[TaskReduction, tuple[Experiment, ...]] = {}
 
     @hookimpl
     def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
@@ -113,7 +114,7 @@ class ToyCell:
         """See `RunHooks.reduce_task`; the toy has a single cycle, so only its current can be lowered."""
         amperes = CURRENT_A * reduction.rate
         protocol = (("Rest for 60 seconds", f"Discharge at {amperes:g} A until 3.2 V", "Rest for 600 seconds"),)
-        return (replace(self._experiment, protocol=protocol),)
+        return self._reduced.setdefault(reduction, (replace(self._experiment, protocol=protocol),))
 
     @hookimpl
     def next_protocols(self) -> dict[str, tuple[tuple[str, ...], ...]]:
