@@ -12,6 +12,7 @@ from .trajectory import Trajectory
 
 if TYPE_CHECKING:
     from .reading.samples import Samples
+    from .spectrum import ImpedanceSpectrum
 
 Signal = Literal["time", "voltage", "current", "temperature"]
 CurrentSign = Literal["charge-positive", "discharge-positive", "auto"]
@@ -83,8 +84,8 @@ class Reader(Protocol):
         """
         ...
 
-    def read(self, path: Path, options: ReadOptions) -> Samples:
-        """Read the signals of the file.
+    def read(self, path: Path, options: ReadOptions) -> Samples | ImpedanceSpectrum:
+        """Read the signals of the file, or the impedance spectrum that it holds.
 
         The columns, units, rows and sheet of ``options`` are the reader's to honour, and ``constant_current_a`` where
         the file has no current. Sign, cycles, ambient temperature and all checks are not: they are the same for every
@@ -92,7 +93,7 @@ class Reader(Protocol):
 
         Returns
         -------
-        Samples
+        Samples or ImpedanceSpectrum
             In SI units, the current with the sign that it has in the file.
 
         Raises

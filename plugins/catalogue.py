@@ -101,6 +101,7 @@ def bsa_readers() -> Iterable[Entry]:
     from .readers.bdf_csv import BdfCsv
     from .readers.digatron_csv import DigatronCsv
     from .readers.generic_csv import GenericCsv
+    from .readers.impedance import ImpedanceCsv, ImpedanceOptions
     from .readers.matlab import MatlabMat
 
     yield Entry(
@@ -108,6 +109,13 @@ def bsa_readers() -> Iterable[Entry]:
     )
     yield Entry("arbin-xlsx", lambda options: ArbinXlsx(), "Arbin workbooks, or a folder of them.", api=1)
     yield Entry("digatron-csv", lambda options: DigatronCsv(), "Digatron exports: Prog Time, Voltage, Current.", api=1)
+    yield Entry(
+        "impedance-csv",
+        ImpedanceCsv,
+        "Impedance spectra as text: Digatron, BioLogic, any frequency, real and imaginary part.",
+        ImpedanceOptions,
+        api=1,
+    )
     yield Entry("matlab", lambda options: MatlabMat(), "MATLAB .mat: structs of columns, at any depth.", api=1)
     yield Entry(
         "generic-csv", lambda options: GenericCsv(), "Any text table (.csv, .txt, .gz), with column mapping.", api=1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from ..printable import shown
 from ..products import instance
 from ..record import Reader, ReadOptions, Record
 from ..registry import Registry, installed
+from ..spectrum import ImpedanceSpectrum
 from .checks import to_record
 from .samples import Samples
 
@@ -19,14 +21,14 @@ FALLBACK = "generic-csv"
 """Asked last, since it takes any text table."""
 
 
-def read_record(
+def read_file(
     path: Path | str,
     options: ReadOptions | None = None,
     registry: Registry | None = None,
     reader: str | None = None,
     reader_options: Mapping[str, Any] | None = None,
-) -> Record:
-    """Read a cycler's file.
+) -> Record | ImpedanceSpectrum:
+    """Read a file of a laboratory, whatever it holds.
 
     Parameters
     ----------
@@ -43,8 +45,8 @@ def read_record(
 
     Returns
     -------
-    Record
-        In SI units, current positive on discharge, cut into steps; checked, whichever reader read it.
+    Record or ImpedanceSpectrum
+        A record is in SI units, current positive on discharge, cut into steps; checked, whichever reader read it.
 
     Raises
     ------
@@ -60,10 +62,59 @@ def read_record(
     name = reader or _recognised(path, registry, notes)
     chosen = _made(registry, name, reader_options or {})
     with border(registry.find("reader", name).who, "read"):
-        samples = instance(chosen.read(path, options), Samples)
+        read = chosen.read(path, options)
+        if isinstance(read, ImpedanceSpectrum):
+            return replace(read, notes=(*read.notes, *notes))
+        samples = instance(read, Samples)
     for note in notes:
         samples = samples.noted(note)
     return to_record(samples, options)
+
+
+def read_record(
+    path: Path | str,
+    options: ReadOptions | None = None,
+    registry: Registry | None = None,
+    reader: str | None = None,
+    reader_options: Mapping[str, Any] | None = None,
+) -> Record:
+    """Read a cycler's file; see `read_file`.
+
+    Raises
+    ------
+    BsaError
+        Also if the file holds an impedance spectrum.
+    """
+    found = read_file(path, options, registry, reader, reader_options)
+    if isinstance(found, ImpedanceSpectrum):
+        raise BsaError(
+            f"{found.name} is an impedance spectrum, not a record over time.",
+            "give a record of time, voltage and current; bsa data shows what a spectrum holds.",
+        )
+    return found
+
+
+def read_spectrum(
+    path: Path | str,
+    options: ReadOptions | None = None,
+    registry: Registry | None = None,
+    reader: str | None = None,
+    reader_options: Mapping[str, Any] | None = None,
+) -> ImpedanceSpectrum:
+    """Read an impedance spectrum; see `read_file`.
+
+    Raises
+    ------
+    BsaError
+        Also if the file holds a record over time.
+    """
+    found = read_file(path, options, registry, reader, reader_options)
+    if isinstance(found, Record):
+        raise BsaError(
+            f"{found.name} is a record over time, not an impedance spectrum.",
+            "give a table of frequency, real and imaginary impedance.",
+        )
+    return found
 
 
 def _made(registry: Registry, name: str, options: Mapping[str, Any]) -> Reader:

@@ -84,7 +84,7 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
         temperature=signals.get("temperature"),
         names={signal: shown(column.name) for signal, column in found.items()},
         notes=tuple(said),
-        ambient_k=None if ambient is None else _first_kelvin(read.texts[ambient]),
+        ambient_k=None if ambient is None else first_kelvin(read.texts[ambient]),
         extra=_extra({name: (table.header[place], read.texts[place]) for name, place in extra.items()}),
     )
 
@@ -93,7 +93,7 @@ def _extra(columns: Mapping[Extra, tuple[str, list[str]]]) -> dict[Extra, FloatA
     """What can be read of the columns; one that is no number is no step, but nothing is wrong with the file."""
     found: dict[Extra, FloatArray] = {}
     for name, (title, texts) in columns.items():
-        values = seconds_of(texts) if name == "date" else np.array([_number(text) for text in texts])
+        values = seconds_of(texts) if name == "date" else np.array([number(text) for text in texts])
         if values is None or not np.isfinite(values).any():
             continue
         if name.endswith("_ah") and (split_name(title)[1] or "").casefold().startswith("m"):
@@ -102,7 +102,8 @@ def _extra(columns: Mapping[Extra, tuple[str, list[str]]]) -> dict[Extra, FloatA
     return found
 
 
-def _number(text: str) -> float:
+def number(text: str) -> float:
+    """A cell as a number; NaN where it is none."""
     try:
         value = float(text)
     except ValueError:
@@ -110,6 +111,7 @@ def _number(text: str) -> float:
     return value if abs(value) < 1e15 else float("nan")
 
 
-def _first_kelvin(texts: Sequence[str]) -> float | None:
-    values = (_number(text) for text in texts)
+def first_kelvin(texts: Sequence[str]) -> float | None:
+    """The first number of a column in degC, in kelvin."""
+    values = (number(text) for text in texts)
     return next((value + 273.15 for value in values if value == value and abs(value) < 1e3), None)

@@ -45,8 +45,7 @@ _OFFERED: Mapping[Signal, str] = {
     "temperature": "degC or K",
 }
 
-# Names in order of preference, folded to lower-case letters and digits.
-_NAMES: Mapping[Signal, tuple[str, ...]] = {
+NAMES: Mapping[Signal, tuple[str, ...]] = {
     "time": ("testtime", "progtime", "totaltime", "elapsedtime", "time", "timevec", "t"),
     "voltage": ("voltage", "cellvoltage", "voltagemeasured", "terminalvoltage", "ecell", "ewe", "volvec", "u", "v"),
     "current": ("current", "currentmeasured", "cellcurrent", "currvec", "i"),
@@ -56,6 +55,7 @@ _NAMES: Mapping[Signal, tuple[str, ...]] = {
         *("logtempmid", "logtemppositive", "logtemp001", "batterytemp", "casetemperature"),
     ),
 }
+"""Names of the signals' columns, folded to lower-case letters and digits, in order of preference."""
 
 AMBIENT = ("ambienttemperature", "chambertemp", "chambertemperature", "chambert")
 """Names of a column with the temperature around the cell, in degC."""
@@ -133,7 +133,7 @@ def _folded(name: str) -> str:
 def signal_of(name: str) -> Signal | None:
     """The signal that a column's name suggests."""
     base = split_name(name)[0]
-    return next((signal for signal in SIGNALS if base in _NAMES[signal]), None)
+    return next((signal for signal in SIGNALS if base in NAMES[signal]), None)
 
 
 def named(header: Sequence[str], names: Sequence[str]) -> int | None:
@@ -206,7 +206,7 @@ def _index(header: Sequence[str], signal: Signal, options: ReadOptions, source: 
             )
     else:
         bases = [split_name(name)[0] for name in header]
-        preferred = next((base for base in _NAMES[signal] if base in bases), None)
+        preferred = next((base for base in NAMES[signal] if base in bases), None)
         places = [k for k, base in enumerate(bases) if base == preferred]
     if len(places) > 1:
         raise BsaError(

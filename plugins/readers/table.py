@@ -95,7 +95,7 @@ class Table:
         """
         conditions = row_conditions(self.header, where, self.source)
         width = len(self.header)
-        needed = max([*wanted, *(place for place, _ in conditions)]) + 1
+        needed = max([*wanted, *(place for place, _ in conditions)], default=0) + 1
         rows, columns = array("q"), {place: array("d") for place in wanted}
         written: dict[int, list[str]] = {place: [] for place in texts}
         short: int | None = None

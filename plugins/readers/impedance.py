@@ -1,0 +1,177 @@
+"""Impedance spectra: Digatron, BioLogic and any table of frequency, real and imaginary part."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import BaseModel, Field
+
+from ...core.errors import BsaError
+from ...core.printable import listed, shown
+from ...core.record import ReadOptions
+from ...core.spectrum import ComplexArray, ImpedanceSpectrum
+from ...core.trajectory import FloatArray
+from .assembly import AnyTable, first_kelvin, number
+from .columns import AMBIENT, NAMES, named, split_name
+from .generic_csv import first_lines, is_text_table
+from .source import load_text
+from .table import find_table
+
+_HEAD_LINES = 120
+_MIN_POINTS = 5
+
+_PARTS: Mapping[str, tuple[str, ...]] = {
+    "frequency": ("actfreq", "freq", "frequency", "f"),
+    "real": ("zreal", "zreal1", "zre", "rez", "zreal", "re", "real"),
+    "imaginary": ("zimag", "zimg", "zimg1", "zimag1", "zim", "imz", "im", "imag", "imaginary"),
+}
+_MILLIOHM = ("mohm", "mohms", "mω", "milliohm")
+_OHM = ("ohm", "ohms", "ω")
+_DIGATRON = "zreal1"
+"""Digatron writes milliohm under this name, and no unit."""
+
+
+class ImpedanceOptions(BaseModel, extra="forbid", frozen=True):
+    """What the header does not say."""
+
+    unit: Literal["ohm", "mohm"] | None = Field(
+        default=None, description="Unit of the impedance, in place of the header's."
+    )
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """Places of the three columns, and whether the imaginary part is written with its sign turned."""
+
+    frequency: int
+    real: int
+    imaginary: int
+    turned: bool
+
+
+class ImpedanceCsv:
+    """Reads a frequency, a real and an imaginary part from a text table.
+
+    ``-Im(Z)`` and ``-Z''`` are turned, and so is an imaginary part that is positive at the lowest frequency, where
+    every cell is capacitive.
+    """
+
+    def __init__(self, options: ImpedanceOptions) -> None:
+        self._unit = options.unit
+
+    def matches(self, path: Path) -> bool:
+        """Whether a line near the top names a frequency, a real and an imaginary part."""
+        return is_text_table(path) and any(
+            holds_spectrum(re.split("[;,\t]", line)) for line in first_lines(path, _HEAD_LINES)
+        )
+
+    def read(self, path: Path, options: ReadOptions) -> ImpedanceSpectrum:
+        """Read the spectrum; see `Reader.read`."""
+        text, notes = load_text(path)
+        return spectrum_of(find_table(text, shown(path.name)), options, self._unit, notes)
+
+
+def holds_spectrum(header: Sequence[str]) -> bool:
+    """Whether the columns are those of an impedance spectrum."""
+    return _columns(header) is not None
+
+
+def spectrum_of(
+    table: AnyTable, options: ReadOptions, unit: str | None = None, notes: Sequence[str] = ()
+) -> ImpedanceSpectrum:
+    """Read the spectrum of a table.
+
+    Parameters
+    ----------
+    table : Table or ArrayTable
+        Where the numbers are; rows without three numbers are left out.
+    options : ReadOptions
+        Rows to keep, and the temperature where the file has none.
+    unit : {'ohm', 'mohm'}, optional
+        Unit of the impedance, in place of the header's.
+    notes : sequence of str
+        What was assumed so far.
+
+    Raises
+    ------
+    BsaError
+        If a column or its unit cannot be told, or fewer than five points are left.
+    """
+    columns = _columns(table.header)
+    if columns is None:
+        raise BsaError(
+            f"{table.source} has no columns for frequency, real and imaginary impedance: {listed(table.header)}.",
+            "name them Frequency [Hz], Zreal [ohm] and Zimag [ohm].",
+        )
+    voltage, ambient = named(table.header, NAMES["voltage"]), named(table.header, AMBIENT)
+    wanted = [columns.frequency, columns.real, columns.imaginary]
+    read = table.numbers({}, options.where, [*wanted, *(place for place in (voltage, ambient) if place is not None)])
+    frequency, real, imaginary = (_floats(read.texts[place]) for place in wanted)
+    kept = np.isfinite(frequency) & np.isfinite(real) & np.isfinite(imaginary) & (frequency > 0)
+    said = [*notes, *read.notes]
+    if not kept.all():
+        said.append(f"{np.count_nonzero(~kept)} rows without a frequency and an impedance were left out.")
+    if np.count_nonzero(kept) < _MIN_POINTS:
+        raise BsaError(
+            f"{table.source} has {np.count_nonzero(kept)} points of impedance; at least {_MIN_POINTS} are needed.",
+            "give the whole spectrum.",
+        )
+    scale, note = _ohms(table, columns.real, unit)
+    impedance: ComplexArray = (real[kept] + 1j * imaginary[kept] * (-1.0 if columns.turned else 1.0)) * scale
+    if impedance.imag[np.argmin(frequency[kept])] > 0:
+        impedance = impedance.conj()
+        said.append("the imaginary part is positive at the lowest frequency; it was taken to be -Im(Z) and turned.")
+    rest = np.nanmedian(_floats(read.texts[voltage])) if voltage is not None else np.nan
+    kelvin = first_kelvin(read.texts[ambient]) if ambient is not None else None
+    if options.ambient_c is not None:
+        kelvin = options.ambient_c + 273.15
+    return ImpedanceSpectrum(
+        table.source,
+        frequency[kept],
+        impedance,
+        voltage=float(rest) if np.isfinite(rest) else None,
+        temperature_k=kelvin,
+        notes=(*said, *note),
+    )
+
+
+def _columns(header: Sequence[str]) -> _Columns | None:
+    bases = [_base(name) for name in header]
+    places = {
+        part: next((bases.index(name) for name in names if name in bases), None) for part, names in _PARTS.items()
+    }
+    frequency, real, imaginary = places["frequency"], places["real"], places["imaginary"]
+    if frequency is None or real is None or imaginary is None:
+        return None
+    return _Columns(frequency, real, imaginary, header[imaginary].strip().startswith("-"))
+
+
+def _base(name: str) -> str:
+    """The name without its unit and sign; Z' is the real part, Z'' the imaginary one."""
+    spelt = name.replace("''", "imag").replace('"', "imag").replace("'", "real")
+    return split_name(spelt.strip())[0]
+
+
+def _ohms(table: AnyTable, place: int, unit: str | None) -> tuple[float, tuple[str, ...]]:
+    """The size of the unit in ohm, and a note if it was assumed."""
+    name = table.header[place]
+    beneath = table.units[place].strip(" []()") if table.units is not None and place < len(table.units) else ""
+    said = (unit or split_name(name)[1] or beneath).casefold()
+    if said in _MILLIOHM:
+        return 1e-3, ()
+    if said in _OHM:
+        return 1.0, ()
+    taken = "mohm" if _base(name) == _DIGATRON else "ohm"
+    note = (
+        f'"{shown(name)}" has no unit of impedance; it was taken to be in {taken} (--reader-option unit=ohm or mohm).'
+    )
+    return (1e-3 if taken == "mohm" else 1.0), (note,)
+
+
+def _floats(texts: Sequence[str]) -> FloatArray:
+    return np.array([number(text.replace(",", ".")) for text in texts])

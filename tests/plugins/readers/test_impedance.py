@@ -1,0 +1,106 @@
+"""Impedance spectra of three laboratories come out in ohm, negative where the cell is capacitive."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bsa.core.errors import BsaError
+from bsa.core.reading.reading import read_record, read_spectrum
+from bsa.core.record import ReadOptions
+from bsa.core.spectrum import ImpedanceSpectrum
+
+FREQUENCY = np.logspace(4, -2, 31)
+OMEGA = 2 * np.pi * FREQUENCY
+IMPEDANCE = 0.02 + 0.03 / (1 + 1j * OMEGA * 0.5) + 2e-7j * OMEGA
+"""A lead, a resistance and one arc."""
+
+DIGATRON = "\n".join(
+    [
+        "",
+        "Measurement ID;3541",
+        "Comment;25degC EIS",
+        "",
+        "Time Stamp;Step;Status;Voltage;Zreal1;Zimg1;ActFreq;ChamberT;",
+        ";;;[V];[EIS];[EIS];[EIS];[ChamberT];",
+        *(
+            f"4/27/2017 8:52:{k:02d} AM;37;EIS;4.17;{1e3 * z.real:.7f};{1e3 * z.imag:.7f};{f:.7f};25.0;"
+            for k, (f, z) in enumerate(zip(FREQUENCY, IMPEDANCE, strict=True))
+        ),
+        "4/27/2017 8:53:00 AM;38;STO;4.17;;;;25.0;",
+    ]
+)
+
+
+def table(header: str, sign: float = 1.0, unit: float = 1.0, separator: str = ",") -> str:
+    rows = zip(FREQUENCY, unit * IMPEDANCE.real, sign * unit * IMPEDANCE.imag, strict=True)
+    return "\n".join([header, *(separator.join(map(repr, map(float, row))) for row in rows)])
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("digatron.csv", DIGATRON),
+        ("biologic.txt", table("freq/Hz\tRe(Z)/Ohm\t-Im(Z)/Ohm", sign=-1.0, separator="\t")),
+        ("ours.csv", table("Frequency [Hz],Zreal [mohm],Zimag [mohm]", unit=1e3)),
+        ("primes.csv", table("Frequency (Hz),Z' (Ω),-Z'' (Ω)", sign=-1.0)),
+        ("upwards.csv", table("Frequency [Hz],Zreal [ohm],Zimag [ohm]", sign=-1.0)),
+    ],
+)
+def test_a_spectrum_is_in_ohm_and_capacitive_below(tmp_path, name, text):
+    path = tmp_path / name
+    path.write_text(text)
+    spectrum = read_spectrum(path)
+    np.testing.assert_allclose(spectrum.frequency, FREQUENCY, rtol=1e-4)
+    np.testing.assert_allclose(spectrum.impedance, IMPEDANCE, rtol=1e-4, atol=1e-9)
+    assert spectrum.ohmic_resistance == pytest.approx(0.02, rel=0.05)
+    assert any("turned" in note for note in spectrum.notes) == (name == "upwards.csv")
+
+
+def test_what_a_digatron_file_says_beside_the_impedance(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(DIGATRON)
+    spectrum = read_spectrum(path)
+    assert spectrum.voltage == 4.17
+    assert spectrum.temperature_k == 298.15
+    assert "1 rows without a frequency and an impedance were left out." in spectrum.notes
+    assert read_spectrum(path, ReadOptions(ambient_c=10.0)).temperature_k == 283.15
+    assert abs(read_spectrum(path, reader="impedance-csv", reader_options={"unit": "ohm"}).impedance[0]) > 10
+
+
+def test_a_spectrum_is_no_record_and_a_record_no_spectrum(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(DIGATRON)
+    with pytest.raises(BsaError, match=r"a\.csv is an impedance spectrum, not a record over time"):
+        read_record(path)
+    path.write_text("Time [s],U[V],I[A]\n" + "\n".join(f"{k},{4 - 0.01 * k},-1" for k in range(50)))
+    with pytest.raises(BsaError, match=r"a\.csv is a record over time, not an impedance spectrum"):
+        read_spectrum(path)
+    with pytest.raises(BsaError, match="has no columns for frequency"):
+        read_spectrum(path, reader="impedance-csv")
+    path.write_text(table("Frequency [Hz],Zreal [ohm],Zimag [ohm]")[:200])
+    with pytest.raises(BsaError, match="points of impedance; at least 5"):
+        read_spectrum(path)
+
+
+def test_points_come_in_order_of_frequency_and_are_finite_numbers():
+    spectrum = ImpedanceSpectrum("a", FREQUENCY[::-1], IMPEDANCE[::-1])
+    np.testing.assert_array_equal(spectrum.impedance, IMPEDANCE)
+    assert ImpedanceSpectrum("a", FREQUENCY, IMPEDANCE.real).ohmic_resistance is None
+    with pytest.raises(BsaError, match="no finite number"):
+        ImpedanceSpectrum("a", -FREQUENCY, IMPEDANCE)
+    with pytest.raises(BsaError, match="shape"):
+        ImpedanceSpectrum("a", FREQUENCY[1:], IMPEDANCE)
+
+
+@pytest.mark.real_data
+@pytest.mark.parametrize(("number", "milliohm"), [(1, 21.0), (7, 21.5), (14, 22.9)])
+def test_the_ohmic_resistance_of_a_measured_cell(number, milliohm):
+    folder = Path(__file__).parents[3] / ".." / "shared" / "data" / "panasonic_18650pf" / "eis_25degC"
+    if not folder.is_dir():
+        pytest.skip("the measured cells of ../shared/data are not here")
+    spectrum = read_spectrum(folder / f"3541_EIS{number:05d}.csv")
+    assert len(spectrum) == 54
+    assert 1e3 * spectrum.ohmic_resistance == pytest.approx(milliohm, abs=1.0)
+    assert spectrum.temperature_k == 298.15
