@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field
 from ...core.errors import BsaError
 from ...core.printable import listed, shown
 from ...core.record import ReadOptions
-from ...core.spectrum import ComplexArray, ImpedanceSpectrum
+from ...core.spectrum import ImpedanceSpectrum
 from ...core.trajectory import FloatArray
 from .assembly import AnyTable, first_kelvin, number
 from .columns import AMBIENT, NAMES, named, split_name
@@ -122,7 +122,8 @@ def spectrum_of(
             "give the whole spectrum.",
         )
     scale, note = _ohms(table, columns.real, unit)
-    impedance: ComplexArray = (real[kept] + 1j * imaginary[kept] * (-1.0 if columns.turned else 1.0)) * scale
+    sign = -1.0 if columns.turned else 1.0
+    impedance = scale * np.asarray(real[kept] + 1j * sign * imaginary[kept], dtype=np.complex128)
     if impedance.imag[np.argmin(frequency[kept])] > 0:
         impedance = impedance.conj()
         said.append("the imaginary part is positive at the lowest frequency; it was taken to be -Im(Z) and turned.")
