@@ -40,6 +40,7 @@ class _ExperimentRecord:
     scored_cycle: int | None
     temperature_k: float | None
     initial_soc: float | None
+    initial_voltage: float | None = None
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,7 @@ class _TaskRecord:
     domain: dict[str, Any] | None = None
     signals: tuple[Signal, ...] = ()
     simulator: str = ""
+    held_out: tuple[_ExperimentRecord, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -148,19 +150,35 @@ def encode_task(task: Task) -> Json:
         "name": task.name,
         "cell": {**asdict(task.cell), "options": dict(task.cell.options), "overrides": dict(task.cell.overrides)},
         "space": [encode_parameter(parameter) for parameter in task.space],
-        "experiments": [
-            {
-                "name": experiment.name,
-                "target": encode_trajectory(experiment.target),
-                "protocol": experiment.protocol,
-                "scored_cycle": experiment.scored_cycle,
-                "temperature_k": experiment.temperature_k,
-                "initial_soc": experiment.initial_soc,
-            }
-            for experiment in task.experiments
-        ],
+        "experiments": [_encode_experiment(experiment) for experiment in task.experiments],
+        **({"held_out": [_encode_experiment(experiment) for experiment in task.held_out]} if task.held_out else {}),
         "notes": list(task.notes),
     }
+
+
+def _encode_experiment(experiment: Experiment) -> Json:
+    started = {} if experiment.initial_voltage is None else {"initial_voltage": experiment.initial_voltage}
+    return {
+        "name": experiment.name,
+        "target": encode_trajectory(experiment.target),
+        "protocol": experiment.protocol,
+        "scored_cycle": experiment.scored_cycle,
+        "temperature_k": experiment.temperature_k,
+        "initial_soc": experiment.initial_soc,
+        **started,
+    }
+
+
+def _decode_experiment(known: _ExperimentRecord) -> Experiment:
+    return Experiment(
+        known.name,
+        decode_trajectory(known.target),
+        known.protocol,
+        known.scored_cycle,
+        known.temperature_k,
+        known.initial_soc,
+        known.initial_voltage,
+    )
 
 
 def _encode_domain(task: Task) -> Json:
@@ -192,21 +210,12 @@ def decode_task(record: Mapping[str, Any]) -> Task:
         known.name,
         known.cell,
         ParameterSpace(tuple(decode_parameter(parameter) for parameter in known.space)),
-        tuple(
-            Experiment(
-                experiment.name,
-                decode_trajectory(experiment.target),
-                experiment.protocol,
-                experiment.scored_cycle,
-                experiment.temperature_k,
-                experiment.initial_soc,
-            )
-            for experiment in known.experiments
-        ),
+        tuple(_decode_experiment(experiment) for experiment in known.experiments),
         known.notes,
         domain=_decode_domain(known.domain),
         signals=known.signals,
         simulator=known.simulator,
+        held_out=tuple(_decode_experiment(experiment) for experiment in known.held_out),
     )
 
 

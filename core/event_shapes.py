@@ -8,6 +8,8 @@ from typing import Any, Literal
 from .encoding import TrialRecord
 from .identifiability import Combination, Interval
 from .messages import Usage
+from .prediction import Band
+from .record_errors import RecordErrors, SignalError, StepErrors
 from .shape import check_json
 from .trial import Phase
 
@@ -80,6 +82,24 @@ class _Score:
     which: Literal["initial", "best"]
     index: int
     metrics: dict[str, float] | None
+    records: list[RecordErrors] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class _Predicted:
+    record: str
+    signals: dict[str, SignalError]
+    steps: list[StepErrors]
+    failure: str
+    bands: dict[str, Band]
+    simulations: int
+    curve: dict[str, Any] | None
+
+
+@dataclass(frozen=True)
+class _HeldOut:
+    base: int
+    predictions: list[_Predicted]
 
 
 @dataclass(frozen=True)
@@ -154,6 +174,7 @@ _SHAPES = {
     "proposal": _Proposal,
     "score": _Score,
     "appraisal": _Appraisal,
+    "held-out": _HeldOut,
     "appraisal-simulation": _AppraisalSimulation,
     "simulation": _Simulation,
     "refused": _Refused,

@@ -221,11 +221,11 @@ class RunHooks:
 
     @hookspec(firstresult=True)
     def simulate_variant(
-        self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...]
+        self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...], exact: bool
     ) -> Iterable[tuple[int, Outcome]] | None:
         """Simulate candidates of the task's cell under other experiments than the task's.
 
-        Optional: a simulator without it neither reduces a task nor says what to measure next.
+        Optional: a simulator without it cannot reduce a task, say what to measure next or predict other records.
 
         Parameters
         ----------
@@ -233,6 +233,8 @@ class RunHooks:
             As for `simulate`.
         experiments : tuple of Experiment
             What to simulate instead; their targets may be empty.
+        exact : bool
+            As for `simulate`; an implementation that does not take it has one accuracy for both.
 
         Yields
         ------

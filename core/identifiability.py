@@ -96,6 +96,8 @@ class Identifiability:
         Standard deviation of the residuals that was assumed, in tolerances.
     points : int
         How many residuals there were.
+    covariance : tuple of tuple of float
+        Of the estimates in the unit box, in the order of ``intervals``; empty in journals that do not have it.
     """
 
     intervals: Mapping[str, Interval]
@@ -103,6 +105,7 @@ class Identifiability:
     correlated: tuple[tuple[str, ...], ...]
     noise: float
     points: int
+    covariance: tuple[tuple[float, ...], ...] = ()
 
     @property
     def fixed(self) -> tuple[str, ...]:
@@ -124,6 +127,7 @@ class Identifiability:
         content = asdict(self)
         content["combinations"] = [dict(combination) for combination in content["combinations"]]
         content["correlated"] = [list(group) for group in self.correlated]
+        content["covariance"] = [list(row) for row in self.covariance]
         return content
 
     @classmethod
@@ -135,6 +139,7 @@ class Identifiability:
             tuple(tuple(group) for group in content["correlated"]),
             content["noise"],
             content["points"],
+            tuple(tuple(map(float, row)) for row in content.get("covariance", ())),
         )
 
 
@@ -235,6 +240,7 @@ def identify(
         correlated=_correlated(covariance, space.names),
         noise=noise,
         points=len(residual),
+        covariance=tuple(tuple(row) for row in covariance.tolist()),
     )
 
 

@@ -24,7 +24,9 @@ from .messages import Outage, RunStopped, Usage
 from .metrics import Metrics, decode_metrics, evaluate
 from .parameters import Candidate
 from .post_fit_analysis import PostFitAnalysis, analyse
+from .prediction import HELD_OUT, Prediction, decode_prediction, encode_prediction, predict
 from .proposal import Proposal
+from .record_errors import RecordErrors, errors_by_record
 from .recording import Recorder
 from .residuals import partial_residuals, residuals
 from .run_config import RunConfig
@@ -34,7 +36,7 @@ from .task import Task
 from .task_reduction import TaskReduction
 from .trajectory import FloatArray
 from .trial import Phase, Trial
-from .watched_simulations import WatchedSimulations
+from .watched_simulations import NOT_FITTED, WatchedSimulations
 
 Status = Literal["converged", "finished", "rounds-spent", "simulations-spent", "budget-spent", "outage", "interrupted"]
 
@@ -87,6 +89,10 @@ class RunResult:
         What the records fix, where that was asked for and something simulated.
     reason : str
         Why the language model was not asked any more, where that stopped the run before its end.
+    records : tuple of RecordErrors
+        Of the best candidate, record by record, with reference accuracy; empty where it was not scored so.
+    held_out : tuple of Prediction
+        Of the task's records that were not fitted.
     """
 
     status: Status
@@ -101,6 +107,8 @@ class RunResult:
     simulator_s: float
     appraisal: PostFitAnalysis | None = None
     reason: str = ""
+    records: tuple[RecordErrors, ...] = ()
+    held_out: tuple[Prediction, ...] = ()
 
 
 class Run:
@@ -155,6 +163,8 @@ class Run:
         self._analysing = appraising
         self._analysis_simulations = WatchedSimulations(JournalledSimulations(plugins, journal, earlier), self._watch)
         self._earlier_analyses = {event["appraisal"]["base"]: event for event in earlier if event["event"] == APPRAISAL}
+        self._earlier_predictions = {event["base"]: event for event in earlier if event["event"] == HELD_OUT}
+        self._record_errors: tuple[RecordErrors, ...] = ()
         self._trials: list[Trial] = []
 
     @property
@@ -361,6 +371,7 @@ class Run:
             scores = self._score(best)
         # A single simulation is no fit, and there is nothing to judge.
         appraisal = self._analyse(best) if last_word and self._analysing and len(self._trials) > 1 else None
+        held_out = self._predict(best, appraisal) if last_word and best.ok and self._task.held_out else ()
         result = RunResult(
             status=status,
             best=best,
@@ -374,6 +385,8 @@ class Run:
             simulator_s=sum(trial.seconds for trial in self._trials),
             appraisal=appraisal,
             reason=reason,
+            records=self._record_errors,
+            held_out=held_out,
         )
         self._journal.append("end", status=status, best=best.index)
         return result
@@ -394,6 +407,21 @@ class Run:
             self._journal.append(APPRAISAL, appraisal=found.as_json())
         return found
 
+    def _predict(self, best: Trial, analysis: PostFitAnalysis | None) -> tuple[Prediction, ...]:
+        """The held-out records at the best candidate; from the journal if they were predicted before."""
+        known = self._earlier_predictions.get(best.index)
+        if known is not None:
+            return tuple(decode_prediction(content) for content in known["predictions"])
+        covariance = () if analysis is None else analysis.identifiability.covariance
+        watched = WatchedSimulations(self._plugins, self._watch, variants=NOT_FITTED)
+        try:
+            found = predict(self._task, best.candidate, self._task.held_out, watched, covariance)
+        except KeyboardInterrupt:
+            self._note("Stopped before the held-out records were scored. Resume the run to score them.")
+            return ()
+        self._journal.append(HELD_OUT, base=best.index, predictions=[encode_prediction(one) for one in found])
+        return found
+
     def _score(self, best: Trial) -> dict[str, Metrics | None]:
         """Score the first and the best candidate with the simulator's reference accuracy."""
         scores: dict[str, Metrics | None] = {}
@@ -401,6 +429,8 @@ class Run:
             known = self._earlier_scores.get(which)
             if known is not None and known["index"] == trial.index:
                 scores[which] = decode_metrics(known["metrics"])
+                if which == "best":
+                    self._record_errors = tuple(RecordErrors.from_json(content) for content in known.get("records", ()))
         missing = [which for which in ("initial", "best") if which not in scores]
         chosen = {"initial": self._trials[0], "best": best}
         # Where nothing was better than the start, one simulation scores both.
@@ -421,8 +451,15 @@ class Run:
                 f"({outcome.failure.cause if outcome.failure else 'nothing to compare'}); its search score stands."
             )
             metrics = trial.metrics
-        record = None if metrics is None else metrics.as_json()
-        self._journal.append("score", which=which, index=trial.index, metrics=record)
+        errors = errors_by_record(self._task, outcome) if which == "best" and outcome.ok else ()
+        self._record_errors = errors or self._record_errors
+        self._journal.append(
+            "score",
+            which=which,
+            index=trial.index,
+            metrics=None if metrics is None else metrics.as_json(),
+            **({"records": [record.as_json() for record in errors]} if errors else {}),
+        )
         return metrics
 
     def _watch(self, purpose: str, done: int, total: int) -> None:

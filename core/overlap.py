@@ -19,7 +19,15 @@ def scored_part(simulated: Trajectory | None, experiment: Experiment) -> Traject
 
 
 def overlap_rms(simulated: Trajectory, target: Trajectory, signal: str, driven: bool) -> float:
-    """Root mean square of simulated minus measured, weighted by time, in the signal's unit.
+    """Root mean square of simulated minus measured, weighted by time, in the signal's unit; see `differences`."""
+    time, difference = differences(simulated, target, signal, driven)
+    return weighted_rms(time_weights(time), difference)
+
+
+def differences(
+    simulated: Trajectory, target: Trajectory, signal: str, driven: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Simulated minus measured over the time that both cover, each on its own clock from its first sample.
 
     Parameters
     ----------
@@ -29,6 +37,13 @@ def overlap_rms(simulated: Trajectory, target: Trajectory, signal: str, driven: 
         Name of the signal.
     driven : bool
         Whether measured signals drove the simulation.
+
+    Returns
+    -------
+    time : ndarray of shape (k,)
+        Seconds since the first sample.
+    difference : ndarray of shape (k,)
+        In the signal's unit.
     """
     ours, theirs = _without_ties(simulated.time), _without_ties(target.time)
     end = min(ours[-1], theirs[-1])
@@ -37,7 +52,23 @@ def overlap_rms(simulated: Trajectory, target: Trajectory, signal: str, driven: 
     time = theirs if driven else np.union1d(ours, theirs)
     time = time[time <= end + JUMP_S]
     difference = np.interp(time, ours, simulated.values(signal)) - np.interp(time, theirs, target.values(signal))
-    return _time_weighted_rms(time, difference)
+    return time, difference
+
+
+def time_weights(time: FloatArray) -> FloatArray:
+    """The time that each sample stands for (trapezoidal rule), so that denser sampling does not count more, s.
+
+    Ones where no time passes.
+    """
+    if len(time) < 2 or time[-1] <= time[0]:
+        return np.ones(len(time))
+    half = 0.5 * np.diff(time)
+    return np.asarray(np.append(half, 0.0) + np.append(0.0, half))
+
+
+def weighted_rms(weight: FloatArray, values: FloatArray) -> float:
+    """Root of the weighted mean square."""
+    return float(np.sqrt(np.sum(weight * values**2) / np.sum(weight)))
 
 
 def _without_ties(time: FloatArray) -> FloatArray:
@@ -47,10 +78,3 @@ def _without_ties(time: FloatArray) -> FloatArray:
     time[:-1][tied] -= 0.5 * JUMP_S
     time[1:][tied] += 0.5 * JUMP_S
     return time
-
-
-def _time_weighted_rms(time: FloatArray, values: FloatArray) -> float:
-    """Root mean square over time, so that denser sampling does not count more."""
-    if len(time) < 2 or time[-1] <= time[0]:
-        return float(np.sqrt(np.mean(values**2)))
-    return float(np.sqrt(np.trapezoid(values**2, time) / (time[-1] - time[0])))

@@ -50,7 +50,7 @@ class Simulating(Protocol):
         ...
 
     def simulate_variant(
-        self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...]
+        self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...], exact: bool = False
     ) -> Iterator[tuple[int, Outcome]] | None:
         """See `RunHooks.simulate_variant`."""
         ...

@@ -148,14 +148,14 @@ class RunPlugins:
             yield pair
 
     def simulate_variant(
-        self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...]
+        self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...], exact: bool = False
     ) -> Iterator[tuple[int, Outcome]] | None:
         """See `RunHooks.simulate_variant`; None where the simulator knows the task alone."""
         hook, simulator = "simulate_variant", self._only("simulate_variant")
         if simulator is None:
             return None
         copies = [dict(candidate) for candidate in candidates]
-        pairs = simulator.call(hook, candidates=copies, experiments=experiments)
+        pairs = simulator.call(hook, candidates=copies, experiments=experiments, exact=exact)
         return None if pairs is None else self._outcomes(simulator, hook, pairs, len(candidates), len(experiments))
 
     def _optional(self, hook: str, check: Callable[[Any], Any], **arguments: Any) -> Any:

@@ -59,6 +59,9 @@ class Experiment:
     initial_soc : float or None
         Initial state of charge, 0 to 1; None keeps the parameter set's initial concentrations
         (or the searched ``"Initial state of charge"``).
+    initial_voltage : float or None
+        Open-circuit voltage at the start, V: where ``initial_soc`` is None, each candidate starts at the state of
+        charge at which its own cell shows it.
     """
 
     name: str
@@ -67,6 +70,7 @@ class Experiment:
     scored_cycle: int | None = None
     temperature_k: float | None = None
     initial_soc: float | None = None
+    initial_voltage: float | None = None
 
     @property
     def scored_target(self) -> Trajectory:
@@ -96,6 +100,8 @@ class Task:
         What is driven and what is observed; by default the domain's.
     simulator : str
         The simulator that the task is made for; empty leaves it to the scaffold.
+    held_out : tuple of Experiment
+        Records that are not fitted; the best candidate is scored on them after the search.
     """
 
     name: str
@@ -106,6 +112,7 @@ class Task:
     domain: Domain = CELL
     signals: tuple[Signal, ...] = ()
     simulator: str = ""
+    held_out: tuple[Experiment, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "signals", self.signals or self.domain.signals)
@@ -115,7 +122,11 @@ class Task:
             raise BsaError(f'task "{self.name}" searches no parameter.', "name at least one parameter to search.")
         if not observed(self.signals):
             raise BsaError(f'task "{self.name}" observes no signal.', 'give a signal the role "observed".')
-        for experiment in self.experiments:
+        fitted = [experiment.name for experiment in self.experiments]
+        both = [experiment.name for experiment in self.held_out if experiment.name in fitted]
+        if both:
+            raise BsaError(f'record "{both[0]}" of task "{self.name}" is fitted and held out.', "it can be only one.")
+        for experiment in (*self.experiments, *self.held_out):
             lacking = [signal.name for signal in self.signals if signal.name not in experiment.target.signals]
             if lacking:
                 raise BsaError(

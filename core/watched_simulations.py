@@ -10,6 +10,7 @@ from .simulation import Outcome
 from .task import Experiment, Protocol
 
 FINAL_SCORES, FIXED, NEXT = "final scores", "what the record fixes", "what to measure next"
+NOT_FITTED = "records that were not fitted"
 """What the simulations after a search are for."""
 
 Watch = Callable[[str, int, int], None]
@@ -25,11 +26,14 @@ class WatchedSimulations:
         Simulates.
     watch : callable
         Told at the beginning and after each simulation.
+    variants : str
+        What simulations of other experiments than the task's are for.
     """
 
-    def __init__(self, inner: Simulating, watch: Watch) -> None:
+    def __init__(self, inner: Simulating, watch: Watch, variants: str = NEXT) -> None:
         self._inner = inner
         self._watch = watch
+        self._variants = variants
 
     def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
         """See `RunHooks.simulate`."""
@@ -37,11 +41,11 @@ class WatchedSimulations:
         return self._counted(purpose, self._inner.simulate(candidates, exact), len(candidates))
 
     def simulate_variant(
-        self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...]
+        self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...], exact: bool = False
     ) -> Iterator[tuple[int, Outcome]] | None:
         """See `RunHooks.simulate_variant`."""
-        outcomes = self._inner.simulate_variant(candidates, experiments)
-        return None if outcomes is None else self._counted(NEXT, outcomes, len(candidates))
+        outcomes = self._inner.simulate_variant(candidates, experiments, exact)
+        return None if outcomes is None else self._counted(self._variants, outcomes, len(candidates))
 
     def next_protocols(self) -> Mapping[str, Protocol]:
         """See `RunHooks.next_protocols`."""

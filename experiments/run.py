@@ -205,6 +205,10 @@ def summary(task: Task, config: RunConfig, backend_name: str, result: RunResult)
             "round": result.best.round,
             "parameters": dict(result.best.candidate),
         },
+        "records": [
+            *({"fitted": True, **record.as_json()} for record in result.records),
+            *({"fitted": False, **prediction.as_json()} for prediction in result.held_out),
+        ],
         "identifiability": None if result.appraisal is None else result.appraisal.as_json(),
         "versions": versions(),
     }

@@ -16,6 +16,8 @@ from ..core.messages import Usage
 from ..core.metrics import Metrics, decode_metrics
 from ..core.parameters import Parameter
 from ..core.post_fit_analysis import PostFitAnalysis
+from ..core.prediction import HELD_OUT, Prediction, decode_prediction
+from ..core.record_errors import RecordErrors
 from ..core.recording import LOST_CALL, REPLY, REVIEW, VOTE
 from ..core.shape import decoding, shaped
 from ..core.task import Task
@@ -160,6 +162,10 @@ class RunRecord:
         How often it was taken up again.
     appraisal : PostFitAnalysis or None
         What the records fix, if the run looked.
+    records : tuple of RecordErrors
+        Of the best trial, record by record, where it was scored with reference accuracy.
+    held_out : tuple of Prediction
+        Of the records that were not fitted, in the order of the task's.
     """
 
     name: str
@@ -175,6 +181,8 @@ class RunRecord:
     notes: tuple[str, ...] = ()
     resumed: int = 0
     appraisal: PostFitAnalysis | None = None
+    records: tuple[RecordErrors, ...] = ()
+    held_out: tuple[Prediction, ...] = ()
 
     @property
     def initial(self) -> Trial:
@@ -278,6 +286,8 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
         notes=(*task.notes, *(str(event["text"]) for event in events if event["event"] == "note")),
         resumed=sum(event["event"] == "resumed" for event in events),
         appraisal=_appraisal(events, best.index, task),
+        records=_record_errors(events, best.index),
+        held_out=_predictions(events, best.index),
     )
 
 
@@ -308,6 +318,18 @@ def _appraisal(events: Iterable[Mapping[str, Any]], best: int, task: Task) -> Po
         for end in (interval.value, interval.lower, interval.upper) if name in task.space else ():
             _check_bounds(task.space[name], end)
     return appraisal
+
+
+def _record_errors(events: Iterable[Mapping[str, Any]], best: int) -> tuple[RecordErrors, ...]:
+    found = (event for event in events if (event["event"], event.get("which")) == ("score", "best"))
+    contents = next((event.get("records", ()) for event in found if event["index"] == best), ())
+    return tuple(RecordErrors.from_json(content) for content in contents)
+
+
+def _predictions(events: Iterable[Mapping[str, Any]], best: int) -> tuple[Prediction, ...]:
+    """The predictions of the best trial: a resumed run may have found a better one since."""
+    found = (event["predictions"] for event in events if event["event"] == HELD_OUT and event["base"] == best)
+    return tuple(decode_prediction(content) for content in next(found, ()))
 
 
 def _status(events: Iterable[Mapping[str, Any]]) -> str:

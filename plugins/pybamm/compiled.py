@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -120,7 +120,13 @@ class CompiledExperiment:
         self._initial_soc = experiment.initial_soc if own_soc is None else own_soc
         bake(values, baked)
         starts = (InitialSoc(), InitialSoc(experiment.name), CyclableLithium())
-        by_state = self._initial_soc is not None or any(target in starts for target in self._targets.values())
+        by_state = (
+            self._initial_soc is not None
+            or experiment.initial_voltage is not None
+            or baked.cyclable_lithium != 1.0
+            or any(target in starts for target in self._targets.values())
+        )
+        self._lithium = baked.cyclable_lithium
         self._feasible = keeping_ocp_falling(values, self._targets)
         self._state = InitialState(values) if by_state else None
         open_to_search(values, self._targets)
@@ -174,8 +180,12 @@ class CompiledExperiment:
         change = self._feasible(change_of(self._targets, candidate))
         inputs = input_values(self._targets, change)
         if self._state is not None:
+            change = replace(change, cyclable_lithium=self._lithium * change.cyclable_lithium)
             soc = change.soc_of(self._experiment.name)
-            inputs |= self._state.concentrations(change, self._initial_soc if soc is None else soc)
+            soc = self._initial_soc if soc is None else soc
+            if soc is None and self._experiment.initial_voltage is not None:
+                soc = self._state.soc_at(self._experiment.initial_voltage, change)
+            inputs |= self._state.concentrations(change, soc)
         return inputs
 
     def solve(self, candidate: Candidate, on_step: Callable[[str, int], None] | None = None) -> ExperimentRun:

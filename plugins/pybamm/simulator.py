@@ -58,13 +58,13 @@ class PyBaMMSimulator:
 
     @hookimpl
     def simulate_variant(
-        self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...]
+        self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...], exact: bool
     ) -> Iterator[tuple[int, Outcome]]:
-        """Simulate other experiments on the task's cell, with the search's accuracy.
+        """Simulate other experiments on the task's cell.
 
         An experiment that the task does not have begins at its own state of charge, whatever is searched.
         """
-        return self._variant_pool(experiments).simulate(candidates, False)
+        return self._variant_pool(experiments).simulate(candidates, exact)
 
     def _variant_pool(self, experiments: tuple[Experiment, ...]) -> WorkerPool:
         """Processes that keep these experiments compiled; one set at a time, for each process takes 300 MB."""

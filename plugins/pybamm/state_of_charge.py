@@ -38,7 +38,7 @@ def soc_at_voltage(cell: CellModel, voltage: float) -> float:
         x, _ = pybamm.lithium_ion.get_initial_stoichiometries(f"{voltage} V", values)[:2]
     except pybamm.SolverError:
         # PyBaMM's root finder gives up where the curve is flat; on a grid the same answer is certain.
-        return InitialState(values).soc_at(voltage)
+        return min(max(InitialState(values).soc_at(voltage), 0.0), 1.0)
     return min(max(float((x - empty) / (full - empty)), 0.0), 1.0)
 
 
@@ -53,7 +53,6 @@ def equilibrium_capacity_ah(parameter_set: str, overrides: Mapping[str, float]) 
     return float(negative_ah * (full - empty))
 
 
-_SOC_GRID: FloatArray = np.linspace(0.0, 1.0, 401)
 
 
 def _maximum(which: str) -> str:
@@ -113,6 +112,35 @@ class InitialState:
         ValueError
             If the electrodes cannot hold the lithium at this state of charge.
         """
+        x, voltage, lithium, held, highest = self._balance(change)
+        empty, full = np.interp(self._limits, voltage, x)
+        own = self._base[initial_concentration("Negative")] / highest["Negative"]
+        negative = own if soc is None else float(empty + soc * (full - empty))
+        positive = (lithium - held["Negative"] * negative) / held["Positive"]
+        if not 0.0 < negative < 1.0 or not 0.0 < positive < 1.0:
+            raise ValueError(f"stoichiometries {negative:.3f} and {positive:.3f} must lie between 0 and 1")
+        return {
+            initial_concentration("Negative"): negative * highest["Negative"],
+            initial_concentration("Positive"): positive * highest["Positive"],
+        }
+
+    def soc_at(self, voltage: float, change: CellChange | None = None) -> float:
+        """The state of charge of a changed cell at an open-circuit voltage; beyond 0 and 1 outside its limits.
+
+        Raises
+        ------
+        ValueError
+            As `concentrations`.
+        """
+        x, curve, *_ = self._balance(change or CellChange())
+        empty, full = np.interp(self._limits, curve, x)
+        return float((np.interp(voltage, curve, x) - empty) / (full - empty))
+
+    def _balance(
+        self, change: CellChange
+    ) -> tuple[FloatArray, FloatArray, float, Mapping[str, float], Mapping[str, float]]:
+        """Negative stoichiometries with the cell's open-circuit voltage there, never falling; the lithium that both
+        electrodes share, what each can hold (mol/m2), and its maximum concentration."""
         held: dict[str, float] = {}
         highest: dict[str, float] = {}
         lithium = 0.0
@@ -133,28 +161,8 @@ class InitialState:
             raise ValueError("no state of charge puts this lithium into both electrodes")
         x, y = x[possible], y[possible]
         negative_v, positive_v = (self._ocp.curve(which, change) for which in ELECTRODES)
-        voltage = np.interp(y, GRID, positive_v) - negative_v[possible]
-        empty, full = np.interp(self._limits, np.maximum.accumulate(voltage), x)
-        own = self._base[initial_concentration("Negative")] / highest["Negative"]
-        negative = own if soc is None else float(empty + soc * (full - empty))
-        positive = (lithium - held["Negative"] * negative) / held["Positive"]
-        if not 0.0 < negative < 1.0 or not 0.0 < positive < 1.0:
-            raise ValueError(f"stoichiometries {negative:.3f} and {positive:.3f} must lie between 0 and 1")
-        return {
-            initial_concentration("Negative"): negative * highest["Negative"],
-            initial_concentration("Positive"): positive * highest["Positive"],
-        }
-
-    def soc_at(self, voltage: float) -> float:
-        """The state of charge at an open-circuit voltage, kept within 0 to 1."""
-        at = [self.concentrations(CellChange(), soc) for soc in _SOC_GRID]
-        curve = [self._open_circuit_voltage(concentrations) for concentrations in at]
-        return float(np.interp(voltage, np.maximum.accumulate(curve), _SOC_GRID))
-
-    def _open_circuit_voltage(self, concentrations: Mapping[str, float]) -> float:
-        x, y = (concentrations[initial_concentration(which)] / self._base[_maximum(which)] for which in ELECTRODES)
-        negative_v, positive_v = (self._ocp.curve(which, CellChange()) for which in ELECTRODES)
-        return float(np.interp(y, GRID, positive_v) - np.interp(x, GRID, negative_v))
+        voltage = np.maximum.accumulate(np.interp(y, GRID, positive_v) - negative_v[possible])
+        return x, voltage, lithium, held, highest
 
     def _is_of(self, name: str, which: str) -> bool:
         return which.lower() in name.lower()

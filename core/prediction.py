@@ -1,0 +1,265 @@
+"""Records that were not fitted: how well a fit predicts them, and how well its own intervals say that it should."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from .post_fit_analysis import Simulating
+from .derivatives import DIFFERENCE, beside
+from .encoding import decode_trajectory, encode_trajectory
+from .errors import BsaError
+from .overlap import differences, scored_part, time_weights, weighted_rms
+from .parameters import Candidate
+from .record_errors import RecordErrors, errors_of_record
+from .shape import shaped
+from .signals import Signal
+from .simulation import ExperimentRun, Outcome
+from .task import Experiment, Task
+from .trajectory import FloatArray, Trajectory
+
+HELD_OUT = "held-out"
+"""Journal event that holds the predictions of the best trial."""
+
+_LONGEST = 0.05
+"""Longest step along a direction of the covariance, as a share of the range: beyond it responses bend."""
+
+_NORMAL_95 = 1.96
+_SAMPLES_PER_STEP = 300
+"""Samples of a step that a prediction's curve keeps, for drawing."""
+
+_UNDER_LOAD = 0.05
+"""Share of a record's largest current above which its first sample is no open-circuit voltage."""
+
+_STARTS_TRIED = 2
+"""Simulations that move the start of a record until its first sample is met; each leaves about a tenth."""
+
+
+@dataclass(frozen=True)
+class Band:
+    """What the covariance of the fitted parameters says of one predicted signal, in its shown unit.
+
+    Attributes
+    ----------
+    rms, max : float
+        Half the width of the 95 % band, root mean square over time and largest.
+    inside : float
+        Share of the time in which the measured signal lies in the band. The band knows the parameters' errors only,
+        not the model's: well below 0.95 says that the model, not its parameters, is what is wrong.
+    """
+
+    rms: float
+    max: float
+    inside: float
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """A record that was not fitted, as the fitted model predicts it.
+
+    Attributes
+    ----------
+    errors : RecordErrors
+        Of the record.
+    bands : mapping of str to Band
+        By signal; empty where the covariance is not known.
+    curve : Trajectory or None
+        What was predicted, thinned, with half the width of each band as a signal (`band_of`); None if nothing was
+        simulated.
+    simulations : int
+        What the band and the start took, beside the prediction itself.
+    """
+
+    errors: RecordErrors
+    bands: Mapping[str, Band]
+    curve: Trajectory | None
+    simulations: int = 0
+
+    def as_json(self) -> dict[str, Any]:
+        """Errors and bands as plain dicts, lists, strings and numbers; without the curve."""
+        bands = {name: asdict(band) for name, band in self.bands.items()}
+        return {**self.errors.as_json(), "bands": bands, "simulations": self.simulations}
+
+
+def band_of(signal: str) -> str:
+    """Name under which a prediction's curve holds half the width of a signal's band, in the signal's unit."""
+    return f"{signal}_band"
+
+
+def encode_prediction(prediction: Prediction) -> dict[str, Any]:
+    """A prediction with its curve."""
+    curve = None if prediction.curve is None else encode_trajectory(prediction.curve)
+    return {**prediction.as_json(), "curve": curve}
+
+
+def decode_prediction(content: Mapping[str, Any]) -> Prediction:
+    """The inverse of `encode_prediction`.
+
+    Raises
+    ------
+    ValueError, LookupError, TypeError or BsaError
+        If the content is of another shape.
+    """
+    known = {name: content[name] for name in RecordErrors.__dataclass_fields__}
+    curve = content["curve"]
+    return Prediction(
+        RecordErrors.from_json(known),
+        shaped(dict[str, Band], content["bands"]),
+        None if curve is None else decode_trajectory(curve),
+        int(content["simulations"]),
+    )
+
+
+def begins_under_load(record: Trajectory) -> bool:
+    """Whether a cell's first sample shows it under load, so that its voltage is no open-circuit voltage."""
+    current = np.abs(record.current)
+    return bool(current[0] > _UNDER_LOAD * np.max(current))
+
+
+def predict(
+    task: Task,
+    candidate: Candidate,
+    experiments: Sequence[Experiment],
+    simulating: Simulating,
+    covariance: Sequence[Sequence[float]] = (),
+) -> tuple[Prediction, ...]:
+    """Simulate records that were not fitted, and compare.
+
+    Parameters
+    ----------
+    task : Task
+        What was fitted.
+    candidate : Candidate
+        The fit.
+    experiments : sequence of Experiment
+        The records.
+    simulating : Simulating
+        Simulates.
+    covariance : sequence of shape (p, p), optional
+        Of the fitted parameters in the unit box (`Identifiability.covariance`). The band is its linear propagation:
+        one more simulation along each of its principal directions.
+
+    Raises
+    ------
+    BsaError
+        If the simulator knows the task alone.
+    """
+    chosen, spent = _meeting_first_samples(candidate, tuple(experiments), simulating)
+    exact = _simulated([candidate], chosen, simulating, True)[0]
+    slopes: list[dict[str, FloatArray]] = [{}] * len(chosen)
+    if len(covariance):
+        slopes, more = _spread(task, candidate, chosen, simulating, np.array(covariance, dtype=np.float64), exact)
+        spent += more
+    return tuple(
+        _prediction(task, experiment, run, widths, spent)
+        for experiment, run, widths in zip(chosen, exact.runs, slopes, strict=True)
+    )
+
+
+def _simulated(
+    candidates: Sequence[Candidate], experiments: tuple[Experiment, ...], simulating: Simulating, exact: bool
+) -> list[Outcome]:
+    pairs = simulating.simulate_variant(candidates, experiments, exact)
+    if pairs is None:
+        raise BsaError(
+            "this simulator simulates the records of its task alone, and predicts no others.",
+            "leave the held-out records away, or give the simulator the hook simulate_variant.",
+        )
+    found = dict(pairs)
+    return [found[place] for place in range(len(candidates))]
+
+
+def _meeting_first_samples(
+    candidate: Candidate, experiments: tuple[Experiment, ...], simulating: Simulating
+) -> tuple[tuple[Experiment, ...], int]:
+    """The experiments, those that begin under load started where the fitted cell shows their first sample."""
+    spent = 0
+    for _ in range(_STARTS_TRIED):
+        places = [
+            place
+            for place, experiment in enumerate(experiments)
+            if experiment.initial_voltage is not None and begins_under_load(experiment.target)
+        ]
+        if not places:
+            break
+        outcome = _simulated([candidate], tuple(experiments[place] for place in places), simulating, False)[0]
+        spent += 1
+        moved = list(experiments)
+        for place, run in zip(places, outcome.runs, strict=True):
+            voltage = experiments[place].initial_voltage
+            if run.trajectory is not None and voltage is not None:
+                lacking = float(experiments[place].target.voltage[0] - run.trajectory.voltage[0])
+                moved[place] = replace(experiments[place], initial_voltage=voltage + lacking)
+        experiments = tuple(moved)
+    return experiments, spent
+
+
+def _spread(
+    task: Task,
+    candidate: Candidate,
+    experiments: tuple[Experiment, ...],
+    simulating: Simulating,
+    covariance: FloatArray,
+    exact: Outcome,
+) -> tuple[list[dict[str, FloatArray]], int]:
+    """Half the width of every observed signal's 95 % band on the samples of the exact simulation, and what it took."""
+    space = task.space
+    variances, directions = np.linalg.eigh(covariance)
+    lengths = np.clip(np.sqrt(np.maximum(variances, 0.0)), DIFFERENCE, _LONGEST)
+    points = [
+        beside(space, candidate, direction, length) for direction, length in zip(directions.T, lengths, strict=True)
+    ]
+    moved = np.array(points) - space.to_unit(candidate)
+    candidates = [candidate, *(space.from_unit(point) for point in points)]
+    here, *around = _simulated(candidates, experiments, simulating, False)
+    widths: list[dict[str, FloatArray]] = []
+    for place, (run, final) in enumerate(zip(here.runs, exact.runs, strict=True)):
+        usable = [number for number, outcome in enumerate(around) if outcome.runs[place].failure is None]
+        if run.failure is not None or final.trajectory is None or not usable:
+            widths.append({})
+            continue
+        time = final.trajectory.time
+        # The smallest matrix that maps the steps taken to the changes seen.
+        inverse = np.linalg.pinv(moved[usable].T)
+        found = {}
+        for signal in task.observed:
+            changes = [_at(time, around[number].runs[place], signal) - _at(time, run, signal) for number in usable]
+            jacobian = np.array(changes).T @ inverse
+            variance = np.einsum("ij,jk,ik->i", jacobian, covariance, jacobian)
+            found[signal.name] = _NORMAL_95 * np.sqrt(np.maximum(variance, 0.0))
+        widths.append(found)
+    return widths, len(candidates)
+
+
+def _at(time: FloatArray, run: ExperimentRun, signal: Signal) -> FloatArray:
+    assert run.trajectory is not None
+    return np.interp(time, run.trajectory.time, run.trajectory.values(signal.name))
+
+
+def _prediction(
+    task: Task, experiment: Experiment, run: ExperimentRun, widths: Mapping[str, FloatArray], spent: int
+) -> Prediction:
+    errors = errors_of_record(task, experiment, run)
+    whole = run.trajectory
+    if whole is not None:
+        whole = whole.changed(**{band_of(name): values for name, values in widths.items()})
+    simulated = scored_part(whole, experiment)
+    if simulated is None:
+        return Prediction(errors, {}, None, spent)
+    bands = {
+        signal.name: _band(simulated, experiment, signal.name, signal.shown_scale)
+        for signal in task.observed
+        if signal.name in widths
+    }
+    return Prediction(errors, bands, simulated.thinned(_SAMPLES_PER_STEP), spent)
+
+
+def _band(simulated: Trajectory, experiment: Experiment, signal: str, scale: float) -> Band:
+    time, difference = differences(simulated, experiment.scored_target, signal, experiment.protocol is None)
+    half = np.interp(time, simulated.time - simulated.time[0], simulated.values(band_of(signal)))
+    weight = time_weights(time)
+    inside = float(np.sum(weight[np.abs(difference) <= half]) / np.sum(weight))
+    return Band(scale * weighted_rms(weight, half), scale * float(half.max()), inside)

@@ -1,0 +1,170 @@
+"""Errors of one record, signal by signal: whole, without its worst hundredth, and step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from .alignment import pair_steps
+from .overlap import differences, scored_part, time_weights, weighted_rms
+from .shape import shaped
+from .signals import Signal
+from .simulation import ExperimentRun, Outcome
+from .task import Experiment, Task
+from .trajectory import FloatArray, Trajectory
+
+MOST_OF_THE_TIME = 0.99
+"""Share of the time that `SignalError.rms_99` covers: the knee at the end of a discharge lasts about a hundredth of
+it, and can hold most of the squared error."""
+
+TEMPERATURE = Signal("temperature", "K", tolerance=0.5)
+"""Compared where a cell's record and its simulation both have it; never fitted by default."""
+
+_PER_STEP = 200
+"""Points at which a step of a protocol is compared, each curve on its own clock."""
+
+
+@dataclass(frozen=True)
+class SignalError:
+    """How far one signal is off, in its shown unit (mV for a voltage).
+
+    Attributes
+    ----------
+    unit : str
+        The shown unit.
+    rms : float
+        Root mean square over time.
+    max : float
+        Largest absolute error.
+    rms_99 : float
+        Root mean square over the 99 % of the time in which the error is smallest.
+    """
+
+    unit: str
+    rms: float
+    max: float
+    rms_99: float
+
+
+@dataclass(frozen=True)
+class StepErrors:
+    """Errors of one step.
+
+    Attributes
+    ----------
+    name : str
+        ``"CC discharge"``, numbered where a kind occurs more than once.
+    start_s, duration_s : float
+        On the record's clock, s.
+    signals : mapping of str to SignalError
+        By signal.
+    """
+
+    name: str
+    start_s: float
+    duration_s: float
+    signals: Mapping[str, SignalError]
+
+
+@dataclass(frozen=True)
+class RecordErrors:
+    """Errors of one record. JSON-ready through `as_json`.
+
+    Attributes
+    ----------
+    record : str
+        The record's name. Untrusted.
+    signals : mapping of str to SignalError
+        Of the whole record, by signal; empty where nothing was simulated.
+    steps : tuple of StepErrors
+        Step by step, as far as the simulation got.
+    failure : str
+        Why the simulation ended early; the errors are then those of the part that it reached.
+    """
+
+    record: str
+    signals: Mapping[str, SignalError]
+    steps: tuple[StepErrors, ...] = ()
+    failure: str = ""
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain dicts, lists, strings and numbers."""
+        content = asdict(self)
+        return {**content, "steps": list(content["steps"])}
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> RecordErrors:
+        """The inverse of `as_json`.
+
+        Raises
+        ------
+        ValueError
+            If the content is of another shape.
+        """
+        found: RecordErrors = shaped(cls, content)
+        return found
+
+
+def errors_by_record(task: Task, outcome: Outcome) -> tuple[RecordErrors, ...]:
+    """The errors of every record of a task."""
+    return tuple(
+        errors_of_record(task, experiment, run)
+        for experiment, run in zip(task.experiments, outcome.runs, strict=True)
+    )
+
+
+def errors_of_record(task: Task, experiment: Experiment, run: ExperimentRun) -> RecordErrors:
+    """The errors of one record.
+
+    Parameters
+    ----------
+    task : Task
+        Its signals.
+    experiment : Experiment
+        The record.
+    run : ExperimentRun
+        Its simulation, whole or in part.
+    """
+    failure = "" if run.failure is None else run.failure.cause
+    simulated = scored_part(run.trajectory, experiment)
+    if simulated is None or run.trajectory is None:
+        return RecordErrors(experiment.name, {}, failure=failure or "the scored part was not reached")
+    target, driven = experiment.scored_target, experiment.protocol is None
+    signals = [*task.observed]
+    if all(TEMPERATURE.name in curve.signals for curve in (target, simulated)):
+        signals += [TEMPERATURE] * (TEMPERATURE.name not in {signal.name for signal in signals})
+    whole = {signal.name: _over_time(signal, simulated, target, driven) for signal in signals}
+    steps = []
+    for pair in pair_steps(run.trajectory, experiment):
+        if pair.simulated is None:
+            continue
+        found = {}
+        for signal in signals:
+            if driven:
+                found[signal.name] = _over_time(signal, pair.simulated, pair.measured, driven)
+            else:
+                measured, ours = pair.curves(signal, (np.arange(_PER_STEP) + 0.5) / _PER_STEP)
+                found[signal.name] = _error(signal, np.ones(_PER_STEP), ours - measured)
+        steps.append(StepErrors(pair.name, float(pair.measured.time[0]), pair.measured.duration, found))
+    return RecordErrors(experiment.name, whole, tuple(steps), failure)
+
+
+def _over_time(signal: Signal, simulated: Trajectory, target: Trajectory, driven: bool) -> SignalError:
+    time, difference = differences(simulated, target, signal.name, driven)
+    return _error(signal, time_weights(time), difference)
+
+
+def _error(signal: Signal, weight: FloatArray, difference: FloatArray) -> SignalError:
+    size = signal.shown_scale * np.abs(difference)
+    return SignalError(signal.shown, weighted_rms(weight, size), float(size.max()), _without_the_worst(weight, size))
+
+
+def _without_the_worst(weight: FloatArray, size: FloatArray) -> float:
+    """Root mean square over the share `MOST_OF_THE_TIME` of the time with the smallest errors."""
+    order = np.argsort(size, kind="stable")
+    passed = np.cumsum(weight[order])
+    kept = np.clip(MOST_OF_THE_TIME * passed[-1] - (passed - weight[order]), 0.0, weight[order])
+    return weighted_rms(kept, size[order])
