@@ -63,7 +63,7 @@ def headline_of(task: Task) -> tuple[Quantity, ...]:
 
 def errors_of(task: Task) -> tuple[Quantity, ...]:
     """All errors, for a table."""
-    return paper.ERRORS if _by_paper(task) else (MISFIT, *signal_errors(task))
+    return paper.errors_of(task) if _by_paper(task) else (MISFIT, *signal_errors(task))
 
 
 def told_of(task: Task) -> tuple[Quantity, ...]:

@@ -24,9 +24,7 @@ def overlap_rms(simulated: Trajectory, target: Trajectory, signal: str, driven: 
     return weighted_rms(time_weights(time), difference)
 
 
-def differences(
-    simulated: Trajectory, target: Trajectory, signal: str, driven: bool
-) -> tuple[FloatArray, FloatArray]:
+def differences(simulated: Trajectory, target: Trajectory, signal: str, driven: bool) -> tuple[FloatArray, FloatArray]:
     """Simulated minus measured over the time that both cover, each on its own clock from its first sample.
 
     Parameters

@@ -88,7 +88,12 @@ def objective_of(task: Task) -> Quantity:
 def headline_of(task: Task) -> tuple[Quantity, ...]:
     """The errors that are shown first."""
     # A measured current gives charge and current away; what is left to judge is the voltage.
-    return (_VOLTAGE_RMSE, _VOLTAGE, _CAPACITY) if task.given_drive else (_TOTAL, _VOLTAGE_RMSE, _CAPACITY)
+    return (_VOLTAGE_RMSE,) if task.given_drive else (_TOTAL, _VOLTAGE_RMSE, _CAPACITY)
+
+
+def errors_of(task: Task) -> tuple[Quantity, ...]:
+    """All errors that judge a fit, for a table."""
+    return (replace(_VOLTAGE_RMSE, label="Voltage RMSE"), _VOLTAGE) if task.given_drive else ERRORS
 
 
 def require_paper(task: Task, who: str) -> None:

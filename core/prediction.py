@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from .post_fit_analysis import Simulating
 from .derivatives import DIFFERENCE, beside
 from .encoding import decode_trajectory, encode_trajectory
 from .errors import BsaError
 from .overlap import differences, scored_part, time_weights, weighted_rms
 from .parameters import Candidate
+from .post_fit_analysis import Simulating
 from .record_errors import RecordErrors, errors_of_record
 from .shape import shaped
 from .signals import Signal

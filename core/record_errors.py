@@ -12,7 +12,7 @@ from .alignment import pair_steps
 from .overlap import differences, scored_part, time_weights, weighted_rms
 from .shape import shaped
 from .signals import Signal
-from .simulation import ExperimentRun, Outcome
+from .simulation import ExperimentRun, Outcome, SimulationFailure
 from .task import Experiment, Task
 from .trajectory import FloatArray, Trajectory
 
@@ -111,8 +111,7 @@ class RecordErrors:
 def errors_by_record(task: Task, outcome: Outcome) -> tuple[RecordErrors, ...]:
     """The errors of every record of a task."""
     return tuple(
-        errors_of_record(task, experiment, run)
-        for experiment, run in zip(task.experiments, outcome.runs, strict=True)
+        errors_of_record(task, experiment, run) for experiment, run in zip(task.experiments, outcome.runs, strict=True)
     )
 
 
@@ -128,7 +127,7 @@ def errors_of_record(task: Task, experiment: Experiment, run: ExperimentRun) -> 
     run : ExperimentRun
         Its simulation, whole or in part.
     """
-    failure = "" if run.failure is None else run.failure.cause
+    failure = "" if run.failure is None else _why(run.failure, experiment)
     simulated = scored_part(run.trajectory, experiment)
     if simulated is None or run.trajectory is None:
         return RecordErrors(experiment.name, {}, failure=failure or "the scored part was not reached")
@@ -150,6 +149,10 @@ def errors_of_record(task: Task, experiment: Experiment, run: ExperimentRun) -> 
                 found[signal.name] = _error(signal, np.ones(_PER_STEP), ours - measured)
         steps.append(StepErrors(pair.name, float(pair.measured.time[0]), pair.measured.duration, found))
     return RecordErrors(experiment.name, whole, tuple(steps), failure)
+
+
+def _why(failure: SimulationFailure, experiment: Experiment) -> str:
+    return f"{failure.cause}, after {failure.reached_s:.0f} of {experiment.target.duration:.0f} s"
 
 
 def _over_time(signal: Signal, simulated: Trajectory, target: Trajectory, driven: bool) -> SignalError:

@@ -183,8 +183,9 @@ def task_of_records(
     options: Mapping[str, Any],
     search: str | Mapping[str, Any],
     scale: bool,
+    holdout: Sequence[Path | Record] = (),
 ) -> Task:
-    """The task of matching records, all read alike.
+    """The task of matching records, all read alike, those that are held out included.
 
     Raises
     ------
@@ -203,6 +204,7 @@ def task_of_records(
         name=named_after(sources),
         parameter_set=parameters,
         records=[RecordRequest(source, read, reader, reader_options) for source in sources],
+        held_out=[RecordRequest(source, read, reader, reader_options) for source in holdout],
         model=model,
         options=options,
         search=search,

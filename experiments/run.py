@@ -215,9 +215,8 @@ def summary(task: Task, config: RunConfig, backend_name: str, result: RunResult)
 
 
 def _numbers(task: Task, metrics: Metrics | None) -> dict[str, float | None]:
-    if metrics is None:
-        return dict.fromkeys(["objective", *(quantity.key for quantity in errors_of(task))])
-    return dict(metrics.as_json())
+    keys = ["objective", *(quantity.key for quantity in errors_of(task))]
+    return {key: None if metrics is None else metrics.value(key) for key in keys}
 
 
 def write_results(folder: Path, task: Task, config: RunConfig, backend_name: str, result: RunResult) -> None:

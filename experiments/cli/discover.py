@@ -27,15 +27,7 @@ def discover(
         list[Path] | None,
         typer.Option("--data", metavar="FILE...", help="Records to explain.", rich_help_panel=shared.RECORDS),
     ] = None,
-    holdout: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--holdout",
-            metavar="FILE...",
-            help="Records that are predicted, never fitted.",
-            rich_help_panel=shared.RECORDS,
-        ),
-    ] = None,
+    holdout: shared.Holdout = None,
     column: shared.Column = None,
     unit: shared.Unit = None,
     where: shared.Where = None,

@@ -37,6 +37,7 @@ def run(
         list[Path] | None,
         typer.Option("--data", metavar="FILE...", help="Cycler records.", rich_help_panel=shared.RECORDS),
     ] = None,
+    holdout: shared.Holdout = None,
     column: shared.Column = None,
     unit: shared.Unit = None,
     current_sign: shared.CurrentSign = "charge-positive",
@@ -170,6 +171,7 @@ def run(
     )
     from ..run import Resources, read_request
     from ..tasks.find import find_task
+    from ..tasks.records import RecordRequest, holding_out
 
     if out is not None:
         check_run_folder(out)
@@ -192,14 +194,16 @@ def run(
         ),
         simulator="" if named is None else named.simulator,
     )
+    read = shared.reading(column, unit, where, current_sign, constant_current, cycles, sheet, temperature)
+    reader_options = key_values(reader_option, "--reader-option")
     if data:
-        read = shared.reading(column, unit, where, current_sign, constant_current, cycles, sheet, temperature)
-        reader_options = key_values(reader_option, "--reader-option")
         model_options = key_values(options, "--options")
-        chosen = task_of_records(data, read, reader, reader_options, parameters, model, model_options, search, scale)
+        chosen = task_of_records(
+            data, read, reader, reader_options, parameters, model, model_options, search, scale, holdout or ()
+        )
     else:
         assert named is not None
-        chosen = named
+        chosen = holding_out(named, [RecordRequest(path, read, reader, reader_options) for path in holdout or ()])
     folder = out or numbered_folder(Path("runs"), f"{chosen.name}-{config.scaffold.name}")
     _execute(RunRequest(chosen, config, folder), resources, as_json, identifiability)
 
@@ -238,7 +242,9 @@ def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability
 
 def _print_summary(task: Task, result: RunResult, folder: Path) -> None:
     from ...core.metrics import headline_of
+    from ..record_words import error_rows
     from ..report.wording import number
+    from .progress import printable
 
     failed = sum(trial.failed for trial in result.trials)
     lost = f", {result.lost_calls} of {result.llm_calls} model calls lost" * bool(result.lost_calls)
@@ -248,6 +254,8 @@ def _print_summary(task: Task, result: RunResult, folder: Path) -> None:
     for quantity in shown:
         before, after = (number(quantity.shown(metrics)) for metrics in (result.initial_metrics, result.best_metrics))
         print(f"  {quantity.words:{width}s} {before:>10s} → {after} {quantity.unit}")
+    for row in error_rows(task, result.records, result.held_out):
+        print(f"  {printable(row.line, 400)}")
     if result.appraisal is not None:
         from ..post_fit_words import caution_line, groups_line, next_line, verdict_line
 

@@ -21,6 +21,12 @@ ModelOptions = Annotated[
     typer.Option("--options", metavar="KEY=VALUE", help="PyBaMM model option; repeat.", rich_help_panel=MODEL),
 ]
 
+Holdout = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--holdout", metavar="FILE...", help="Records that are predicted, never fitted.", rich_help_panel=RECORDS
+    ),
+]
 Column = Annotated[
     list[str] | None,
     typer.Option(metavar="KEY=NAME", help="Column of a signal, voltage='Ecell/V'; repeat.", rich_help_panel=RECORDS),

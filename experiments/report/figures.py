@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from scipy.interpolate import PchipInterpolator
 
 from ...core.metrics import Quantity
 from ...core.overlap import scored_part
+from ...core.prediction import Prediction, band_of
 from ...core.signals import Signal
 from ...core.task import Experiment, Task
 from ...core.trajectory import FloatArray, StepKind, Trajectory
@@ -88,6 +90,60 @@ class _Curve:
 def overlays(run: RunRecord) -> list[Overlay]:
     """One figure for each record of the task."""
     return [_overlay(run, place, experiment) for place, experiment in enumerate(run.task.experiments)]
+
+
+def prediction_overlays(task: Task, predictions: Sequence[Prediction]) -> list[Overlay]:
+    """One figure for each record that was not fitted: measured, predicted, and the band around the residual."""
+    by_name = {experiment.name: experiment for experiment in task.held_out}
+    found = []
+    for place, prediction in enumerate(predictions):
+        experiment = by_name.get(prediction.errors.record)
+        if experiment is not None and prediction.curve is not None and len(prediction.curve):
+            found.append(_predicted(task, place, experiment, prediction.curve))
+    return found
+
+
+def _predicted(task: Task, place: int, experiment: Experiment, curve: Trajectory) -> Overlay:
+    measured, predicted = _Curve("measured", experiment.scored_target), _Curve("best", curve)
+    scale, clock_unit = time_unit(float(measured.time[-1]))
+    across = horizontal(0.0, float(measured.time[-1]) / scale)
+    drawn = _panels(task, measured, [predicted], predicted)
+    keys = [Key("measured", "measured"), Key("best", "predicted")]
+    for panel, signal, is_residual in drawn:
+        if not is_residual:
+            panel.draw(across, measured.time / scale, measured.values(signal), "measured")
+            panel.draw(across, predicted.time / scale, predicted.values(signal), "best")
+            continue
+        time, values = predicted.residual(measured, signal)
+        panel.draw(across, time / scale, values, "best")
+        if band_of(signal.name) in curve.signals:
+            for side in (-1.0, 1.0):
+                half = side * signal.shown_scale * curve.values(band_of(signal.name))
+                panel.draw(across, predicted.time / scale, half, "limit")
+            keys.append(Key("limit", "95 % band of the parameters"))
+    panels = [panel for panel, _, _ in drawn]
+    return Overlay(
+        name=experiment.name,
+        chart=Chart(
+            name=f"held-out-{place}",
+            title="Measured and predicted over time, with the residual",
+            description=_fit_after(task, predicted, measured),
+            panels=panels,
+            x_ticks=across.ticks(8),
+            x_label=f"Time / {clock_unit}",
+            keys=list(dict.fromkeys(keys)),
+            height=panels[-1].top + panels[-1].height + BOTTOM,
+        ),
+        remarks=("Residual: predicted minus measured.",),
+        fit=_fit_after(task, predicted, measured),
+    )
+
+
+def _fit_after(task: Task, predicted: _Curve, measured: _Curve) -> str:
+    return " ".join(
+        f"{signal.title} RMSE: {number(_rms(predicted, measured, signal))} {unit(signal.shown)}."
+        for signal in task.observed
+    )
 
 
 def _overlay(run: RunRecord, place: int, experiment: Experiment) -> Overlay:

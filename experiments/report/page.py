@@ -17,9 +17,10 @@ from ...core.metrics import Quantity, errors_of, headline_of, objective_of
 from ...core.parameters import Parameter
 from ...core.reply_parsing import strip_control
 from ..own_pages import check_page
+from ..record_words import error_rows
 from ..story import UNFINISHED, RunRecord, read_run
 from .failures import failures
-from .figures import convergence, overlays
+from .figures import convergence, overlays, prediction_overlays
 from .identifiability import section
 from .rounds import chapters
 from .wording import change, clipped, duration, factor, number, short_name, unit
@@ -44,6 +45,9 @@ _AT_BOUND = 1e-3
 """A value this close to a bound, as a share of its range, is taken to sit on it."""
 
 _MOST_NOTES = 100
+
+MOST_STEPS = 40
+"""Steps of a record that the page lists; a record of many cycles has thousands."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +127,9 @@ def render(run: RunRecord) -> str:
         headline=[_figure(run, quantity) for quantity in headline_of(run.task)],
         metrics=[_figure(run, quantity) for quantity in errors_of(run.task)],
         overlays=overlays(run),
+        rows=error_rows(run.task, run.records, run.held_out),
+        most_steps=MOST_STEPS,
+        predictions=prediction_overlays(run.task, run.held_out),
         convergence=convergence(run, objective),
         parameters=parameters,
         at_bound=[row for row in parameters if row.bound],

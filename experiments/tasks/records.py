@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from ...core.cell import CELL
 from ...core.errors import BsaError
 from ...core.parameters import ParameterSpace
+from ...core.prediction import begins_under_load
 from ...core.record import ReadOptions, Record
 from ...core.registry import installed
 from ...core.target import INITIAL_SOC, InitialSoc, soc_name
@@ -66,6 +68,7 @@ def build_task(
     overrides: Mapping[str, float] | None = None,
     search: str | Mapping[str, Any] = "cell",
     scale_to_capacity: bool = True,
+    held_out: Sequence[RecordRequest] = (),
 ) -> Task:
     """Read the records and put a task together.
 
@@ -81,6 +84,8 @@ def build_task(
         Name of a preset, or parameters with bounds.
     scale_to_capacity : bool
         Whether the electrode area is scaled when the cell is of another size than the parameter set's.
+    held_out : sequence of RecordRequest
+        What is not fitted, and scored after the search.
 
     Raises
     ------
@@ -126,7 +131,50 @@ def build_task(
                 initial_soc=soc,
             )
         )
-    return Task(name, cell, _with_initial_soc(space, experiments, socs), tuple(experiments), tuple(notes))
+    task = Task(name, cell, _with_initial_soc(space, experiments, socs), tuple(experiments), tuple(notes))
+    return holding_out(task, held_out)
+
+
+def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
+    """The task with records that it does not fit.
+
+    Each starts at the state of charge that its request names, or where the fitted cell shows the record's first
+    open-circuit voltage.
+
+    Raises
+    ------
+    BsaError
+        If a file cannot be read, is fitted as well, or the task's simulator is not driven by a cell's record.
+    """
+    if not requests:
+        return task
+    if task.domain != CELL:
+        raise BsaError(
+            f'task "{task.name}" is about a {task.domain.name}, whose records no reader reads.',
+            "list what it holds out under held_out in its task file.",
+        )
+    loaded = [_loaded(request) for request in requests]
+    notes = [f"{record.name} (held out): {note}" for record in loaded for note in record.notes]
+    experiments = [_held_out(request, record) for request, record in zip(requests, loaded, strict=True)]
+    notes += [
+        f"{e.name} (held out): begins under load; it is started so that the fitted cell meets its first sample."
+        for e in experiments
+        if e.initial_voltage is not None and begins_under_load(e.target)
+    ]
+    return replace(task, held_out=(*task.held_out, *experiments), notes=(*task.notes, *notes))
+
+
+def _held_out(request: RecordRequest, record: Record) -> Experiment:
+    starts_at_rest = request.initial_soc is None and request.protocol is None
+    return Experiment(
+        name=record.name,
+        target=record.trajectory,
+        protocol=request.protocol,
+        scored_cycle=request.scored_cycle,
+        temperature_k=request.temperature_k if request.temperature_k is not None else record.ambient_k,
+        initial_soc=request.initial_soc,
+        initial_voltage=_resting_voltage(record.trajectory) if starts_at_rest else None,
+    )
 
 
 def _loaded(request: RecordRequest) -> Record:

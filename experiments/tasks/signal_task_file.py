@@ -110,6 +110,7 @@ class SignalTaskFile(BaseModel, extra="forbid"):
     )
     parameters: list[ParameterEntry] = Field(min_length=1, description="What is searched.")
     records: list[SignalRecord] = Field(min_length=1, description="What is to be matched.")
+    held_out: list[SignalRecord] = Field([], description="What is not fitted, and scored after the search.")
 
 
 def load_signal_task(content: Mapping[str, Any], path: Path) -> Task:
@@ -143,7 +144,10 @@ def _task(file: SignalTaskFile, folder: Path) -> Task:
     domain = own or (Domain(file.simulator) if signals else CELL)
     wanted = signals or domain.signals
     notes: list[str] = []
-    experiments = tuple(_experiment(record, wanted, folder, notes) for record in file.records)
+    experiments, held_out = (
+        tuple(_experiment(record, wanted, folder, notes) for record in records)
+        for records in (file.records, file.held_out)
+    )
     return Task(
         file.name,
         CellModel("", file.model or file.simulator, file.options, file.fixed),
@@ -153,6 +157,7 @@ def _task(file: SignalTaskFile, folder: Path) -> Task:
         domain=domain,
         signals=wanted,
         simulator=file.simulator,
+        held_out=held_out,
     )
 
 

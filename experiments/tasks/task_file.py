@@ -54,6 +54,7 @@ class TaskFile(BaseModel, extra="forbid"):
     )
     search: str | dict[str, Any] = Field(description="A preset's name, or parameters with bounds.")
     experiments: list[ExperimentEntry] = Field(min_length=1, description="The records to match.")
+    held_out: list[ExperimentEntry] = Field([], description="Records that are not fitted, and scored after the search.")
 
 
 def load_task_file(path: Path) -> Task:
@@ -76,19 +77,6 @@ def load_task_file(path: Path) -> Task:
         content = TaskFile.model_validate(found)
     except ValidationError as error:
         raise explain(error, str(path), TaskFile) from None
-    records = [
-        RecordRequest(
-            source=path.parent / entry.data,
-            read=entry.read,
-            reader=entry.reader,
-            reader_options=entry.reader_options,
-            protocol=None if entry.protocol is None else tuple(tuple(cycle) for cycle in entry.protocol),
-            scored_cycle=entry.scored_cycle,
-            temperature_k=None if entry.temperature_degc is None else entry.temperature_degc + ZERO_CELSIUS_K,
-            initial_soc=entry.initial_soc,
-        )
-        for entry in content.experiments
-    ]
     try:
         return build_task(
             name=content.name,
@@ -97,10 +85,24 @@ def load_task_file(path: Path) -> Task:
             options=content.options,
             overrides=content.overrides,
             search=content.search,
-            records=records,
+            records=[_request(entry, path.parent) for entry in content.experiments],
+            held_out=[_request(entry, path.parent) for entry in content.held_out],
         )
     except BsaError as error:
         raise BsaError(f"{path}: {error.message}", error.hint) from None
+
+
+def _request(entry: ExperimentEntry, folder: Path) -> RecordRequest:
+    return RecordRequest(
+        source=folder / entry.data,
+        read=entry.read,
+        reader=entry.reader,
+        reader_options=entry.reader_options,
+        protocol=None if entry.protocol is None else tuple(tuple(cycle) for cycle in entry.protocol),
+        scored_cycle=entry.scored_cycle,
+        temperature_k=None if entry.temperature_degc is None else entry.temperature_degc + ZERO_CELSIUS_K,
+        initial_soc=entry.initial_soc,
+    )
 
 
 def _read_json(path: Path) -> Any:

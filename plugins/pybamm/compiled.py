@@ -20,7 +20,7 @@ from .mesh import search_spatial_methods, search_submeshes
 from .ocp_shape import keeping_ocp_falling
 from .parameter_sets import bake, input_values, load, open_to_search, pybamm
 from .state_of_charge import InitialState, initial_concentration
-from .step_solutions import Unfinished, at_samples_of, keep_solver_steps_of_holds, step_kind, to_trajectory
+from .step_solutions import Unfinished, at_samples_of, cut_short, keep_solver_steps_of_holds, step_kind, to_trajectory
 
 MODELS = {"SPM": "SPM", "SPMe": "SPMe", "DFN": "DFN"}
 
@@ -223,7 +223,7 @@ class CompiledExperiment:
     def _failed(self, cause: str, watcher: _Watcher, inputs: dict[str, float]) -> ExperimentRun:
         """What was reached, the last moments of the step it died in included where a protocol drives the cell."""
         solution = self.simulation._solution
-        unfinished, limit, cut_short = None, "", False
+        unfinished, limit, cut = None, "", False
         if solution is not None and self._experiment.protocol is not None:
             if watcher.gave_up:
                 place = sum(len(cycle) for cycle in self._steps[: watcher.cycle - 1]) + watcher.position
@@ -234,12 +234,13 @@ class CompiledExperiment:
             else:
                 limit = nearest_limit(solution, self._window_v)
             # A step that took too long, or ended by a foreign event, is part of the solution.
-            cut_short = unfinished is not None or not watcher.gave_up
+            cut = unfinished is not None or not watcher.gave_up
         trajectory = to_trajectory(solution, self._steps, self._heats, unfinished)
         if trajectory is not None and self._experiment.protocol is None:
             trajectory = at_samples_of(self._experiment.target, trajectory)
+            cut = cut_short(self._experiment.target, trajectory)
         reached_s = trajectory.duration if trajectory is not None else 0.0
-        failure = SimulationFailure(cause, watcher.step, watcher.cycle, reached_s, limit, cut_short)
+        failure = SimulationFailure(cause, watcher.step, watcher.cycle, reached_s, limit, cut)
         return ExperimentRun(trajectory, failure)
 
 

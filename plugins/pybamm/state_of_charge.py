@@ -139,8 +139,10 @@ class InitialState:
     def _balance(
         self, change: CellChange
     ) -> tuple[FloatArray, FloatArray, float, Mapping[str, float], Mapping[str, float]]:
-        """Negative stoichiometries with the cell's open-circuit voltage there, never falling; the lithium that both
-        electrodes share, what each can hold (mol/m2), and its maximum concentration."""
+        """Negative stoichiometries, open-circuit voltage there, shared lithium, and what each electrode can hold.
+
+        The voltage never falls. Lithium and what an electrode holds are in mol/m2; the maximum concentration is last.
+        """
         held: dict[str, float] = {}
         highest: dict[str, float] = {}
         lithium = 0.0

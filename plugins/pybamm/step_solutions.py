@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -147,12 +147,13 @@ def at_samples_of(record: Trajectory, simulated: Trajectory) -> Trajectory | Non
     """A simulation under a measured current, at the samples and in the steps of the record.
 
     Driven by the record's own current, the simulation shares its clock, and comparing sample by sample
-    needs no alignment. Of a simulation that stopped early, the steps that it finished remain.
+    needs no alignment. Of a simulation that stopped early, what it reached remains: its last step is then shorter
+    than the record's (`cut_short`).
 
     Returns
     -------
     Trajectory or None
-        None if not one step was finished.
+        None if not even two samples of the first step were reached.
     """
     time = record.time - record.time[0]
     query = time.copy()
@@ -166,7 +167,17 @@ def at_samples_of(record: Trajectory, simulated: Trajectory) -> Trajectory | Non
         temperature=None if simulated.temperature is None else np.interp(query, simulated.time, simulated.temperature),
         steps=record.steps,
     )
-    finished = [step for step in record.steps if time[step.stop - 1] <= simulated.duration + _AT_JUMP_S]
-    if not finished:
+    count = int(np.searchsorted(time, simulated.duration + _AT_JUMP_S, side="right"))
+    # A single sample of a step says nothing of it.
+    steps = [
+        replace(step, stop=min(step.stop, count)) for step in record.steps if min(step.stop, step.start + 2) <= count
+    ]
+    if not steps:
         return None
-    return whole.slice(0, finished[-1].stop)
+    reached = whole.slice(0, steps[-1].stop)
+    return Trajectory(reached.time, steps=tuple(steps), signals=reached.signals)
+
+
+def cut_short(record: Trajectory, simulated: Trajectory | None) -> bool:
+    """Whether a simulation at the record's samples ended within a step of the record."""
+    return simulated is not None and simulated.steps[-1] not in record.steps

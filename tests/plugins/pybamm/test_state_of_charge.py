@@ -1,3 +1,4 @@
+import numpy as np
 import pytest
 from bsa.core.target import CellChange
 from bsa.core.task import CellModel
@@ -30,3 +31,14 @@ def test_factors_multiply_hosts_and_the_lithium_between_them():
     # More lithium at one state of charge shows in the positive electrode: less room is left there.
     assert richer[positive] > usual[positive]
     assert state.concentrations(CellChange(), None)[negative] == pytest.approx(load("Chen2020")[negative])
+
+
+def test_a_changed_cell_starts_where_it_shows_the_voltage() -> None:
+    state = InitialState(load("Chen2020"))
+    change = CellChange(factors={"Negative electrode OCP [V]": 1.3}, cyclable_lithium=0.95)
+    for voltage in (3.2, 3.7, 4.1):
+        soc = state.soc_at(voltage, change)
+        x, curve, *_ = state._balance(change)
+        negative = state.concentrations(change, soc)["Initial concentration in negative electrode [mol.m-3]"]
+        assert np.interp(negative / 33133.0, x, curve) == pytest.approx(voltage, abs=1e-3)
+    assert state.soc_at(4.25) > 1.0

@@ -1,0 +1,88 @@
+"""Errors of records, fitted and not fitted, as the rows that the command line, the report and notebooks print."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ..core.prediction import Band, Prediction
+from ..core.record_errors import TEMPERATURE, RecordErrors, SignalError
+from ..core.task import Task
+from .report.wording import duration, number
+
+_DIGITS = 3
+
+FITTED, HELD_OUT = "fitted", "held out"
+
+
+@dataclass(frozen=True)
+class ErrorRow:
+    """One signal of one record, or of one of its steps, printed.
+
+    Attributes
+    ----------
+    record, part, use : str
+        The record (untrusted), its step (empty for all of it), and whether it was fitted.
+    signal, unit, rms, most, largest : str
+        The error: root mean square, the same over 99 % of the time, and the largest.
+    band, inside : str
+        Half the width of the 95 % band that the parameters' covariance predicts, and the share of time within it.
+    failure : str
+        Why the simulation stopped early.
+    steps : tuple of ErrorRow
+        The same, step by step.
+    """
+
+    record: str
+    part: str
+    use: str
+    signal: str
+    unit: str
+    rms: str
+    most: str
+    largest: str
+    band: str = ""
+    inside: str = ""
+    failure: str = ""
+    steps: tuple[ErrorRow, ...] = ()
+
+    @property
+    def line(self) -> str:
+        """The row in words: ``"C20.csv, held out: voltage 12.1 mV rms (6.4 over 99 % of the time), 55 mV at most"``."""
+        who = f"{self.record}, {self.use}"
+        stopped = f"; the simulation stopped early: {self.failure}" if self.failure else ""
+        if not self.rms:
+            return f"{who}: not simulated: {self.failure}"
+        band = f"; 95 % band ± {self.band} {self.unit} holds {self.inside} of the time" if self.band else ""
+        return (
+            f"{who}: {self.signal} {self.rms} {self.unit} rms ({self.most} over 99 % of the time), "
+            f"{self.largest} at most{band}{stopped}"
+        )
+
+
+def error_rows(task: Task, records: Sequence[RecordErrors], held_out: Sequence[Prediction] = ()) -> list[ErrorRow]:
+    """A row for each compared signal of each record, those that were fitted first."""
+    rows = [row for errors in records for row in _rows(task, errors, FITTED, {})]
+    return rows + [row for found in held_out for row in _rows(task, found.errors, HELD_OUT, dict(found.bands))]
+
+
+def _rows(task: Task, errors: RecordErrors, use: str, bands: dict[str, Band]) -> list[ErrorRow]:
+    if not errors.signals:
+        return [ErrorRow(errors.record, "", use, "", "", "", "", "", failure=errors.failure)]
+    words = {signal.name: signal.words for signal in (*task.observed, TEMPERATURE)}
+    rows = []
+    for name, error in errors.signals.items():
+        steps = tuple(
+            ErrorRow(errors.record, f"{step.name} ({duration(step.duration_s)})", use, *_printed(words[name], error))
+            for step in errors.steps
+            for error in [step.signals[name]]
+        )
+        band = bands.get(name)
+        told = ("", "") if band is None else (number(band.rms, _DIGITS), f"{number(100 * band.inside, 2)} %")
+        rows.append(ErrorRow(errors.record, "", use, *_printed(words[name], error), *told, errors.failure, steps))
+    return rows
+
+
+def _printed(signal: str, error: SignalError) -> tuple[str, str, str, str, str]:
+    rms, most, largest = (number(value, _DIGITS) for value in (error.rms, error.rms_99, error.max))
+    return signal, error.unit, rms, most, largest

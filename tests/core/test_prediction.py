@@ -1,0 +1,142 @@
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from bsa.core.encoding import decode_task, encode_task
+from bsa.core.errors import BsaError
+from bsa.core.journal import FILE_NAME, read_events
+from bsa.core.loop import RunResult
+from bsa.core.prediction import begins_under_load, decode_prediction, encode_prediction, predict
+from bsa.core.simulation import ExperimentRun, Outcome
+from bsa.core.task import CellModel, Experiment, Task
+from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.experiments.run import summary
+from bsa.experiments.story import read_run
+from bsa_toy_cell import HIDDEN, record, space, toy_task
+
+RunToy = Callable[..., RunResult]
+PROTOCOL = (("Rest for 60 seconds", "Discharge at 2 A until 3.2 V", "Rest for 600 seconds"),)
+
+
+def with_held_out() -> Task:
+    return replace(toy_task(), held_out=(Experiment("at 2 A", record(HIDDEN, 2.0), PROTOCOL),))
+
+
+def test_what_was_not_fitted_is_scored_beside_what_was(run_toy: RunToy, tmp_path: Path) -> None:
+    task = with_held_out()
+    result = run_toy(tmp_path, task=task, appraising=True)
+    (fitted,), (held,) = result.records, result.held_out
+    assert (fitted.record, held.errors.record) == ("toy record", "at 2 A")
+    assert held.errors.signals["voltage"].rms < 10.0
+    assert [step.name for step in held.errors.steps] == ["rest 1", "CC discharge", "rest 2"]
+    band = held.bands["voltage"]
+    assert 0 < band.rms <= band.max
+    assert 0 <= band.inside <= 1
+    assert held.curve is not None
+    assert len(held.curve.values("voltage_band")) == len(held.curve)
+    known = read_run(tmp_path)
+    assert known.records == result.records
+    assert [one.as_json() for one in known.held_out] == [held.as_json()]
+    from bsa.core.run_config import RunConfig
+    from bsa_toy_cell import toy_scaffold
+
+    rows = summary(task, RunConfig(scaffold=toy_scaffold()), "rules", result)["records"]
+    assert [(row["record"], row["fitted"]) for row in rows] == [("toy record", True), ("at 2 A", False)]
+
+
+def test_a_resumed_run_does_not_predict_again(run_toy: RunToy, tmp_path: Path) -> None:
+    whole = run_toy(tmp_path, task=with_held_out())
+    lines = (tmp_path / FILE_NAME).read_bytes().splitlines(keepends=True)
+    (tmp_path / FILE_NAME).write_bytes(b"".join(lines[:-1]))
+    again = run_toy(tmp_path, task=with_held_out())
+    assert [event["event"] for event in read_events(tmp_path)].count("held-out") == 1
+    assert [one.as_json() for one in again.held_out] == [one.as_json() for one in whole.held_out]
+    assert again.records == whole.records
+    assert not whole.held_out[0].bands  # without an analysis of the fit nothing is known of its covariance
+
+
+def test_a_task_keeps_its_held_out_records_and_takes_none_twice() -> None:
+    task = with_held_out()
+    started = replace(task, held_out=(replace(task.held_out[0], initial_voltage=4.1),))
+    assert decode_task(encode_task(started)).held_out[0].initial_voltage == 4.1
+    assert "held_out" not in encode_task(toy_task())
+    with pytest.raises(BsaError, match="fitted and held out"):
+        replace(task, held_out=task.experiments)
+
+
+class Linear:
+    """A cell whose voltage is linear in two parameters; starts where it is told to."""
+
+    def __init__(self, target: Trajectory) -> None:
+        self.target = target
+        self.calls: list[int] = []
+
+    def simulate_variant(self, candidates: Any, experiments: Any, exact: bool = False) -> Any:
+        self.calls.append(len(candidates))
+        for place, candidate in enumerate(candidates):
+            runs = []
+            for experiment in experiments:
+                start = 4.0 if experiment.initial_voltage is None else experiment.initial_voltage
+                time = self.target.time
+                voltage = start - candidate["a"] * self.target.current - candidate["b"] * time / time[-1]
+                runs.append(ExperimentRun(self.target.changed(voltage=voltage)))
+            yield place, Outcome(tuple(runs), 0.0)
+
+
+def linear_task(current: float = 1.0) -> tuple[Task, Trajectory]:
+    from bsa.core.parameters import Parameter, ParameterSpace
+
+    time = np.linspace(0.0, 100.0, 51)
+    target = Trajectory(
+        time, np.full_like(time, current), 4.0 - 0.2 * current - 0.3 * time / 100, None, (Step(StepKind.DRIVE, 0, 51),)
+    )
+    box = ParameterSpace((Parameter("a", 0.2, 0.0, 1.0), Parameter("b", 0.3, 0.0, 2.0)))
+    return Task("linear", CellModel("Chen2020"), box, (Experiment("fitted", target),)), target
+
+
+def test_the_band_is_the_linear_propagation_of_the_covariance() -> None:
+    task, target = linear_task()
+    covariance = np.array([[4e-4, 1e-4], [1e-4, 9e-4]])
+    candidate = {"a": 0.2, "b": 0.3}
+    (found,) = predict(task, candidate, [Experiment("new", target)], Linear(target), covariance.tolist())
+    assert found.curve is not None
+    slope = np.column_stack([-np.ones(51), -2.0 * target.time / 100])  # per unit of the box
+    expected = 1.96 * np.sqrt(np.einsum("ij,jk,ik->i", slope, covariance, slope))
+    np.testing.assert_allclose(found.curve.values("voltage_band"), expected, rtol=1e-6)
+    assert found.bands["voltage"].max == pytest.approx(1e3 * expected.max(), rel=1e-6)
+    assert found.bands["voltage"].inside == 1.0
+    again = decode_prediction(encode_prediction(found))
+    assert again.as_json() == found.as_json()
+
+
+def test_a_record_that_begins_under_load_starts_where_its_first_sample_is_met() -> None:
+    task, target = linear_task()
+    assert begins_under_load(target)
+    assert not begins_under_load(replace_current(target))
+    loaded = Experiment("loaded", target, initial_voltage=float(target.voltage[0]))
+    simulating = Linear(target)
+    (found,) = predict(task, {"a": 0.2, "b": 0.3}, [loaded], simulating)
+    assert found.errors.signals["voltage"].max < 1e-6
+    (rested,) = predict(task, {"a": 0.2, "b": 0.3}, [replace(loaded, target=replace_current(target))], simulating)
+    assert rested.simulations == 0
+
+
+def replace_current(target: Trajectory) -> Trajectory:
+    current = target.current.copy()
+    current[0] = 0.0
+    return target.changed(current=current)
+
+
+def test_a_simulator_that_knows_its_task_alone_says_so() -> None:
+    task, target = linear_task()
+
+    class Alone(Linear):
+        def simulate_variant(self, candidates: Any, experiments: Any, exact: bool = False) -> Any:
+            return None
+
+    with pytest.raises(BsaError, match="predicts no others"):
+        predict(task, {"a": 0.2, "b": 0.3}, [Experiment("new", target)], Alone(target))
+    assert space().names
