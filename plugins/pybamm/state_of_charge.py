@@ -53,8 +53,6 @@ def equilibrium_capacity_ah(parameter_set: str, overrides: Mapping[str, float]) 
     return float(negative_ah * (full - empty))
 
 
-
-
 def _maximum(which: str) -> str:
     return f"Maximum concentration in {which.lower()} electrode [mol.m-3]"
 
