@@ -103,7 +103,7 @@ def write_json(path: Path, content: Mapping[str, Any], indent: int | None = None
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write flat rows under a header of their keys, whole or not at all.
+    """Write flat rows under a header of their keys, whole or not at all; what is not a number is left empty.
 
     Raises
     ------
@@ -113,7 +113,8 @@ def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, list(rows[0]) if rows else [])
     writer.writeheader()
-    writer.writerows(rows)
+    # Only NaN differs from itself.
+    writer.writerows({key: "" if value != value else value for key, value in row.items()} for row in rows)
     write_text(path, text.getvalue())
 
 

@@ -19,8 +19,8 @@ except ImportError:  # pragma: no cover - Windows has no flock; there a second w
 
 FORMAT = 1
 FILE_NAME = "journal.jsonl"
-CLAIM = "claim"
-"""What a process of a grid holds of a run's folder, before there is a journal in it."""
+LOCK = "lock"
+"""Lock file of a process of a campaign in a run's folder, before there is a journal in it."""
 
 _BEGINNING = b'{"event":"run"'
 """How every journal begins; a file that begins otherwise is not ours."""
@@ -117,7 +117,7 @@ def check_run_folder(folder: Path) -> None:
     """
     found = entries(folder)
     if FILE_NAME not in found:
-        if found and CLAIM not in found:
+        if found and LOCK not in found:
             raise foreign(folder, "a run")
         return
     # A run that was killed while it began has part of the first line.

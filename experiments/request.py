@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from ..core.errors import BsaError
 from ..core.record import ReadOptions, Record
 from ..core.run_config import RunConfig
-from ..core.scaffold import load_scaffold
+from ..core.scaffold import Scaffold, load_scaffold
 from ..core.task import Task
 from ..core.validation import explain
 from ..core.yaml_text import parse_yaml
@@ -56,13 +56,13 @@ class Overrides:
     seed: int
     settings: dict[str, Any] = field(default_factory=dict)
 
-    def config(self, scaffold: str, backend: str, options: dict[str, Any], simulator: str = "") -> RunConfig:
+    def config(self, scaffold: str | Scaffold, backend: str, options: dict[str, Any], simulator: str = "") -> RunConfig:
         """The checked configuration.
 
         Parameters
         ----------
         scaffold, backend, options
-            As they were typed.
+            As they were typed; a scaffold may be given as it is, too.
         simulator : str
             The task's own, for a scaffold that names none.
 
@@ -71,8 +71,9 @@ class Overrides:
         BsaError
             Naming the key at fault and the nearest valid one.
         """
+        chosen = load_scaffold(scaffold) if isinstance(scaffold, str) else scaffold
         content: dict[str, Any] = {
-            "scaffold": load_scaffold(scaffold).made_for(simulator).model_dump(),
+            "scaffold": chosen.made_for(simulator).model_dump(),
             "backend": backend,
             "backend_options": options,
             "rounds": self.rounds,

@@ -2,43 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from . import completion
 from . import shared_options as shared
 from .bench_discovery import discovery_app
-from .grid import RESULTS, Metric, StoreOption
+from .campaign import RESULTS, Execution, Metric, StoreOption, finish, print_outcome, say
+from .option_groups import with_options
 
 if TYPE_CHECKING:
-    from ..suite.case import SuiteCase
-
-
-def _study_folder(out: Path) -> Path:
-    from ..studies.cell import check_study_folder
-
-    check_study_folder(out)
-    return out
-
+    from ..campaign.grid_file import BackendChoice, GridFile, SuiteFilter
+    from ..campaign.store import Store
+    from ..campaign.summary import Row
 
 bench_app = typer.Typer(help="Run the studies: one command each, seeded, resumable.", no_args_is_help=True)
 
+
 Suite = Annotated[
     str, typer.Option(metavar="NAME", help="published, generated or random.", rich_help_panel=shared.RECORDS)
-]
-Cases = Annotated[
-    str | None,
-    typer.Option(
-        metavar="N|NAMES",
-        help='How many cases, or which: "10", "regular-134", "extreme-*".',
-        rich_help_panel=shared.RECORDS,
-    ),
-]
-NoiseMv = Annotated[
-    float,
-    typer.Option(min=0.0, metavar="MV", help="Noise put on the targets' voltage.", rich_help_panel=shared.RECORDS),
 ]
 Published = Annotated[
     Path | None,
@@ -49,59 +36,111 @@ Published = Annotated[
         rich_help_panel=shared.RECORDS,
     ),
 ]
+
+
+@dataclass(frozen=True)
+class Cases:
+    """Which cases a study takes."""
+
+    suite: Suite = "published"
+    cases: Annotated[
+        str | None,
+        typer.Option(
+            metavar="N|NAMES",
+            help='How many cases, or which: "10", "regular-134", "extreme-*".',
+            rich_help_panel=shared.RECORDS,
+        ),
+    ] = None
+    published: Published = None
+    noise_mv: Annotated[
+        float,
+        typer.Option(min=0.0, metavar="MV", help="Noise put on the targets' voltage.", rich_help_panel=shared.RECORDS),
+    ] = 0.0
+
+    def filter(self, seed: int) -> SuiteFilter:
+        """The cases; of the random suite those of a seed."""
+        from ..campaign.grid_file import SuiteFilter
+
+        return SuiteFilter.model_validate(
+            {
+                "suite": self.suite,
+                "cases": int(self.cases) if self.cases and self.cases.isdigit() else self.cases,
+                "folder": self.published,
+                "noise_mv": self.noise_mv,
+                "draw": seed if self.suite == "random" else 0,
+            }
+        )
+
+
+@dataclass(frozen=True)
+class Model:
+    """Which language model the scaffolds ask that need one."""
+
+    backend: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="As bsa run takes it.",
+            autocompletion=completion.backends,
+            rich_help_panel=shared.LANGUAGE_MODEL,
+        ),
+    ] = "rules"
+    via: shared.Via = None
+    base_url: shared.BaseUrl = None
+    backend_option: shared.BackendOption = None
+
+    @property
+    def choice(self) -> BackendChoice:
+        """As a grid names it."""
+        from ..campaign.grid_file import BackendChoice
+
+        return BackendChoice(use=self.backend, options=shared.reaching(self.via, self.base_url, self.backend_option))
+
+
 Scaffolds = Annotated[
     str, typer.Option(metavar="NAMES", help="Scaffolds, joined by commas.", rich_help_panel=shared.SEARCH)
 ]
 Simulations = Annotated[
     int, typer.Option(min=1, metavar="N", help="Simulations a run at most.", rich_help_panel=shared.SEARCH)
 ]
-Backend = Annotated[
-    str,
-    typer.Option(
-        metavar="NAME",
-        help="As bsa run takes it.",
-        autocompletion=completion.backends,
-        rich_help_panel=shared.LANGUAGE_MODEL,
-    ),
-]
 Out = Annotated[
-    Path,
+    Path | None,
     typer.Option(
         metavar="FOLDER",
-        help="For tables, figures and finished cells.",
-        callback=_study_folder,
+        help="For tables and figures; default: a folder of the store, grids/STUDY.",
         rich_help_panel=shared.OUTPUT,
     ),
 ]
 
+Analysis = Callable[["list[Row]", "Store", Path], Any]
 
-def _chosen(
-    suite: str, cases: str | None, seed: int, published: Path | None = None, noise_mv: float = 0.0
-) -> list[SuiteCase]:
-    from ..suite.case import Noise
-    from ..suite.selection import choose, load_suite
 
-    noise = Noise(voltage_v=noise_mv / 1e3) if noise_mv else None
-    if suite == "random" and cases is not None and cases.isdigit() and int(cases):
-        # Its cases are drawn one by one, and each draw simulates: no more of them than are wanted.
-        return list(load_suite(suite, seed=seed, count=int(cases), noise=noise).values())
-    return list(choose(load_suite(suite, published, seed=seed, noise=noise), cases).values())
+def _study(grid: GridFile, execution: Execution, out: Path | None, analyse: Analysis | None = None) -> None:
+    """Run a study's grid, write the tables of every campaign, and then its own."""
+    from ..campaign.running import plan_campaign
+    from ..campaign.tables import tables
+
+    execution.check()
+    plan = plan_campaign(grid, execution.store, out, say=say, make=not execution.dry_run)
+    rows = execution.run(plan)
+    if any(row["state"] == "done" for row in rows):
+        tables(plan.folder, execution.store)
+        if analyse is not None:
+            analyse(rows, plan.store, plan.folder)
+    print_outcome(plan, rows)
+    finish(rows)
 
 
 @bench_app.command("suite")
+@with_options(Cases)
+@with_options(Model)
+@with_options(Execution, workers=2)
 def suite_command(
-    suite: Suite = "published",
-    cases: Cases = None,
+    cases: Cases,
+    *,
     scaffolds: Scaffolds = "default,least-squares,hybrid",
     simulations: Simulations = 100,
-    workers: shared.Workers = 2,
     seed: shared.Seed = 1234,
-    backend: Backend = "rules",
-    via: shared.Via = None,
-    base_url: shared.BaseUrl = None,
-    backend_option: shared.BackendOption = None,
-    published: Published = None,
-    noise_mv: NoiseMv = 0.0,
     own_budget: Annotated[
         list[str] | None,
         typer.Option(
@@ -110,23 +149,18 @@ def suite_command(
             rich_help_panel=shared.SEARCH,
         ),
     ] = None,
-    out: Out = Path("results/suite"),
+    execution: Execution,
+    model: Model,
+    out: Out = None,
 ) -> None:
     """The paper's main table: errors by mode and chemistry, with the paper's rows beside."""
-    from ..studies.suite import suite_study
+    from ..studies.grids import study_grid
 
-    suite_study(
-        _chosen(suite, cases, seed, published, noise_mv),
-        out,
-        scaffolds.split(","),
-        simulations,
-        workers,
-        seed,
-        backend,
-        shared.reaching(via, base_url, backend_option),
-        own_budgets=_own_budgets(own_budget),
+    budgets = _own_budgets(own_budget)
+    grid = study_grid(
+        "suite", cases.filter(seed), scaffolds.split(","), model.choice, simulations, seed, budgets, paper_rows=True
     )
-    print(f"{out / 'table.md'}")
+    _study(grid, execution, out)
 
 
 def _own_budgets(pairs: list[str] | None) -> dict[str, int]:
@@ -141,103 +175,92 @@ def _own_budgets(pairs: list[str] | None) -> dict[str, int]:
 
 
 @bench_app.command("runtime")
+@with_options(Model)
 def runtime_command(
+    *,
     case: Annotated[
         str, typer.Option(metavar="NAME", help="The case to time.", rich_help_panel=shared.RECORDS)
     ] = "regular-60",
     suite: Suite = "generated",
+    published: Published = None,
     scaffolds: Scaffolds = "full,hybrid,cma-es",
     steps: Annotated[
         int, typer.Option(min=10, metavar="N", help="Steps of the outer loop.", rich_help_panel=shared.SEARCH)
     ] = 20,
     seed: shared.Seed = 1234,
-    backend: Backend = "rules",
-    via: shared.Via = None,
-    base_url: shared.BaseUrl = None,
-    backend_option: shared.BackendOption = None,
-    published: Published = None,
-    out: Out = Path("results/runtime"),
+    model: Model,
+    store: StoreOption = RESULTS,
+    out: Out = None,
 ) -> None:
     """Matched steps: simulator, model and proposer time, first five against last five."""
-    from ..studies.runtime import runtime_study
+    from ..studies.grids import study_grid
+    from ..studies.runtime import write_runtime
 
-    (chosen, *_) = _chosen(suite, case if not case.isdigit() else f"regular-{case}", seed, published)
-    reached = shared.reaching(via, base_url, backend_option)
-    runtime_study(chosen, out, scaffolds.split(","), steps, seed, backend, reached)
-    print(f"{out / 'runtime.md'}")
+    name = f"regular-{case}" if case.isdigit() else case
+    chosen = Cases(suite, name, published).filter(seed)
+    grid = study_grid("runtime", chosen, scaffolds.split(","), model.choice, steps + 1, seed)
+    # One after the other: cells side by side would time each other.
+    _study(grid, Execution(workers=1, store=store), out, write_runtime)
 
 
 @bench_app.command("recovery")
+@with_options(Cases, cases="10")
+@with_options(Model)
+@with_options(Execution, workers=2)
 def recovery_command(
-    suite: Suite = "published",
-    cases: Cases = "10",
+    cases: Cases,
+    *,
     scaffolds: Scaffolds = "full,hybrid",
     simulations: Simulations = 100,
-    workers: shared.Workers = 2,
     seed: shared.Seed = 1234,
-    backend: Backend = "rules",
-    via: shared.Via = None,
-    base_url: shared.BaseUrl = None,
-    backend_option: shared.BackendOption = None,
-    published: Published = None,
-    noise_mv: NoiseMv = 0.0,
-    out: Out = Path("results/recovery"),
+    execution: Execution,
+    model: Model,
+    out: Out = None,
 ) -> None:
     """Whether a better fit means better parameters, and what held-out rates say."""
-    from ..studies.recovery import recovery_study
+    from ..campaign.task_sources import suite_cases
+    from ..studies.grids import study_grid
+    from ..studies.recovery import write_recovery
 
-    recovery_study(
-        _chosen(suite, cases, seed, published, noise_mv),
-        out,
-        scaffolds.split(","),
-        simulations,
-        workers,
-        seed,
-        backend,
-        shared.reaching(via, base_url, backend_option),
-    )
-    print(f"{out}")
+    chosen = cases.filter(seed)
+    grid = study_grid("recovery", chosen, scaffolds.split(","), model.choice, simulations, seed)
+    analyse = partial(write_recovery, cases=suite_cases(chosen), seed=seed, say=say)
+    _study(grid, execution, out, analyse)
 
 
 @bench_app.command("warmup")
+@with_options(Cases, cases="10")
+@with_options(Model)
+@with_options(Execution, workers=2)
 def warmup_command(
-    suite: Suite = "published",
-    cases: Cases = "10",
+    cases: Cases,
+    *,
     scaffold: Annotated[
         str,
         typer.Option(metavar="NAME", help="Scaffold whose warm-up is exchanged.", rich_help_panel=shared.SEARCH),
     ] = "full",
     simulations: Simulations = 100,
-    workers: shared.Workers = 2,
     seed: shared.Seed = 1234,
-    backend: Backend = "rules",
-    via: shared.Via = None,
-    base_url: shared.BaseUrl = None,
-    backend_option: shared.BackendOption = None,
-    published: Published = None,
-    noise_mv: NoiseMv = 0.0,
-    out: Out = Path("results/warmup"),
+    execution: Execution,
+    model: Model,
+    out: Out = None,
 ) -> None:
     """Random against proposed perturbations."""
-    from ..studies.warmup import warmup_study
+    from ...core.scaffold import load_scaffold
+    from ..studies.grids import study_grid
+    from ..studies.warmup import STRATEGIES, with_warm_up, write_warmup
 
-    warmup_study(
-        _chosen(suite, cases, seed, published, noise_mv),
-        out,
-        scaffold,
-        simulations=simulations,
-        workers=workers,
-        seed=seed,
-        backend=backend,
-        backend_options=shared.reaching(via, base_url, backend_option),
-    )
-    print(f"{out / 'warmup.md'}")
+    scaffolds = [with_warm_up(load_scaffold(scaffold), strategy) for strategy in STRATEGIES]
+    grid = study_grid("warmup", cases.filter(seed), scaffolds, model.choice, simulations, seed)
+    _study(grid, execution, out, write_warmup)
 
 
 @bench_app.command("no-harm")
+@with_options(Cases, cases="20")
+@with_options(Execution, workers=2)
 def no_harm_command(
-    suite: Suite = "published",
-    cases: Cases = "20",
+    cases: Cases,
+    *,
     simulations: Annotated[
         int,
         typer.Option(
@@ -247,16 +270,14 @@ def no_harm_command(
             rich_help_panel=shared.SEARCH,
         ),
     ] = 100,
-    workers: shared.Workers = 2,
     seed: shared.Seed = 1234,
-    published: Published = None,
-    out: Out = Path("results/no-harm"),
+    execution: Execution,
+    out: Out = None,
 ) -> None:
     """Hybrid with random, hostile and reasoned advice, against least squares with a fifth fewer simulations."""
-    from ..studies.no_harm import no_harm_study
+    from ..studies.no_harm import no_harm_grid, write_no_harm
 
-    no_harm_study(_chosen(suite, cases, seed, published), out, simulations, workers, seed)
-    print(f"{out / 'no_harm.md'}")
+    _study(no_harm_grid(cases.filter(seed), simulations, seed), execution, out, write_no_harm)
 
 
 @bench_app.command("evaluation")
@@ -267,14 +288,18 @@ def evaluation_command(
     repeats: Annotated[
         int, typer.Option(min=3, metavar="N", help="Evaluations a median is over.", rich_help_panel=shared.SEARCH)
     ] = 15,
-    out: Out = Path("results/evaluation"),
+    out: Annotated[
+        Path, typer.Option(metavar="FOLDER", help="For evaluation.csv.", rich_help_panel=shared.OUTPUT)
+    ] = RESULTS / "grids" / "evaluation",
 ) -> None:
     """What one evaluation costs against PyBaMM by itself, and what the loop adds to a round."""
     from dataclasses import asdict
 
+    from ...core.files import begins, entries, foreign, write_csv
     from ..studies.evaluation import measure_evaluation
-    from ..studies.table import write_csv
 
+    if entries(out) and not begins(out / "evaluation.csv", b"solver_s,"):
+        raise foreign(out, "a study")
     cost = measure_evaluation(task, repeats)
     write_csv(out / "evaluation.csv", [asdict(cost)])
     print("\n".join(cost.lines()))
@@ -316,8 +341,8 @@ def tables_command(
     ] = None,
     metric: Metric = "mape",
 ) -> None:
-    """Tables of a grid in the paper's form (Markdown, LaTeX), figures (SVG) and paired statistics."""
-    from ..grid.tables import tables
+    """Tables of a grid or study in the paper's form (Markdown, LaTeX), figures (SVG) and paired statistics."""
+    from ..campaign.tables import tables
 
     for path in tables(grid, store, out, metric):
         print(path)

@@ -82,8 +82,8 @@ def run_command(
 @discovery_app.command("score")
 def score_command(folder: Folder, results: Results = RESULTS) -> None:
     """Open the answers and grade the results."""
+    from ...core.files import write_csv
     from ..discovery_bench.scoring import as_markdown, case_table, mark_cases, marked_row
-    from ..studies.table import write_csv
 
     marked = mark_cases(folder, results)
     print(as_markdown(marked))
@@ -102,9 +102,9 @@ def shortlist_command(
     backend_option: shared.BackendOption = None,
 ) -> None:
     """Rank the effects of each case, by score and by the backend; fit none of them."""
+    from ...core.files import write_csv
     from ..discovery_bench.running import run_cases
     from ..discovery_bench.shortlists import SHORTLISTS, shortlist_case, shortlist_places, shortlist_table
-    from ..studies.table import write_csv
 
     reached = shared.reaching(via, base_url, backend_option)
     work = partial(shortlist_case, backend=backend, backend_options=reached)

@@ -28,7 +28,7 @@ def scaffolds() -> list[str]:
 
 def grids() -> list[str]:
     """Names of the grids that come with the package."""
-    from ..grid.grid_file import shipped_names
+    from ..campaign.grid_file import shipped_names
 
     return shipped_names()
 

@@ -27,9 +27,9 @@ _CONTEXT = {"help_option_names": ["-h", "--help"]}
 def app() -> typer.Typer:
     """The ``bsa`` command with all its subcommands."""
     from .bench import bench_app
+    from .campaign import grid, report
     from .catalogue import doctor, list_app
     from .discover import discover
-    from .grid import grid, report
     from .run import run
     from .several_files import RecordsCommand
 

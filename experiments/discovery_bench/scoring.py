@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...core.errors import BsaError
-from ..studies.table import exact_interval
+from ..campaign.summary import exact_interval
 from .making import read_rows, unseal
 from .running import RESULTS
 
@@ -23,7 +23,7 @@ class Marked:
 
     Attributes
     ----------
-    case, setting : str
+    task, setting : str
         Which case, and what it was for.
     hidden : tuple of str
         Names of what was hidden; an effect of no catalogue in brackets.
@@ -44,7 +44,7 @@ class Marked:
         Single-record solves.
     """
 
-    case: str
+    task: str
     setting: str
     hidden: tuple[str, ...]
     verdict: str
@@ -228,7 +228,7 @@ def case_table(marked: Sequence[Marked]) -> str:
     for m in marked:
         error = "" if m.parameter_error is None else f"{m.parameter_error:.1%}"
         lines.append(
-            f"| {m.case} | {m.setting} | {' + '.join(m.hidden) or 'nothing'} | {m.verdict} | {' + '.join(m.named)} "
+            f"| {m.task} | {m.setting} | {' + '.join(m.hidden) or 'nothing'} | {m.verdict} | {' + '.join(m.named)} "
             f"| {m.mark} | {m.closed:.3f} | {m.held_closed:.3f} | {error} | {m.cpu_s:.0f} |"
         )
     return "\n".join(lines) + "\n"

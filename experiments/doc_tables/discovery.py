@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from ..campaign.text_tables import markdown_table
 from ..discovery_bench.scoring import Marked, as_markdown, case_table, marked_of
 from ..discovery_bench.shortlists import shortlist_table
-from .layout import short, table
+from .layout import short
 from .results import Results
 
 CASES = "discovery_cases discovery_earlier"
@@ -24,7 +25,7 @@ def each_case(results: Results) -> str:
 def marked(results: Results) -> list[Marked]:
     """All blind cases, in order."""
     rows = [row for study in CASES.split() for row in results.rows(study)]
-    return sorted((marked_of(row) for row in rows), key=lambda case: case.case)
+    return sorted((marked_of(row) for row in rows), key=lambda case: case.task)
 
 
 def shortlists(results: Results) -> str:
@@ -47,4 +48,4 @@ def measured_cells(results: Results) -> str:
         for row in results.rows("measured_cells")
     ]
     heads = ["records", "verdict", "named", "strength (95 %)", "fitted / mV", "held out / mV", "processor s"]
-    return results.framed("measured_cells", table(heads, lines, 4))
+    return results.framed("measured_cells", markdown_table(heads, lines, 4))

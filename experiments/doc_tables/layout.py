@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
-from ..studies.table import Statistic, statistic
+from ..campaign.summary import Statistic, statistic
 
 
 def short(value: float) -> str:
@@ -22,12 +22,6 @@ def spread(values: Sequence[float] | Statistic) -> str:
     found = values if isinstance(values, Statistic) else statistic(values)
     text = short(found.mean) if math.isnan(found.deviation) else f"{short(found.mean)} ± {short(found.deviation)}"
     return f"{text} ({found.missing} without result)" if found.missing else text
-
-
-def table(heads: Sequence[str], rows: Iterable[Sequence[str]], text_columns: int = 1) -> str:
-    """A Markdown table whose columns after the first ``text_columns`` are numbers."""
-    ruler = ["---"] * text_columns + ["---:"] * (len(heads) - text_columns)
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in (heads, ruler, *rows))
 
 
 def bold(text: str, when: bool = True) -> str:

@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from ..studies.table import EARLY, main_table, paper_rows, statistic
-from .layout import bold, short, spread, table
+from ..campaign.columns import EARLY
+from ..campaign.summary import main_table, paper_rows, statistic
+from ..campaign.text_tables import markdown_table
+from .layout import bold, short, spread
 from .results import Results
 
 Row = dict[str, Any]
@@ -24,7 +26,7 @@ _WITH_ONE_OBJECTIVE = ("hybrid", "least-squares", "bo", "cma-es", "de")
 def main(results: Results) -> str:
     """Both modes, with the paper's rows."""
     rows = results.rows("published")
-    ours, early, theirs = main_table(rows), main_table(rows, "early_mape"), paper_rows()
+    ours, early, theirs = main_table(rows), main_table(rows, "early_objective"), paper_rows()
     parts = []
     for mode, row in ((mode, methods["hybrid"]) for mode, methods in ours.items()):
         sets = list(row)
@@ -35,7 +37,7 @@ def main(results: Results) -> str:
             [f"*{name}*", *(f"*{spread(entry)}*" for entry in entries.values())]
             for name, entries in theirs[mode].items()
         ]
-        parts += [f"{mode.capitalize()}:", table(["method", *sets], lines)]
+        parts += [f"{mode.capitalize()}:", markdown_table(["method", *sets], lines)]
     return results.framed("published", *parts)
 
 
@@ -46,8 +48,8 @@ def _best(methods: dict[str, Any], name: str) -> float:
 def summary(results: Results) -> str:
     """What the main table comes to."""
     rows = results.rows("published")
-    quick = [row for row in rows if row["parameter_set"] != SLOW]
-    found, early = statistic(_errors(quick)), [row["early_mape"] for row in quick]
+    quick = [row for row in rows if row["chemistry"] != SLOW]
+    found, early = statistic(_errors(quick)), [row["early_objective"] for row in quick]
     far = sorted((row for row in quick if row["mape"] > 1), key=lambda row: -row["mape"])
     simulations, failed = (sum(row[name] for row in quick) for name in ("simulations", "failed_simulations"))
     below, cells = below_the_paper(rows)
@@ -80,7 +82,7 @@ def below_the_paper(rows: Sequence[Row]) -> tuple[int, int]:
 
 
 def _named(row: Row) -> str:
-    return f"{row['case']} ({row['parameter_set']} {row['rates']}, {short(row['mape'])} %)"
+    return f"{row['task']} ({row['chemistry']} {row['rates']}, {short(row['mape'])} %)"
 
 
 def _errors(rows: Sequence[Row]) -> list[float]:
@@ -102,19 +104,21 @@ def start(results: Results) -> str:
             lines.append([mode, name, f"{entry.mean:.2f}", f"{paper:.2f}", f"{100 * difference:+.1f} %"])
     cells = f"{same} of {len(lines)} cells"
     words = f"The untouched start reproduces the paper's Default row within {100 * _REPRODUCED:g} % in {cells}:"
-    return "\n\n".join([words, table(["mode", "base cell", "our start", "paper, Default", "difference"], lines, 2)])
+    return "\n\n".join(
+        [words, markdown_table(["mode", "base cell", "our start", "paper, Default", "difference"], lines, 2)]
+    )
 
 
 def oregan(results: Results) -> str:
     """The base cell that is slow, by mode."""
     lines = []
     for mode in ("regular", "extreme"):
-        rows = [row for row in results.rows("published") if (row["mode"], row["parameter_set"]) == (mode, SLOW)]
-        errors, early = statistic(_errors(rows)), spread([row["early_mape"] for row in rows])
+        rows = [row for row in results.rows("published") if (row["mode"], row["chemistry"]) == (mode, SLOW)]
+        errors, early = statistic(_errors(rows)), spread([row["early_objective"] for row in rows])
         entries = [bold(spread(errors)), short(float(np.median(_errors(rows)))), short(errors.worst)]
         more = [str(sum(row["mape"] > 10 for row in rows)), early, f"*{short(_best(paper_rows()[mode], SLOW))}*"]
         lines.append([mode, str(len(rows)), *entries, *more])
-    longer = [f"{row['case']} {row['simulations']:.0f}" for row in results.rows("published") if _longer(row)]
+    longer = [f"{row['task']} {row['simulations']:.0f}" for row in results.rows("published") if _longer(row)]
     heads = [
         "",
         "tasks",
@@ -126,7 +130,7 @@ def oregan(results: Results) -> str:
         "*the paper's best row*",
     ]
     note = f"Tasks with more than 50 simulations: {', '.join(longer)}." if longer else "All had 50 simulations."
-    return "\n\n".join([table(heads, lines), note])
+    return "\n\n".join([markdown_table(heads, lines), note])
 
 
 def longer_tasks(rows: Sequence[Row]) -> list[Row]:
@@ -135,19 +139,17 @@ def longer_tasks(rows: Sequence[Row]) -> list[Row]:
 
 
 def _longer(row: Row) -> bool:
-    return bool(row["parameter_set"] == SLOW and row["simulations"] > 50)
+    return bool(row["chemistry"] == SLOW and row["simulations"] > 50)
 
 
 def baselines(results: Results) -> str:
     """Every method on the tasks that all of them have run, and qNEHVI on its tasks."""
     others = results.rows("baselines")
-    cases = {row["case"] for row in others if row["method"] == "least-squares"}
-    rows = [*(row for row in results.rows("published") if row["case"] in cases), *others]
-    groups = list(dict.fromkeys((row["mode"], row["parameter_set"]) for row in rows))
+    cases = {row["task"] for row in others if row["method"] == "least-squares"}
+    rows = [*(row for row in results.rows("published") if row["task"] in cases), *others]
+    groups = list(dict.fromkeys((row["mode"], row["chemistry"]) for row in rows))
     means = {
-        method: [
-            _mean_of(rows, method, [c for c in rows if (c["mode"], c["parameter_set"]) == group]) for group in groups
-        ]
+        method: [_mean_of(rows, method, [c for c in rows if (c["mode"], c["chemistry"]) == group]) for group in groups]
         for method in _WITH_ONE_OBJECTIVE
     }
     least = [min(values[place] for values in means.values()) for place in range(len(groups))]
@@ -160,21 +162,21 @@ def baselines(results: Results) -> str:
         for method in _WITH_ONE_OBJECTIVE
     ]
     heads = ["method", *(f"{name}, {mode}" for mode, name in groups), "all", "median", "worst", f"after {EARLY}"]
-    return results.framed("baselines", table(heads, lines), "\n".join(_remarks(rows, cases)))
+    return results.framed("baselines", markdown_table(heads, lines), "\n".join(_remarks(rows, cases)))
 
 
 def _of(rows: Sequence[Row], method: str, cases: set[str] | None = None) -> dict[str, Row]:
-    return {row["case"]: row for row in rows if row["method"] == method and (cases is None or row["case"] in cases)}
+    return {row["task"]: row for row in rows if row["method"] == method and (cases is None or row["task"] in cases)}
 
 
 def _mean_of(rows: Sequence[Row], method: str, group: Sequence[Row]) -> float:
-    own = _of(rows, method, {row["case"] for row in group})
+    own = _of(rows, method, {row["task"] for row in group})
     return statistic(_errors(list(own.values()))).mean
 
 
 def _overall(rows: Sequence[Row], method: str) -> list[str]:
     own = list(_of(rows, method).values())
-    errors, early = _errors(own), statistic([row["early_mape"] for row in own]).mean
+    errors, early = _errors(own), statistic([row["early_objective"] for row in own]).mean
     return [spread(errors), short(float(np.median(errors))), short(max(errors)), short(early)]
 
 

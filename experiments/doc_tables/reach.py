@@ -6,7 +6,8 @@ from collections import Counter
 
 import numpy as np
 
-from ..studies.table import EARLY, exact_interval, statistic
+from ..campaign.columns import EARLY
+from ..campaign.summary import exact_interval, statistic
 from .discovery import marked
 from .layout import short
 from .published import SLOW, below_the_paper, longer_tasks
@@ -20,12 +21,12 @@ def reach(results: Results) -> str:
 
 def _published(results: Results) -> str:
     rows = results.rows("published")
-    quick, slow = ([row for row in rows if (row["parameter_set"] == SLOW) == is_slow] for is_slow in (False, True))
+    quick, slow = ([row for row in rows if (row["chemistry"] == SLOW) == is_slow] for is_slow in (False, True))
     below, cells = below_the_paper(rows)
-    found, early = statistic([row["mape"] for row in quick]), statistic([row["early_mape"] for row in quick])
+    found, early = statistic([row["mape"] for row in quick]), statistic([row["early_objective"] for row in quick])
     errors = [row["mape"] for row in slow]
     longer = longer_tasks(rows)
-    more = f" ({', '.join(row['case'] for row in longer)} had more)" if longer else ""
+    more = f" ({', '.join(row['task'] for row in longer)} had more)" if longer else ""
     return (
         f"* On the paper's {len(rows)} published tasks: below the best row of its table, agents and Bayesian "
         f"optimisation "

@@ -12,9 +12,12 @@ from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 from ...core.errors import BsaError
 from ...core.validation import explain
 from ...core.yaml_text import read_yaml
-from ..studies.table import read_csv
+from ..campaign.results import read_table
 
 ORIGINS = "origins.yaml"
+
+_NAMES = {"case": "task", "parameter_set": "chemistry", "early_mape": "early_objective"}
+"""Columns that earlier versions called otherwise: present names by earlier ones."""
 
 
 class Origin(BaseModel, extra="forbid"):
@@ -52,7 +55,7 @@ class Results:
         path = self.folder / f"{study}.csv"
         if not path.is_file():
             raise BsaError(f"{path} is missing.", "a table of the documentation is made of it; run its study.")
-        return read_csv(path)
+        return [{_NAMES.get(name, name): value for name, value in row.items()} for row in read_table(path)]
 
     @cached_property
     def origins(self) -> dict[str, Origin]:

@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from ..grid.statistics import compare
+from ..campaign.statistics import compare
+from ..campaign.summary import exact_interval, statistic
+from ..campaign.text_tables import markdown_table
 from ..studies.no_harm import Verdict, summary
-from ..studies.table import exact_interval, statistic
-from .layout import bold, short, spread, table
+from .layout import bold, short, spread
 from .results import Results
 
 Row = dict[str, Any]
@@ -23,8 +24,8 @@ def random_cells(results: Results) -> str:
     rows = results.rows("random")
     lines = [
         [
-            row["case"],
-            row["parameter_set"],
+            row["task"],
+            row["chemistry"],
             row["rates"],
             short(row["initial_mape"]),
             short(row["mape"]),
@@ -36,16 +37,16 @@ def random_cells(results: Results) -> str:
     mean, median = short(float(np.mean(errors))), short(float(np.median(errors)))
     words = f"{len(rows)} cases: mean {mean} %, median {median} %, worst {short(max(errors))} %."
     heads = ["case", "base cell", "rates", "start", "hybrid", "simulations"]
-    return results.framed("random", table(heads, lines, 3), words)
+    return results.framed("random", markdown_table(heads, lines, 3), words)
 
 
 def noise(results: Results) -> str:
     """The same tasks with measurement noise and without."""
-    noisy = {row["case"]: row["mape"] for row in results.rows("noise")}
-    clean = {row["case"]: row["mape"] for row in results.rows("published") if row["case"] in noisy}
+    noisy = {row["task"]: row["mape"] for row in results.rows("noise")}
+    clean = {row["task"]: row["mape"] for row in results.rows("published") if row["task"] in noisy}
     lines = [["with noise, 60 simulations", *(short(value) for value in noisy.values())]]
     lines += [["without, 100 simulations", *(short(clean[case]) for case in noisy)]]
-    return results.framed("noise", table(["", *noisy], lines))
+    return results.framed("noise", markdown_table(["", *noisy], lines))
 
 
 def no_harm(results: Results) -> str:
@@ -74,13 +75,13 @@ def no_harm(results: Results) -> str:
         "hybrid",
         "least squares",
     ]
-    worse = [f"{v.case} with {v.adviser} ({short(v.advised)} and {short(v.alone)} %)" for v in found if not v.no_worse]
+    worse = [f"{v.task} with {v.adviser} ({short(v.advised)} and {short(v.alone)} %)" for v in found if not v.no_worse]
     words = (
         f"Worse than least squares: {', '.join(worse)}."
         if worse
         else "In no case was the hybrid worse than least squares."
     )
-    return results.framed("no_harm", table(heads, lines), words)
+    return results.framed("no_harm", markdown_table(heads, lines), words)
 
 
 def ablation(results: Results) -> str:
@@ -100,7 +101,7 @@ def ablation(results: Results) -> str:
     methods = dict.fromkeys(row["method"] for row in rows)
     means = ", ".join(f"{m} {spread([row['mape'] for row in rows if row['method'] == m])}" for m in methods)
     heads = ["against `full`, on `rules`", "ratio of errors", "95 % interval", "worse / better / all", "p", "verdict"]
-    return results.framed("ablation", table(heads, lines), f"Mean errors in %: {means}.")
+    return results.framed("ablation", markdown_table(heads, lines), f"Mean errors in %: {means}.")
 
 
 def evaluation(results: Results) -> str:
@@ -115,7 +116,7 @@ def evaluation(results: Results) -> str:
         ["simulations a second, two workers to one (aim 1.7)", f"{row['two_workers']:.2f}"],
         ["the loop's own cost a round", f"{1e3 * row['loop_s']:.0f} ms"],
     ]
-    return results.framed("evaluation", table([f"one evaluation, medians of {row['repeats']:.0f}", ""], lines))
+    return results.framed("evaluation", markdown_table([f"one evaluation, medians of {row['repeats']:.0f}", ""], lines))
 
 
 def runtime(results: Results) -> str:
@@ -128,7 +129,7 @@ def runtime(results: Results) -> str:
         "MAPE at the end / %": [short(row["mape"]) for row in rows],
     }
     lines = [[name, *values] for name, values in measures.items()]
-    return results.framed("runtime", table(["20 steps on one task", *(row["method"] for row in rows)], lines))
+    return results.framed("runtime", markdown_table(["20 steps on one task", *(row["method"] for row in rows)], lines))
 
 
 def recovery(results: Results) -> str:
@@ -149,8 +150,8 @@ def recovery(results: Results) -> str:
     }
     median = float(np.median([row["median_relative_error"] for row in rows]))
     largest = max(row["largest_relative_error"] for row in rows)
-    before = {row["case"]: row["mape"] for row in results.rows("published")}
-    fitted = [statistic(values).mean for values in ([r["mape"] for r in rows], [before[r["case"]] for r in rows])]
+    before = {row["task"]: row["mape"] for row in results.rows("published")}
+    fitted = [statistic(values).mean for values in ([r["mape"] for r in rows], [before[r["task"]] for r in rows])]
     remarks = [
         f"* At the rates that were fitted: mean {short(fitted[0])} %; the same tasks in published.csv, which earlier "
         f"versions made, {short(fitted[1])} %.",
@@ -163,7 +164,7 @@ def recovery(results: Results) -> str:
         f"the steps (means of the cases; "
         "the paper reports 0.963 and 1.000).",
     ]
-    return results.framed("recovery held_out", table(heads, lines), "\n".join(remarks))
+    return results.framed("recovery held_out", markdown_table(heads, lines), "\n".join(remarks))
 
 
 def _held(rows: list[Row], quality: str, rate: float) -> float:
@@ -173,20 +174,21 @@ def _held(rows: list[Row], quality: str, rate: float) -> float:
 def warm_up(results: Results) -> str:
     """Random against proposed perturbations before the first round."""
     rows = results.rows("warmup")
-    cases = list(dict.fromkeys(row["case"] for row in rows))
+    cases = list(dict.fromkeys(row["task"] for row in rows))
     lines = []
     for method in dict.fromkeys(row["method"] for row in rows):
-        own = {row["case"]: row for row in rows if row["method"] == method}
+        own = {row["task"]: row for row in rows if row["method"] == method}
         both = [spread([row[name] for row in own.values()]) for name in ("after_warm_up_mape", "mape")]
         lines.append([method.partition("+")[2], *both, *(short(own[case]["mape"]) for case in cases)])
-    return results.framed("warmup", table(["", "best after it", "after 20 simulations", *cases], lines))
+    return results.framed("warmup", markdown_table(["", "best after it", "after 20 simulations", *cases], lines))
 
 
 def grid_cost(results: Results) -> str:
     """What a cell of a grid costs."""
     rows = results.rows("grid_cost")
     return results.framed(
-        "grid_cost", table(["figure", "measured"], [[r["figure"], f"{short(r['value'])} {r['unit']}"] for r in rows])
+        "grid_cost",
+        markdown_table(["figure", "measured"], [[r["figure"], f"{short(r['value'])} {r['unit']}"] for r in rows]),
     )
 
 
@@ -201,4 +203,4 @@ def grid_scaling(results: Results) -> str:
         ["synced journal lines", f"{short(cost['lines'] * _CORES / cost['run'])} a second on {_CORES} cores"],
         ["a model's tokens", f"{cost['tokens'] * _MANY:.1e}, {cost['prompt']:.0f} % of them prompt"],
     ]
-    return table(["what", f"at {_MANY:,} cells"], lines, 2)
+    return markdown_table(["what", f"at {_MANY:,} cells"], lines, 2)

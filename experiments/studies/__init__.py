@@ -1,1 +1,1 @@
-"""Studies: the tables and figures of the benchmark, one function each, resumable."""
+"""Studies: each is a grid, and an analysis of the rows that it gives."""

@@ -7,17 +7,18 @@ advice may cost a bounded share of the budget, but never the result. Here it is 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ...core.files import write_text
+from ...core.files import write_csv, write_text
 from ...core.scaffold import Scaffold
-from ..suite.case import SuiteCase
-from .cell import CellRecord, StudyCell, study_config
-from .many import Say, run_cells
-from .table import rows_of, statistic, write_csv, write_json
+from ..campaign.grid_file import BackendChoice, GridFile, Included, SuiteFilter
+from ..campaign.store import Store
+from ..campaign.summary import Row, statistic
+from ..campaign.text_tables import markdown_table
+from .grids import budget, study_grid, trace_of
 
 ADVISERS = ("rules", "random-advice", "adversarial-advice")
 """Backends of the hybrid: one that reasons, and two that deserve no trust."""
@@ -46,7 +47,7 @@ class Verdict:
 
     Attributes
     ----------
-    case, parameter_set, rates, adviser : str
+    task, chemistry, rates, adviser : str
         Which pair it is.
     alone, advised : float
         Lowest total MAPE of the search in percent, of least squares and of the hybrid; NaN if nothing ran.
@@ -58,8 +59,8 @@ class Verdict:
         Whether its final score is no higher either, up to the difference of the meshes.
     """
 
-    case: str
-    parameter_set: str
+    task: str
+    chemistry: str
     rates: str
     adviser: str
     alone: float
@@ -70,69 +71,71 @@ class Verdict:
     score_no_worse: bool
 
 
-def no_harm_study(
-    cases: Iterable[SuiteCase],
-    out: Path,
+def no_harm_grid(
+    cases: SuiteFilter,
     simulations: int = 100,
-    workers: int = 2,
     seed: int = 1234,
     advisers: Sequence[str] = ADVISERS,
     alone: str | Scaffold = "least-squares",
     advised: str | Scaffold = "hybrid",
-    say: Say = print,
-) -> list[Verdict]:
-    """Fit every case by least squares, and by the hybrid with every adviser; write tables and verdicts.
+) -> GridFile:
+    """Every case by least squares, and by the hybrid with every adviser and a quarter more simulations."""
+    more = Included(
+        scaffolds=[advised],
+        backends=[BackendChoice(use=adviser) for adviser in advisers],
+        **budget(int(MORE * simulations)),
+    )
+    return study_grid("no-harm", cases, [alone], BackendChoice(use="rules"), simulations, seed, include=[more])
 
-    Writes ``no_harm.md``, ``no_harm.json``, ``verdicts.csv`` and ``cells.csv``.
+
+def write_no_harm(rows: Sequence[Row], store: Store, out: Path) -> list[Verdict]:
+    """Compare the hybrid with least squares, case by case: ``no_harm.md`` and ``verdicts.csv``.
 
     Parameters
     ----------
-    cases : iterable of SuiteCase
-        From `load_suite` and `choose`.
+    rows : sequence of dict
+        Of `no_harm_grid`.
+    store : Store
+        Where their cells lie.
     out : Path
-        The study's folder; finished cells in it are not run again.
-    simulations : int
-        Simulations of least squares at most; the hybrid may take a quarter more.
-    workers, seed, say
-        As in `suite_study`.
-    advisers : sequence of str
-        Backends of the hybrid.
-    alone, advised : str or Scaffold
-        The two scaffolds.
+        The study's folder.
     """
-    cells: list[StudyCell] = []
-    more = int(MORE * simulations)
-    for case in cases:
-        cells.append(StudyCell(case, "least-squares", study_config(alone, simulations, seed, "rules", {})))
-        cells += [
-            StudyCell(case, f"hybrid-{adviser}", study_config(advised, more, seed, adviser, {})) for adviser in advisers
-        ]
-    records = run_cells(cells, out, workers, say)
-    found = verdicts(records)
-    write_text(out / "no_harm.md", markdown(found, simulations))
-    write_csv(out / "cells.csv", rows_of(records))
+    lowest = {row["identity"]: trace_of(row, store).best_after(row["simulations"]) for row in _ran(rows)}
+    found = verdicts(rows, lowest)
+    write_text(out / "no_harm.md", markdown(found))
     write_csv(out / "verdicts.csv", [asdict(verdict) for verdict in found])
-    write_json(out / "no_harm.json", {"simulations": simulations, "hybrid_simulations": more, **summary(found)})
-    say(f"Written to {out}: no_harm.md, no_harm.json, verdicts.csv, cells.csv.")
     return found
 
 
-def verdicts(records: Sequence[CellRecord]) -> list[Verdict]:
-    """Pair every hybrid's cell with the case's cell of least squares; cases without a target are left out."""
-    references = {record.case: record for record in records if record.method == "least-squares"}
+def _ran(rows: Sequence[Row]) -> list[Row]:
+    return [row for row in rows if row["state"] == "done"]
+
+
+def verdicts(rows: Sequence[Row], lowest: Mapping[str, float | None]) -> list[Verdict]:
+    """Pair every cell of the hybrid with the case's cell of least squares; pairs that have not run are left out.
+
+    Parameters
+    ----------
+    rows : sequence of dict
+        Of `no_harm_grid`; the first method is the reference.
+    lowest : mapping of str to (float or None)
+        Lowest error of each cell's search, by identity.
+    """
+    reference = rows[0]["scaffold"] if rows else ""
+    references = {row["task"]: row for row in _ran(rows) if row["scaffold"] == reference}
     found: list[Verdict] = []
-    for record in records:
-        reference = references[record.case]
-        if record is reference or record.status == "no target":
+    for row in _ran(rows):
+        if row["scaffold"] == reference or row["task"] not in references:
             continue
-        alone, advised = _lowest(reference), _lowest(record)
-        alone_score, advised_score = reference.metric("mape"), record.metric("mape")
+        other = references[row["task"]]
+        alone, advised = _number(lowest[other["identity"]]), _number(lowest[row["identity"]])
+        alone_score, advised_score = _number(other["mape"]), _number(row["mape"])
         found.append(
             Verdict(
-                record.case,
-                record.parameter_set,
-                record.rates,
-                record.method.removeprefix("hybrid-"),
+                row["task"],
+                row["chemistry"],
+                row["rates"],
+                row["backend"],
                 alone,
                 advised,
                 alone_score,
@@ -144,8 +147,8 @@ def verdicts(records: Sequence[CellRecord]) -> list[Verdict]:
     return found
 
 
-def _lowest(record: CellRecord) -> float:
-    return min((trial.mape for trial in record.trials if trial.mape is not None), default=math.nan)
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value
 
 
 def _no_higher(value: float, reference: float, tolerance: float) -> bool:
@@ -164,8 +167,8 @@ def summary(found: Sequence[Verdict]) -> dict[str, Any]:
             "score_no_worse": sum(verdict.score_no_worse for verdict in mine),
             "better": sum(verdict.advised < verdict.alone - _SAME for verdict in mine),
             "largest_harm_points": max((_harm(verdict) for verdict in mine), default=math.nan),
-            "alone": asdict(statistic([verdict.alone_score for verdict in mine])),
-            "advised": asdict(statistic([verdict.advised_score for verdict in mine])),
+            "alone": statistic([verdict.alone_score for verdict in mine]),
+            "advised": statistic([verdict.advised_score for verdict in mine]),
         }
     return content
 
@@ -175,36 +178,32 @@ def _harm(verdict: Verdict) -> float:
     return max(verdict.advised - verdict.alone, 0.0) if not math.isnan(verdict.alone) else 0.0
 
 
-def markdown(found: Sequence[Verdict], simulations: int) -> str:
+def markdown(found: Sequence[Verdict]) -> str:
     """The table by adviser, then every case."""
+    heads = ["adviser", "cases", "no worse", "better", "score no worse", "largest harm / points"]
     lines = [
-        f"Least squares with {simulations} simulations at most, hybrid with {int(MORE * simulations)}. "
-        "Total MAPE in %; the search's own errors decide, and scores are those on the standard mesh "
-        f"(no worse within {_SCORE_TOLERANCE:g} points).",
-        "",
-        "| adviser | cases | no worse | better | score no worse | largest harm / points | hybrid | least squares |",
-        "|" + " --- |" * 8,
+        [
+            adviser,
+            *(str(entry[name]) for name in ("cases", "no_worse", "better", "score_no_worse")),
+            f"{entry['largest_harm_points']:.3g}",
+            str(entry["advised"]),
+            str(entry["alone"]),
+        ]
+        for adviser, entry in summary(found).items()
     ]
-    for adviser, entry in summary(found).items():
-        lines.append(
-            f"| {adviser} | {entry['cases']} | {entry['no_worse']} | {entry['better']} | {entry['score_no_worse']} "
-            f"| {entry['largest_harm_points']:.3g} | {_mean(found, adviser, True)} | {_mean(found, adviser, False)} |"
-        )
-    lines += [
-        "",
-        "| case | set | rates | adviser | hybrid | least squares | verdict | hybrid, score | least squares, score |",
-        "|" + " --- |" * 9,
+    numbers = [[f"{value:.4g}" for value in (v.advised, v.alone, v.advised_score, v.alone_score)] for v in found]
+    pairs = [
+        [verdict.task, verdict.chemistry, verdict.rates, verdict.adviser, _word(verdict), *values]
+        for verdict, values in zip(found, numbers, strict=True)
     ]
-    for verdict in found:
-        word = "better" if verdict.advised < verdict.alone - _SAME else "equal" if verdict.no_worse else "**worse**"
-        lines.append(
-            f"| {verdict.case} | {verdict.parameter_set} | {verdict.rates} | {verdict.adviser} "
-            f"| {verdict.advised:.4g} | {verdict.alone:.4g} | {word} "
-            f"| {verdict.advised_score:.4g} | {verdict.alone_score:.4g} |"
-        )
-    return "\n".join(lines) + "\n"
+    names = ["hybrid", "least squares"]
+    each = ["case", "set", "rates", "adviser", "verdict", *names, *(f"{name}, score" for name in names)]
+    words = (
+        f"The hybrid has {MORE:g} times the simulations of least squares. Total MAPE in %; the search's own errors "
+        f"decide, and scores are those on the standard mesh (no worse within {_SCORE_TOLERANCE:g} points)."
+    )
+    return f"{words}\n\n{markdown_table([*heads, *names], lines)}\n\n{markdown_table(each, pairs, 5)}\n"
 
 
-def _mean(found: Sequence[Verdict], adviser: str, advised: bool) -> str:
-    mine = [verdict for verdict in found if verdict.adviser == adviser]
-    return str(statistic([verdict.advised_score if advised else verdict.alone_score for verdict in mine]))
+def _word(verdict: Verdict) -> str:
+    return "better" if verdict.advised < verdict.alone - _SAME else "equal" if verdict.no_worse else "**worse**"

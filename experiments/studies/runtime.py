@@ -8,98 +8,82 @@ from typing import Any
 
 import numpy as np
 
-from ...core.files import write_text
-from ...core.scaffold import Scaffold
-from ..suite.case import SuiteCase
-from .cell import CellRecord, run_cell
-from .figures import round_times
-from .many import Say, make_cells
-from .table import write_csv, write_json
+from ...core.files import write_csv, write_text
+from ..campaign.figures import round_times
+from ..campaign.store import Store
+from ..campaign.summary import Row
+from ..campaign.text_tables import markdown_table
+from ..campaign.trace import Trace
+from .grids import trace_of
 
 _ENDS = 5
 
+_HEADS = {
+    "simulations": "simulations",
+    "llm_calls": "model calls",
+    "simulator_s": "simulator / s",
+    "backend_s": "model / s",
+    "proposer_s": "proposer / s",
+    "wall_s": "wall / s",
+    "first_steps_s": f"step, first {_ENDS} / s",
+    "last_steps_s": f"step, last {_ENDS} / s",
+    "first_proposals_s": f"proposal, first {_ENDS} / s",
+    "last_proposals_s": f"proposal, last {_ENDS} / s",
+    "mape": "MAPE / %",
+}
 
-def runtime_study(
-    case: SuiteCase,
-    out: Path,
-    scaffolds: Sequence[str | Scaffold] = ("full", "bo"),
-    steps: int = 20,
-    seed: int = 1234,
-    backend: str = "rules",
-    backend_options: dict[str, Any] | None = None,
-    say: Say = print,
-) -> list[dict[str, Any]]:
-    """Run methods one after the other, alone, for the same number of simulations, and read the clock.
+_PAPER = (
+    "Paper, Chen2020, 20 steps: agent 322.4 s in all, 13.85 s a round first five and 13.82 s last five;\n"
+    "BO 541.0 s in all, 44.3 s a round first five and 477.3 s last five."
+)
 
-    Writes ``runtime.csv``, ``runtime.json``, ``runtime.md`` and a figure. A cell that was interrupted is run
-    again from its start when the folder of its run is removed; resumed times would mean nothing.
+
+def write_runtime(rows: Sequence[Row], store: Store, out: Path) -> list[dict[str, Any]]:
+    """Read the clock of methods that ran one after the other, alone, for the same number of simulations.
+
+    Writes ``runtime.csv``, ``runtime.md`` and ``rounds.svg``. Of a cell that was taken up again there are no rounds:
+    its times would mean nothing.
 
     Parameters
     ----------
-    case : SuiteCase
-        The case; the paper takes one of Chen2020.
+    rows : sequence of dict
+        Of one case.
+    store : Store
+        Where their cells lie.
     out : Path
         The study's folder.
-    scaffolds : sequence of str or Scaffold
-        The methods.
-    steps : int
-        Simulations after the initial one.
-    seed, backend, backend_options, say
-        As in `suite_study`.
     """
-    records: list[CellRecord] = []
-    for cell in make_cells([case], scaffolds, steps + 1, seed, backend, backend_options):
-        say(f"{cell.method}: {steps} steps on {case.key} ...")
-        records.append(run_cell(cell, out))
-    rows = [runtime_row(record) for record in records]
-    write_csv(out / "runtime.csv", rows)
-    write_json(out / "runtime.json", {"rows": rows, "rounds": {r.method: [vars(t) for t in r.rounds] for r in records}})
-    write_text(out / "runtime.md", _markdown(rows))
-    round_times(records, out / "runtime.png")
-    return rows
+    traces = {row["method"]: trace_of(row, store) for row in rows if row["state"] == "done"}
+    timed = [runtime_row(row, traces[row["method"]]) for row in rows if row["method"] in traces]
+    write_csv(out / "runtime.csv", timed)
+    lines = [[row["method"], *(f"{_number(row[key]):.4g}" for key in _HEADS)] for row in timed]
+    write_text(out / "runtime.md", f"{markdown_table(['method', *_HEADS.values()], lines)}\n\n{_PAPER}\n")
+    rounds = {method: trace.rounds for method, trace in traces.items() if trace.rounds}
+    if rounds:
+        whole = {method: [entry.round_s for entry in times] for method, times in rounds.items()}
+        proposals = {method: [entry.proposer_s for entry in times] for method, times in rounds.items()}
+        drawn = round_times({"whole round": whole, "proposer, model included": proposals})
+        write_text(out / "rounds.svg", drawn)
+    return timed
 
 
-def runtime_row(record: CellRecord) -> dict[str, Any]:
+def runtime_row(row: Row, trace: Trace) -> dict[str, Any]:
     """Times of one method, in seconds; a round's time is shared among its simulations."""
-    per_step = [time.round_s / max(time.simulations, 1) for time in record.rounds for _ in range(time.simulations)]
-    proposer = [time.proposer_s / max(time.simulations, 1) for time in record.rounds for _ in range(time.simulations)]
-
-    def mean(values: list[float]) -> float:
-        return float(np.mean(values)) if values else float("nan")
-
-    return {
-        "method": record.method,
-        "simulations": record.simulations,
-        "llm_calls": record.llm_calls,
-        "simulator_s": record.simulator_s,
-        "backend_s": record.backend_s,
-        "proposer_s": record.proposer_s,
-        "wall_s": record.wall_s,
-        "first_steps_s": mean(per_step[:_ENDS]),
-        "last_steps_s": mean(per_step[-_ENDS:]),
-        "first_proposals_s": mean(proposer[:_ENDS]),
-        "last_proposals_s": mean(proposer[-_ENDS:]),
-        "mape": record.metric("mape"),
+    shared = [entry for entry in trace.rounds for _ in range(entry.simulations)]
+    steps = [entry.round_s / entry.simulations for entry in shared]
+    proposals = [entry.proposer_s / entry.simulations for entry in shared]
+    times = {
+        "first_steps_s": _mean(steps[:_ENDS]),
+        "last_steps_s": _mean(steps[-_ENDS:]),
+        "first_proposals_s": _mean(proposals[:_ENDS]),
+        "last_proposals_s": _mean(proposals[-_ENDS:]),
     }
+    return {name: times[name] if name in times else row[name] for name in ("method", *_HEADS)}
 
 
-def _markdown(rows: Sequence[dict[str, Any]]) -> str:
-    heads = {
-        "simulations": "simulations",
-        "llm_calls": "model calls",
-        "simulator_s": "simulator / s",
-        "backend_s": "model / s",
-        "proposer_s": "proposer / s",
-        "wall_s": "wall / s",
-        "first_steps_s": f"step, first {_ENDS} / s",
-        "last_steps_s": f"step, last {_ENDS} / s",
-        "first_proposals_s": f"proposal, first {_ENDS} / s",
-        "last_proposals_s": f"proposal, last {_ENDS} / s",
-        "mape": "MAPE / %",
-    }
-    lines = ["| method | " + " | ".join(heads.values()) + " |", "|" + " --- |" * (len(heads) + 1)]
-    for row in rows:
-        lines.append(f"| {row['method']} | " + " | ".join(f"{row[key]:.4g}" for key in heads) + " |")
-    lines += ["", "Paper, Chen2020, 20 steps: agent 322.4 s in all, 13.85 s a round first five and 13.82 s last five;"]
-    lines += ["BO 541.0 s in all, 44.3 s a round first five and 477.3 s last five."]
-    return "\n".join(lines) + "\n"
+def _mean(values: Sequence[float]) -> float | None:
+    return float(np.mean(values)) if values else None
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else value

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 from bsa.core.errors import BsaError
-from bsa.core.journal import CLAIM, FILE_NAME, FORMAT, Journal, check_run_folder, read_events
+from bsa.core.journal import FILE_NAME, FORMAT, LOCK, Journal, check_run_folder, read_events
 
 
 def test_events_come_back_in_order(tmp_path: Path) -> None:
@@ -88,7 +88,7 @@ def test_a_folder_of_other_files_is_no_place_for_a_run(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_a_grid_prepared_is(tmp_path: Path) -> None:
-    (tmp_path / CLAIM).touch()
+    (tmp_path / LOCK).touch()
     (tmp_path / "failure.json").write_text("{}")
     check_run_folder(tmp_path)
 

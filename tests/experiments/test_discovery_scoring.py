@@ -7,11 +7,12 @@ import pytest
 from bsa.core.discovery.findings import Nomination
 from bsa.core.discovery.score import Score
 from bsa.core.effect import Effect, EffectParameter
+from bsa.core.files import write_csv
+from bsa.experiments.campaign.results import read_table
 from bsa.experiments.discovery_bench import shortlists
 from bsa.experiments.discovery_bench.making import SEALED
 from bsa.experiments.discovery_bench.scoring import as_markdown, case_table, mark_cases, marked_of, marked_row
 from bsa.experiments.discovery_bench.shortlists import SHORTLISTS, shortlist_case, shortlist_places, shortlist_table
-from bsa.experiments.studies.table import read_csv, write_csv
 
 STRENGTH = {"contact-resistance: resistance [Ohm]": 0.02}
 
@@ -94,7 +95,7 @@ def test_marked_cases_survive_a_file(tmp_path):
     write(tmp_path, answers, [row("case_01", "effect-found", [R, H]), row("case_02", "no-missing-effect")])
     marked = mark_cases(tmp_path)
     write_csv(tmp_path / "cases.csv", [marked_row(case) for case in marked])
-    assert [marked_of(found) for found in read_csv(tmp_path / "cases.csv")] == marked
+    assert [marked_of(found) for found in read_table(tmp_path / "cases.csv")] == marked
 
 
 def test_a_shortlist_is_marked_by_the_place_of_what_was_hidden(tmp_path):

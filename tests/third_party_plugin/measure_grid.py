@@ -16,10 +16,10 @@ from typing import Any
 import yaml
 from bsa.core.encoding import encode_task
 from bsa.core.files import read_json
-from bsa.experiments.grid.local_pool import LocalPool
-from bsa.experiments.grid.one_cell import Report
-from bsa.experiments.grid.running import Plan, plan_grid, run_grid
-from bsa.experiments.grid.store import TRACE
+from bsa.experiments.campaign.cell import Report
+from bsa.experiments.campaign.local_pool import LocalPool
+from bsa.experiments.campaign.running import Plan, plan_grid, run_campaign
+from bsa.experiments.campaign.store import TRACE
 from bsa_toy_cell import toy_task
 
 _EARLY = 50
@@ -77,7 +77,7 @@ def main(cells: int) -> None:
         plan = plan_toys(Path(folder), cells)
         memory = Memory()
         started = time.perf_counter()
-        rows, _ = run_grid(plan, LocalPool(1, cells_per_worker=cells + 1), lambda *_: memory)
+        rows, _ = run_campaign(plan, LocalPool(1, cells_per_worker=cells + 1), lambda *_: memory)
         wall_s = time.perf_counter() - started
         traces = [read_json(plan.store.cell(cell.identity) / TRACE) or {} for cell in plan.cells]
         run_s = sum(float(trace["run_s"]) for trace in traces)

@@ -2,8 +2,8 @@
 
 import pytest
 from bsa.core.errors import BsaError
+from bsa.core.files import write_csv
 from bsa.experiments.doc_tables.rebuild import rebuild
-from bsa.experiments.studies.table import write_csv
 
 ROWS = [{"case": "regular-1", "mape": 0.05}, {"case": "extreme-2", "mape": 0.1}]
 BLOCK = "<!-- table: noise -->\n{}<!-- end of table -->\n"

@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from bsa.core.files import write_csv
+from bsa.experiments.campaign.summary import exact_interval, paper_rows
 from bsa.experiments.doc_tables.catalogue import TABLES
 from bsa.experiments.doc_tables.layout import short, spread
 from bsa.experiments.doc_tables.results import Results
-from bsa.experiments.studies.table import exact_interval, paper_rows, write_csv
 
 
 def suite_row(case, method="hybrid", mape=1.0, mode="regular", parameter_set="Chen2020", **more):
@@ -19,7 +20,7 @@ def suite_row(case, method="hybrid", mape=1.0, mode="regular", parameter_set="Ch
 def verdict(case, adviser, alone, advised):
     worse = {"no_worse": advised <= alone, "score_no_worse": True}
     errors = {"alone": alone, "advised": advised, "alone_score": alone, "advised_score": advised}
-    return {"case": case, "parameter_set": "Chen2020", "rates": "1C/1C", "adviser": adviser, **errors, **worse}
+    return {"task": case, "chemistry": "Chen2020", "rates": "1C/1C", "adviser": adviser, **errors, **worse}
 
 
 @pytest.fixture

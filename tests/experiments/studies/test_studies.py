@@ -1,40 +1,46 @@
-"""Studies on the toy cell: resumable, deterministic, and right in their arithmetic."""
+"""Studies on the toy cell: grids of a suite's cases, and analyses that are right in their arithmetic."""
 
 from __future__ import annotations
 
-import json
 import math
-from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from bsa.backends.rules.backend import RulesBackend
 from bsa.core.errors import BsaError
-from bsa.core.messages import BackendUnreachable, Outage, Reply
+from bsa.core.files import write_csv
 from bsa.core.scaffold import Scaffold
 from bsa.core.simulation import ExperimentRun
 from bsa.core.task import Task
-from bsa.experiments.studies import cell as cell_module
-from bsa.experiments.studies import many, recovery
-from bsa.experiments.studies.cell import CellRecord, CellTrial, finished, run_cell
-from bsa.experiments.studies.many import make_cells, run_cells
-from bsa.experiments.studies.recovery import recovery_study, within_case
-from bsa.experiments.studies.runtime import runtime_study
-from bsa.experiments.studies.suite import suite_study
-from bsa.experiments.studies.table import REPORTED, main_table, markdown, paper_rows, rows_of, statistic
-from bsa.experiments.studies.warmup import warmup_study, with_warm_up
+from bsa.core.trial import Trial
+from bsa.experiments.campaign import task_sources
+from bsa.experiments.campaign.grid_file import BackendChoice, SuiteFilter
+from bsa.experiments.campaign.results import read_table
+from bsa.experiments.campaign.running import plan_campaign, run_campaign
+from bsa.experiments.campaign.summary import main_table, paper_rows, statistic
+from bsa.experiments.campaign.tables import tables
+from bsa.experiments.studies import recovery
+from bsa.experiments.studies.grids import study_grid
+from bsa.experiments.studies.no_harm import no_harm_grid, summary, verdicts, write_no_harm
+from bsa.experiments.studies.recovery import Recovered, within_case, write_recovery
+from bsa.experiments.studies.runtime import write_runtime
+from bsa.experiments.studies.warmup import STRATEGIES, with_warm_up, write_warmup
 from bsa.experiments.suite.case import SuiteCase
-from bsa_toy_cell import CAPACITY, HIDDEN, SERIES, record, space, toy_scaffold, toy_task
+from bsa_toy_cell import CAPACITY, HIDDEN, SERIES, record, toy_scaffold, toy_task
 
-CASES = [
-    SuiteCase("regular", 1, "Chen2020", 1.0, 1.0, HIDDEN),
-    SuiteCase("extreme", 2, "Ecker2015", 1.0, 2.0, {**HIDDEN, CAPACITY: 1.6}),
-]
+from ..campaign.conftest import Here, Quiet
 
+CASES = {
+    case.key: case
+    for case in (
+        SuiteCase("regular", 1, "Chen2020", 1.0, 1.0, HIDDEN),
+        SuiteCase("extreme", 2, "Ecker2015", 1.0, 2.0, {**HIDDEN, CAPACITY: 1.6}),
+    )
+}
 
-def quiet(text: str) -> None:
-    pass
+RULES = BackendChoice(use="rules")
+ALL = SuiteFilter(suite="generated")
 
 
 @pytest.fixture(autouse=True)
@@ -42,150 +48,93 @@ def toy_cases(monkeypatch: pytest.MonkeyPatch) -> None:
     def build(case: SuiteCase, search: object = None, cache: Path | None = None) -> Task:
         return toy_task(case.hidden, case.key)
 
-    monkeypatch.setattr(cell_module, "build_task", build)
-    monkeypatch.setattr(recovery, "build_task", build)
+    monkeypatch.setattr(task_sources, "load_suite", lambda *arguments, **keywords: CASES)
+    monkeypatch.setattr("bsa.experiments.suite.build.build_task", build)
 
 
 def scaffolds(*names: str) -> list[Scaffold]:
     return [toy_scaffold(name) for name in names]
 
 
-def test_a_suite_study_writes_its_table(tmp_path: Path) -> None:
-    said: list[str] = []
-    records = suite_study(
-        CASES, tmp_path, scaffolds("default", "random", "cma-es"), simulations=12, workers=1, say=said.append
-    )
-    assert [(r.case, r.method) for r in records][:3] == [
-        ("regular-1", "default"),
-        ("regular-1", "random"),
-        ("regular-1", "cma-es"),
+def ran(grid, folder: Path):
+    """The rows of a study's grid and its store."""
+    plan = plan_campaign(grid, folder / "store")
+    rows, _ = run_campaign(plan, Here(), lambda plan, pool: Quiet())
+    assert {row["state"] for row in rows} == {"done"}
+    return rows, plan
+
+
+def test_the_suite_has_its_tables_with_the_papers_rows(tmp_path: Path) -> None:
+    grid = study_grid("suite", ALL, scaffolds("default", "random", "cma-es"), RULES, 12, paper_rows=True)
+    rows, plan = ran(grid, tmp_path)
+    assert [(row["task"], row["method"], row["simulations"]) for row in rows] == [
+        (task, method, 1 if method == "default" else 12) for task in CASES for method in ("default", "random", "cma-es")
     ]
-    assert [r.simulations for r in records] == [1, 12, 12] * 2
-    table = (tmp_path / "table.md").read_text()
-    assert "| *paper agent O3* | 12.60±24.50 |" in table
+    assert all(row["early_objective"] >= row["objective"] * 0.9 for row in rows)
+    written = {path.name: path for path in tables(plan.folder, plan.store.root)}
+    table = written["tables.md"].read_text()
+    assert "| paper agent O3 | 12.60 ± 24.50 |" in table
     assert "**" in table
-    assert (tmp_path / "cells.csv").read_text().count("\n") == 7
-    content = json.loads((tmp_path / "table.json").read_text())
-    assert content["mape"]["regular"]["default"]["Chen2020"]["deviation"] is None
-    for name in ("by_mode.png", "by_set.png", "by_rate.png"):
-        assert (tmp_path / name).stat().st_size > 1000
-    assert any("about" in line for line in said)
-    assert any("left" in line for line in said)
+    assert {"by-mode.svg", "convergence.svg", "tables.tex"} <= set(written)
 
 
-def test_finished_cells_are_not_run_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    cells = make_cells(CASES, scaffolds("random"), 6, 1)
-    first = run_cells(cells, tmp_path, say=quiet)
-    monkeypatch.setattr(cell_module, "execute_run", _not_again)
-    assert run_cells(cells, tmp_path, say=quiet) == first
+def test_a_study_shares_its_cells_with_every_campaign_of_the_store(tmp_path: Path) -> None:
+    ran(study_grid("suite", ALL, scaffolds("random"), RULES, 6), tmp_path)
+    plan = plan_campaign(study_grid("recovery", ALL, scaffolds("random", "de"), RULES, 6), tmp_path / "store")
+    found = [plan.store.result(cell.identity) is not None for cell in plan.cells]
+    assert found == [True, False, True, False]
 
 
-def test_another_budget_seed_or_method_is_another_cell() -> None:
-    cells = [
-        *make_cells(CASES, scaffolds("random"), 6, 1),
-        *make_cells(CASES, scaffolds("random"), 7, 1),
-        *make_cells(CASES, scaffolds("random"), 6, 2),
-        *make_cells(CASES, scaffolds("de"), 6, 1),
-    ]
-    assert len({cell.identity for cell in cells}) == len(cells)
-    assert make_cells(CASES, scaffolds("random"), 6, 1)[0].identity == cells[0].identity
+def test_a_base_cell_may_have_a_budget_of_its_own(tmp_path: Path) -> None:
+    def simulations(**own: int) -> dict[str, int]:
+        grid = study_grid("suite", ALL, scaffolds("random"), RULES, 6, own_budgets=own)
+        return {cell.task.key: cell.config.simulations for cell in plan_campaign(grid, tmp_path).cells}
 
-
-def test_a_base_cell_may_have_a_budget_of_its_own() -> None:
-    cells = make_cells(CASES, scaffolds("random"), 6, 1, own_budgets={CASES[0].parameter_set: 3})
-    expected = {case.key: 3 if case.parameter_set == CASES[0].parameter_set else 6 for case in CASES}
-    assert {cell.case.key: cell.config.simulations for cell in cells} == expected
+    assert simulations(Chen2020=3) == {"regular-1": 3, "extreme-2": 6}
+    assert simulations(Chen2020=3, Ecker2015=4) == {"regular-1": 3, "extreme-2": 4}
     with pytest.raises(BsaError, match='did you mean "Chen2020"'):
-        make_cells(CASES, scaffolds("random"), 6, 1, own_budgets={"Chen2002": 3})
+        simulations(Chen2002=3)
 
 
-def test_an_interrupted_cell_goes_on_from_its_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    cell = make_cells(CASES, scaffolds("random"), 25, 1)[0]
-    whole = run_cell(cell, tmp_path / "whole")
-    interrupting = _Interrupting(cell_module.execute_run)
-    monkeypatch.setattr(cell_module, "execute_run", interrupting)
-    with pytest.raises(KeyboardInterrupt):
-        run_cell(cell, tmp_path / "cut")
-    resumed = run_cell(cell, tmp_path / "cut")
-    assert [trial.candidate for trial in resumed.trials] == [trial.candidate for trial in whole.trials]
-    assert resumed.best == whole.best
-    assert resumed.note
-    assert not whole.note
+def test_what_is_compared_has_its_whole_budget_and_a_fifth_of_it_for_the_warm_up(tmp_path: Path) -> None:
+    (cell, _) = plan_campaign(study_grid("suite", ALL, scaffolds("full"), RULES, 25), tmp_path).cells
+    config = cell.config
+    assert (config.rounds, config.simulations, config.patience, config.warm_up) == (25, 25, 25, 5)
 
 
-def test_a_cell_without_a_model_is_no_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def silent(*_: object, **__: object) -> Reply:
-        raise BackendUnreachable("nothing listens")
-
-    cell = make_cells(CASES, scaffolds("full"), 12, 1)[0]
-    whole = run_cell(cell, tmp_path / "whole")
-    with monkeypatch.context() as patched:
-        patched.setattr(RulesBackend, "complete", silent)
-        for _ in range(2):
-            with pytest.raises(Outage, match="nothing listens"):
-                run_cell(cell, tmp_path / "cut")
-    assert finished(cell, tmp_path / "cut") is None
-    resumed = run_cell(cell, tmp_path / "cut")
-    assert [trial.candidate for trial in resumed.trials] == [trial.candidate for trial in whole.trials]
-    assert (resumed.best, resumed.lost_calls) == (whole.best, 2)
+def test_rounds_add_up_and_the_clock_is_read(tmp_path: Path) -> None:
+    rows, plan = ran(study_grid("runtime", ALL, scaffolds("full", "cma-es"), RULES, 17), tmp_path)
+    out = tmp_path / "out"
+    timed = write_runtime([row for row in rows if row["task"] == "regular-1"], plan.store, out)
+    assert [row["simulations"] for row in timed] == [17, 17]
+    assert timed[0]["llm_calls"] > 0
+    assert all(row["last_steps_s"] > row["last_proposals_s"] >= 0 for row in timed)
+    assert {path.name for path in out.iterdir()} == {"runtime.csv", "runtime.md", "rounds.svg"}
+    assert all(row["resumed"] == "" and row["proposer_s"] > 0 for row in rows)
 
 
-def test_a_killed_process_costs_no_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    attempts: list[int] = []
-
-    def pooled(cells, out, workers, keep_runs):
-        attempts.append(len(cells))
-        yield cells[0], run_cell(cells[0], out)
-        if len(cells) > 1:
-            raise BrokenProcessPool
-
-    monkeypatch.setattr(many, "_pooled", pooled)
-    cells = make_cells(CASES, scaffolds("random", "default"), 4, 1)
-    assert [r.method for r in run_cells(cells, tmp_path, 2, quiet)] == ["random", "default"] * 2
-    assert attempts == [4, 3, 2, 1]
-
-
-def test_a_study_whose_processes_only_die_gives_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def pooled(cells, out, workers, keep_runs):
-        raise BrokenProcessPool
-        yield
-
-    monkeypatch.setattr(many, "_pooled", pooled)
-    with pytest.raises(BsaError, match="died 3 times"):
-        run_cells(make_cells(CASES, scaffolds("random"), 4, 1), tmp_path, 2, quiet)
+def test_a_cell_that_was_taken_up_again_has_no_rounds_to_time(tmp_path: Path) -> None:
+    grid = study_grid("runtime", ALL, scaffolds("random"), RULES, 12)
+    rows, plan = ran(grid, tmp_path)
+    folder = plan.store.cell(rows[0]["identity"])
+    lines = (folder / "journal.jsonl").read_text().splitlines(keepends=True)
+    (folder / "journal.jsonl").write_text("".join(lines[:5]))
+    (folder / "result.json").unlink()
+    again, _ = run_campaign(plan, Here(), lambda plan, pool: Quiet())
+    assert [row["resumed"] for row in again] == ["yes", ""]
+    assert (again[0]["mape"], again[0]["simulations"]) == (rows[0]["mape"], rows[0]["simulations"])
+    (row,) = write_runtime(again[:1], plan.store, tmp_path / "out")
+    assert row["first_steps_s"] is None
+    assert row["simulator_s"] > 0
 
 
-@pytest.mark.parametrize("keep", [False, True])
-def test_journals_are_kept_only_on_demand(tmp_path: Path, keep: bool) -> None:
-    cell = make_cells(CASES, scaffolds("random"), 4, 1)[0]
-    run_cell(cell, tmp_path, keep_runs=keep)
-    assert (cell.folder(tmp_path) / "journal.jsonl").is_file() is keep
-    assert (cell.folder(tmp_path) / "cell.json").is_file()
-
-
-def test_rounds_add_up(tmp_path: Path) -> None:
-    found = run_cell(make_cells(CASES, scaffolds("cma-es"), 17, 1)[0], tmp_path)
-    assert sum(entry.simulations for entry in found.rounds) == 16
-    assert all(0 <= entry.proposer_s <= entry.round_s for entry in found.rounds)
-    assert found.proposer_s == pytest.approx(sum(entry.proposer_s for entry in found.rounds))
-
-
-def test_runtime_study(tmp_path: Path) -> None:
-    rows = runtime_study(CASES[0], tmp_path, scaffolds("full", "cma-es"), steps=8, say=quiet)
-    assert [row["simulations"] for row in rows] == [9, 9]
-    assert rows[0]["llm_calls"] > 0
-    assert all(row["last_steps_s"] > 0 for row in rows)
-    assert "runtime.png" in {path.name for path in tmp_path.iterdir()}
-
-
-def test_warm_up_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from bsa.experiments.studies import warmup
-
-    monkeypatch.setattr(warmup, "load_scaffold", toy_scaffold)
-    rows = warmup_study(CASES, tmp_path, simulations=15, workers=1, say=quiet)
-    assert {row["method"] for row in rows} == {"full+random-warm-up", "full+proposed-warm-up"}
-    assert all(row["mape"] <= row["after_warm_up_mape"] for row in rows)
-    assert with_warm_up(toy_scaffold(), "random").warm_up is not None
+def test_warm_up_study(tmp_path: Path) -> None:
+    both = [with_warm_up(toy_scaffold("full"), strategy) for strategy in STRATEGIES]
+    rows, plan = ran(study_grid("warmup", ALL, both, RULES, 15), tmp_path)
+    found = write_warmup(rows, plan.store, tmp_path / "out")
+    assert {row["method"] for row in found} == {"full+random-warm-up", "full+proposed-warm-up"}
+    assert all(row["mape"] <= row["after_warm_up_mape"] for row in found)
+    assert "| full+proposed-warm-up |" in (tmp_path / "out" / "warmup.md").read_text()
 
 
 def test_recovery_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -194,47 +143,77 @@ def test_recovery_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
 
     monkeypatch.setattr(recovery, "reference_run", reference)
     monkeypatch.setattr(recovery, "experiment_of", lambda case, charge, discharge: toy_task().experiments[0])
-    summary = recovery_study(CASES, tmp_path, scaffolds("full"), simulations=40, workers=1, say=quiet)
-    held = summary["held_out"]["full"]
+    rows, plan = ran(study_grid("recovery", ALL, scaffolds("full"), RULES, 40), tmp_path)
+    found = write_recovery(rows, plan.store, tmp_path / "out", CASES, say=lambda line: None)
+    held = found["held_out"]["full"]
     assert held["perfect"]["1C"] == 0.0
     assert held["recovered"]["1C"] < held["default"]["1C"]
-    assert summary["within_case"]["full"]["cases"] == 2
-    assert "Paper" in (tmp_path / "recovery.md").read_text()
+    assert found["within_case"]["full"]["cases"] == 2
+    assert "Paper" in (tmp_path / "out" / "recovery.md").read_text()
 
 
-def _trial(mape: float | None, **values: float) -> CellTrial:
-    return CellTrial({**HIDDEN, **values}, mape, mape, "search", 0.1)
-
-
-def test_within_case_correlations() -> None:
-    trials = [_trial(9.0, **{SERIES: 0.3}), _trial(None), _trial(4.0, **{SERIES: 0.1}), _trial(1.0, **{SERIES: 0.05})]
-    found = CellRecord("x", "c", "regular", "A", "1C/1C", "m", "finished", {}, {"mape": 1.0}, trials=trials)
-    found = CellRecord(**{**vars(found), "best_candidate": trials[-1].candidate, "truth": dict(HIDDEN)})
-    row = within_case(found, space())
+def test_within_case_correlations(tmp_path: Path) -> None:
+    rows, plan = ran(study_grid("recovery", ALL, scaffolds("default"), RULES, 1), tmp_path)
+    known = recovery.read_run(plan.store.cell(rows[0]["identity"]))
+    errors = [(9.0, 0.3), (None, 0.2), (4.0, 0.1), (1.0, 0.05)]
+    trials = tuple(_trial(known.best, index, *pair) for index, pair in enumerate(errors))
+    row = within_case(Recovered(rows[0], CASES["regular-1"], replace(known, trials=trials)))
     assert row["spearman"] == pytest.approx(1.0)
     assert row["monotonic"]
     assert row["incumbents"] == 3
     assert row["largest_relative_error"] == pytest.approx(0.05 / 0.03 - 1.0)
 
 
-def _cell(method: str, mape: float, mode: str = "regular", parameter_set: str = "A") -> CellRecord:
-    best = None if math.isnan(mape) else dict.fromkeys(REPORTED, mape)
-    return CellRecord("x", f"{mode}-1", mode, parameter_set, "1C/1C", method, "finished", None, best)
+def _trial(like: Trial, index: int, mape: float | None, series: float) -> Trial:
+    metrics = None if mape is None else replace(like.metrics, objective=mape, mape=mape)
+    return replace(like, index=index, candidate={**HIDDEN, SERIES: series}, metrics=metrics)
 
 
-def test_table_marks_best_and_second_and_counts_what_is_missing() -> None:
-    records = [_cell("a", 3.0), _cell("a", 5.0), _cell("b", 1.0), _cell("c", 9.0), _cell("c", math.nan)]
-    rows = rows_of(records)
-    assert main_table(rows)["regular"]["a"]["A"].mean == 4.0
-    table = markdown(rows, with_paper=False)
-    assert "| b | **1.00** |" in table
-    assert "<u>4.00±1.41</u>" in table
-    assert "(1 without result)" in table
+def test_bad_advice_does_no_harm(tmp_path: Path) -> None:
+    grid = no_harm_grid(ALL, 12, alone=toy_scaffold("least-squares"), advised=toy_scaffold("hybrid"))
+    rows, plan = ran(grid, tmp_path)
+    out = tmp_path / "out"
+    found = write_no_harm(rows, plan.store, out)
+    assert [(verdict.task, verdict.adviser) for verdict in found] == [
+        (task, adviser) for task in CASES for adviser in ("rules", "random-advice", "adversarial-advice")
+    ]
+    assert all(verdict.no_worse for verdict in found)
+    assert {row["simulations"] <= 15 for row in rows if row["scaffold"] == "hybrid"} == {True}
+    assert "| regular-1 |" in (out / "no_harm.md").read_text()
+    read = read_table(out / "verdicts.csv")
+    assert [row["task"] for row in read] == [verdict.task for verdict in found]
+
+
+@pytest.mark.parametrize(
+    ("alone", "advised", "no_worse", "score_no_worse"),
+    [
+        ((0.5, 0.5), (0.5, 0.54), True, True),
+        ((0.0009, 0.0009), (0.001, 0.001), True, True),
+        ((0.5, 0.5), (0.51, 0.56), False, False),
+        ((None, None), (None, None), True, True),
+        ((None, None), (3.0, 3.0), True, True),
+        ((3.0, 3.0), (None, None), False, False),
+    ],
+)
+def test_harm_is_called_harm(alone, advised, no_worse, score_no_worse) -> None:
+    rows = [_row("least-squares", alone[1], "rules"), _row("hybrid", advised[1], "random-advice")]
+    (verdict,) = verdicts(rows, {"least-squares": alone[0], "hybrid": advised[0]})
+    assert verdict.adviser == "random-advice"
+    assert (verdict.no_worse, verdict.score_no_worse) == (no_worse, score_no_worse)
+    entry = summary([verdict])["random-advice"]
+    assert entry["no_worse"] == int(no_worse)
+    if not no_worse and advised[0] is not None:
+        assert entry["largest_harm_points"] == pytest.approx(0.01)
+
+
+def _row(scaffold: str, score: float | None, backend: str):
+    axes = {"task": "regular-1", "chemistry": "Chen2020", "rates": "1C/1C", "scaffold": scaffold, "backend": backend}
+    return {**axes, "identity": scaffold, "state": "done", "mape": score}
 
 
 def test_statistics() -> None:
-    found = statistic([1.0, 3.0, math.nan])
-    assert (found.mean, found.worst, found.count, found.missing) == (2.0, 3.0, 2, 1)
+    found = statistic([1.0, 3.0, math.nan, None])
+    assert (found.mean, found.worst, found.count, found.missing) == (2.0, 3.0, 2, 2)
     assert found.deviation == pytest.approx(np.std([1, 3], ddof=1))
     assert math.isnan(statistic([]).mean)
 
@@ -245,38 +224,8 @@ def test_the_papers_rows() -> None:
     assert rows["regular"]["paper agent O3"]["Chen2020"].deviation == 24.5
 
 
-def _not_again(*arguments: object, **keywords: object) -> None:
-    raise AssertionError("a finished cell was run again")
-
-
-class _Interrupting:
-    """Stops the first run in its fifth simulation, as Ctrl-C does."""
-
-    def __init__(self, execute: object) -> None:
-        self._execute = execute
-        self._first = True
-
-    def __call__(self, task, config, folder, backend, resources, listener):
-        if self._first:
-            self._first = False
-            listener = _Stopping(listener)
-        return self._execute(task, config, folder, backend, resources, listener)
-
-
-class _Stopping:
-    def __init__(self, inner: object) -> None:
-        self._inner = inner
-
-    def proposed(self, proposal, phase, number) -> None:
-        if number == 2:
-            raise KeyboardInterrupt
-        self._inner.proposed(proposal, phase, number)
-
-    def tried(self, trial, best, usage) -> None:
-        self._inner.tried(trial, best, usage)
-
-    def counted(self, purpose: str, done: int, total: int) -> None:
-        pass
-
-    def noted(self, text: str) -> None:
-        pass
+def test_a_table_comes_back_from_its_file(tmp_path: Path) -> None:
+    rows = [{"mode": "regular", "method": "a", "chemistry": "A", "mape": value} for value in (3.0, 5.0, None, math.nan)]
+    write_csv(tmp_path / "cells.csv", rows)
+    entry = main_table(read_table(tmp_path / "cells.csv"))["regular"]["a"]["A"]
+    assert (entry.mean, entry.missing) == (4.0, 2)

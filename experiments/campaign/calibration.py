@@ -1,0 +1,140 @@
+"""A cell that is a calibration: a task, a scaffold, a language model and a seed."""
+
+from __future__ import annotations
+
+import multiprocessing
+import time
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from ...core.files import read_json, write_json
+from ...core.journal import FILE_NAME
+from ...core.loop import RunResult
+from ...core.messages import Backend
+from ...core.run_config import RunConfig
+from ...core.task import Task
+from .cell import Axis
+from .grid_file import BackendChoice
+from .model_places import SharedBackend
+from .stopwatch import Stopwatch
+from .store import RESULT, TRACE, Store
+
+
+@dataclass(frozen=True)
+class TaskLabel:
+    """A task as tables see it.
+
+    Attributes
+    ----------
+    key : str
+        Its name, unique in the grid.
+    mode, chemistry, rates : str
+        Mode of the suite, parameter set, C-rates.
+    digest : str
+        Of the encoded task in the store; empty while it is not made, or cannot be.
+    trouble : str
+        Why there is no task: PyBaMM cannot simulate the true cell.
+    simulator : str
+        The simulator that the task names; empty leaves it to the scaffold.
+    """
+
+    key: str
+    mode: str
+    chemistry: str
+    rates: str = ""
+    digest: str = ""
+    trouble: str = ""
+    simulator: str = ""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A calibration; see `Cell`.
+
+    Attributes
+    ----------
+    task : TaskLabel
+        What is fitted.
+    backend : BackendChoice
+        The language model, with where it is.
+    config : RunConfig
+        What, with the task and the code, determines the result.
+    identity : str
+        Hash of all that; empty while the task is not made.
+    """
+
+    task: TaskLabel
+    backend: BackendChoice
+    config: RunConfig
+    identity: str = ""
+
+    @property
+    def axes(self) -> dict[Axis, str]:
+        """What a table groups by and an exclusion tests."""
+        return {
+            "task": self.task.key,
+            "mode": self.task.mode,
+            "chemistry": self.task.chemistry,
+            "rates": self.task.rates,
+            "scaffold": self.config.scaffold.name,
+            "backend": self.backend.use,
+            "seed": str(self.config.seed),
+        }
+
+    @property
+    def trouble(self) -> str:
+        """Why there is no task."""
+        return self.task.trouble
+
+    def run(self, folder: Path, store: Store) -> dict[str, Any]:
+        """See `Cell.run`."""
+        from ..run import execute_run
+
+        _allow_children()
+        task = _task(store, self.task.digest)
+        stopwatch = Stopwatch(resumed=(folder / FILE_NAME).is_file())
+        started = time.perf_counter()
+        outcome = execute_run(task, self.config, folder, _backend(self, store), listener=stopwatch, report=False)
+        write_json(folder / TRACE, {**_trace(outcome, stopwatch), "run_s": time.perf_counter() - started})
+        content = read_json(folder / RESULT)
+        assert content is not None
+        return content
+
+
+def _backend(cell: Calibration, store: Store) -> Backend:
+    from ...backends.opening import open_backend
+
+    chosen = cell.backend
+    backend = open_backend(chosen.use, chosen.options)
+    if chosen.at_once is None:
+        return backend
+    return SharedBackend(backend, store.places(chosen.use, str(chosen.options.get("base_url", ""))), chosen.at_once)
+
+
+@lru_cache(maxsize=8)
+def _task(store: Store, digest: str) -> Task:
+    return store.get_task(digest)
+
+
+def _trace(outcome: RunResult, stopwatch: Stopwatch) -> dict[str, Any]:
+    """What tables and figures need of every simulation and round, so that they need not read journals of megabytes."""
+    return {
+        "objective": [trial.objective if trial.ok else None for trial in outcome.trials],
+        "phase": "".join(trial.phase[0] for trial in outcome.trials),
+        "resumed": stopwatch.resumed,
+        "proposer_s": max(0.0, stopwatch.proposer_s - outcome.usage.seconds),
+        # Of a run that was taken up again only the last part has times, which would say nothing.
+        "rounds": [] if stopwatch.resumed else [asdict(entry) for entry in stopwatch.rounds],
+    }
+
+
+def _allow_children() -> None:
+    """Let this process start others: Dask marks its workers as daemons, whose children multiprocessing forbids.
+
+    Ours end by themselves when the pipe to their parent closes, which is what the rule is there for.
+    """
+    process: Any = multiprocessing.current_process()
+    if process.daemon:
+        process._config["daemon"] = False

@@ -1,0 +1,126 @@
+"""One cell of a campaign, carried out in whichever process: locked, run or taken up again, and reported."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+from filelock import FileLock, Timeout
+
+from ...core.errors import BsaError
+from ...core.files import file_error, write_json
+from ...core.journal import LOCK
+from ...core.messages import Outage
+from .store import FAILURE, FINAL, OUTAGE, Store
+
+State = Literal["done", "busy", "stopped", "failed", "lost"]
+
+Axis = Literal["task", "mode", "chemistry", "rates", "scaffold", "backend", "seed"]
+
+
+class Cell(Protocol):
+    """A calibration or a discovery of a campaign; it is pickled on its way to the worker that carries it out."""
+
+    @property
+    def identity(self) -> str:
+        """Hash of everything that determines the result, and name of its folder; empty where it cannot be run."""
+        ...
+
+    @property
+    def axes(self) -> Mapping[Axis, str]:
+        """What tables group by."""
+        ...
+
+    @property
+    def trouble(self) -> str:
+        """Why it cannot be run; empty where it can."""
+        ...
+
+    def run(self, folder: Path, store: Store) -> Mapping[str, Any]:
+        """Run to the end, or go on from what the folder holds, and return the content of its ``result.json``."""
+        ...
+
+
+@dataclass(frozen=True)
+class Order:
+    """A cell to be carried out, and the store that it belongs to."""
+
+    cell: Cell
+    store: Store
+
+    @property
+    def identity(self) -> str:
+        """The cell's."""
+        return self.cell.identity
+
+
+@dataclass(frozen=True)
+class Report:
+    """What became of an order.
+
+    Attributes
+    ----------
+    identity : str
+        Of the cell.
+    state : {'done', 'busy', 'stopped', 'failed', 'lost'}
+        ``busy``: another process has it. ``stopped``: interrupted. ``lost``: its worker died.
+    result : mapping
+        What ``result.json`` holds, where there is one.
+    reason : str
+        Why it failed.
+    memory_mb : float
+        Resident memory of the worker afterwards.
+    """
+
+    identity: str
+    state: State
+    result: Mapping[str, Any] = field(default_factory=dict)
+    reason: str = ""
+    memory_mb: float = 0.0
+
+
+def carry_out(order: Order) -> Report:
+    """Run a cell to its end, or take it up where it was left.
+
+    Whatever goes wrong with it is reported, never raised: it must not cost the worker or the campaign.
+    """
+    folder = order.store.cell(order.identity)
+    try:
+        with FileLock(folder / LOCK, timeout=0):
+            return _locked(order, folder)
+    except Timeout:
+        return Report(order.identity, "busy")
+    except KeyboardInterrupt:
+        return Report(order.identity, "stopped")
+    except Exception as error:
+        worded = file_error(error) if isinstance(error, OSError) else error
+        reason = str(worded) if isinstance(worded, (BsaError, Outage)) else f"{type(error).__name__}: {error}"
+        with suppress(BsaError):  # a full disk, perhaps; the report tells the reason
+            write_json(folder / FAILURE, {"reason": reason})
+        return Report(order.identity, "failed", reason=reason, memory_mb=memory_mb())
+
+
+def _locked(order: Order, folder: Path) -> Report:
+    # Another process may have finished it since the order was written.
+    result: Mapping[str, Any] | None = order.store.result(order.identity)
+    if result is None:
+        result = order.cell.run(folder, order.store)
+        if result["status"] == OUTAGE:
+            raise Outage(result["reason"])
+        (folder / FAILURE).unlink(missing_ok=True)
+    state: State = "done" if result["status"] in FINAL else "stopped"
+    return Report(order.identity, state, result, memory_mb=memory_mb())
+
+
+def memory_mb() -> float:
+    """Resident memory of this process, MB; 0 where the system does not tell."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    except (OSError, ValueError, IndexError):
+        return 0.0
+    import resource
+
+    return pages * resource.getpagesize() / 1e6

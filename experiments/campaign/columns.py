@@ -1,0 +1,142 @@
+"""Every column of the results table, each declared once: its type, its value, and where it is shown."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from .trace import Trace, read_trace
+
+EARLY = 20
+"""Simulations after which a method is looked at early, as the paper's runtime study does."""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What is known of a cell when its row is written.
+
+    Attributes
+    ----------
+    campaign : str
+        Name of the campaign.
+    entry : mapping
+        Of the manifest: axes, method and identity.
+    state, reason : str
+        What became of the cell, and why it has no result.
+    folder : Path
+        The cell's.
+    result : mapping
+        Of ``result.json``; empty for a cell that is not done.
+    lost_calls : int or None
+        Calls of the model without a reply, told of cells that failed for it, too.
+    """
+
+    campaign: str
+    entry: Mapping[str, Any]
+    state: str
+    reason: str
+    folder: Path
+    result: Mapping[str, Any]
+    lost_calls: int | None = None
+
+    @cached_property
+    def trace(self) -> Trace:
+        """Its simulations; none of a cell that is not done."""
+        return read_trace(self.folder) if self.result else Trace()
+
+    def number(self, *path: str) -> float | None:
+        """A number of the result by its path; None where there is none, or none that is finite."""
+        value: Any = self.result
+        for key in path:
+            value = (value or {}).get(key)
+        return None if value is None or not math.isfinite(value) else float(value)
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of ``cells.csv``, ``cells.parquet`` and the page.
+
+    Attributes
+    ----------
+    name : str
+        Its head in the files.
+    kind : type
+        Type of its values; None stands for what is not known.
+    value : callable
+        From what is known of a cell to the value.
+    page : str
+        Its head on the page; empty for a column that is not shown there.
+    error : str
+        What tables call it, where it is an error of a fit.
+    effort : str
+        What the table of effort calls its mean; empty for a column that is not in it.
+    """
+
+    name: str
+    kind: type[str] | type[int] | type[float]
+    value: Callable[[Facts], Any]
+    page: str = ""
+    error: str = ""
+    effort: str = ""
+
+
+def _axis(name: str, page: str = "", kind: type[str] | type[int] = str) -> Column:
+    return Column(name, kind, lambda facts: kind(facts.entry[name]), page)
+
+
+def _metric(name: str, page: str = "", error: str = "") -> Column:
+    return Column(name, float, lambda facts: facts.number("best", name), page, error)
+
+
+def _initial(name: str, page: str = "") -> Column:
+    return Column(f"initial_{name}", float, lambda facts: facts.number("initial", name), page)
+
+
+def _spent(name: str, kind: type[int] | type[float] = float, page: str = "", effort: str = "") -> Column:
+    return Column(name, kind, lambda facts: facts.result.get(name), page, effort=effort)
+
+
+COLUMNS = (
+    Column("grid", str, lambda facts: facts.campaign),
+    _axis("task", "Task"),
+    _axis("mode", "Mode"),
+    _axis("chemistry", "Chemistry"),
+    _axis("rates", "Rates"),
+    _axis("method", "Method"),
+    _axis("scaffold"),
+    _axis("backend"),
+    _axis("seed", "Seed", int),
+    Column("state", str, lambda facts: facts.state, "State"),
+    Column("status", str, lambda facts: facts.result.get("status", ""), "Ended"),
+    _metric("objective"),
+    _metric("mape", "MAPE / %", "total MAPE, %"),
+    _metric("q_mape"),
+    _metric("i_mape"),
+    _metric("v_mape"),
+    _metric("rmse", "RMSE", "total RMSE"),
+    _metric("v_rmse_mv", "V RMSE / mV", "voltage RMSE, mV"),
+    _metric("step_duration_error"),
+    _metric("capacity_error", "Capacity error"),
+    _initial("objective"),
+    _initial("mape", "MAPE before / %"),
+    _initial("v_rmse_mv"),
+    Column("early_objective", float, lambda facts: facts.trace.best_after(EARLY)),
+    _spent("simulations", int, "Sim.", "simulations"),
+    _spent("failed_simulations", int, "Failed", "of them failed"),
+    _spent("llm_calls", int, effort="model calls"),
+    Column("lost_calls", int, lambda facts: facts.lost_calls),
+    _spent("tokens", int, "Tokens", "tokens"),
+    _spent("cost_usd", float, "Cost / $", "cost / $"),
+    _spent("wall_s", float, "Time / s", "time / s"),
+    _spent("simulator_s"),
+    _spent("backend_s"),
+    Column("proposer_s", float, lambda facts: facts.trace.proposer_s),
+    Column("resumed", str, lambda facts: "yes" if facts.trace.resumed else ""),
+    Column("best_simulation", int, lambda facts: (facts.result.get("best") or {}).get("trial")),
+    Column("identity", str, lambda facts: facts.entry["identity"]),
+    Column("reason", str, lambda facts: facts.reason, "Reason"),
+)

@@ -1,0 +1,171 @@
+"""Workers of a Dask cluster: one that runs already, or one of SLURM jobs."""
+
+from __future__ import annotations
+
+import math
+import queue
+import re
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from ...core.errors import BsaError
+from ...core.extras import require
+from ...core.interrupts import interrupts_stay
+from ...core.validation import explain
+from ...core.yaml_text import read_yaml
+from .cell import Order, Report, carry_out
+from .local_pool import THREAD_VARIABLES
+
+_SLURM = "slurm:"
+
+_ADDRESS = re.compile(r"(tcp|tls)://\S+:\d{1,5}")
+
+_AHEAD = 2
+"""Orders in flight for each worker thread: one that runs and one that waits beside it."""
+
+_CONNECT_S = 30
+
+_COUNT_EVERY_S = 2.0
+"""Asking a scheduler of hundreds of workers for each order would cost more than the order."""
+
+
+class SlurmConfig(BaseModel):
+    """How a SLURM job of workers looks; other keys go to dask-jobqueue's SLURMCluster as they are."""
+
+    model_config = ConfigDict(extra="allow")
+
+    jobs: int = Field(ge=1, description="How many jobs to ask for.")
+    cores: int = Field(1, ge=1, description="Cores of a job, each with a worker process of one thread.")
+    memory: str = Field("4GB", description="Memory of a job.")
+    walltime: str = Field("24:00:00", description="Longest time of a job.")
+
+
+def slurm_cluster(config: SlurmConfig) -> Any:
+    """A cluster whose workers are SLURM jobs, none submitted yet."""
+    # Imported, it makes Ctrl-C end the process in silence and with exit code 0.
+    with interrupts_stay():
+        jobqueue = require("dask_jobqueue", "cluster", "--cluster slurm:...")
+    lines = [f"export {name}=1" for name in THREAD_VARIABLES]
+    others = dict(config.model_extra or {})
+    return jobqueue.SLURMCluster(
+        cores=config.cores,
+        processes=config.cores,
+        memory=config.memory,
+        walltime=config.walltime,
+        job_script_prologue=[*lines, *others.pop("job_script_prologue", [])],
+        **others,
+    )
+
+
+def load_slurm(path: Path) -> SlurmConfig:
+    """Read the description of a SLURM job.
+
+    Raises
+    ------
+    BsaError
+        Naming the key at fault.
+    """
+    content = read_yaml(path)
+    try:
+        return SlurmConfig.model_validate(content or {})
+    except ValidationError as error:
+        raise explain(error, str(path), SlurmConfig) from None
+
+
+def check_cluster(where: str) -> None:
+    """Refuse what names no cluster, before anything is made for it.
+
+    Raises
+    ------
+    BsaError
+        If it is neither the address of a scheduler nor a description of SLURM jobs, or that cannot be read.
+    """
+    if where.startswith(_SLURM):
+        load_slurm(Path(where.removeprefix(_SLURM)))
+    elif not _ADDRESS.fullmatch(where):
+        raise BsaError(f'--cluster "{where}" is no cluster.', "write tcp://HOST:PORT or slurm:FILE.yaml.")
+
+
+class DaskPool:
+    """Workers of a Dask cluster; all must see the store's folder and have this package installed.
+
+    Parameters
+    ----------
+    where : str
+        ``tcp://HOST:PORT`` of a scheduler, or ``slurm:FILE``.
+
+    Raises
+    ------
+    BsaError
+        If Dask is not installed, or no scheduler answers.
+    """
+
+    def __init__(self, where: str) -> None:
+        distributed = require("distributed", "cluster", "--cluster")
+        self._cluster: Any = None
+        address: Any = where
+        check_cluster(where)
+        if where.startswith(_SLURM):
+            config = load_slurm(Path(where.removeprefix(_SLURM)))
+            self._cluster = address = slurm_cluster(config)
+            self._cluster.scale(jobs=config.jobs)
+        try:
+            self._client: Any = distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
+        except OSError as error:
+            raise BsaError(
+                f"no Dask scheduler answers at {where} ({error}).", "start one with: dask scheduler; then dask worker."
+            ) from None
+        self._orders: dict[Any, Order] = {}
+        self._finished: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._number = 0
+        self._threads, self._counted_at = 0, -math.inf
+
+    @property
+    def workers(self) -> int:
+        """How many cells run side by side: threads of all workers, not more than a moment ago."""
+        now = time.monotonic()
+        if now - self._counted_at > _COUNT_EVERY_S:
+            workers = self._client.scheduler_info(n_workers=-1)["workers"].values()
+            self._threads, self._counted_at = sum(worker["nthreads"] for worker in workers), now
+        return self._threads
+
+    @property
+    def free(self) -> int:
+        """How many more orders may be handed over now."""
+        return max(_AHEAD * self.workers, 1) - len(self._orders)
+
+    def submit(self, order: Order) -> None:
+        """Hand an order to the scheduler."""
+        self._number += 1
+        # Dask runs the tasks of a lost worker again by itself, and gives up after a few; the grid counts them anew.
+        future = self._client.submit(carry_out, order, key=f"{order.identity}-{self._number}", pure=False)
+        self._orders[future] = order
+        future.add_done_callback(self._finished.put)
+
+    def collect(self, patience_s: float) -> list[Report]:
+        """Wait until a report is there, ``patience_s`` at most."""
+        futures: list[Any] = []
+        with suppress(queue.Empty):
+            futures.append(self._finished.get(timeout=max(patience_s, 0.001)))
+            while True:
+                futures.append(self._finished.get_nowait())
+        return [self._report(future) for future in futures]
+
+    def _report(self, future: Any) -> Report:
+        order = self._orders.pop(future)
+        if future.status == "finished":
+            report: Report = future.result()
+            return report
+        error = future.exception() if future.status == "error" else None
+        return Report(order.identity, "lost", reason=f"{type(error).__name__}: {error}" if error else future.status)
+
+    def close(self) -> None:
+        """Take back what has not begun and let the cluster go; one that we started is ended."""
+        self._client.cancel(list(self._orders))
+        self._client.close()
+        if self._cluster is not None:
+            self._cluster.close()

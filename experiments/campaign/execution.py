@@ -1,0 +1,175 @@
+"""Carries out what is missing of a campaign: hands out cells, takes back reports, looks again at what others hold."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from .cell import Cell, Order, Report
+from .pool import Pool
+from .store import Store
+
+LOSSES = 3
+"""How often in a row the worker of a cell may die without the cell having come any further."""
+
+NOBODY_S = 60.0
+"""After so long without a single worker this is said; the campaign waits on, for a cluster may be slow to give one."""
+
+_LOOK_AGAIN_S = 1.0
+_TICK_S = 0.5
+
+
+@dataclass(frozen=True)
+class Allowance:
+    """What a campaign may spend on language models; once spent, no further cell is begun.
+
+    Attributes
+    ----------
+    max_tokens, max_cost_usd : optional
+        Over all cells that this process sees finish.
+    """
+
+    max_tokens: int | None = None
+    max_cost_usd: float | None = None
+
+
+class Watcher(Protocol):
+    """Watches a campaign, for progress on a screen."""
+
+    def begun(self, cell: Cell) -> None:
+        """A cell was handed out."""
+
+    def ended(self, cell: Cell, report: Report, found: bool) -> None:
+        """A cell came to an end; ``found`` if it was finished before, or by another process."""
+
+    def lost(self, cell: Cell, reason: str) -> None:
+        """A worker died; the cell will be run again elsewhere."""
+
+    def noted(self, text: str) -> None:
+        """Something worth saying happened."""
+
+    def tick(self, running: int, waiting: int, elsewhere: int) -> None:
+        """Time passed."""
+
+
+@dataclass
+class _Losses:
+    """How often a cell lost its worker since it last came further."""
+
+    size: int = -1
+    count: int = 0
+
+
+@dataclass
+class _CampaignState:
+    """Where every cell stands."""
+
+    todo: deque[Cell] = field(default_factory=deque)
+    running: dict[str, Cell] = field(default_factory=dict)
+    elsewhere: dict[str, tuple[float, Cell]] = field(default_factory=dict)
+    reports: dict[str, Report] = field(default_factory=dict)
+    losses: dict[str, _Losses] = field(default_factory=dict)
+    tokens: int = 0
+    cost_usd: float = 0.0
+
+
+def run_cells(
+    cells: Sequence[Cell], store: Store, pool: Pool, watcher: Watcher, allowance: Allowance | None = None
+) -> dict[str, Report]:
+    """Run what is missing; two processes may do so side by side.
+
+    Parameters
+    ----------
+    cells : sequence of Cell
+        The campaign; cells without an identity cannot be run, and are left out.
+    store : Store
+        Where results lie.
+    pool : Pool
+        Who carries out the cells; left open.
+    watcher : Watcher
+        Watches.
+    allowance : Allowance, optional
+        What may be spent.
+
+    Returns
+    -------
+    dict of str to Report
+        What became of each cell, by identity; those not begun for want of allowance are missing.
+    """
+    state = _CampaignState()
+    unique = {cell.identity: cell for cell in cells if cell.identity}
+    for identity, cell in unique.items():
+        result = store.result(identity)
+        if result is None:
+            state.todo.append(cell)
+        else:
+            _end(state, watcher, cell, Report(identity, "done", result), found=True)
+    manned = time.monotonic()
+    while state.todo or state.running or state.elsewhere:
+        spent = _spent(state, allowance or Allowance())
+        while state.todo and pool.free > 0 and not spent:
+            cell = state.todo.popleft()
+            state.running[cell.identity] = cell
+            pool.submit(Order(cell, store))
+            watcher.begun(cell)
+        if not state.running and spent:
+            break
+        for report in pool.collect(_TICK_S if state.running else 0.0):
+            _take(state, report, store, watcher)
+        if not state.running and state.elsewhere:
+            time.sleep(_LOOK_AGAIN_S / 4)
+        _look_again(state)
+        if pool.workers:
+            manned = time.monotonic()
+        elif time.monotonic() - manned > NOBODY_S:
+            watcher.noted(f"no worker for {NOBODY_S:.0f} s; waiting for one")
+            manned = time.monotonic()
+        watcher.tick(len(state.running), len(state.todo), len(state.elsewhere))
+    return state.reports
+
+
+def _spent(state: _CampaignState, allowance: Allowance) -> bool:
+    return (allowance.max_tokens is not None and state.tokens >= allowance.max_tokens) or (
+        allowance.max_cost_usd is not None and state.cost_usd >= allowance.max_cost_usd
+    )
+
+
+def _take(state: _CampaignState, report: Report, store: Store, watcher: Watcher) -> None:
+    cell = state.running.pop(report.identity)
+    if report.state == "busy":
+        state.elsewhere[report.identity] = (time.monotonic() + _LOOK_AGAIN_S, cell)
+        return
+    if report.state == "lost" and not _hopeless(state, report, store):
+        watcher.lost(cell, report.reason)
+        state.todo.appendleft(cell)
+        return
+    if report.state == "done":
+        state.tokens += int(report.result.get("tokens") or 0)
+        state.cost_usd += float(report.result.get("cost_usd") or 0.0)
+    _end(state, watcher, cell, report, found=False)
+
+
+def _hopeless(state: _CampaignState, report: Report, store: Store) -> bool:
+    """Whether a cell kills its workers: a cell that gets further each time was only unlucky."""
+    losses = state.losses.setdefault(report.identity, _Losses())
+    size = store.journal_size(report.identity)
+    losses.count = 1 if size > losses.size else losses.count + 1
+    losses.size = size
+    return losses.count >= LOSSES
+
+
+def _end(state: _CampaignState, watcher: Watcher, cell: Cell, report: Report, found: bool) -> None:
+    state.reports[cell.identity] = report
+    watcher.ended(cell, report, found)
+
+
+def _look_again(state: _CampaignState) -> None:
+    """Cells of other processes go back in line: a worker that takes one finds it finished, free or still held."""
+    now = time.monotonic()
+    for identity, (when, cell) in list(state.elsewhere.items()):
+        if now >= when:
+            del state.elsewhere[identity]
+            state.todo.append(cell)

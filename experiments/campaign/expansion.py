@@ -1,0 +1,125 @@
+"""From a grid file to its cells: the product of the axes, plus what is included, minus what is excluded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from ...core.run_config import RunConfig
+from ...core.scaffold import Scaffold
+from ..request import Overrides
+from .calibration import Calibration, TaskLabel
+from .cell import Axis
+from .grid_file import BackendChoice, Budgets, GridFile
+from .identity import identity_of, without_placement
+from .store import Store
+from .task_sources import Say, gather
+
+
+@dataclass(frozen=True)
+class _Configs:
+    """Configurations that differ in their seed alone are checked once."""
+
+    near: Path
+    known: dict[str, RunConfig] = field(default_factory=dict)
+
+    def get(
+        self, scaffold: str | Scaffold, backend: BackendChoice, seed: int, budgets: Budgets, simulator: str = ""
+    ) -> RunConfig:
+        key = f"{scaffold}|{simulator}|{backend.model_dump_json()}|{budgets.model_dump_json()}"
+        if key not in self.known:
+            defaults = RunConfig.model_fields
+            limits = {
+                name: defaults[name].default if (value := getattr(budgets, name)) is None else value
+                for name in ("rounds", "warm_up", "simulations")
+            }
+            # What is compared gets its whole budget: nobody is stopped for want of progress.
+            settings = {"patience": max(limits["rounds"], 1), **budgets.settings}
+            wanted = Overrides(**limits, seed=seed, settings=settings)
+            options = without_placement(backend.options)
+            self.known[key] = wanted.config(self._path(scaffold), backend.use, options, simulator)
+        return self.known[key].model_copy(update={"seed": seed})
+
+    def _path(self, scaffold: str | Scaffold) -> str | Scaffold:
+        if isinstance(scaffold, Scaffold):
+            return scaffold
+        beside = self.near / scaffold
+        return str(beside) if beside.suffix in (".yaml", ".yml") and beside.is_file() else scaffold
+
+
+def expand(
+    grid: GridFile, store: Store, near: Path, say: Say = lambda line: None, make: bool = True
+) -> list[Calibration]:
+    """The cells of a grid, task by task, so that a grid cut short has whole rows.
+
+    Parameters
+    ----------
+    grid : GridFile
+        The grid.
+    store : Store
+        Where tasks are kept.
+    near : Path
+        The grid's folder.
+    say : callable
+        Takes a line of progress.
+    make : bool
+        Whether targets that are not in the store are simulated; without them cells have no identity.
+
+    Raises
+    ------
+    BsaError
+        If a task, scaffold, backend or setting does not exist.
+    """
+    configs = _Configs(near)
+    cells: dict[tuple[str, str], Calibration] = {}
+    for cell in _all(grid, configs, store, near, say, make):
+        if not any(_fits(cell.axes, condition) for condition in grid.exclude):
+            # Without an identity the configuration tells cells apart.
+            cells.setdefault((cell.task.key, cell.identity or cell.config.model_dump_json()), cell)
+    return list(cells.values())
+
+
+def _all(grid: GridFile, configs: _Configs, store: Store, near: Path, say: Say, make: bool) -> Iterator[Calibration]:
+    own = gather(grid.tasks, store, near, say, make)
+    yield from _product(own, grid.scaffolds, grid.backends, grid.seeds, grid, configs)
+    for more in grid.include:
+        budgets = Budgets(
+            rounds=grid.rounds if more.rounds is None else more.rounds,
+            warm_up=grid.warm_up if more.warm_up is None else more.warm_up,
+            simulations=grid.simulations if more.simulations is None else more.simulations,
+            settings={**grid.settings, **more.settings},
+        )
+        tasks = own if more.tasks is None else gather(more.tasks, store, near, say, make)
+        yield from _product(
+            tasks,
+            more.scaffolds or grid.scaffolds,
+            more.backends or grid.backends,
+            more.seeds or grid.seeds,
+            budgets,
+            configs,
+        )
+
+
+def _product(
+    tasks: Sequence[TaskLabel],
+    scaffolds: Sequence[str | Scaffold],
+    backends: Sequence[BackendChoice],
+    seeds: Sequence[int],
+    budgets: Budgets,
+    configs: _Configs,
+) -> Iterator[Calibration]:
+    for task, scaffold, backend, seed in product(tasks, scaffolds, backends, seeds):
+        config = configs.get(scaffold, backend, seed, budgets, task.simulator)
+        identity = identity_of(config, task.digest) if task.digest else ""
+        yield Calibration(task, backend, config, identity)
+
+
+def _fits(axes: Mapping[Axis, str], condition: Mapping[Axis, Any]) -> bool:
+    return bool(condition) and all(
+        any(fnmatchcase(axes[axis], str(pattern)) for pattern in (wanted if isinstance(wanted, list) else [wanted]))
+        for axis, wanted in condition.items()
+    )

@@ -1,0 +1,137 @@
+"""Worker processes of this machine: one cell each at a time, replaced when they die or grow."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from typing import Any
+
+from ...core.interrupts import in_main_thread, interrupts_wait
+from ...core.parentage import end_with_parent
+from .cell import Order, Report, carry_out
+
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
+
+CELLS_PER_WORKER = 500
+MEMORY_LIMIT_MB = 1500.0
+"""A worker that has grown past this is replaced after its cell; its simulator is a process of its own."""
+
+
+def _serve(connection: Connection, at_once: bool) -> None:
+    """A worker's main loop."""
+    # Ctrl-C reaches the whole process group; only the parent decides what it means.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with_parent(at_once)
+    while True:
+        try:
+            order = connection.recv()
+        except (EOFError, OSError):
+            return
+        connection.send(carry_out(order))
+
+
+@dataclass(eq=False)
+class _Worker:
+    process: Any
+    connection: Connection
+    order: Order | None = None
+    cells: int = 0
+
+
+class LocalPool:
+    """Worker processes.
+
+    Parameters
+    ----------
+    size : int
+        How many.
+    cells_per_worker : int
+        A worker is replaced after so many cells.
+    memory_limit_mb : float
+        A worker whose resident memory is past this after a cell is replaced.
+    """
+
+    def __init__(
+        self, size: int, cells_per_worker: int = CELLS_PER_WORKER, memory_limit_mb: float = MEMORY_LIMIT_MB
+    ) -> None:
+        self._size = max(size, 1)
+        self._cells_per_worker = cells_per_worker
+        self._memory_limit_mb = memory_limit_mb
+        self._workers: list[_Worker] = []
+        # One thread each: the parallelism is in the processes.
+        self._before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
+        os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
+
+    @property
+    def workers(self) -> int:
+        """How many cells run side by side."""
+        return self._size
+
+    @property
+    def free(self) -> int:
+        """How many more orders may be handed over now."""
+        return self._size - sum(worker.order is not None for worker in self._workers)
+
+    def submit(self, order: Order) -> None:
+        """Hand an order to an idle worker, started if need be."""
+        worker = next((worker for worker in self._workers if worker.order is None), None) or self._start()
+        worker.order = order
+        # A dead worker answers through `collect`.
+        with suppress(OSError):
+            worker.connection.send(order)
+
+    def _start(self) -> _Worker:
+        context = multiprocessing.get_context("spawn")
+        ours, theirs = context.Pipe()
+        process = context.Process(target=_serve, args=(theirs, in_main_thread()), name="bsa-grid-worker")
+        worker = _Worker(process, ours)
+        with interrupts_wait():
+            worker.process.start()
+            theirs.close()
+            self._workers.append(worker)
+        return worker
+
+    def collect(self, patience_s: float) -> list[Report]:
+        """Wait until a report is there, ``patience_s`` at most."""
+        busy = {worker.connection: worker for worker in self._workers if worker.order is not None}
+        if not busy:
+            return []
+        return [self._receive(busy[connection]) for connection in wait(list(busy), patience_s)]  # type: ignore[index]
+
+    def _receive(self, worker: _Worker) -> Report:
+        assert worker.order is not None
+        try:
+            report: Report = worker.connection.recv()
+        except (EOFError, OSError):
+            worker.process.join()
+            lost = Report(
+                worker.order.identity, "lost", reason=f"its worker died (exit code {worker.process.exitcode})"
+            )
+            self._workers.remove(worker)
+            worker.connection.close()
+            return lost
+        worker.order = None
+        worker.cells += 1
+        if worker.cells >= self._cells_per_worker or report.memory_mb > self._memory_limit_mb:
+            self._end(worker)
+        return report
+
+    def _end(self, worker: _Worker) -> None:
+        self._workers.remove(worker)
+        worker.process.kill()
+        worker.process.join()
+        worker.connection.close()
+
+    def close(self) -> None:
+        """End the workers at once; what they were doing stands in its journal."""
+        for worker in list(self._workers):
+            self._end(worker)
+        for name, value in self._before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value

@@ -1,0 +1,72 @@
+"""A limit on calls of one model server, over all processes that share a store."""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from ...core.messages import Backend, JsonSchema, Message, Reply
+from ...core.recording import Recorder
+
+_FIRST_WAIT_S, _LONGEST_WAIT_S = 0.02, 1.0
+
+
+class SharedBackend:
+    """A backend whose calls wait for one of a few places.
+
+    The places are files held by the calling process: no server keeps count, and a place that a killed worker
+    held is free at once.
+
+    Parameters
+    ----------
+    inner : Backend
+        The model.
+    folder : Path
+        Of the places; the same for every process.
+    places : int
+        Calls at a time.
+    """
+
+    def __init__(self, inner: Backend, folder: Path, places: int) -> None:
+        self._inner = inner
+        self._folder = folder
+        self._places = places
+
+    @property
+    def name(self) -> str:
+        """Name of the model behind."""
+        return self._inner.name
+
+    @property
+    def sees_images(self) -> bool:
+        """Whether the model behind can see."""
+        return self._inner.sees_images
+
+    def recorded_by(self, recorder: Recorder) -> SharedBackend:
+        """See `bsa.core.recording.Layer`: a place is held as long as a round's votes take."""
+        return SharedBackend(recorder.around(self._inner), self._folder, self._places)
+
+    def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
+        """See `Backend.complete`; waits for a place first."""
+        wait_s = _FIRST_WAIT_S
+        while True:
+            # Begun anywhere, so that processes do not all knock at the first door.
+            start = random.randrange(self._places)
+            for turn in range(self._places):
+                lock = FileLock(self._folder / str((start + turn) % self._places), timeout=0)
+                try:
+                    place = lock.acquire()
+                except Timeout:
+                    continue
+                with place:
+                    return self._inner.complete(messages, schema, seed=seed)
+            time.sleep(wait_s * random.uniform(0.5, 1.5))
+            wait_s = min(2 * wait_s, _LONGEST_WAIT_S)
+
+    def close(self) -> None:
+        """Release the model."""
+        self._inner.close()

@@ -1,0 +1,205 @@
+"""A campaign on one page, which needs nothing else: sortable, filterable, with the rounds of every run."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import os
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from markupsafe import Markup
+
+from ...core.errors import BsaError
+from ...core.files import write_text
+from ...core.reply_parsing import strip_control
+from ..own_pages import check_page
+from ..report import build_report
+from ..report.wording import clipped, number, quantity, short_name
+from ..story import Round, read_run
+from .columns import COLUMNS
+from .figures import draw_all
+from .store import Store
+from .summary import Row
+from .tables import EFFORT, RESULTS, effort, label_of, open_campaign
+
+if TYPE_CHECKING:
+    import jinja2
+
+FILE_NAME = "index.html"
+
+MOST_STORIES = 1500
+"""Stories are part of the page up to so many cells (about 5 kB each); beyond, it only links to reports."""
+
+_IDENTITY = next(column for column in COLUMNS if column.name == "identity")
+"""It has no head: the page needs it to open a run."""
+
+_CAPTIONS = {
+    "by-mode": "Errors by mode: a box from quartile to quartile with its median, a dot a cell.",
+    "by-chemistry": "Errors by chemistry.",
+    "by-rate": "Errors by rate, charge/discharge.",
+    "convergence": "Best error so far by simulations: median, with a band from quartile to quartile.",
+    "effort": "Median error against effort, with quartiles; the dashed line joins what nothing beats in both.",
+}
+
+
+def build_page(
+    grid: str | Path, store: Path = RESULTS, out: Path | None = None, full: bool = False, metric: str = "mape"
+) -> Path:
+    """Write the page of a campaign: ``bsa report GRID``.
+
+    Each run's story (hypotheses, changes, errors) is part of the page. The run's own report with its curves is
+    a file beside its journal: the page links to those that exist.
+
+    Parameters
+    ----------
+    grid, store, metric
+        As in `open_campaign`.
+    out : Path, optional
+        The page; ``index.html`` in the campaign's folder by default.
+    full : bool
+        Whether the report of every finished run is written first.
+
+    Raises
+    ------
+    BsaError
+        If the campaign has not been run in this store, or there is no such error.
+    """
+    if out is not None:
+        check_page(out)
+    campaign = open_campaign(grid, store, metric)
+    rows, place = campaign.rows, campaign.store
+    path = out or campaign.folder / FILE_NAME
+    if full:
+        for row in rows:
+            if row["state"] == "done":
+                build_report(place.cell(row["identity"]))
+    figures = draw_all(rows, place, campaign.metric)
+    page = _template().render(
+        name=campaign.about["name"],
+        summary=campaign.about.get("summary", ""),
+        rows=rows,
+        done=sum(row["state"] == "done" for row in rows),
+        tasks=len({row["task"] for row in rows}),
+        seeds=len({row["seed"] for row in rows}),
+        methods=campaign.methods,
+        tables=campaign.blocks,
+        comparisons=campaign.comparisons,
+        reference=campaign.reference,
+        metric=label_of(campaign.metric),
+        effort=effort(rows),
+        effort_heads=list(EFFORT.values()),
+        figures=[(_CAPTIONS[name], Markup(svg)) for name, svg in figures.items()],
+        data=_json(_shown(rows)),
+        stories=_json(_stories(rows, place, path.parent)),
+        script=Markup(_script()),
+        script_hash=_hash(_script()),
+        grid=json.dumps(campaign.about, indent=2, ensure_ascii=False),
+    )
+    write_text(path, page)
+    return path
+
+
+def _shown(rows: Sequence[Row]) -> dict[str, Any]:
+    """Columns of the page with their heads and kinds, and the rows' values of them."""
+    shown = [*(column for column in COLUMNS if column.page), _IDENTITY]
+    return {
+        "columns": [{"name": c.name, "title": c.page, "numeric": c.kind is not str} for c in shown],
+        "rows": [[row[column.name] for column in shown] for row in rows],
+    }
+
+
+def _stories(rows: Sequence[Row], store: Store, here: Path) -> dict[str, Any]:
+    told = [row for row in rows if row["identity"] and row["state"] in ("done", "stopped")]
+    embed = len(told) <= MOST_STORIES
+    stories: dict[str, Any] = {}
+    for row in told:
+        folder = store.cell(row["identity"])
+        try:
+            story = _story(folder) if embed else {}
+        except BsaError:
+            continue  # a run without a single simulation tells nothing
+        if (folder / "report.html").is_file():
+            story["report"] = Path(os.path.relpath(folder / "report.html", here)).as_posix()
+        if story:
+            stories[row["identity"]] = story
+    return stories
+
+
+def _story(folder: Path) -> dict[str, Any]:
+    run = read_run(folder)
+    best, initial = run.best, run.initial
+    return {
+        "trace": [None if trial.failure else _rounded(trial.objective) for trial in run.trials],
+        "rounds": [_round(item) for item in run.rounds],
+        "parameters": [
+            [
+                short_name(parameter.name),
+                quantity(initial.candidate[parameter.name], parameter.unit),
+                quantity(best.candidate[parameter.name], parameter.unit),
+            ]
+            for parameter in run.task.space
+        ],
+        "notes": [_words(note, 200) for note in run.notes[:5]],
+    }
+
+
+def _round(item: Round) -> dict[str, Any]:
+    best = item.best
+    return {
+        "phase": item.phase,
+        "number": item.number,
+        "words": _words(f"lost: {item.lost}" if item.lost else item.hypothesis or item.rationale or item.action, 280),
+        "updates": _words(", ".join(f"{short_name(name)} {value}" for name, value in item.updates.items()), 280),
+        "simulations": len(item.trials),
+        "best": None if best is None or not best.ok else _rounded(best.objective),
+        "improved": item.improved,
+    }
+
+
+def _words(text: str, most: int) -> str:
+    return clipped(" ".join(strip_control(text).split()), most)
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.4g}")
+
+
+def _json(content: Mapping[str, Any]) -> Markup:
+    """JSON that no text in it can end early."""
+    text = json.dumps(content, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    for character in "<>&\u2028\u2029":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return Markup(text)
+
+
+@cache
+def _script() -> str:
+    return Path(__file__).with_name("page.js").read_text(encoding="utf-8")
+
+
+def _hash(script: str) -> str:
+    """What the page's policy allows to run: this script and no other."""
+    return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+
+
+@cache
+def _template() -> jinja2.Template:
+    import jinja2
+
+    rooms = [Path(__file__).parent, Path(__file__).parent.parent / "report"]
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(rooms),
+        autoescape=True,
+        finalize=lambda value: (
+            strip_control(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+        ),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(number=number)
+    return environment.get_template("page.html.j2")

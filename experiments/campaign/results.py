@@ -1,0 +1,220 @@
+"""The results of a campaign as one tidy table, a row a cell, in CSV and Parquet."""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ...core.errors import BsaError
+from ...core.files import begins, entries, foreign, read_json, replacing, write_csv, write_json
+from ...core.shape import decoding, shaped
+from .cell import Axis, Cell, Report
+from .columns import COLUMNS, Facts
+from .store import FAILURE, FINAL, MANIFEST, OUTAGE, Store, read_result
+from .summary import Row
+
+_BEGINNING = b'{"grid": {'
+"""How every manifest begins."""
+
+
+def write_manifest(grid: Mapping[str, Any], cells: Sequence[Cell], folder: Path) -> None:
+    """Note which cells a campaign has, so that tables and pages need neither its file nor this version of the code.
+
+    Parameters
+    ----------
+    grid : mapping
+        What the campaign is: its ``name``, and whatever else tells how it was made.
+    cells : sequence of Cell
+        All of them.
+    folder : Path
+        The campaign's.
+    """
+    axes = [cell.axes for cell in cells]
+    methods = _methods(axes)
+    entries = [
+        {
+            "identity": cell.identity,
+            "method": methods[own["scaffold"], own["backend"]],
+            **own,
+            "seed": int(own["seed"]),
+            "trouble": cell.trouble,
+        }
+        for cell, own in zip(cells, axes, strict=True)
+    ]
+    write_json(folder / MANIFEST, {"grid": grid, "cells": entries, "methods": list(dict.fromkeys(methods.values()))})
+
+
+_AGAIN = "give its command again; finished cells are kept."
+
+
+@dataclass(frozen=True)
+class _Entry:
+    identity: str
+    method: str
+    task: str
+    mode: str
+    chemistry: str
+    rates: str
+    scaffold: str
+    backend: str
+    seed: int
+    trouble: str
+
+
+@dataclass(frozen=True)
+class _Grid:
+    name: str
+    summary: str = ""
+    reference: str | None = None
+
+
+@dataclass(frozen=True)
+class _Manifest:
+    grid: _Grid
+    cells: list[_Entry]
+    methods: list[str]
+
+
+def check_grid_folder(folder: Path) -> None:
+    """Refuse a folder that holds anything else than a campaign; nothing is written.
+
+    Raises
+    ------
+    BsaError
+        If there are files without a manifest of ours.
+    """
+    if entries(folder) and not begins(folder / MANIFEST, _BEGINNING):
+        raise foreign(folder, "a campaign")
+
+
+def _methods(axes: Sequence[Mapping[Axis, str]]) -> dict[tuple[str, str], str]:
+    """What a row of a table is called: the scaffold, with the backend where it does not go without saying."""
+    pairs = dict.fromkeys((own["scaffold"], own["backend"]) for own in axes)
+    backends: dict[str, list[str]] = {}
+    for scaffold, backend in pairs:
+        backends.setdefault(scaffold, []).append(backend)
+    alone = len(backends) == 1
+    return {
+        (scaffold, name): scaffold if len(backends[scaffold]) == 1 else name if alone else f"{scaffold} · {name}"
+        for scaffold, name in pairs
+    }
+
+
+def grid_folder(grid: str | Path, store: Store) -> Path:
+    """The folder of a campaign that was run, by its name, its file or its folder.
+
+    Raises
+    ------
+    BsaError
+        If no such campaign was run in this store.
+    """
+    path = Path(grid)
+    if (path / MANIFEST).is_file():
+        return path
+    name = str(grid)
+    if path.suffix in (".yaml", ".yml"):
+        from .grid_file import load_grid
+
+        name = load_grid(name).name
+    folder = store.grid(name)
+    if not (folder / MANIFEST).is_file():
+        raise BsaError(f'the grid "{name}" has not been run in {store.root}.', f"bsa grid {grid} runs it; or --store.")
+    return folder
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """What `write_manifest` noted.
+
+    Raises
+    ------
+    BsaError
+        If it is missing or damaged.
+    """
+    content = read_json(folder / MANIFEST)
+    if content is None:
+        raise BsaError(f"{folder / MANIFEST} is missing or damaged.", _AGAIN)
+    with decoding(folder / MANIFEST, "a grid", _AGAIN):
+        shaped(_Manifest, content)
+    return content
+
+
+def rows_of(manifest: Mapping[str, Any], store: Store, reports: Mapping[str, Report] | None = None) -> list[Row]:
+    """A flat row for every cell of a campaign, whatever became of it.
+
+    Parameters
+    ----------
+    manifest : mapping
+        From `read_manifest`.
+    store : Store
+        Where results lie.
+    reports : mapping, optional
+        What this process saw, so that results need not be read again.
+    """
+    name = str(manifest["grid"]["name"])
+    facts = [_facts(name, entry, store, (reports or {}).get(entry["identity"])) for entry in manifest["cells"]]
+    return [{column.name: column.value(known) for column in COLUMNS} for known in facts]
+
+
+def _facts(campaign: str, entry: Mapping[str, Any], store: Store, report: Report | None) -> Facts:
+    folder = store.cell(entry["identity"])
+    result = report.result if report is not None and report.result else None
+    if result is None and entry["identity"]:
+        result = read_result(folder)
+    state, reason = _state(entry, folder, result, report)
+    known = result or {}
+    return Facts(campaign, entry, state, reason, folder, known if state == "done" else {}, known.get("lost_calls"))
+
+
+def _state(
+    entry: Mapping[str, Any], folder: Path, result: Mapping[str, Any] | None, report: Report | None
+) -> tuple[str, str]:
+    if not entry["identity"]:
+        return ("failed", str(entry["trouble"])) if entry["trouble"] else ("missing", "")
+    if report is not None and report.state in ("failed", "lost"):
+        return "failed", report.reason
+    if result is not None and result.get("status") != OUTAGE:
+        return ("done", "") if result.get("status") in FINAL else ("stopped", str(result.get("status")))
+    failure = read_json(folder / FAILURE)
+    return ("failed", str(failure.get("reason"))) if failure is not None else ("missing", "")
+
+
+def write_rows(rows: Sequence[Row], folder: Path) -> list[str]:
+    """Write ``cells.csv`` and ``cells.parquet``.
+
+    Returns
+    -------
+    list of str
+        What could not be written, and what would make it so.
+    """
+    write_csv(folder / "cells.csv", rows)
+    if importlib.util.find_spec("pyarrow") is None:
+        return ['cells.parquet needs pyarrow, which is not installed: pip install "battery-sim-agent[cluster]"']
+    import pyarrow
+    from pyarrow import parquet
+
+    with replacing(folder / "cells.parquet") as file:
+        parquet.write_table(pyarrow.Table.from_pylist(list(rows), schema=_schema(pyarrow)), file)
+    return []
+
+
+def read_table(path: Path) -> list[Row]:
+    """Rows of a CSV file: numbers as floats, an empty field as NaN, anything else as text."""
+    with path.open(newline="", encoding="utf-8") as file:
+        return [{key: _number_or_text(value) for key, value in row.items()} for row in csv.DictReader(file)]
+
+
+def _number_or_text(text: str) -> float | str:
+    try:
+        return float(text or "nan")
+    except ValueError:
+        return text
+
+
+def _schema(pyarrow: Any) -> Any:
+    """Types by column: a column without a value would otherwise have none."""
+    types = {str: pyarrow.string(), int: pyarrow.int64(), float: pyarrow.float64()}
+    return pyarrow.schema([(column.name, types[column.kind]) for column in COLUMNS])

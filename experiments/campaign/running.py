@@ -1,0 +1,178 @@
+"""A whole campaign from its description to its results."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Generic, Protocol, TypeVar
+
+from ...backends.opening import check_backend
+from ...core.errors import BsaError
+from ...core.registry import installed
+from .calibration import Calibration
+from .cell import Cell, Report
+from .execution import Allowance, Watcher, run_cells
+from .expansion import expand
+from .grid_file import GridFile, grid_path, load_grid
+from .pool import Pool
+from .results import check_grid_folder, read_manifest, rows_of, write_manifest, write_rows
+from .store import Store
+from .summary import Row
+from .task_sources import Say
+
+Kind = TypeVar("Kind", bound=Cell, covariant=True)
+
+
+class WatcherContext(Watcher, AbstractContextManager["WatcherContext"], Protocol):
+    """A watcher that is opened and closed around a campaign."""
+
+
+@dataclass(frozen=True)
+class Plan(Generic[Kind]):
+    """A campaign that is about to run.
+
+    Attributes
+    ----------
+    about : mapping
+        Its ``name``, and what else its manifest is to tell: a grid's file, with what replaced it.
+    cells : sequence of Cell
+        Its cells.
+    store : Store
+        Where results lie.
+    folder : Path
+        For its manifest and tables.
+    """
+
+    about: Mapping[str, Any]
+    cells: Sequence[Kind]
+    store: Store
+    folder: Path
+
+    @property
+    def name(self) -> str:
+        """The campaign's name."""
+        return str(self.about["name"])
+
+
+def plan_grid(
+    name_or_path: str,
+    store: Path,
+    changes: Mapping[str, Any] | None = None,
+    say: Say = lambda line: None,
+    make: bool = True,
+) -> Plan[Calibration]:
+    """Read a grid and expand it.
+
+    Parameters
+    ----------
+    name_or_path : str
+        A shipped grid, or a YAML file.
+    changes : mapping, optional
+        Values that replace the file's, by dotted path.
+    store, say, make
+        As in `plan_campaign`.
+
+    Raises
+    ------
+    BsaError
+        If the grid, or anything it names, does not exist.
+    """
+    Store(store).check()
+    grid = load_grid(name_or_path, changes)
+    return plan_campaign(grid, store, near=grid_path(name_or_path).parent, say=say, make=make)
+
+
+def plan_campaign(
+    grid: GridFile,
+    store: Path,
+    out: Path | None = None,
+    near: Path = Path(),
+    say: Say = lambda line: None,
+    make: bool = True,
+) -> Plan[Calibration]:
+    """Expand a grid.
+
+    Parameters
+    ----------
+    grid : GridFile
+        The grid.
+    store : Path
+        Where results lie.
+    out : Path, optional
+        For manifest and tables; by default a folder of the store with the grid's name.
+    near : Path
+        Task and scaffold files are looked for there first.
+    say : callable
+        Takes a line of progress: making targets takes seconds each.
+    make : bool
+        Whether targets that are not in the store are made; without them nothing can be run.
+
+    Raises
+    ------
+    BsaError
+        If anything that the grid names does not exist, or a folder holds something else.
+    """
+    place = Store(store)
+    place.check()
+    folder = out or place.grid(grid.name)
+    check_grid_folder(folder)
+    cells = expand(grid, place, near, say, make)
+    if not cells:
+        raise BsaError(f'the grid "{grid.name}" has no cells.', "exclude less.")
+    _check_plugins(cells)
+    return Plan(grid.model_dump(mode="json"), cells, place, folder)
+
+
+def _check_plugins(cells: Sequence[Calibration]) -> None:
+    """Whether every plugin exists and is configured well, before the first cell is run."""
+    registry = installed()
+    for config in {cell.config.model_dump_json(exclude={"seed"}): cell.config for cell in cells}.values():
+        scaffold = config.scaffold
+        check_backend(config.backend, config.backend_options, registry)
+        registry.configure("simulator", scaffold.simulator.use, scaffold.simulator.options)
+        registry.configure("feedback", scaffold.feedback.use, scaffold.feedback.options)
+        registry.configure("proposer", scaffold.proposer.use, scaffold.proposer.options)
+        for memory in scaffold.memories:
+            registry.configure("memory", memory.use, memory.options)
+        if scaffold.warm_up is not None:
+            registry.configure("warm-up", scaffold.warm_up.use, scaffold.warm_up.options)
+
+
+def run_campaign(
+    plan: Plan[Cell],
+    pool: Pool,
+    watch: Callable[[Plan[Cell], Pool], WatcherContext],
+    allowance: Allowance | None = None,
+) -> tuple[list[Row], list[str]]:
+    """Run what is missing and write the tidy table, however the campaign ends.
+
+    Parameters
+    ----------
+    plan : Plan
+        From `plan_grid` or `plan_campaign`.
+    pool : Pool
+        Who carries out the cells; closed at the end.
+    watch : callable
+        Makes what watches.
+    allowance : Allowance, optional
+        What may be spent on language models.
+
+    Returns
+    -------
+    rows : list of dict
+        The tidy table.
+    remarks : list of str
+        What could not be written.
+    """
+    write_manifest(plan.about, plan.cells, plan.folder)
+    reports: dict[str, Report] = {}
+    try:
+        with watch(plan, pool) as watcher:
+            reports = run_cells(plan.cells, plan.store, pool, watcher, allowance)
+    finally:
+        pool.close()
+        rows = rows_of(read_manifest(plan.folder), plan.store, reports)
+        remarks = write_rows(rows, plan.folder)
+    return rows, remarks

@@ -1,0 +1,123 @@
+"""What many cells come to: mean and spread by mode, method and chemistry; and the paper's rows in the same form."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.yaml_text import read_yaml
+
+PAPER_ROWS_FILE = Path(__file__).with_name("paper_rows.yaml")
+
+Row = Mapping[str, Any]
+"""A row of the results table, or of a file that was made of it."""
+
+
+@dataclass(frozen=True)
+class Statistic:
+    """Mean and standard deviation over the cells of one table entry.
+
+    Attributes
+    ----------
+    mean, deviation : float
+        The deviation has n - 1 in its denominator, as in the paper; NaN for one cell.
+    worst : float
+        Largest value.
+    count : int
+        Cells with a value.
+    missing : int
+        Cells in which nothing could be compared; they are not in the mean, and are said in the table.
+    """
+
+    mean: float
+    deviation: float
+    worst: float
+    count: int
+    missing: int = 0
+
+    def __str__(self) -> str:
+        spread = "" if math.isnan(self.deviation) else f" ± {short(self.deviation)}"
+        return f"{short(self.mean)}{spread}" + (f" ({self.missing} without result)" if self.missing else "")
+
+
+def short(value: float) -> str:
+    """A number as tables show it."""
+    if math.isnan(value):
+        return "–"
+    return f"{value:.2f}" if 0.1 <= value < 1000 or value == 0 else f"{value:.3g}"
+
+
+def statistic(values: Sequence[float | None]) -> Statistic:
+    """Mean, deviation and worst of the values that are numbers."""
+    known = np.array([value for value in values if value is not None and not math.isnan(value)])
+    if not known.size:
+        return Statistic(math.nan, math.nan, math.nan, 0, len(values))
+    deviation = float(known.std(ddof=1)) if known.size > 1 else math.nan
+    return Statistic(float(known.mean()), deviation, float(known.max()), known.size, len(values) - known.size)
+
+
+def mean_of(rows: Sequence[Row], name: str) -> float:
+    """Mean of a column, of the cells that have a value."""
+    return statistic([row[name] for row in rows]).mean
+
+
+def grouped(rows: Sequence[Row], *names: str) -> dict[Any, list[Row]]:
+    """Rows by the values of one or more columns, in order of appearance."""
+    groups: dict[Any, list[Row]] = {}
+    for row in rows:
+        key = tuple(row[name] for name in names)
+        groups.setdefault(key if len(names) > 1 else key[0], []).append(row)
+    return groups
+
+
+def exact_interval(count: int, of: int) -> str:
+    """The exact 95 % interval of a share (Clopper and Pearson, Biometrika 26 (1934) 404), in percent."""
+    from scipy import stats
+
+    found = stats.binomtest(count, of).proportion_ci(0.95, method="exact")
+    return f"exact 95 % interval {100 * found.low:.2g} to {100 * found.high:.2g} %"
+
+
+Table = dict[str, dict[str, dict[str, Statistic]]]
+"""Statistics by mode, method and chemistry."""
+
+
+def main_table(rows: Sequence[Row], metric: str = "mape") -> Table:
+    """Statistics by mode, method and chemistry, in order of appearance."""
+    return {
+        mode: {
+            method: {
+                chemistry: statistic([row[metric] for row in cells])
+                for chemistry, cells in grouped(own, "chemistry").items()
+            }
+            for method, own in grouped(of_mode, "method").items()
+        }
+        for mode, of_mode in grouped(rows, "mode").items()
+    }
+
+
+def paper_rows(metric: str = "mape") -> Table:
+    """The paper's own rows in the same form."""
+    content = read_yaml(PAPER_ROWS_FILE)
+    return {
+        mode: {
+            method: {
+                name: Statistic(mean, deviation, math.nan, 20)
+                for name, (mean, deviation) in zip(content["sets"], entries, strict=True)
+            }
+            for method, entries in rows.items()
+        }
+        for mode, rows in content.get(metric, {}).items()
+    }
+
+
+def ranks(means: Mapping[str, float]) -> dict[str, int]:
+    """Places by mean, 0 the smallest; equal means share a place, and NaN has none."""
+    known = {method: mean for method, mean in means.items() if not math.isnan(mean)}
+    places = sorted(set(known.values()))
+    return {method: places.index(mean) for method, mean in known.items()}

@@ -1,0 +1,140 @@
+"""From the tasks that a grid names to tasks in the store, with the words by which tables group them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from ...core.errors import BsaError
+from ...core.files import read_json, write_json
+from ...core.task import Task
+from ..suite.case import Noise, SuiteCase
+from ..suite.selection import choose, load_suite
+from .calibration import TaskLabel
+from .grid_file import SuiteFilter, TaskChoice
+from .identity import versions_of
+from .store import Store
+
+Say = Callable[[str], None]
+
+OWN = "own"
+"""Mode of a task that belongs to no suite."""
+
+
+def gather(
+    choices: Sequence[TaskChoice], store: Store, near: Path, say: Say = lambda line: None, make: bool = True
+) -> list[TaskLabel]:
+    """The tasks of a grid, each made at most once and kept.
+
+    Parameters
+    ----------
+    choices : sequence of str or SuiteFilter
+        What the grid names.
+    store : Store
+        Where tasks are kept.
+    near : Path
+        The grid's folder: task files are looked for there first.
+    say : callable
+        Takes a line of progress: making a target takes seconds.
+    make : bool
+        Whether tasks of a suite that are not in the store are made (simulated).
+    """
+    labels: dict[str, TaskLabel] = {}
+    for choice in choices:
+        found = (
+            _from_suite(choice, store, say, make) if isinstance(choice, SuiteFilter) else [_own(choice, store, near)]
+        )
+        for label in found:
+            known = labels.get(label.key)
+            if known is not None and known.digest != label.digest:
+                raise BsaError(f'two different tasks of the grid are called "{label.key}".', "rename one of them.")
+            labels[label.key] = label
+    return list(labels.values())
+
+
+def _own(name: str, store: Store, near: Path) -> TaskLabel:
+    task = _read(name, near)
+    digest = store.put_task(task)
+    chemistry = task.cell.parameter_set or task.domain.name
+    return TaskLabel(task.name, OWN, chemistry, digest=digest, simulator=task.simulator)
+
+
+def _read(name: str, near: Path) -> Task:
+    from ..tasks.find import find_task
+    from ..tasks.task_file import SUFFIXES
+
+    path = Path(name)
+    beside = near / path
+    return find_task(str(beside if path.suffix in SUFFIXES and beside.is_file() else path))
+
+
+def _from_suite(wanted: SuiteFilter, store: Store, say: Say, make: bool) -> Iterator[TaskLabel]:
+    for case in suite_cases(wanted).values():
+        yield _case(case, wanted.search, store, say, make)
+
+
+def suite_cases(wanted: SuiteFilter) -> dict[str, SuiteCase]:
+    """The cases that a filter takes, by key.
+
+    Raises
+    ------
+    BsaError
+        If the filter leaves nothing.
+    """
+    count = wanted.cases if isinstance(wanted.cases, int) else 40
+    cases = load_suite(
+        wanted.suite,
+        wanted.folder,
+        seed=wanted.draw,
+        count=count if wanted.chemistry is None else 8 * count,
+        noise=Noise(voltage_v=wanted.noise_mv / 1e3),
+    )
+    for attribute, value in (
+        ("mode", wanted.mode),
+        ("parameter_set", wanted.chemistry),
+        ("rates", wanted.rates),
+    ):
+        allowed = _listed(value)
+        if allowed:
+            cases = {key: case for key, case in cases.items() if getattr(case, attribute) in allowed}
+    if not cases:
+        raise BsaError(f"no case of the {wanted.suite} suite fits {wanted.model_dump(exclude_none=True)}.", "widen it.")
+    return choose(cases, wanted.cases, wanted.draw)
+
+
+def _listed(value: str | Iterable[str] | None) -> set[str]:
+    return {value} if isinstance(value, str) else set(value or ())
+
+
+def _case(case: SuiteCase, search: str | None, store: Store, say: Say, make: bool) -> TaskLabel:
+    label = TaskLabel(case.key, case.mode, case.parameter_set, case.rates)
+    note = store.root / "tasks" / f"{_reference(case, search)}.case.json"
+    known = read_json(note)
+    if known is not None:
+        digest, trouble = str(known.get("digest", "")), str(known.get("trouble", ""))
+        if trouble or store.has_task(digest):
+            return replace(label, digest=digest, trouble=trouble)
+    if not make:
+        return label
+    from ..suite.build import build_task
+
+    say(f"making the target of {case.key} ({case.parameter_set}, {case.rates})")
+    try:
+        label = replace(label, digest=store.put_task(build_task(case, search)))
+    except BsaError as error:
+        label = replace(label, trouble=error.message)
+    write_json(note, {"digest": label.digest, "trouble": label.trouble})
+    return label
+
+
+def _reference(case: SuiteCase, search: str | None) -> str:
+    content: dict[str, Any] = {
+        "case": asdict(replace(case, changes=dict(case.changes))),
+        "search": search,
+        "versions": versions_of(()),
+    }
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]

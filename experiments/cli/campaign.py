@@ -1,0 +1,247 @@
+"""``bsa grid`` and ``bsa report``: many runs as one file, and what came of them; how every campaign is carried out."""
+
+from __future__ import annotations
+
+import os
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from . import completion
+from . import shared_options as shared
+from .option_groups import with_options
+
+if TYPE_CHECKING:
+    from ..campaign.cell import Cell
+    from ..campaign.pool import Pool
+    from ..campaign.running import Plan, WatcherContext
+    from ..campaign.summary import Row
+
+StoreOption = Annotated[
+    Path,
+    typer.Option(
+        metavar="FOLDER", help="Holds cells and grids; grids share cells in it.", rich_help_panel=shared.OUTPUT
+    ),
+]
+Metric = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="Error that is compared and drawn: mape, rmse or v_rmse_mv.",
+        rich_help_panel=shared.OUTPUT,
+    ),
+]
+
+RESULTS = Path("results")
+
+
+@dataclass(frozen=True)
+class Execution:
+    """Who carries out a campaign, and what may be spent."""
+
+    dry_run: Annotated[
+        bool,
+        typer.Option(
+            "--dry-run",
+            help="Say what would be run and what it would take; run nothing.",
+            rich_help_panel=shared.SEARCH,
+        ),
+    ] = False
+    workers: Annotated[
+        int,
+        typer.Option(
+            min=0, metavar="N", help="Cells side by side; 0: as many as cores.", rich_help_panel=shared.SEARCH
+        ),
+    ] = 0
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PLACE",
+            help="Dask: tcp://HOST:PORT of a scheduler, or slurm:FILE.yaml (dask-jobqueue).",
+            rich_help_panel=shared.SEARCH,
+        ),
+    ] = None
+    memory_limit: Annotated[
+        float,
+        typer.Option(
+            min=1,
+            metavar="MB",
+            help="Replace a local worker that grows past this.",
+            rich_help_panel=shared.SEARCH,
+        ),
+    ] = 1500
+    max_tokens: Annotated[
+        int | None,
+        typer.Option(
+            min=0, metavar="N", help="Begin no cell after so many tokens.", rich_help_panel=shared.LANGUAGE_MODEL
+        ),
+    ] = None
+    max_cost: Annotated[
+        float | None,
+        typer.Option(
+            min=0, metavar="USD", help="Begin no cell after so much money.", rich_help_panel=shared.LANGUAGE_MODEL
+        ),
+    ] = None
+    store: StoreOption = RESULTS
+
+    def check(self) -> None:
+        """Refuse what names no cluster, before anything is made for it."""
+        if self.cluster is not None:
+            from ..campaign.dask_pool import check_cluster
+
+            check_cluster(self.cluster)
+
+    def run(self, plan: Plan[Any]) -> list[Row]:
+        """Run what is missing of a campaign; with ``--dry-run`` say what it would take, and end.
+
+        Returns
+        -------
+        list of dict
+            The results table; `finish` says what is missing in it.
+        """
+        from ..campaign.execution import Allowance
+        from ..campaign.running import run_campaign
+
+        if self.dry_run:
+            _print_estimate(plan, self.workers or os.cpu_count() or 1)
+            raise typer.Exit
+        rows, remarks = run_campaign(plan, self._pool(), _watcher, Allowance(self.max_tokens, self.max_cost))
+        for remark in remarks:
+            say(remark)
+        return rows
+
+    def _pool(self) -> Pool:
+        if self.cluster is not None:
+            from ..campaign.dask_pool import DaskPool
+
+            return DaskPool(self.cluster)
+        from ..campaign.local_pool import LocalPool
+
+        return LocalPool(self.workers or os.cpu_count() or 1, memory_limit_mb=self.memory_limit)
+
+
+@with_options(Execution)
+def grid(
+    file: Annotated[
+        str,
+        typer.Argument(
+            metavar="GRID",
+            help="A shipped grid (rules-ablation, main-table, ...) or a YAML file.",
+            autocompletion=completion.grids,
+        ),
+    ],
+    *,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Any key of the grid: rounds=5, seeds=[1,2], tasks.0.cases=2; repeat.",
+            rich_help_panel=shared.SEARCH,
+        ),
+    ] = None,
+    execution: Execution,
+) -> None:
+    """Run a grid: tasks x scaffolds x backends x seeds. What is finished is not run again."""
+    from ..campaign.running import plan_grid
+    from ..request import key_values
+
+    execution.check()
+    plan = plan_grid(file, execution.store, key_values(settings, "--set"), say, make=not execution.dry_run)
+    rows = execution.run(plan)
+    print_outcome(plan, rows)
+    finish(rows)
+
+
+def report(
+    grid: Annotated[
+        str,
+        typer.Argument(metavar="GRID", help="A grid that was run, by name, file or folder; or a run's folder."),
+    ],
+    store: StoreOption = RESULTS,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="The page; default: in the folder of the grid or run.", rich_help_panel=shared.OUTPUT
+        ),
+    ] = None,
+    full: Annotated[
+        bool,
+        typer.Option(
+            "--full", help="Write the full report of every finished run first.", rich_help_panel=shared.OUTPUT
+        ),
+    ] = False,
+    metric: Metric = "mape",
+) -> None:
+    """Write one page on a grid or study: tables, figures, comparisons, and the rounds of every run."""
+    if (Path(grid) / "journal.jsonl").is_file():
+        from ..report import build_report
+
+        print(build_report(Path(grid), out))
+        return
+    from ..campaign.page import build_page
+
+    print(build_page(grid, store, out, full, metric))
+
+
+def _watcher(plan: Plan[Cell], pool: Pool) -> WatcherContext:
+    from ..campaign.progress import LiveCampaign, PlainCampaign
+
+    if sys.stderr.isatty():
+        return LiveCampaign(plan.name, plan.cells, pool.workers)
+    return PlainCampaign(plan.cells, pool.workers)
+
+
+def say(line: str) -> None:
+    """Print a line of progress."""
+    print(line, file=sys.stderr, flush=True)
+
+
+def _print_estimate(plan: Plan[Any], workers: int) -> None:
+    from ..campaign.estimate import Need, estimate
+    from ..report.wording import duration
+
+    finished = sum(bool(cell.identity and plan.store.result(cell.identity)) for cell in plan.cells)
+    print(f"{plan.name}: {len(plan.cells)} runs, {finished} of them finished already")
+    total = Need()
+    for name, need in estimate(plan.cells, plan.store).items():
+        total = total + need
+        print(f"  {name:40s} {_words(need)}")
+    print(f"  {'to be run':40s} {_words(total)}")
+    rule = "from finished cells" if total.learnt else "by rule of thumb: run a few cells, and the estimate learns"
+    print(f"About {duration(total.seconds / workers)} with {workers} workers ({rule}).")
+
+
+def _words(need: Any) -> str:
+    cost = "price unknown" if need.cost_usd is None else f"${need.cost_usd:.2f}"
+    return (
+        f"{need.cells:6d} runs, {need.simulations:8d} simulations, {need.calls:7d} calls at most; "
+        f"{need.tokens:10d} tokens, {cost}, {need.seconds / 3600:.2f} h of one worker"
+    )
+
+
+def print_outcome(plan: Plan[Any], rows: list[Row]) -> None:
+    """Print the errors by method, and where the table lies."""
+    from ..campaign.tables import blocks, compared_metric
+
+    for block in blocks(rows, compared_metric(rows, "mape")):
+        print(f"\n{block.title}: {', '.join(block.columns)}")
+        for method, values in block.rows.items():
+            entries = ", ".join("–" if value is None else str(value) for value in values)
+            print(f"  {method:32s} {entries}")
+    where = plan.name if plan.folder == plan.store.grid(plan.name) else plan.folder
+    print(f"\n{plan.folder / 'cells.csv'}\nbsa report {where} writes the page.")
+
+
+def finish(rows: list[Row]) -> None:
+    """Say which cells have no result; exit code 1 where there are any."""
+    for state in ("failed", "stopped", "missing"):
+        left = [row for row in rows if row["state"] == state]
+        if left:
+            reason = f": {left[0]['task']}: {left[0]['reason']}" if left[0]["reason"] else ""
+            say(f"{len(left)} cells {state}{reason}. The same command runs them again.")
+    if any(row["state"] != "done" for row in rows):
+        raise typer.Exit(1)

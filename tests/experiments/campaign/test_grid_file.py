@@ -1,0 +1,105 @@
+"""Grid files: what is refused, and with which words."""
+
+import pytest
+from bsa.core.errors import BsaError
+from bsa.experiments.campaign.expansion import expand
+from bsa.experiments.campaign.grid_file import load_grid, shipped_names
+from bsa.experiments.campaign.running import run_campaign
+from bsa.experiments.campaign.store import Store
+from bsa.experiments.suite.case import SuiteCase
+
+from .conftest import Here, Quiet, write_grid
+
+
+def test_a_wrong_key_is_named_with_the_nearest_one(tmp_path):
+    path = write_grid(tmp_path, scafolds=["full"])
+    with pytest.raises(BsaError, match=r'"scafolds" is not a known key.*did you mean "scaffolds"'):
+        load_grid(str(path))
+
+
+def test_an_unknown_grid_is_named_with_the_shipped_ones():
+    with pytest.raises(BsaError, match="qwen-scaling"):
+        load_grid("qwen-scale")
+
+
+@pytest.mark.parametrize("seeds", [[-1], [], ["x"]])
+def test_seeds_are_checked(tmp_path, seeds):
+    with pytest.raises(BsaError, match="seeds"):
+        load_grid(str(write_grid(tmp_path, seeds=seeds)))
+
+
+def test_set_replaces_any_key(tmp_path):
+    path = write_grid(tmp_path, backends=["rules", {"use": "ollama:x", "at_once": 2}])
+    changes = {
+        "rounds": 7,
+        "seeds": [4, 5],
+        "backends.1.at_once": 3,
+        "tasks.0": "demo",
+        "settings.feedback.use": "scalar",
+        "reference": "no-memory",
+    }
+    grid = load_grid(str(path), changes)
+    assert (grid.rounds, grid.seeds, grid.backends[1].at_once, grid.tasks[0]) == (7, [4, 5], 3, "demo")
+    assert grid.settings == {"simulator.use": "toy-cell", "feedback.use": "scalar"}
+    assert grid.reference == "no-memory"
+
+
+@pytest.mark.parametrize(
+    ("key", "words"), [("round", "rounds"), ("tasks.9", "place in a list"), ("rounds.x", "single value")]
+)
+def test_set_refuses_what_is_not_there(tmp_path, key, words):
+    with pytest.raises(BsaError, match=words):
+        load_grid(str(write_grid(tmp_path)), {key: 1})
+
+
+@pytest.mark.parametrize("name", shipped_names())
+def test_shipped_grids_expand(name, tmp_path, monkeypatch):
+    """Each is valid, and its cells have working configurations; no target is simulated."""
+    changes = {"Negative electrode thickness [m]": 1e-4}
+    sets = ("Chen2020", "ORegan2022")
+    cases = [
+        SuiteCase(mode, number, parameter_set, 1.0, 2.0, changes)
+        for mode in ("regular", "extreme")
+        for parameter_set in sets
+        for number in range(10 * sets.index(parameter_set), 10 * sets.index(parameter_set) + 10)
+    ]
+    monkeypatch.setattr("bsa.experiments.suite.selection.generated_cases", lambda: {case.key: case for case in cases})
+    grid = load_grid(name)
+    cells = expand(grid, Store(tmp_path), tmp_path, make=False)
+    runs = {
+        "main-table": len(cases) * (2 * 4 + 8),
+        "qwen-scaling": 8 * 3 * 3,
+        "rules-ablation": 8 * 4 * 3,
+        "rules-ablation-cases": 10 * 4,
+        "scaffold-ablation": 8 * 4 * 3,
+    }
+    assert grid.name == name
+    assert len(cells) == runs[name]
+    assert not list(tmp_path.rglob("*.json"))
+
+
+@pytest.mark.parametrize("name", shipped_names())
+def test_shipped_grids_stop_nobody_early(name, tmp_path):
+    """Patience never ends a run, and methods of one task may spend alike."""
+    grid = load_grid(name)
+    cells = expand(grid, Store(tmp_path), tmp_path, make=False)
+    allowed = {}
+    for cell in cells:
+        assert cell.config.patience >= cell.config.rounds
+        allowed.setdefault(cell.task.key, set()).add((cell.config.rounds, cell.config.warm_up, cell.config.simulations))
+    assert all(len(budgets) == 1 for budgets in allowed.values())
+
+
+def test_a_grid_without_patience_has_that_of_its_rounds_and_may_set_its_own(make_plan):
+    def patience(**content):
+        return {cell.config.patience for cell in make_plan(rounds=30, **content).cells}
+
+    assert patience() == {30}
+    assert patience(settings={"simulator.use": "toy-cell", "patience": 4}) == {4}
+
+
+def test_samplers_of_a_grid_spend_their_whole_budget(make_plan):
+    plan = make_plan(tasks=1, scaffolds=["random", "cma-es", "de"], rounds=2, simulations=30)
+    rows, _ = run_campaign(plan, Here(), lambda plan, pool: Quiet())
+    assert {row["simulations"] for row in rows} == {30}
+    assert {row["status"] for row in rows} == {"simulations-spent"}

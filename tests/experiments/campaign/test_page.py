@@ -1,0 +1,141 @@
+"""The page of a grid: complete, safe and, in a browser, alive."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from bsa.core.journal import Journal
+from bsa.experiments.campaign import page
+from bsa.experiments.campaign.page import build_page
+from bsa.experiments.campaign.running import run_campaign
+
+from .conftest import Here, Quiet
+
+HOSTILE = "</script><script>alert(1)</script><img src=x onerror=y> \u202e\u2028"
+BROWSER = next(
+    (found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None
+)
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+
+
+@pytest.fixture
+def finished(make_plan):
+    plan = make_plan(tasks=3, summary="What <b>is</b> it worth?", exclude=[{"task": "toy-2", "scaffold": "no-memory"}])
+    run_campaign(plan, Here(), lambda plan, pool: Quiet())
+    return plan
+
+
+def block(html: str, name: str):
+    return json.loads(re.search(rf'<script type="application/json" id="{name}">(.*?)</script>', html, re.S)[1])
+
+
+def test_every_cell_and_its_story_are_on_the_page(finished):
+    path = build_page("toys", finished.store.root)
+    html = path.read_text()
+    data, stories = block(html, "data"), block(html, "stories")
+    assert len(data["rows"]) == 5
+    assert set(stories) == {cell.identity for cell in finished.cells}
+    story = stories[finished.cells[0].identity]
+    assert len(story["trace"]) == 5
+    assert [entry["phase"] for entry in story["rounds"]] == ["warm-up", "search", "search"]
+    assert story["rounds"][1]["words"]
+    assert story["parameters"][0][0] == "Capacity"
+    assert "What &lt;b&gt;is&lt;/b&gt; it worth?" in html
+
+
+def test_the_page_asks_for_nothing(finished):
+    html = build_page("toys", finished.store.root).read_text()
+    assert not re.findall(r'(?:src|href)="(?!#)[^"]*"', re.sub(r'xmlns(:\w+)?="[^"]*"', "", html))
+    assert "default-src 'none'" in html
+    # Figures stand side by side without taking each other's identifiers.
+    identifiers = re.findall(r'\bid="([^"]+)"', html)
+    assert len(identifiers) == len(set(identifiers))
+
+
+def test_reports_are_built_on_demand_and_linked(finished):
+    first = block(build_page("toys", finished.store.root).read_text(), "stories")
+    assert not any("report" in story for story in first.values())
+    path = build_page("toys", finished.store.root, full=True)
+    for story in block(path.read_text(), "stories").values():
+        assert (path.parent / story["report"]).is_file()
+
+
+def test_large_grids_link_instead_of_embedding(finished, monkeypatch):
+    monkeypatch.setattr(page, "MOST_STORIES", 2)
+    html = build_page("toys", finished.store.root, full=True).read_text()
+    assert all(set(story) == {"report"} for story in block(html, "stories").values())
+
+
+def hostile(finished) -> str:
+    """A cell whose journal speaks evil; its identity."""
+    identity = finished.cells[0].identity
+    folder = finished.store.cell(identity)
+    lines = [json.loads(line) for line in (folder / "journal.jsonl").read_text().splitlines()]
+    (folder / "journal.jsonl").unlink()
+    journal = Journal(folder)
+    for line in lines:
+        if line["event"] == "proposal":
+            line |= {"hypothesis": HOSTILE, "updates": {HOSTILE: HOSTILE}}
+        journal.append(line.pop("event"), **line)
+    journal.append("note", text=HOSTILE)
+    journal.close()
+    return identity
+
+
+def test_what_a_model_said_cannot_leave_its_place(finished):
+    identity = hostile(finished)
+    html = build_page("toys", finished.store.root).read_text()
+    assert html.count("<script") == 3
+    assert "<img" not in html
+    assert "\u202e" not in html
+    assert "alert(1)" in block(html, "stories")[identity]["rounds"][1]["words"]
+
+
+def dumped(path: Path, address: str, tmp_path: Path) -> str:
+    """The page as a browser shows it, after its script."""
+    assert BROWSER is not None
+    command = [BROWSER, *FLAGS, f"--user-data-dir={tmp_path / 'browser'}", "--dump-dom", f"{path.as_uri()}#{address}"]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")
+def test_in_a_browser(finished, tmp_path):
+    identity = hostile(finished)
+    path = build_page("toys", finished.store.root)
+    data = block(path.read_text(), "data")
+    rows = {row["identity"]: row for row in (dict(zip(data["columns"], line, strict=True)) for line in data["rows"])}
+
+    def shown(html: str) -> list[str]:
+        return re.findall(r'<tr data-cell="([^"]+)"', html)
+
+    plain = dumped(path, "", tmp_path)
+    assert shown(plain) == list(rows)
+    assert "5 of 5 cells" in plain
+    down = shown(dumped(path, "sort=-mape", tmp_path))
+    assert [rows[cell]["mape"] for cell in down] == sorted((row["mape"] for row in rows.values()), reverse=True)
+    few = dumped(path, "method=no-memory&find=TOY-1&sort=mape", tmp_path)
+    assert [(rows[cell]["method"], rows[cell]["task"]) for cell in shown(few)] == [("no-memory", "toy-1")]
+    assert "1 of 5 cells" in few
+    told = dumped(path, f"cell={identity}", tmp_path)
+    assert re.search(r'<dialog[^>]* open="">', told)
+    dialog = told[told.index("<dialog") : told.index("</dialog>")]
+    assert "warm-up 1, 2 simulations" in dialog
+    assert "<polyline" in dialog
+    assert "&lt;img src=x" in dialog
+    assert "<img" not in dialog
+    assert "Capacity" in dialog

@@ -1,0 +1,118 @@
+"""The tidy table, the paper's tables and the figures."""
+
+import csv
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+from bsa.core.errors import BsaError
+from bsa.experiments.campaign.estimate import estimate
+from bsa.experiments.campaign.results import rows_of, write_rows
+from bsa.experiments.campaign.running import run_campaign
+from bsa.experiments.campaign.store import Store
+from bsa.experiments.campaign.tables import Campaign, blocks, latex, markdown, tables
+from bsa.experiments.campaign.trace import read_trace
+
+from .conftest import Here, Quiet, noted
+
+
+@pytest.fixture
+def finished(make_plan):
+    plan = make_plan()
+    run_campaign(plan, Here(), lambda plan, pool: Quiet())
+    return plan
+
+
+def test_one_row_a_cell_in_csv_and_parquet(finished):
+    folder = finished.store.grid("toys")
+    with (folder / "cells.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["task"], row["method"], row["state"]) for row in rows] == [
+        (task, method, "done") for task in ("toy-0", "toy-1") for method in ("full", "no-memory")
+    ]
+    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
+    table = parquet.read_table(folder / "cells.parquet").to_pylist()
+    assert [row["identity"] for row in table] == [row["identity"] for row in rows]
+    assert float(rows[0]["mape"]) == table[0]["mape"]
+    assert isinstance(table[0]["seed"], int)
+
+
+def test_tables_and_figures_are_written(finished):
+    written = {path.name: path for path in tables("toys", finished.store.root)}
+    assert {"cells.csv", "tables.md", "tables.tex", "by-mode.svg", "convergence.svg", "effort.svg"} <= set(written)
+    for name, path in written.items():
+        if name.endswith(".svg"):
+            ElementTree.fromstring(path.read_text())
+    text = written["tables.md"].read_text()
+    assert "| full |" in text
+    assert "too few cases" in text
+    again = {path.name: path.read_bytes() for path in tables("toys", finished.store.root)}
+    assert {name: path.read_bytes() for name, path in written.items()} == again
+
+
+def test_a_grid_that_was_never_run_says_so(finished):
+    with pytest.raises(BsaError, match="has not been run"):
+        tables("other", finished.store.root)
+
+
+def test_traces_survive_the_loss_of_their_file(finished):
+    identity = finished.cells[0].identity
+    folder = finished.store.cell(identity)
+    kept = read_trace(folder)
+    (folder / "trace.json").unlink()
+    again = read_trace(folder)
+    assert (again.objective, again.phase) == (kept.objective, kept.phase)
+    assert len(kept.objective) == 5
+    assert kept.phase == "iwwss"
+    assert [entry.simulations for entry in kept.rounds] == [1, 1]
+
+
+def test_dry_run_learns_from_finished_cells(finished, make_plan):
+    more = make_plan(seeds=[1, 2])
+    needs = estimate(more.cells, more.store)
+    assert [(need.cells, need.simulations, need.learnt) for need in needs.values()] == [(2, 10, True)] * 2
+    assert 0 < needs["full · rules"].seconds < 60
+    fresh = make_plan(store="fresh", backends=["litellm:some/model"])
+    (need, _) = estimate(fresh.cells, fresh.store).values()
+    assert need.tokens > 0
+    assert need.cost_usd is None
+    priced = make_plan(store="fresh", backends=[{"use": "litellm:some/model", "usd_per_million_tokens": 2.0}])
+    (need, _) = estimate(priced.cells, priced.store).values()
+    assert need.cost_usd == pytest.approx(need.tokens * 2e-6)
+
+
+def row(method, chemistry, mape, task="a", mode="regular", **more):
+    values = {
+        "grid": "g", "task": task, "mode": mode, "chemistry": chemistry, "rates": "", "method": method, "seed": 1,
+        "state": "done" if mape is not None else "failed", "mape": mape, "rmse": mape, "v_rmse_mv": mape,
+        "simulations": 1, "failed_simulations": 0, "llm_calls": 0, "tokens": 0, "cost_usd": 0.0, "wall_s": 1.0,
+    }  # fmt: skip
+    return {**values, **more}
+
+
+def campaign_of(rows, *methods):
+    return Campaign({}, list(methods), rows, Store(Path()), Path(), "mape")
+
+
+def test_best_is_bold_and_second_underlined():
+    rows = [
+        row("a", "Chen2020", 1.0), row("a", "Chen2020", 3.0, "b"), row("b_1", "Chen2020", 5.0),
+        row("c", "Chen2020", 0.5), row("c", "Chen2020", None, "b"), row("a", "Ai2020", 2.0), row("b_1", "Ai2020", 1.0),
+    ]  # fmt: skip
+    (block,) = blocks(rows, "mape")
+    assert block.columns == ("Chen2020", "Ai2020", "all")
+    campaign = campaign_of(rows, "a")
+    text = markdown(campaign)
+    assert "| a | <u>2.00 ± 1.41</u> | <u>2.00</u> | <u>2.00 ± 1.00</u> | 3 |" in text
+    assert "| c | **0.50** (1 without result) | – | **0.50** (1 without result) | 1 |" in text
+    tex = latex(campaign)
+    assert r"a & \underline{2.00 $\pm$ 1.41} & \underline{2.00} & \underline{2.00 $\pm$ 1.00} & 3 \\" in tex
+    assert r"b\_1 & " in tex
+
+
+def test_rows_of_cells_that_were_not_run(make_plan, tmp_path):
+    plan = make_plan()
+    rows = rows_of(noted(plan), plan.store)
+    assert [entry["state"] for entry in rows] == ["missing"] * 4
+    write_rows(rows, tmp_path / "out")
+    assert "4 without a result" in markdown(campaign_of(rows, "full"))
