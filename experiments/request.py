@@ -83,7 +83,8 @@ class Overrides:
         }
         for key, value in self.settings.items():
             path = key.split(".")
-            if path[0] not in RunConfig.model_fields:
+            # `warm_up` is a number of simulations, `warm_up.use` a part of the scaffold.
+            if path[0] not in RunConfig.model_fields or (len(path) > 1 and not isinstance(content.get(path[0]), dict)):
                 path = ["scaffold", *path]
             _put(content, path, value, key)
         try:
@@ -96,6 +97,8 @@ def _put(content: dict[str, Any], path: Sequence[str], value: Any, key: str) -> 
     *parents, last = path
     place: Any = content
     for part in parents:
+        if isinstance(place, dict) and part in place and place[part] is None:
+            place[part] = {}  # a part of the scaffold that it leaves out
         place = place.get(part) if isinstance(place, dict) else None
         if not isinstance(place, dict):
             raise BsaError(

@@ -43,6 +43,13 @@ def routes() -> list[str]:
     return _installed("route")
 
 
+def kinds() -> list[str]:
+    """Kinds of plugins."""
+    from ...core.registry import KINDS
+
+    return list(KINDS)
+
+
 def readers() -> list[str]:
     """Names of the readers."""
     return _installed("reader")

@@ -30,6 +30,7 @@ def app() -> typer.Typer:
     from .campaign import grid, report
     from .catalogue import doctor, list_app
     from .discover import discover
+    from .new_plugin import new_plugin
     from .run import run
     from .several_files import RecordsCommand
 
@@ -47,6 +48,7 @@ def app() -> typer.Typer:
     result.add_typer(bench_app, name="bench")
     result.add_typer(list_app, name="list")
     result.command("doctor")(doctor)
+    result.command("new-plugin")(new_plugin)
     return result
 
 

@@ -1,0 +1,119 @@
+"""Writes the package of a new plugin from templates; the module of each kind is the example of docs/plugins.md."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from ...core.errors import BsaError, did_you_mean
+from ...core.files import entries, write_text
+from ...core.printable import shown
+from ...core.registry import KINDS, Kind, installed
+
+_NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
+
+_USES: dict[Kind, str] = {
+    "simulator": "bsa-run demo --set simulator.use={name}",
+    "feedback": "bsa-run demo --set feedback.use={name}",
+    "memory": "bsa-run demo --set 'memories=[{name}]'",
+    "proposer": "bsa-run demo --set proposer.use={name}",
+    "warm-up": "bsa-run demo --set warm_up.use={name}",
+    "backend": "bsa-run demo --scaffold full --backend {name}",
+    "route": "bsa-run demo --scaffold full --backend {name}:MODEL",
+    "reader": "bsa-run --data FILE --parameters Chen2020 --reader {name}",
+    "effect": "bsa discover --data FILE --parameters Chen2020 --out found --effect {name}",
+    "task": "bsa-run {name}",
+}
+"""How each kind is used."""
+
+
+def package_files(kind: Kind, name: str, simulator: str = "pybamm") -> dict[str, str]:
+    """The files of a package with one plugin.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of the plugin.
+    name : str
+        Its name: words of lower-case letters and digits, joined by hyphens.
+    simulator : str
+        Of a task: the simulator that it is made for.
+
+    Returns
+    -------
+    dict of str to str
+        Contents by path.
+    """
+    module = f"bsa_{name.replace('-', '_')}"
+    words = {
+        "kind": kind,
+        "name": name,
+        "distribution": f"bsa-{name}",
+        "module": module,
+        "class": "".join(part.capitalize() for part in name.split("-")),
+        "function": name.replace("-", "_"),
+        "title": f"A {kind} for battery-sim-agent: {name}",
+        "use": _USES[kind].format(name=name),
+        "conformance": "".join(part.capitalize() for part in kind.split("-")) + "Conformance",
+        "simulator": simulator,
+    }
+    templates = Environment(
+        loader=PackageLoader(__package__, ""),
+        undefined=StrictUndefined,
+        keep_trailing_newline=True,
+        autoescape=False,  # Python and TOML of checked names, no HTML
+    )
+    made = {
+        "pyproject.toml": "pyproject.toml",
+        "README.md": "README.md",
+        f"{module}.py": f"{kind}.py",
+        f"tests/test_{module}.py": "test.py",
+    }
+    return {path: templates.get_template(f"{template}.j2").render(words) for path, template in made.items()}
+
+
+def write_package(kind: str, name: str, folder: Path | None = None) -> list[Path]:
+    """Write the package of a new plugin.
+
+    Parameters
+    ----------
+    kind : str
+        One of the kinds that ``bsa list plugins`` shows.
+    name : str
+        Name of the plugin.
+    folder : Path, optional
+        Where to; ``bsa-NAME`` by default. It must be empty, or not be there.
+
+    Returns
+    -------
+    list of Path
+        The files.
+
+    Raises
+    ------
+    BsaError
+        If there is no such kind, the name cannot be used or is taken, or the folder holds something.
+    """
+    known = next((one for one in KINDS if one == kind), None)
+    if known is None:
+        raise BsaError(
+            f"there is no kind {shown(repr(kind))} of plugin.", did_you_mean(kind, KINDS) or ", ".join(KINDS)
+        )
+    if not _NAME.fullmatch(name) or keyword.iskeyword(name):
+        raise BsaError(
+            f"a plugin cannot be named {shown(repr(name))}.",
+            "use words of lower-case letters and digits, joined by hyphens: my-plugin.",
+        )
+    taken = [listing.origin for listing in installed().listings() if listing.entry.name == name]
+    if taken:
+        raise BsaError(f'the name "{name}" is taken by {taken[0]}.', "choose another name.")
+    folder = folder or Path(f"bsa-{name}")
+    if entries(folder):
+        raise BsaError(f"{shown(folder, 200)} is not empty.", "choose another --out folder.")
+    files = package_files(known, name)
+    for path in files:
+        write_text(folder / path, files[path])
+    return [folder / path for path in files]
