@@ -11,12 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from .ageing.cycle_table import COLUMNS, CycleTable
 from .cell import CELL
 from .domain import Domain
 from .feedback import Feedback
 from .metrics import decode_metrics
 from .parameters import Parameter, ParameterSpace
 from .proposal import Proposal
+from .protocol_text import read_protocol, written
 from .shape import shaped
 from .signals import Signal
 from .simulation import ExperimentRun, Outcome, SimulationFailure
@@ -36,11 +38,12 @@ _MOST_BYTES = 2**29
 class _ExperimentRecord:
     name: str
     target: dict[str, Any]
-    protocol: tuple[tuple[str, ...], ...] | None
+    protocol: list[list[str] | str] | None
     scored_cycle: int | None
     temperature_k: float | None
     initial_soc: float | None
     initial_voltage: float | None = None
+    detailed_cycles: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -99,10 +102,22 @@ def decode_array(text: str) -> FloatArray:
     return np.frombuffer(content, dtype="<f8").astype(np.float64)
 
 
+_TABLE = ("cycle", *COLUMNS)
+_NO_SIGNALS = ("time", "steps", "cycle_table")
+
+
 def encode_trajectory(trajectory: Trajectory) -> Json:
     """A trajectory with its steps."""
     signals = {name: encode_array(values) for name, values in trajectory.signals.items()}
-    return {"time": encode_array(trajectory.time), **signals, "steps": [asdict(step) for step in trajectory.steps]}
+    record: Json = {
+        "time": encode_array(trajectory.time),
+        **signals,
+        "steps": [asdict(step) for step in trajectory.steps],
+    }
+    table = trajectory.cycle_table
+    if table is not None:
+        record["cycle_table"] = {name: encode_array(getattr(table, name)) for name in _TABLE}
+    return record
 
 
 def decode_trajectory(record: Mapping[str, Any]) -> Trajectory:
@@ -111,8 +126,14 @@ def decode_trajectory(record: Mapping[str, Any]) -> Trajectory:
     steps: tuple[Step, ...] = shaped(tuple[Step, ...], record["steps"])
     if not all(0 <= step.start <= step.stop <= len(time) for step in steps):
         raise ValueError(f"a step outside the {len(time)} samples")
-    signals = {name: decode_array(text) for name, text in record.items() if name not in ("time", "steps")}
-    return Trajectory(time, steps=steps, signals=signals)
+    signals = {name: decode_array(text) for name, text in record.items() if name not in _NO_SIGNALS}
+    table = record.get("cycle_table")
+    return Trajectory(
+        time,
+        steps=steps,
+        signals=signals,
+        cycle_table=None if table is None else CycleTable(*(decode_array(table[name]) for name in _TABLE)),
+    )
 
 
 _TARGETS: dict[str, type[Target]] = {
@@ -157,15 +178,17 @@ def encode_task(task: Task) -> Json:
 
 
 def _encode_experiment(experiment: Experiment) -> Json:
-    started = {} if experiment.initial_voltage is None else {"initial_voltage": experiment.initial_voltage}
+    some: Json = {} if experiment.initial_voltage is None else {"initial_voltage": experiment.initial_voltage}
+    if experiment.long:
+        some["detailed_cycles"] = list(experiment.detailed_cycles)
     return {
         "name": experiment.name,
         "target": encode_trajectory(experiment.target),
-        "protocol": experiment.protocol,
+        "protocol": None if experiment.protocol is None else written(experiment.protocol),
         "scored_cycle": experiment.scored_cycle,
         "temperature_k": experiment.temperature_k,
         "initial_soc": experiment.initial_soc,
-        **started,
+        **some,
     }
 
 
@@ -173,11 +196,12 @@ def _decode_experiment(known: _ExperimentRecord) -> Experiment:
     return Experiment(
         known.name,
         decode_trajectory(known.target),
-        known.protocol,
+        None if known.protocol is None else read_protocol(known.protocol),
         known.scored_cycle,
         known.temperature_k,
         known.initial_soc,
         known.initial_voltage,
+        known.detailed_cycles,
     )
 
 

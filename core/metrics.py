@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from . import paper_metrics as paper
+from .ageing import metrics as ageing
+from .ageing.metrics import AgeingMetrics
 from .paper_metrics import PaperMetrics
 from .shape import shaped
 from .signal_metrics import MISFIT, Metrics, Quantity, SignalMetrics, evaluate_signals, signal_errors
@@ -13,6 +15,7 @@ from .simulation import Outcome
 from .task import Task
 
 __all__ = [
+    "AgeingMetrics",
     "Metrics",
     "PaperMetrics",
     "Quantity",
@@ -38,7 +41,9 @@ def evaluate(task: Task, outcome: Outcome) -> Metrics | None:
     Metrics or None
         None if an experiment failed before the part that is scored.
     """
-    return paper.evaluate(task, outcome) if _by_paper(task) else evaluate_signals(task, outcome)
+    if not _by_paper(task):
+        return evaluate_signals(task, outcome)
+    return ageing.evaluate(task, outcome) if task.long else paper.evaluate(task, outcome)
 
 
 def decode_metrics(content: Mapping[str, Any] | None) -> Metrics | None:
@@ -46,7 +51,7 @@ def decode_metrics(content: Mapping[str, Any] | None) -> Metrics | None:
     if content is None:
         return None
     if "mape" in content:
-        metrics: PaperMetrics = shaped(PaperMetrics, content)
+        metrics: PaperMetrics = shaped(AgeingMetrics if "fade_error" in content else PaperMetrics, content)
         return metrics
     return SignalMetrics.from_json(shaped(dict[str, float], content))
 
@@ -58,14 +63,20 @@ def objective_of(task: Task) -> Quantity:
 
 def headline_of(task: Task) -> tuple[Quantity, ...]:
     """The errors that are shown first."""
-    return paper.headline_of(task) if _by_paper(task) else (MISFIT, *signal_errors(task))
+    if not _by_paper(task):
+        return (MISFIT, *signal_errors(task))
+    return (*paper.headline_of(task), *_of_a_life(task))
 
 
 def errors_of(task: Task) -> tuple[Quantity, ...]:
     """All errors, for a table."""
-    return paper.errors_of(task) if _by_paper(task) else (MISFIT, *signal_errors(task))
+    return (*paper.errors_of(task), *_of_a_life(task)) if _by_paper(task) else (MISFIT, *signal_errors(task))
 
 
 def told_of(task: Task) -> tuple[Quantity, ...]:
     """The errors that a proposer is told."""
-    return paper.TOLD if _by_paper(task) else (MISFIT, *signal_errors(task))
+    return (*paper.TOLD, *_of_a_life(task)) if _by_paper(task) else (MISFIT, *signal_errors(task))
+
+
+def _of_a_life(task: Task) -> tuple[Quantity, ...]:
+    return (ageing.FADE, ageing.RESISTANCE) if task.long else ()

@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from .ageing.summary import discharged_ah
 from .alignment import pair_steps
 from .errors import BsaError
 from .overlap import JUMP_S, overlap_rms, scored_part
 from .signal_metrics import Metrics, Quantity
 from .simulation import Outcome
 from .task import Experiment, Task
-from .trajectory import FloatArray, StepKind, Trajectory
+from .trajectory import FloatArray, Trajectory
 
 _ZERO = 1e-8
 """Reference samples smaller than this count as zero: a relative error would mean nothing."""
@@ -139,8 +140,8 @@ def _compare(simulated: Trajectory, whole: Trajectory, experiment: Experiment) -
     target = experiment.scored_target
     q_ours, q_theirs = _final_charge(whole, experiment), _final_charge(experiment.target, experiment)
     q_mape = _mape(np.array([q_ours]), np.array([q_theirs]))
-    i_mape, i_rmse = _curve_errors(simulated, target, "current")
-    v_mape, v_rmse = _curve_errors(simulated, target, "voltage")
+    i_mape, i_rmse = curve_errors(simulated, target, "current")
+    v_mape, v_rmse = curve_errors(simulated, target, "voltage")
     mape = q_mape + i_mape + v_mape
     v_rmse_mv = 1e3 * overlap_rms(simulated, target, "voltage", experiment.protocol is None)
     return PaperMetrics(
@@ -151,7 +152,7 @@ def _compare(simulated: Trajectory, whole: Trajectory, experiment: Experiment) -
         v_mape=v_mape,
         rmse=abs(q_ours - q_theirs) + i_rmse + v_rmse,
         v_rmse_mv=v_rmse_mv,
-        step_duration_error=_step_duration_error(whole, experiment),
+        step_duration_error=step_duration_error(whole, experiment),
         capacity_error=_capacity_error(simulated, target),
     )
 
@@ -162,7 +163,7 @@ def _final_charge(record: Trajectory, experiment: Experiment) -> float:
     return float(record.discharge_capacity[(stops[-1] if stops else len(record)) - 1])
 
 
-def _curve_errors(simulated: Trajectory, target: Trajectory, signal: str) -> tuple[float, float]:
+def curve_errors(simulated: Trajectory, target: Trajectory, signal: str) -> tuple[float, float]:
     """MAPE in percent and RMSE of a signal on the common grid, the shorter padded with zeros at its end."""
     ours, theirs = _resampled(simulated, signal), _resampled(target, signal)
     length = max(len(ours), len(theirs))
@@ -189,7 +190,8 @@ def _mape(simulated: FloatArray, reference: FloatArray) -> float:
     return float(100.0 * np.mean(np.abs((simulated[counted] - reference[counted]) / reference[counted])))
 
 
-def _step_duration_error(simulated: Trajectory | None, experiment: Experiment) -> float:
+def step_duration_error(simulated: Trajectory | None, experiment: Experiment) -> float:
+    """Mean over the scored steps of the absolute logarithm of simulated over measured duration."""
     errors = [
         abs(np.log((pair.duration_s[1] + _DURATION_FLOOR_S) / (pair.duration_s[0] + _DURATION_FLOOR_S)))
         for pair in pair_steps(simulated, experiment)
@@ -200,12 +202,3 @@ def _step_duration_error(simulated: Trajectory | None, experiment: Experiment) -
 def _capacity_error(simulated: Trajectory, target: Trajectory) -> float:
     ours, theirs = discharged_ah(simulated), discharged_ah(target)
     return abs(ours - theirs) / theirs if theirs > 0 else 0.0
-
-
-def discharged_ah(record: Trajectory) -> float:
-    """Charge drawn during the discharge steps of a record, A.h; pulses and rests left out."""
-    return sum(
-        max(float(piece.discharge_capacity[-1]), 0.0)
-        for step, piece in record.pieces()
-        if step.kind in (StepKind.CC_DISCHARGE, StepKind.DRIVE)
-    )

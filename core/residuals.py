@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .ageing.residuals import table_residuals
 from .alignment import StepPair, pair_steps
 from .signals import Signal
 from .simulation import ExperimentRun, Outcome
@@ -60,6 +61,8 @@ def residuals(task: Task, outcome: Outcome) -> FloatArray | None:
         if not all(pair.reached for pair in pairs):
             return None
         parts += _by_step(task, pairs, experiment)
+        if experiment.target.cycle_table is not None:
+            parts.append(table_residuals(run.trajectory, experiment.target.cycle_table))
     return np.concatenate(parts)
 
 
@@ -80,6 +83,8 @@ def partial_residuals(task: Task, outcome: Outcome) -> FloatArray | None:
         reached = _finished(pairs, run)
         for place, part in enumerate(_by_step(task, pairs, whole)):
             parts.append(part if place < reached else np.full_like(part, np.nan))
+        if experiment.target.cycle_table is not None:
+            parts.append(table_residuals(run.trajectory, experiment.target.cycle_table))
     joined = np.concatenate(parts)
     return None if np.all(np.isnan(joined)) else joined
 

@@ -62,6 +62,9 @@ class Experiment:
     initial_voltage : float or None
         Open-circuit voltage at the start, V: where ``initial_soc`` is None, each candidate starts at the state of
         charge at which its own cell shows it.
+    detailed_cycles : tuple of int
+        Of a long record the cycles whose curves are compared, each on its own clock; its other cycles count by the
+        target's cycle table. Empty for a record that is compared whole.
     """
 
     name: str
@@ -71,6 +74,12 @@ class Experiment:
     temperature_k: float | None = None
     initial_soc: float | None = None
     initial_voltage: float | None = None
+    detailed_cycles: tuple[int, ...] = ()
+
+    @property
+    def long(self) -> bool:
+        """Whether the record is a cycle table with the curves of a few cycles."""
+        return bool(self.detailed_cycles)
 
     @property
     def scored_target(self) -> Trajectory:
@@ -140,6 +149,32 @@ class Task:
                     f"{list(cycles[:20])}.",
                     "choose one of them, or leave it out to match the whole record.",
                 )
+            self._check_long(experiment)
+
+    def _check_long(self, experiment: Experiment) -> None:
+        if experiment.long != self.long:
+            raise BsaError(f'task "{self.name}" mixes records of whole lives with others.', "make a task of each kind.")
+        if not experiment.long:
+            return
+        table, protocol = experiment.target.cycle_table, experiment.protocol
+        lacking = sorted(set(experiment.detailed_cycles) - set(experiment.target.cycles))
+        if lacking or table is None or protocol is None:
+            raise BsaError(
+                f'the long record "{experiment.name}" of task "{self.name}" lacks '
+                + (f"the curves of the cycles {lacking}." if lacking else "its cycle table or its protocol."),
+                "a long record has a protocol, a cycle table, and the curves of its detailed cycles.",
+            )
+        if max(table.cycle[-1], *experiment.detailed_cycles) > len(protocol):
+            raise BsaError(
+                f'the long record "{experiment.name}" has a cycle {table.cycle[-1]:.0f}, but its protocol has '
+                f"{len(protocol)} cycles.",
+                "write a protocol of all cycles.",
+            )
+
+    @property
+    def long(self) -> bool:
+        """Whether the records are those of ageing: cycle tables with the curves of a few cycles."""
+        return self.experiments[0].long
 
     @property
     def given_drive(self) -> bool:

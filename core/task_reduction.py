@@ -49,5 +49,8 @@ def shortened(experiment: Experiment, cycles: int | None) -> Experiment:
     kept = [step for step in target.steps if step.cycle <= cycles]
     if kept and len(kept) < len(target.steps):
         target = target.slice(0, kept[-1].stop)
+    if experiment.target.cycle_table is not None:
+        target = replace(target, cycle_table=experiment.target.cycle_table.up_to(cycles))
     protocol = None if experiment.protocol is None else experiment.protocol[:cycles]
-    return replace(experiment, target=target, protocol=protocol, scored_cycle=None)
+    detailed = tuple(cycle for cycle in experiment.detailed_cycles if cycle <= cycles)
+    return replace(experiment, target=target, protocol=protocol, scored_cycle=None, detailed_cycles=detailed)

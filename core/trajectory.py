@@ -9,6 +9,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from .ageing.cycle_table import CycleTable
 from .errors import BsaError
 
 FloatArray = NDArray[np.float64]
@@ -80,6 +81,8 @@ class Trajectory:
         Consecutive steps that cover all samples; empty where the record has not been cut yet.
     signals : mapping of str to ndarray of shape (n,), optional
         Any other signals by name; each in the unit of the task's `Signal` of that name.
+    cycle_table : CycleTable, optional
+        Of a long record, whose samples are those of a few cycles: what is known of all of them.
 
     Attributes
     ----------
@@ -89,11 +92,14 @@ class Trajectory:
         All signals by name, those of a cell included.
     steps : tuple of Step
         As given.
+    cycle_table : CycleTable or None
+        As given; a part of the record has none.
     """
 
     time: FloatArray
     signals: Mapping[str, FloatArray]
     steps: tuple[Step, ...]
+    cycle_table: CycleTable | None
 
     def __init__(
         self,
@@ -103,6 +109,7 @@ class Trajectory:
         temperature: FloatArray | None = None,
         steps: tuple[Step, ...] = (),
         signals: Mapping[str, FloatArray] | None = None,
+        cycle_table: CycleTable | None = None,
     ) -> None:
         of_a_cell = {"current": current, "voltage": voltage, "temperature": temperature}
         given = {**(signals or {}), **{name: values for name, values in of_a_cell.items() if values is not None}}
@@ -111,6 +118,7 @@ class Trajectory:
             self, "signals", {name: np.asarray(values, dtype=np.float64) for name, values in given.items()}
         )
         object.__setattr__(self, "steps", steps)
+        object.__setattr__(self, "cycle_table", cycle_table)
         self._check()
 
     def _check(self) -> None:
@@ -221,11 +229,17 @@ class Trajectory:
             new_steps.append(replace(step, start=count, stop=count + len(picks)))
             count += len(picks)
         index = np.concatenate(kept)
-        return self._with(lambda values: values[index], tuple(new_steps) if self.steps else ())
+        thinned = self._with(lambda values: values[index], tuple(new_steps) if self.steps else ())
+        return replace(thinned, cycle_table=self.cycle_table)
 
     def changed(self, time: FloatArray | None = None, **signals: FloatArray) -> Trajectory:
         """A copy with another time or other signals, by name."""
-        return Trajectory(self.time if time is None else time, steps=self.steps, signals={**self.signals, **signals})
+        return Trajectory(
+            self.time if time is None else time,
+            steps=self.steps,
+            signals={**self.signals, **signals},
+            cycle_table=self.cycle_table,
+        )
 
     def _with(self, pick: Callable[[FloatArray], FloatArray], steps: tuple[Step, ...]) -> Trajectory:
         """A copy of some of the samples."""

@@ -18,7 +18,8 @@ from ...core.proposal import Proposal
 from ...core.run_config import RunConfig
 from ...core.scaffold import load_scaffold
 from ...core.trial import Phase, Trial
-from ...plugins.pybamm.compiled import CompiledExperiment, solve_reference
+from ...plugins.pybamm.compiled import CompiledExperiment
+from ...plugins.pybamm.solving import solve_reference
 from ...plugins.pybamm.worker import Assignment, WorkerPool
 from ..run import execute_run
 from ..tasks.find import find_task

@@ -11,7 +11,11 @@ from ...core.task import Protocol
 MODES = ("regular", "extreme", "sei", "random")
 
 MODEL_OPTIONS = {"SEI": "reaction limited", "SEI film resistance": "distributed"}
-"""The paper's model options, the same for every case."""
+"""The paper's model options, the same for every case but those of `_OWN_GROWTH`."""
+
+_OWN_GROWTH = {"SEI solvent diffusivity [m2.s-1]": "solvent-diffusion limited"}
+"""What limits the growth of the SEI where a hidden parameter says so: under any other law it takes no part, and the
+record would be that of the base cell."""
 
 _AMBIENT = ("Ambient temperature [K]", "Initial temperature [K]")
 
@@ -81,6 +85,12 @@ class SuiteCase:
     def hidden(self) -> Candidate:
         """The true values that a search is to find: the changes without the known ambient temperature."""
         return {name: value for name, value in self.changes.items() if name not in _AMBIENT}
+
+    @property
+    def options(self) -> dict[str, str]:
+        """PyBaMM's model options: those under which what is hidden takes part."""
+        own = next((law for name, law in _OWN_GROWTH.items() if name in self.changes), MODEL_OPTIONS["SEI"])
+        return {**MODEL_OPTIONS, "SEI": own}
 
     @property
     def temperature_k(self) -> float | None:

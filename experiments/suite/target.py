@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from ...core.ageing.choice import kept_cycles
 from ...core.encoding import decode_trajectory, encode_trajectory
 from ...core.errors import BsaError
 from ...core.files import write_json
@@ -23,7 +24,7 @@ from ...core.simulation import ExperimentRun, SimulationFailure
 from ...core.target import CellChange
 from ...core.task import CellModel, Experiment
 from ...core.trajectory import StepKind, Trajectory
-from .case import MODEL_OPTIONS, Noise, SuiteCase, protocol
+from .case import Noise, SuiteCase, protocol
 
 _FORMAT = 1
 
@@ -33,7 +34,7 @@ _RTOL, _ATOL = 1e-7, 1e-7
 
 def cell_of(case: SuiteCase) -> CellModel:
     """The cell model that a search starts from."""
-    return CellModel(case.parameter_set, "DFN", dict(MODEL_OPTIONS))
+    return CellModel(case.parameter_set, "DFN", case.options)
 
 
 def experiment_of(case: SuiteCase, charge_rate: float | None = None, discharge_rate: float | None = None) -> Experiment:
@@ -50,6 +51,7 @@ def experiment_of(case: SuiteCase, charge_rate: float | None = None, discharge_r
 
     values = load(case.parameter_set)
     nothing = np.zeros(1)
+    ages = case.mode == "sei"
     return Experiment(
         name=f"{charge_rate or case.charge_rate:g}C/{discharge_rate or case.discharge_rate:g}C",
         target=Trajectory(nothing, nothing, nothing),
@@ -60,9 +62,9 @@ def experiment_of(case: SuiteCase, charge_rate: float | None = None, discharge_r
             float(values["Lower voltage cut-off [V]"]),
             case.cycles,
         ),
-        # Ageing shows over all cycles.
-        scored_cycle=None if case.mode == "sei" else 2,
+        scored_cycle=None if ages else 2,
         temperature_k=case.temperature_k,
+        detailed_cycles=kept_cycles(case.cycles) if ages else (),
     )
 
 
@@ -98,6 +100,7 @@ def reference_run(cell: CellModel, experiment: Experiment, candidate: Candidate,
         "temperature_k": experiment.temperature_k,
         "initial_soc": experiment.initial_soc,
         "candidate": dict(sorted(candidate.items())),
+        **({"detailed_cycles": experiment.detailed_cycles} if experiment.long else {}),
     }
     digest = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
     path = (cache or cache_folder()) / f"{digest}.json"
@@ -121,12 +124,13 @@ def cache_folder() -> Path:
 
 
 def _solve(cell: CellModel, experiment: Experiment, candidate: Candidate) -> ExperimentRun:
-    from ...plugins.pybamm.compiled import Accuracy, CompiledExperiment
+    from ...plugins.pybamm.compiled import Accuracy
     from ...plugins.pybamm.parameter_sets import pybamm
+    from ...plugins.pybamm.solving import solve_reference
 
     pybamm.set_logging_level("CRITICAL")
     accuracy = Accuracy(rtol=_RTOL, atol=_ATOL, standard_mesh=True)
-    return CompiledExperiment(cell, experiment, {}, accuracy, baked=CellChange(values=candidate)).solve({})
+    return solve_reference(cell, experiment, CellChange(values=candidate), accuracy)
 
 
 def _noisy(clean: Trajectory, noise: Noise, key: str) -> Trajectory:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
+from ...core.ageing.long_record import long_record
 from ...core.cell import CELL
 from ...core.errors import BsaError
 from ...core.parameters import ParameterSpace
@@ -47,6 +48,8 @@ class RecordRequest:
         The reader's own options.
     protocol, scored_cycle, temperature_k, initial_soc
         As in `Experiment`.
+    detailed_cycles : sequence of int or "auto", optional
+        Makes a long record of it: these cycles are compared by their curves, all others by the cycle table.
     """
 
     source: Path | Record
@@ -57,6 +60,7 @@ class RecordRequest:
     scored_cycle: int | None = None
     temperature_k: float | None = None
     initial_soc: float | None = None
+    detailed_cycles: Sequence[int] | Literal["auto"] | None = None
 
 
 def build_task(
@@ -96,7 +100,7 @@ def build_task(
     from ...plugins.pybamm.presets import resolve_space
     from ...plugins.pybamm.state_of_charge import equilibrium_capacity_ah, soc_at_voltage
 
-    loaded = [_loaded(request) for request in records]
+    loaded = [_as_asked(request, _loaded(request)) for request in records]
     notes = [f"{record.name}: {note}" for record in loaded for note in record.notes]
     fixed = dict(overrides or {})
     values = load(parameter_set, fixed)
@@ -129,6 +133,7 @@ def build_task(
                 scored_cycle=request.scored_cycle,
                 temperature_k=request.temperature_k if request.temperature_k is not None else record.ambient_k,
                 initial_soc=soc,
+                detailed_cycles=() if request.detailed_cycles is None else record.trajectory.cycles,
             )
         )
     task = Task(name, cell, _with_initial_soc(space, experiments, socs), tuple(experiments), tuple(notes))
@@ -153,7 +158,7 @@ def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
             f'task "{task.name}" is about a {task.domain.name}, whose records no reader reads.',
             "list what it holds out under held_out in its task file.",
         )
-    loaded = [_loaded(request) for request in requests]
+    loaded = [_as_asked(request, _loaded(request)) for request in requests]
     notes = [f"{record.name} (held out): {note}" for record in loaded for note in record.notes]
     experiments = [_held_out(request, record) for request, record in zip(requests, loaded, strict=True)]
     notes += [
@@ -174,6 +179,7 @@ def _held_out(request: RecordRequest, record: Record) -> Experiment:
         temperature_k=request.temperature_k if request.temperature_k is not None else record.ambient_k,
         initial_soc=request.initial_soc,
         initial_voltage=_resting_voltage(record.trajectory) if starts_at_rest else None,
+        detailed_cycles=() if request.detailed_cycles is None else record.trajectory.cycles,
     )
 
 
@@ -183,6 +189,14 @@ def _loaded(request: RecordRequest) -> Record:
     if isinstance(request.source, Record):
         return request.source
     return read_record(request.source, request.read, installed(), request.reader, request.reader_options)
+
+
+def _as_asked(request: RecordRequest, record: Record) -> Record:
+    """The record, as a cycle table with the curves of a few cycles where that was asked for."""
+    if request.detailed_cycles is None:
+        return record
+    wanted = None if request.detailed_cycles == "auto" else tuple(request.detailed_cycles)
+    return replace(record, trajectory=long_record(record.trajectory, wanted))
 
 
 def _size_factor(records: Sequence[Record], values: Any, capacity_ah: float) -> tuple[float, str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import BaseModel, Field, ValidationError
 
@@ -12,6 +12,7 @@ from ...core.encoding import decode_task
 from ...core.errors import BsaError
 from ...core.files import file_error
 from ...core.printable import shown
+from ...core.protocol_text import read_protocol
 from ...core.record import ReadOptions
 from ...core.shape import decoding
 from ...core.task import Task
@@ -30,10 +31,17 @@ class ExperimentEntry(BaseModel, extra="forbid"):
     """One record and how it was made."""
 
     data: str = Field(description="The record, relative to the task file.")
-    protocol: list[list[str]] | None = Field(
-        None, description="Cycles of PyBaMM step strings; left out, the measured current drives the model."
+    protocol: list[list[str] | str] | None = Field(
+        None,
+        description='Cycles of PyBaMM step strings, or "200 x [step, step]"; left out, the measured current drives the '
+        "model.",
     )
     scored_cycle: int | None = Field(None, ge=1, description="The cycle to be matched; left out, the whole record.")
+    detailed_cycles: list[int] | Literal["auto"] | None = Field(
+        None,
+        description="Of a record of many cycles: which are compared by their curves, all others by capacity and "
+        "resistance alone; auto chooses them.",
+    )
     temperature_degc: float | None = Field(None, gt=-100, lt=200, description="Ambient temperature in degC.")
     initial_soc: float | None = Field(None, ge=0, le=1, description="Initial state of charge.")
     read: ReadOptions = Field(default_factory=ReadOptions, description="What the file's header does not say.")
@@ -98,8 +106,9 @@ def _request(entry: ExperimentEntry, folder: Path) -> RecordRequest:
         read=entry.read,
         reader=entry.reader,
         reader_options=entry.reader_options,
-        protocol=None if entry.protocol is None else tuple(tuple(cycle) for cycle in entry.protocol),
+        protocol=None if entry.protocol is None else read_protocol(entry.protocol),
         scored_cycle=entry.scored_cycle,
+        detailed_cycles=entry.detailed_cycles,
         temperature_k=None if entry.temperature_degc is None else entry.temperature_degc + ZERO_CELSIUS_K,
         initial_soc=entry.initial_soc,
     )

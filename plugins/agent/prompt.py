@@ -11,6 +11,7 @@ import numpy as np
 from ...core.hooks import ProposeContext, Recollection
 from ...core.messages import Message
 from ...core.prompt_sections import FEEDBACK, INSTRUCTION, LAST_ATTEMPT, TASK, section, title
+from ...core.protocol_text import written
 from ...core.signals import Signal, slug
 from ...core.task import Experiment, Task
 from ...core.trajectory import StepKind, Trajectory
@@ -77,7 +78,7 @@ def _task_section(task: Task, base: Trial) -> str:
         records.append(
             {
                 "name": experiment.name,
-                "protocol": [list(cycle) for cycle in experiment.protocol]
+                "protocol": written(experiment.protocol)
                 if experiment.protocol
                 else f"measured {' and '.join(signal.words for signal in task.driven) or 'conditions'}",
                 "scored_cycle": experiment.scored_cycle or "all",

@@ -93,6 +93,12 @@ class CompiledExperiment:
     ----------
     simulation : pybamm.Simulation
         The compiled simulation itself.
+    steps : sequence of sequence of pybamm steps
+        The experiment's cycles, each with its steps.
+    heats : bool
+        Whether the temperature changes.
+    window_v : tuple of float
+        Lower and upper voltage cut-off, V.
     """
 
     def __init__(
@@ -107,7 +113,7 @@ class CompiledExperiment:
         self._targets = dict(targets)
         baked = baked or CellChange()
         model = make_model(cell)
-        self._heats = model.options["thermal"] != "isothermal"
+        self.heats = model.options["thermal"] != "isothermal"
         values = load(cell.parameter_set, cell.overrides)
         if experiment.temperature_k is not None:
             values.update(
@@ -133,15 +139,15 @@ class CompiledExperiment:
         if by_state:
             concentrations = [initial_concentration(which) for which in ("Negative", "Positive")]
             open_to_search(values, {name: Value(name) for name in concentrations})
-        self._steps = drive.steps_of(experiment)
+        self.steps = drive.steps_of(experiment)
         by_current = experiment.protocol is None
-        self._window_v = (float(values["Lower voltage cut-off [V]"]), float(values["Upper voltage cut-off [V]"]))
+        self.window_v = (float(values["Lower voltage cut-off [V]"]), float(values["Upper voltage cut-off [V]"]))
         if by_current:
             drive.widen_cut_offs(values)
         points = dict.fromkeys(("x_n", "x_s", "x_p", "r_n", "r_p"), accuracy.points)
         self.simulation = pybamm.Simulation(
             model,
-            experiment=pybamm.Experiment([tuple(cycle) for cycle in self._steps], period="30 seconds"),
+            experiment=pybamm.Experiment([tuple(cycle) for cycle in self.steps], period="30 seconds"),
             parameter_values=values,
             submesh_types=None if accuracy.standard_mesh else search_submeshes(model),
             spatial_methods=None if accuracy.standard_mesh else search_spatial_methods(model),
@@ -153,9 +159,7 @@ class CompiledExperiment:
         keep_solver_steps_of_holds(self.simulation.experiment)
 
     def _solver_options(self) -> dict[str, float]:
-        drives = [
-            step.input_value[:, 0] for cycle in self._steps for step in cycle if step_kind(step) is StepKind.DRIVE
-        ]
+        drives = [step.input_value[:, 0] for cycle in self.steps for step in cycle if step_kind(step) is StepKind.DRIVE]
         # A near-singular candidate can spin for minutes: a sound solve advances faster than this even
         # while it settles after a jump of the current.
         options: dict[str, float] = {
@@ -211,11 +215,11 @@ class CompiledExperiment:
             inputs = self.inputs(candidate)
             self.simulation.solve(inputs=inputs, calc_esoh=False, callbacks=[watcher], showprogress=False)
         except (pybamm.SolverError, ValueError, ArithmeticError, RuntimeError) as error:
-            cause = _first_line(error)
+            cause = first_line(error)
         cause = cause or watcher.cause
         if cause:
             return self._failed(cause, watcher, inputs if watcher.step else {})
-        trajectory = to_trajectory(self.simulation._solution, self._steps, self._heats)
+        trajectory = to_trajectory(self.simulation._solution, self.steps, self.heats)
         if trajectory is not None and self._experiment.protocol is None:
             trajectory = at_samples_of(self._experiment.target, trajectory)
         return ExperimentRun(trajectory)
@@ -226,16 +230,16 @@ class CompiledExperiment:
         unfinished, limit, cut = None, "", False
         if solution is not None and self._experiment.protocol is not None:
             if watcher.gave_up:
-                place = sum(len(cycle) for cycle in self._steps[: watcher.cycle - 1]) + watcher.position
-                found = last_moments(self.simulation, self.simulation.experiment.steps[place], inputs, self._window_v)
+                place = sum(len(cycle) for cycle in self.steps[: watcher.cycle - 1]) + watcher.position
+                found = last_moments(self.simulation, self.simulation.experiment.steps[place], inputs, self.window_v)
                 limit = found.limit
                 if found.part is not None:
                     unfinished = Unfinished(found.part, watcher.cycle, watcher.position)
             else:
-                limit = nearest_limit(solution, self._window_v)
+                limit = nearest_limit(solution, self.window_v)
             # A step that took too long, or ended by a foreign event, is part of the solution.
             cut = unfinished is not None or not watcher.gave_up
-        trajectory = to_trajectory(solution, self._steps, self._heats, unfinished)
+        trajectory = to_trajectory(solution, self.steps, self.heats, unfinished)
         if trajectory is not None and self._experiment.protocol is None:
             trajectory = at_samples_of(self._experiment.target, trajectory)
             cut = cut_short(self._experiment.target, trajectory)
@@ -244,12 +248,8 @@ class CompiledExperiment:
         return ExperimentRun(trajectory, failure)
 
 
-def solve_reference(cell: CellModel, experiment: Experiment, change: CellChange) -> ExperimentRun:
-    """Simulate a changed cell on PyBaMM's standard mesh at tight tolerance, built for it alone."""
-    return CompiledExperiment(cell, experiment, {}, REFERENCE, baked=change).solve({})
-
-
-def _first_line(error: Exception) -> str:
+def first_line(error: Exception) -> str:
+    """What an error says, in a line."""
     lines = str(error).strip().splitlines()
     return lines[0][:200] if lines else type(error).__name__
 
@@ -273,7 +273,7 @@ class _Watcher(pybamm.callbacks.Callback):  # type: ignore[misc]
             self._on_step(self.step, self.cycle)
 
     def on_experiment_error(self, logs: dict[str, Any]) -> None:
-        self.cause = _first_line(logs["error"])
+        self.cause = first_line(logs["error"])
         self.gave_up = True
 
     def on_experiment_infeasible_time(self, logs: dict[str, Any]) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...core.parameters import Candidate
+from ...core.protocol_text import runs_of
 from ...core.target import CellChange
 from ...core.task import CellModel, Experiment, Task
 from ...core.trajectory import StepKind
@@ -122,7 +123,7 @@ def _record(cell: CellModel, experiment: Experiment, change: CellChange, tables:
         "initial_concentrations": {} if soc is None else _initial_concentrations(cell, change, float(soc)),
     }
     if experiment.protocol is not None:
-        return {**content, "protocol": [list(cycle) for cycle in experiment.protocol]}
+        return {**content, "protocol": [(count, list(cycle)) for count, cycle in runs_of(experiment.protocol)]}
     steps = drive.steps_of(experiment)[0]
     return {**content, "currents": [_current(step, tables) for step in steps], "dt_max": _longest_solver_step(steps)}
 

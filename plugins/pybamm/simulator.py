@@ -17,11 +17,18 @@ from ...core.task_reduction import TaskReduction
 from .reduced import reduced
 from .worker import Assignment, WorkerPool
 
+_CYCLES_IN_THE_LIMIT = 20
+"""Cycles for which the time limit is meant: a cycle of the slowest parameter set takes about a second."""
+
 
 class PyBaMMOptions(BaseModel, extra="forbid"):
     """How PyBaMM is run."""
 
-    time_limit_s: float = Field(30.0, gt=0, description="Longest time for one evaluation, in seconds.")
+    time_limit_s: float = Field(
+        30.0,
+        gt=0,
+        description="Longest time for one evaluation of up to 20 cycles, in seconds; in proportion for more.",
+    )
 
 
 class PyBaMMSimulator:
@@ -48,8 +55,14 @@ class PyBaMMSimulator:
         self._reduced: dict[TaskReduction, tuple[Experiment, ...]] = {}
         self._variant: tuple[tuple[Experiment, ...], WorkerPool] | None = None
         self._pool = WorkerPool(
-            Assignment(task.cell, task.experiments, task.space.targets), context.workers, options.time_limit_s
+            Assignment(task.cell, task.experiments, task.space.targets),
+            context.workers,
+            self._limit_s(task.experiments),
         )
+
+    def _limit_s(self, experiments: Sequence[Experiment]) -> float:
+        cycles = max(len(experiment.protocol or ()) for experiment in experiments)
+        return self._options.time_limit_s * max(1.0, cycles / _CYCLES_IN_THE_LIMIT)
 
     @hookimpl
     def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
@@ -76,7 +89,7 @@ class PyBaMMSimulator:
         targets = self._task.space.targets
         if not any(experiment.name in own for experiment in experiments):
             targets = {name: target for name, target in targets.items() if not isinstance(target, InitialSoc)}
-        limit_s = self._options.time_limit_s * max(1.0, len(experiments) / len(self._task.experiments))
+        limit_s = self._limit_s(experiments) * max(1.0, len(experiments) / len(self._task.experiments))
         pool = WorkerPool(Assignment(self._task.cell, experiments, targets), self._workers, limit_s)
         self._variant = (experiments, pool)
         return pool

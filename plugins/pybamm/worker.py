@@ -52,12 +52,12 @@ class CandidateService:
 
     def prepare(self) -> None:
         """Compile the experiments."""
-        from .compiled import CompiledExperiment
         from .parameter_sets import pybamm
+        from .solving import compiled
 
         pybamm.set_logging_level("CRITICAL")
         cell, targets = self._assignment.cell, self._assignment.targets
-        self._compiled = [CompiledExperiment(cell, experiment, targets) for experiment in self._assignment.experiments]
+        self._compiled = [compiled(cell, experiment, targets) for experiment in self._assignment.experiments]
 
     def work(self, job: tuple[Candidate, bool], report: Report) -> Outcome:
         """Simulate a candidate; what it provokes is a failed trial with the experiments that were done before."""
@@ -75,7 +75,7 @@ class CandidateService:
         return Outcome(tuple(runs), time.perf_counter() - started)
 
     def _simulate(self, number: int, candidate: Candidate, exact: bool, report: Report) -> ExperimentRun:
-        from .compiled import solve_reference
+        from .solving import solve_reference
 
         if exact:
             change = change_of(self._assignment.targets, candidate)

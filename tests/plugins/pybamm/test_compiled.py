@@ -5,8 +5,9 @@ from bsa.core.simulation import ExperimentRun
 from bsa.core.target import CellChange, change_of, targets_named
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Step, StepKind, Trajectory
-from bsa.plugins.pybamm.compiled import CompiledExperiment, solve_reference
+from bsa.plugins.pybamm.compiled import CompiledExperiment
 from bsa.plugins.pybamm.parameter_sets import initial_value
+from bsa.plugins.pybamm.solving import solve_reference
 
 GEOMETRY = (
     "Negative particle radius [m]",

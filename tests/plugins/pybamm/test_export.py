@@ -11,8 +11,8 @@ from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.target import change_of, target_named, targets_named
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
-from bsa.plugins.pybamm.compiled import solve_reference
 from bsa.plugins.pybamm.export import literal, script
+from bsa.plugins.pybamm.solving import solve_reference
 from bsa.plugins.pybamm.step_solutions import at_samples_of
 
 NOTHING = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))

@@ -1,0 +1,1 @@
+"""Records of hundreds of cycles: a table with a line for each cycle, and the curves of a few of them."""

@@ -1,0 +1,121 @@
+"""Which of many cycles matter: where the fade bends, and where a simulation is furthest off."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .cycle_table import CycleTable
+
+KEPT = 8
+"""Cycles of a long record whose curves are kept: enough for any fade that a person would draw by hand."""
+
+SHOWN = 6
+"""Cycles that are shown in detail in one round."""
+
+_LEAST_BEND = 0.02
+"""Height of the bend over the chord, as a share of the fade, below which a fade is straight and has no knee."""
+
+
+def knee(table: CycleTable) -> int | None:
+    """The cycle at which the fade turns steeper: furthest above the chord from first to last. None where none does."""
+    return _furthest(table, above=True)
+
+
+def levelling(table: CycleTable) -> int | None:
+    """The cycle at which the fade turns flatter: furthest below the chord from first to last. None where none does."""
+    return _furthest(table, above=False)
+
+
+def _furthest(table: CycleTable, above: bool) -> int | None:
+    capacity = _smooth(table.capacity_ah)
+    fade = float(np.ptp(capacity))
+    if len(table) < 5 or fade <= 0:
+        return None
+    chord = np.interp(table.cycle, table.cycle[[0, -1]], capacity[[0, -1]])
+    height = (capacity - chord) * (1.0 if above else -1.0)
+    place = int(np.argmax(height))
+    return int(table.cycle[place]) if height[place] > _LEAST_BEND * fade else None
+
+
+def _smooth(values: np.ndarray) -> np.ndarray:
+    """A running median, so that one odd cycle makes no bend."""
+    width = min(5, len(values))
+    padded = np.pad(values, (width // 2, width - 1 - width // 2), mode="edge")
+    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1))
+
+
+def kept_cycles(count: int, table: CycleTable | None = None, most: int = KEPT) -> tuple[int, ...]:
+    """The cycles of a record whose curves are kept.
+
+    Parameters
+    ----------
+    count : int
+        How many cycles the record has.
+    table : CycleTable, optional
+        Its cycle table, whose bends are kept too. Only cycles of the table are chosen.
+    most : int
+        How many at most.
+
+    Returns
+    -------
+    tuple of int
+        The first, the last, the bends, and others that lie denser in early life, where cells change fastest.
+    """
+    wanted = [1, count]
+    if table is not None:
+        wanted += [cycle for cycle in (knee(table), levelling(table)) if cycle is not None]
+    # Between even spacing, which would miss the first cycles, and logarithmic, which would miss the last ones.
+    spread = 1.0 + (count - 1.0) * np.linspace(0.0, 1.0, max(most - len(set(wanted)) + 2, 2)) ** 2
+    wanted += [round(float(cycle)) for cycle in spread]
+    if table is not None:
+        wanted = [int(table.cycle[np.argmin(np.abs(table.cycle - cycle))]) for cycle in wanted]
+    return tuple(sorted(set(wanted)))
+
+
+def shown_cycles(
+    kept: Sequence[int],
+    measured: CycleTable,
+    simulated: CycleTable | None,
+    asked: Sequence[int] = (),
+    most: int = SHOWN,
+) -> dict[int, str]:
+    """The cycles to look at in one round, each with the reason for it: the same number for any length of record.
+
+    Parameters
+    ----------
+    kept : sequence of int
+        Cycles whose curves are known.
+    measured : CycleTable
+        Of the record.
+    simulated : CycleTable, optional
+        Of the latest simulation.
+    asked : sequence of int
+        Cycles that were asked for; the nearest kept ones stand for them.
+    most : int
+        How many at most.
+
+    Returns
+    -------
+    dict of int to str
+        In the order of the cycles.
+    """
+    wanted: list[tuple[float | None, str]] = [(kept[0], "first"), (kept[-1], "last")]
+    wanted += [(cycle, f"asked for ({cycle})") for cycle in asked]
+    wanted += [(knee(measured), "knee of the fade"), (levelling(measured), "fade levels off")]
+    if simulated is not None:
+        off = np.abs(simulated.at(np.asarray(kept, dtype=np.float64)) - measured.at(np.asarray(kept, dtype=np.float64)))
+        if np.any(np.isfinite(off)):
+            wanted.append((kept[int(np.nanargmax(off))], "largest capacity mismatch"))
+    wanted.append((kept[len(kept) // 2], "middle"))
+    chosen: dict[int, str] = {}
+    for cycle, reason in wanted:
+        if cycle is None:
+            continue
+        nearest = min(kept, key=lambda known: abs(known - cycle))
+        if nearest in chosen:
+            chosen[nearest] += f", {reason}"
+        elif len(chosen) < most:
+            chosen[nearest] = reason
+    return dict(sorted(chosen.items()))

@@ -1,0 +1,71 @@
+"""How a cell changes over its life, in a few numbers for each cycle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BsaError
+
+FloatArray = NDArray[np.float64]
+
+COLUMNS = ("capacity_ah", "resistance_ohm", "rested_voltage_v")
+
+
+@dataclass(frozen=True, eq=False)
+class CycleTable:
+    """One line for each cycle.
+
+    Attributes
+    ----------
+    cycle : ndarray of shape (n,)
+        Cycle numbers from 1, rising; cycles that were cut short are left out.
+    capacity_ah : ndarray of shape (n,)
+        Charge drawn in the discharge, A.h.
+    resistance_ohm : ndarray of shape (n,)
+        Voltage drop over current at the start of the discharge, ohm; NaN where it is not known.
+    rested_voltage_v : ndarray of shape (n,)
+        Voltage at the end of the charge, after the rest that follows it, V; NaN where it is not known.
+    """
+
+    cycle: FloatArray
+    capacity_ah: FloatArray
+    resistance_ohm: FloatArray
+    rested_voltage_v: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("cycle", *COLUMNS):
+            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=np.float64))
+            if getattr(self, name).shape != self.cycle.shape or self.cycle.ndim != 1:
+                raise BsaError(
+                    f"{name} has shape {getattr(self, name).shape}, but cycle has shape {self.cycle.shape}.",
+                    "all columns of a cycle table have one value for each cycle.",
+                )
+        if len(self.cycle) == 0 or not np.all(np.isfinite(self.cycle)) or np.any(np.diff(self.cycle) <= 0):
+            raise BsaError("the cycles of a cycle table must rise.", "sort the table by cycle, one line for each.")
+        if not np.all(np.isfinite(self.capacity_ah)) or self.capacity_ah[0] <= 0:
+            raise BsaError("a cycle table has a cycle without a capacity.", "leave out cycles that were cut short.")
+
+    def __len__(self) -> int:
+        return len(self.cycle)
+
+    def at(self, cycles: FloatArray, column: str = "capacity_ah") -> FloatArray:
+        """A column at other cycles, linear between the known ones; NaN outside them and where nothing is known."""
+        known = np.isfinite(getattr(self, column))
+        if not np.any(known):
+            return np.full(np.shape(cycles), np.nan)
+        found = np.interp(cycles, self.cycle[known], getattr(self, column)[known], left=np.nan, right=np.nan)
+        return np.asarray(found, dtype=np.float64)
+
+    def up_to(self, cycle: float) -> CycleTable:
+        """The lines up to a cycle.
+
+        Raises
+        ------
+        BsaError
+            If there is none.
+        """
+        kept = self.cycle <= cycle
+        return CycleTable(self.cycle[kept], *(getattr(self, name)[kept] for name in COLUMNS))

@@ -1,0 +1,87 @@
+"""How well a simulation of a long record matches it: cycle by cycle on each cycle's own clock, and the fade."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..overlap import overlap_rms
+from ..paper_metrics import PaperMetrics, curve_errors, step_duration_error
+from ..signal_metrics import Quantity
+from ..simulation import Outcome
+from ..task import Experiment, Task
+from ..trajectory import Trajectory
+from .summary import discharged_ah
+
+
+@dataclass(frozen=True)
+class AgeingMetrics(PaperMetrics):
+    """Errors of one trial on long records, averaged over them.
+
+    The errors of `PaperMetrics` are means over the detailed cycles, each compared from its own start; the charge of a
+    cycle is that drawn in its discharge.
+
+    Attributes
+    ----------
+    fade_error : float
+        Mean over all cycles of the record of the capacity mismatch, in percent of the first cycle's capacity.
+    resistance_error : float
+        Mean over all cycles of the resistance mismatch, in percent; 0 where the record has no resistances.
+    """
+
+    fade_error: float = 0.0
+    resistance_error: float = 0.0
+
+
+FADE = Quantity("fade_error", "Capacity error over all cycles", "%", told="fade_error_pct_of_first_capacity")
+RESISTANCE = Quantity("resistance_error", "Resistance error over all cycles", "%", told="resistance_error_pct")
+
+
+def evaluate(task: Task, outcome: Outcome) -> AgeingMetrics | None:
+    """Compare an outcome with the task's long records; None if a simulation did not reach the end of one."""
+    rows = [_compare(run.trajectory, e) for e, run in zip(task.experiments, outcome.runs, strict=True)]
+    if not outcome.ok or any(row is None for row in rows):
+        return None
+    names = AgeingMetrics.__dataclass_fields__
+    found = {name: float(np.mean([getattr(row, name) for row in rows])) for name in names}
+    found["v_rmse_mv"] = float(np.sqrt(np.mean([row.v_rmse_mv**2 for row in rows if row is not None])))
+    return AgeingMetrics(**found)
+
+
+def _compare(simulated: Trajectory | None, experiment: Experiment) -> AgeingMetrics | None:
+    target = experiment.target
+    if simulated is None or simulated.cycle_table is None or target.cycle_table is None:
+        return None
+    if not set(experiment.detailed_cycles) <= set(simulated.cycles):
+        return None
+    pairs = [(simulated.cycle(number), target.cycle(number)) for number in experiment.detailed_cycles]
+    charges = np.array([(discharged_ah(ours), discharged_ah(theirs)) for ours, theirs in pairs])
+    charges = charges[charges[:, 1] > 0]
+    capacity_error = float(np.mean(np.abs(charges[:, 0] / charges[:, 1] - 1.0))) if len(charges) else 0.0
+    current = np.mean([curve_errors(ours, theirs, "current") for ours, theirs in pairs], axis=0)
+    voltage = np.mean([curve_errors(ours, theirs, "voltage") for ours, theirs in pairs], axis=0)
+    charge_rmse = float(np.mean(np.abs(charges[:, 0] - charges[:, 1]))) if len(charges) else 0.0
+    mape = 100.0 * capacity_error + float(current[0] + voltage[0])
+    squares = [overlap_rms(ours, theirs, "voltage", driven=False) ** 2 for ours, theirs in pairs]
+    measured = target.cycle_table
+    fade = np.abs(simulated.cycle_table.at(measured.cycle) - measured.capacity_ah) / measured.capacity_ah[0]
+    resistance = simulated.cycle_table.at(measured.cycle, "resistance_ohm") / measured.resistance_ohm - 1.0
+    return AgeingMetrics(
+        objective=mape,
+        mape=mape,
+        q_mape=100.0 * capacity_error,
+        i_mape=float(current[0]),
+        v_mape=float(voltage[0]),
+        rmse=charge_rmse + float(current[1] + voltage[1]),
+        v_rmse_mv=1e3 * float(np.sqrt(np.mean(squares))),
+        step_duration_error=step_duration_error(simulated, experiment),
+        capacity_error=capacity_error,
+        fade_error=_mean_pct(fade),
+        resistance_error=_mean_pct(resistance),
+    )
+
+
+def _mean_pct(shares: np.ndarray) -> float:
+    known = np.abs(shares[np.isfinite(shares)])
+    return 100.0 * float(np.mean(known)) if len(known) else 0.0

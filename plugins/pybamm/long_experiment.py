@@ -1,0 +1,254 @@
+"""An experiment of hundreds of cycles: compiled once, run with nothing kept but the last state and a few curves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from itertools import accumulate
+from typing import Any
+
+import numpy as np
+
+from ...core.ageing.cycle_table import COLUMNS
+from ...core.ageing.summary import discharged_ah, filled, in_sequence, line_of, table_of
+from ...core.parameters import Candidate
+from ...core.protocol_text import runs_of
+from ...core.simulation import ExperimentRun, SimulationFailure
+from ...core.target import CellChange, Target
+from ...core.task import CellModel, Experiment
+from ...core.trajectory import FloatArray, Trajectory
+from .compiled import SEARCH, Accuracy, CompiledExperiment, first_line
+from .cycle_jumps import TOLERANCE, CycleFailed, CycleRunner, SolvedCycle
+from .last_moments import last_moments, nearest_limit
+from .parameter_sets import pybamm
+from .step_solutions import Unfinished, to_trajectory
+
+_COMPILED_REPEATS = 2
+"""Of equal cycles so many are compiled, so that the way from the last step of one to the first of the next is there."""
+
+
+@dataclass(frozen=True)
+class _OneCycle:
+    """What `to_trajectory` reads of a cycle."""
+
+    steps: list[Any]
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """What `to_trajectory` reads of a solution."""
+
+    cycles: list[_OneCycle]
+
+
+class _Failed(CycleFailed):
+    """A cycle that stopped early, with what it reached."""
+
+    def __init__(self, failure: SimulationFailure, record: Trajectory | None) -> None:
+        super().__init__(failure.cause)
+        self.failure, self.record = failure, record
+
+
+class LongExperiment:
+    """A long experiment, ready to be simulated for many candidates without a rebuild.
+
+    Parameters
+    ----------
+    cell, targets, accuracy, baked
+        As for `CompiledExperiment`.
+    experiment : Experiment
+        A long one. The curves of its detailed cycles are kept.
+    leave_out : bool
+        Whether cycles in which the cell changes steadily are left out (`CycleRunner`).
+    """
+
+    def __init__(
+        self,
+        cell: CellModel,
+        experiment: Experiment,
+        targets: Mapping[str, Target],
+        accuracy: Accuracy = SEARCH,
+        baked: CellChange | None = None,
+        leave_out: bool = True,
+    ) -> None:
+        assert experiment.protocol is not None
+        self._kept = frozenset(experiment.detailed_cycles)
+        self._counts = [count for count, _ in runs_of(experiment.protocol)]
+        repeats = [min(count, _COMPILED_REPEATS) for count in self._counts]
+        short = tuple(
+            cycle
+            for repeat, (_, cycle) in zip(repeats, runs_of(experiment.protocol), strict=True)
+            for _ in range(repeat)
+        )
+        self._places = [0, *accumulate(repeats)]
+        self._tolerance = TOLERANCE if leave_out else None
+        self._compiled = CompiledExperiment(cell, replace(experiment, protocol=short), targets, accuracy, baked)
+
+    def solve(self, candidate: Candidate, on_step: Callable[[str, int], None] | None = None) -> ExperimentRun:
+        """Simulate one candidate; see `CompiledExperiment.solve`."""
+        try:
+            inputs = self._compiled.inputs(candidate)
+            self._compiled.simulation.build_for_experiment(inputs=inputs)
+        except (pybamm.SolverError, ValueError, ArithmeticError, RuntimeError) as error:
+            return ExperimentRun(None, SimulationFailure(first_line(error)))
+        life = _Life(self._kept)
+        runner = CycleRunner(_restated, pybamm.EmptySolution(), self._tolerance)
+        number = 1
+        try:
+            for place, count in zip(self._places, self._counts, strict=False):
+                steps = _Steps(self._compiled, place, inputs, on_step)
+                for cycle in runner.run(steps.simulate, number, number + count - 1, self._kept):
+                    life.add(cycle)
+                life.close_gaps()
+                number += count
+        except _Failed as stopped:
+            life.close_gaps()
+            if stopped.record is not None:
+                life.curves[stopped.failure.cycle] = stopped.record
+            reached = replace(stopped.failure, reached_s=life.seconds + stopped.failure.reached_s)
+            return ExperimentRun(life.record(), reached)
+        return ExperimentRun(life.record())
+
+
+class _Life:
+    """What is kept of the cycles that were simulated."""
+
+    def __init__(self, kept: frozenset[int]) -> None:
+        self._kept = kept
+        self._lines: list[tuple[float, ...]] = []
+        self._run: list[tuple[float, ...]] = []
+        self.curves: dict[int, Trajectory] = {}
+        self.seconds = 0.0
+
+    def add(self, cycle: SolvedCycle) -> None:
+        """Take note of a simulated cycle."""
+        self._run.append(line_of(cycle.number, cycle.record))
+        before = self._run[-2][0] if len(self._run) > 1 else cycle.number - 1
+        self.seconds += cycle.record.duration * (cycle.number - before)
+        if cycle.number in self._kept:
+            self.curves[cycle.number] = cycle.record
+
+    def close_gaps(self) -> None:
+        """Fill in the lines of the cycles left out since the last call."""
+        table = table_of(self._run)
+        if table is not None:
+            table = filled(table)
+            self._lines += zip(table.cycle, *(getattr(table, name) for name in COLUMNS), strict=True)
+        self._run = []
+
+    def record(self) -> Trajectory | None:
+        """The kept curves with the cycle table; None without a curve."""
+        return in_sequence(sorted(self.curves.items()), table_of(self._lines)) if self.curves else None
+
+
+class _Steps:
+    """The compiled steps of one kind of cycle."""
+
+    def __init__(
+        self,
+        compiled: CompiledExperiment,
+        place: int,
+        inputs: dict[str, float],
+        on_step: Callable[[str, int], None] | None,
+    ) -> None:
+        self._compiled, self._inputs, self._on_step = compiled, inputs, on_step
+        self._recipe = compiled.steps[place]
+        before = sum(len(cycle) for cycle in compiled.steps[:place])
+        self._steps = compiled.simulation.experiment.steps[before : before + len(self._recipe)]
+
+    def simulate(self, number: int, state: Any) -> SolvedCycle:
+        """One cycle from a state.
+
+        Raises
+        ------
+        CycleFailed
+            If a step cannot be solved, or ends otherwise than the protocol says.
+        """
+        parts: list[Any] = []
+        for position, step in enumerate(self._steps):
+            if self._on_step:
+                self._on_step(str(step), number)
+            try:
+                part = self._step(step, state)
+            except (pybamm.SolverError, ValueError, ArithmeticError, RuntimeError) as error:
+                raise self._gave_up(first_line(error), number, position, parts, state) from None
+            parts.append(part)
+            if isinstance(part, pybamm.EmptySolution):
+                continue
+            state = part.last_state
+            if part.termination == "final time" and step.uses_default_duration:
+                cause = "the step did not reach its end condition within its longest duration"
+            elif part.termination != "final time" and "[experiment]" not in part.termination:
+                cause = str(part.termination)
+            else:
+                continue
+            limit = nearest_limit(part, self._compiled.window_v)
+            raise self._stopped(cause, number, position, parts, limit, None)
+        record = self._record(parts, None)
+        if record is None:
+            raise self._stopped("every step of the cycle ends before it begins", number, 0, parts, "", None)
+        return SolvedCycle(number, state, _vector(state), discharged_ah(record), record)
+
+    def _step(self, step: Any, state: Any) -> Any:
+        simulation = self._compiled.simulation
+        model, solver = simulation._get_built_experiment_model(step), simulation._get_built_experiment_solver(step)
+        start_s = float(state.t[-1])
+        inputs = simulation._build_experiment_step_inputs(self._inputs, step, start_s, None, include_temperature=False)
+        t_eval, t_interp = step.setup_timestepping(solver, step.duration, None)
+        mapper = simulation._get_state_mapper_for_solution(state, model)
+        try:
+            return solver.step(
+                state,
+                model,
+                step.duration,
+                t_eval,
+                t_interp=t_interp,
+                save=False,
+                inputs=inputs,
+                state_mapper=mapper,
+            )
+        except pybamm.SolverError as error:
+            if "non-positive at initial conditions" in str(error) and "[experiment]" in str(error):
+                return pybamm.EmptySolution("Event exceeded in initial conditions", t=start_s)
+            raise
+
+    def _gave_up(self, cause: str, number: int, position: int, parts: list[Any], state: Any) -> _Failed:
+        """What is known of a step in which the integrator gave up."""
+        unfinished, limit = None, ""
+        if not isinstance(state, pybamm.EmptySolution):
+            simulation = self._compiled.simulation
+            simulation._solution = state
+            found = last_moments(simulation, self._steps[position], self._inputs, self._compiled.window_v)
+            limit = found.limit
+            if found.part is not None:
+                unfinished = Unfinished(found.part, 1, position)
+        return self._stopped(cause, number, position, parts, limit, unfinished)
+
+    def _stopped(
+        self, cause: str, number: int, position: int, parts: list[Any], limit: str, unfinished: Unfinished | None
+    ) -> _Failed:
+        record = self._record(parts, unfinished)
+        failure = SimulationFailure(
+            cause,
+            str(self._steps[position]),
+            number,
+            0.0 if record is None else record.duration,
+            limit,
+            # A step that took too long, or ended by a foreign event, is part of the solution.
+            unfinished is not None or len(parts) > position,
+        )
+        return _Failed(failure, record)
+
+    def _record(self, parts: list[Any], unfinished: Unfinished | None) -> Trajectory | None:
+        return to_trajectory(_Solved([_OneCycle(parts)]), [self._recipe], self._compiled.heats, unfinished)
+
+
+def _vector(state: Any) -> FloatArray:
+    return np.array(state.all_ys[-1], dtype=np.float64)[:, -1]
+
+
+def _restated(state: Any, vector: FloatArray) -> Any:
+    """A state of PyBaMM with other numbers; the algebraic ones among them are made consistent by the next step."""
+    return pybamm.Solution(
+        state.t[-1:], vector[:, np.newaxis], state.all_models[-1], state.all_inputs[-1], termination="final time"
+    )
