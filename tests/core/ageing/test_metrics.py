@@ -4,13 +4,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bsa.core.ageing.metrics import AgeingMetrics
-from bsa.core.easing import shortened
 from bsa.core.encoding import decode_task, encode_task
 from bsa.core.errors import BsaError
 from bsa.core.metrics import decode_metrics, errors_of, evaluate
 from bsa.core.residuals import residuals
 from bsa.core.simulation import ExperimentRun, Outcome, SimulationFailure
 from bsa.core.task import Task
+from bsa.core.task_reduction import shortened
 from bsa.core.trajectory import Trajectory
 
 Record = Callable[..., Trajectory]
