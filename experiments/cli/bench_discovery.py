@@ -1,4 +1,4 @@
-"""``bsa bench discovery``: blind cases, made, run and marked apart."""
+"""``bsa bench discovery``: blind cases, made, run and graded apart."""
 
 from __future__ import annotations
 
@@ -41,9 +41,11 @@ RESULTS = "results.jsonl"
 def make_command(
     folder: Folder,
     count: Annotated[
-        int | None,
-        typer.Option(min=1, metavar="N", help="How many cases to make; left out, all.", rich_help_panel=shared.RECORDS),
-    ] = None,
+        int,
+        typer.Option(
+            min=1, metavar="N", help="How many cases to make, the seed's first.", rich_help_panel=shared.RECORDS
+        ),
+    ] = 200,
     seed: shared.Seed = 2026,
 ) -> None:
     """Make blind cases, with their answers sealed."""
@@ -83,12 +85,13 @@ def run_command(
 def score_command(folder: Folder, results: Results = RESULTS) -> None:
     """Open the answers and grade the results."""
     from ...core.files import write_csv
-    from ..discovery_bench.scoring import as_markdown, case_table, mark_cases, marked_row
+    from ..discovery_bench.grading import grade_cases, graded_row
+    from ..discovery_bench.tables import as_markdown, case_table
 
-    marked = mark_cases(folder, results)
-    print(as_markdown(marked))
-    print(case_table(marked))
-    write_csv(folder / "cases.csv", [marked_row(case) for case in marked])
+    graded = grade_cases(folder, results)
+    print(as_markdown(graded))
+    print(case_table(graded))
+    write_csv(folder / "cases.csv", [graded_row(case) for case in graded])
 
 
 @discovery_app.command("shortlist")

@@ -4,66 +4,100 @@ from __future__ import annotations
 
 import base64
 import json
+import warnings
 import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pybamm
 
+from ...core.discovery.observations import observe
 from ...core.errors import BsaError
 from ...core.files import entries, foreign, write_json, write_text
 from ...core.segmentation import segment
-from ...core.trajectory import Trajectory
-from .cases import Recipe, base_cell, hide, recipes
+from ...core.trajectory import FloatArray, Trajectory
+from .draws import Draw, draw
 from .hidden_cell import measure
-from .profiles import legs
+from .protocols import protocol
 
 SEALED = "answers.sealed"
 DESCRIPTION = "case.json"
 
-_DRAWS = 4
-"""Draws of a hidden cell's base parameters before a case is given up."""
+CASES = 200
+POINTS = 300
+"""Averages of a record that a discovery on a case fits."""
+
+_DRAWS = 6
+"""Draws of a hidden cell before a case is given up."""
 
 
 def make_cases(
-    folder: Path, count: int | None = None, seed: int = 2026, listener: Callable[[str], None] = lambda text: None
+    folder: Path, count: int = CASES, seed: int = 2026, listener: Callable[[str], None] = lambda text: None
 ) -> list[Path]:
-    """Make the first ``count`` cases (all by default) and seal the answers.
+    """Make the first ``count`` cases of a seed and seal the answers; cases that are there already are kept.
 
     Each case is a folder with its records, ``holdout.csv`` and ``case.json`` (parameter set, model, ambient
-    temperatures), which say nothing of what is hidden. Where a hidden cell cannot be simulated another draw of
-    its base parameters is tried.
-    """
-    from ...plugins.pybamm.parameter_sets import pybamm
-    from ..effect_choice import effects_of
+    temperatures), which say nothing of what is hidden. Where a hidden cell cannot be simulated another one is drawn.
 
-    if entries(folder) and not any(folder.glob(f"case_*/{DESCRIPTION}")):
+    Raises
+    ------
+    BsaError
+        If the folder holds other things, or cases of another seed.
+    """
+    found = any(folder.glob(f"case_*/{DESCRIPTION}"))
+    if entries(folder) and not found:
         raise foreign(folder, "a folder of blind cases")
     pybamm.set_logging_level("CRITICAL")
-    effects = effects_of(None)
-    answers: dict[str, Any] = {}
+    answers = _known(folder, seed) if found else {}
     made = []
-    for number, recipe in enumerate(list(recipes())[:count], start=1):
-        name = f"case_{number:02d}"
-        for attempt in range(_DRAWS):
-            rng = np.random.default_rng([seed, number, attempt])
-            try:
-                answers[name] = _make(folder / name, recipe, effects, rng)
-            except (pybamm.SolverError, BsaError, ValueError, IndexError) as error:
-                listener(f"{name}: draw {attempt + 1} failed ({type(error).__name__})")
-                continue
-            made.append(folder / name)
-            listener(f"{name} made")
-            break
-        else:
-            raise BsaError(f"{name} could not be simulated in {_DRAWS} draws.", "another --seed may do.")
-    write_text(folder / SEALED, base64.b64encode(zlib.compress(json.dumps(answers).encode())).decode())
+    for number in range(count):
+        name = f"case_{number + 1:03d}"
+        if name in answers:
+            continue
+        answers[name] = _first_that_runs(folder / name, seed, number, listener)
+        _seal(folder, seed, answers)
+        made.append(folder / name)
+        listener(f"{name} made")
     return made
 
 
+def _known(folder: Path, seed: int) -> dict[str, Any]:
+    content = _opened(folder)
+    if content.get("seed") != seed:
+        raise BsaError(
+            f"{folder} holds cases of seed {content.get('seed')}, not {seed}.", "give that seed, or another folder."
+        )
+    return dict(content["answers"])
+
+
+def _seal(folder: Path, seed: int, answers: dict[str, Any]) -> None:
+    text = json.dumps({"seed": seed, "answers": answers})
+    write_text(folder / SEALED, base64.b64encode(zlib.compress(text.encode())).decode())
+
+
+def _first_that_runs(folder: Path, seed: int, number: int, listener: Callable[[str], None]) -> dict[str, Any]:
+    for attempt in range(_DRAWS):
+        try:
+            return _make(folder, draw(seed, number, attempt), np.random.default_rng([seed, number, attempt, 3]))
+        except (pybamm.SolverError, BsaError, ValueError, IndexError) as error:
+            listener(f"{folder.name}: draw {attempt + 1} failed ({type(error).__name__})")
+    raise BsaError(f"{folder.name} could not be simulated in {_DRAWS} draws.", "another --seed may do.")
+
+
 def unseal(folder: Path) -> dict[str, Any]:
-    """The answers; read when scoring and at no other time."""
+    """The answers by case; read when scoring and at no other time."""
+    answers = _opened(folder).get("answers")
+    if not isinstance(answers, dict):
+        raise BsaError(
+            f"{folder / SEALED} is of an earlier version, whose cases were no random draws.",
+            "make the cases anew: bsa bench discovery make.",
+        )
+    return answers
+
+
+def _opened(folder: Path) -> dict[str, Any]:
     path = folder / SEALED
     try:
         content: dict[str, Any] = json.loads(zlib.decompress(base64.b64decode(path.read_bytes())))
@@ -92,33 +126,47 @@ def read_rows(folder: Path, results: str) -> list[dict[str, Any]]:
     return rows
 
 
-def _make(folder: Path, recipe: Recipe, effects: Any, rng: np.random.Generator) -> dict[str, Any]:
-    from ...plugins.pybamm.parameter_sets import load
-
-    cell = base_cell(recipe)
-    values = load(cell.parameter_set)
-    lower, upper = float(values["Lower voltage cut-off [V]"]), float(values["Upper voltage cut-off [V]"])
-    hidden = hide(recipe, effects, float(values["Nominal cell capacity [A.h]"]), rng)
-    ambients = recipe.ambients_c or (25.0,) * (len(recipe.profiles) + 1)
-    files = []
-    for profile, ambient in zip((*recipe.profiles, "check"), ambients, strict=True):
-        soc = float(rng.uniform(0.88, 0.96)) if profile != "ageing" else 0.95
-        record = measure(cell, hidden, legs(profile, lower, upper, rng), soc, ambient + 273.15, rng)
-        segment(record)  # a record that cannot even be cut is no test
-        name = "holdout.csv" if profile == "check" else f"{profile}.csv"
-        _write(folder / name, record)
-        files.append({"file": name, "ambient_c": ambient})
-    description = {"parameters": cell.parameter_set, "model": cell.model, "records": files}
-    write_json(folder / DESCRIPTION, description, indent=1)
+def _make(folder: Path, case: Draw, rng: np.random.Generator) -> dict[str, Any]:
+    hidden = case.hidden
+    values = pybamm.ParameterValues(hidden.parameter_set)
+    limits = (float(values["Lower voltage cut-off [V]"]), float(values["Upper voltage cut-off [V]"]))
+    files, squares, count = [], 0.0, 0
+    conditions = zip(case.protocols, case.ambients_c, case.socs, strict=True)
+    for place, (name, ambient_c, soc) in enumerate(conditions, start=1):
+        record, exact = measure(hidden, protocol(name, *limits, rng), soc, ambient_c + 273.15, rng)
+        held = place == len(case.protocols)
+        cut = segment(record)  # a record that cannot even be cut is no test
+        if not held:
+            more, averages = _noise_cost(cut, exact, ambient_c)
+            squares, count = squares + more, count + averages
+        file = "holdout.csv" if held else f"record_{place}.csv"
+        _write(folder / file, record)
+        files.append({"file": file, "ambient_c": ambient_c})
+    write_json(
+        folder / DESCRIPTION, {"parameters": hidden.parameter_set, "model": hidden.model, "records": files}, indent=1
+    )
     return {
-        "effects": [effect.name for effect in hidden.effects],
+        "setting": case.setting,
+        "model": hidden.model,
         "keys": [effect.key for effect in hidden.effects],
-        "strengths": dict(hidden.strengths),
+        "names": [effect.name for effect in hidden.effects],
+        "strengths": {effect.key: [effect.strength, hidden.strength(effect)] for effect in hidden.effects},
         "shifts": dict(hidden.shifts),
         "noise_v": hidden.noise_v,
         "outside": hidden.outside,
-        "setting": recipe.setting,
+        "outside_strength": hidden.outside_strength,
+        "truth_chi2": squares,
+        "averages": count,
     }
+
+
+def _noise_cost(record: Trajectory, exact: FloatArray, ambient_c: float) -> tuple[float, int]:
+    """Sum of squares that the true model leaves at the true parameters, as a discovery weighs it, and of how many."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        seen = observe("record", record, ambient_c + 273.15, POINTS)
+        true = observe("record", record.changed(voltage=exact), ambient_c + 273.15, POINTS)
+    return float(np.sum(((seen.voltage - true.voltage) / seen.sigma) ** 2)), len(seen)
 
 
 def _write(path: Path, record: Trajectory) -> None:

@@ -11,13 +11,15 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...core.errors import BsaError
 from ...core.messages import Outage
 from ...core.parentage import end_with_parent
 from ..discover import backend_or_none, discover_on
 from ..discovery_case import DiscoverOptions, read_case
 from ..discovery_workbench import set_up
-from .making import DESCRIPTION, read_rows
+from .making import DESCRIPTION, POINTS, read_rows
 
 RESULTS = "results.jsonl"
 
@@ -100,6 +102,7 @@ def run_case(folder: Path, **asked: Any) -> dict[str, Any]:
     if discovery.ranking is not None and discovery.ranking.lost:
         raise Outage(discovery.ranking.note)
     content = discovery.to_json()
+    base = discovery.findings.nearest_base
     return {
         "case": folder.name,
         "summary": f"{discovery.verdict} {list(discovery.names)} {discovery.wall_s:.0f} s",
@@ -109,6 +112,7 @@ def run_case(folder: Path, **asked: Any) -> dict[str, Any]:
         "best": list(discovery.findings.best.names),
         "effects": content["effects"] or content["partial"],
         "gap": content["gap"],
+        "base_chi2": float(np.sum(np.square(base.errors / base.sigma))),
         "reason": content["reason"],
         "candidates": [c for c in content["candidates"] if c["refit_rmse_mv"] is not None],
         "scores": [
@@ -134,7 +138,7 @@ def options_of(folder: Path, **asked: Any) -> DiscoverOptions:
             "holdout": records[-1:],
             "parameters": description["parameters"],
             "model": description["model"],
-            "points": 300,
+            "points": POINTS,
             "out": folder,
             **asked,
         }

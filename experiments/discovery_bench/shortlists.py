@@ -72,7 +72,7 @@ def shortlist_places(folder: Path, results: str = SHORTLISTS) -> list[dict[str, 
     was there to be ranked.
     """
     answers = unseal(folder)
-    told = [(row, set(answers[row["case"]]["effects"])) for row in read_rows(folder, results) if row["effects"]]
+    told = [(row, set(answers[row["case"]]["names"])) for row in read_rows(folder, results) if row["effects"]]
     return [
         {"case": row["case"], "ranked_by": words, "place": _place(row[how], hidden)}
         for how, words in _WORDS.items()

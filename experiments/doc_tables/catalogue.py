@@ -25,8 +25,10 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "warm-up": studies.warm_up,
     "grid-cost": studies.grid_cost,
     "grid-scaling": studies.grid_scaling,
-    "discovery": discovery.blind_cases,
-    "discovery-cases": discovery.each_case,
+    "discovery-blind": discovery.blind_cases,
+    "discovery-blind-cases": discovery.each_blind_case,
+    "discovery": discovery.earlier_cases,
+    "discovery-cases": discovery.each_earlier_case,
     "discovery-shortlists": discovery.shortlists,
     "measured-cells": discovery.measured_cells,
 }

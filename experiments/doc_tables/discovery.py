@@ -3,29 +3,43 @@
 from __future__ import annotations
 
 from ..campaign.text_tables import markdown_table
-from ..discovery_bench.scoring import Marked, as_markdown, case_table, marked_of
+from ..discovery_bench.grading import Graded, graded_of
 from ..discovery_bench.shortlists import shortlist_table
+from ..discovery_bench.tables import as_markdown, case_table
 from .layout import short
 from .results import Results
 
-CASES = "discovery_cases discovery_earlier"
-"""Files of the blind cases: those run last, and those whose rows are an earlier version's."""
+BLIND = "discovery_blind"
+"""File of the cases that are drawn from the seed."""
+
+EARLIER = "discovery_cases discovery_earlier"
+"""Files of the earlier set: cases run last, and those whose rows are an earlier version's."""
 
 
 def blind_cases(results: Results) -> str:
-    """Marks by setting, what was said of what, rates, gap, strengths and cost."""
-    return results.framed(CASES, as_markdown(marked(results)).rstrip())
+    """Grades by setting, what was said of what, rates, gap, strengths and cost."""
+    return results.framed(BLIND, as_markdown(graded(results, BLIND)).rstrip())
 
 
-def each_case(results: Results) -> str:
+def each_blind_case(results: Results) -> str:
     """One line a case."""
-    return case_table(marked(results)).rstrip()
+    return case_table(graded(results, BLIND)).rstrip()
 
 
-def marked(results: Results) -> list[Marked]:
-    """All blind cases, in order."""
-    rows = [row for study in CASES.split() for row in results.rows(study)]
-    return sorted((marked_of(row) for row in rows), key=lambda case: case.task)
+def earlier_cases(results: Results) -> str:
+    """The same of the set whose effects and strengths were not drawn."""
+    return results.framed(EARLIER, as_markdown(graded(results)).rstrip())
+
+
+def each_earlier_case(results: Results) -> str:
+    """One line a case."""
+    return case_table(graded(results)).rstrip()
+
+
+def graded(results: Results, studies: str = EARLIER) -> list[Graded]:
+    """The cases of one or several files, in order."""
+    rows = [row for study in studies.split() for row in results.rows(study)]
+    return sorted((graded_of(row) for row in rows), key=lambda case: case.task)
 
 
 def shortlists(results: Results) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..campaign.columns import EARLY
 from ..campaign.summary import exact_interval, statistic
-from .discovery import marked
+from .discovery import graded
 from .layout import short
 from .published import SLOW, below_the_paper, longer_tasks
 from .results import Results
@@ -39,17 +39,17 @@ def _published(results: Results) -> str:
 
 
 def _discovery(results: Results) -> str:
-    cases = marked(results)
+    cases = graded(results)
     hiding = [case for case in cases if case.setting in ("strong", "weak", "pair")]
-    marks = Counter(case.mark for case in hiding)
+    grades = Counter(case.grade for case in hiding)
     noise_only = sum(case.verdict == "no-missing-effect" for case in hiding)
-    wrong = sum(case.mark == "wrong" for case in cases)
+    wrong = sum(case.grade == "wrong" for case in cases)
     named = sum(bool(case.named) for case in cases if case.setting in ("none", "outside"))
     others = sum(case.setting in ("none", "outside") for case in cases)
     return (
         f"* On {len(cases)} blind records, {len(hiding)} of which hide effects of the catalogue, ageing among them: "
         f"the right "
-        f"name in {marks['right']}, {marks['ambiguous']} more declared ambiguous, {marks['declined']} declined (in "
+        f"name in {grades['right']}, {grades['ambiguous']} more declared ambiguous, {grades['declined']} declined (in "
         f"{noise_only} "
         f"of these a refitted base model leaves noise only), a wrong name in {wrong} of all {len(cases)} "
         f"({exact_interval(wrong, len(cases))}), and a name in {named} of the {others} where nothing is hidden or an "

@@ -9,10 +9,10 @@ import pandas as pd
 import pytest
 from bsa.core.errors import BsaError
 from bsa.core.messages import Outage
-from bsa.core.task import CellModel
 from bsa.experiments.cli.discover import discover as command
-from bsa.experiments.discovery_bench.hidden_cell import Hidden, Leg, measure
-from bsa.experiments.effect_choice import effects_of
+from bsa.experiments.discovery_bench.hidden_cell import Hidden, measure
+from bsa.experiments.discovery_bench.hidden_physics import EFFECTS
+from bsa.experiments.discovery_bench.protocols import Step
 from bsa.experiments.tasks.find import PACKAGED
 
 DEMO = PACKAGED / "demo.csv"
@@ -78,11 +78,10 @@ def test_a_record_becomes_a_file_that_reads_the_same(tmp_path, monkeypatch) -> N
 
 @pytest.mark.slow
 def test_a_hidden_resistance_is_found_and_shown(tmp_path) -> None:
-    effects = {effect.key: effect for effect in effects_of(None)}
-    resistance = effects["contact-resistance"]
-    hidden = Hidden((resistance,), {resistance.full_name(resistance.strength): 0.02}, {}, 1e-3)
-    legs = [Leg(0.0, 200.0), Leg(1.0, 1500.0), Leg(0.0, 900.0), Leg(2.0, 60.0, period=2.0), Leg(0.0, 300.0)]
-    record = measure(CellModel("Chen2020", "SPMe"), hidden, legs, 0.9, 298.15, np.random.default_rng(8))
+    (resistance,) = (effect for effect in EFFECTS if effect.key == "contact-resistance")
+    hidden = Hidden("Chen2020", "SPMe", (resistance,), {resistance.strength: 0.02})
+    steps = [Step(0.0, 200.0), Step(1.0, 1500.0), Step(0.0, 900.0), Step(2.0, 60.0, period=2.0), Step(0.0, 300.0)]
+    record, _ = measure(hidden, steps, 0.9, 298.15, np.random.default_rng(8))
     signals = {"time": record.time, "current": record.current, "voltage": record.voltage}
     found = bsa.discover(
         pd.DataFrame(signals),

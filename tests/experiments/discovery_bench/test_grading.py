@@ -3,6 +3,7 @@ import json
 import zlib
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from bsa.core.discovery.findings import Nomination
 from bsa.core.discovery.score import Score
@@ -10,19 +11,29 @@ from bsa.core.effect import Effect, EffectParameter
 from bsa.core.files import write_csv
 from bsa.experiments.campaign.results import read_table
 from bsa.experiments.discovery_bench import shortlists
+from bsa.experiments.discovery_bench.grading import grade_cases, graded_of, graded_row
 from bsa.experiments.discovery_bench.making import SEALED
-from bsa.experiments.discovery_bench.scoring import as_markdown, case_table, mark_cases, marked_of, marked_row
 from bsa.experiments.discovery_bench.shortlists import SHORTLISTS, shortlist_case, shortlist_places, shortlist_table
+from bsa.experiments.discovery_bench.tables import as_markdown, case_table
 
-STRENGTH = {"contact-resistance: resistance [Ohm]": 0.02}
-
-
-def answer(effects=(), outside="", setting="strong"):
-    return {"effects": list(effects), "strengths": STRENGTH, "outside": outside, "setting": setting}
+STRENGTH = {"contact-resistance": ["contact-resistance: resistance [Ohm]", 0.02]}
 
 
-def row(case, verdict, names=(), rivals=(), value=0.021):
-    parameter = {"name": "resistance", "unit": "Ohm", "null": 0.0, "value": value}
+def answer(effects=(), outside="", setting="strong", model="SPMe", chi2=300.0):
+    return {
+        "names": list(effects),
+        "keys": list(effects),
+        "strengths": STRENGTH,
+        "outside": outside,
+        "setting": setting,
+        "model": model,
+        "truth_chi2": chi2,
+        "averages": 300,
+    }
+
+
+def row(case, verdict, names=(), rivals=(), value=0.021, base_chi2=900.0, interval=(0.0195, 0.0225)):
+    parameter = {"name": "resistance", "unit": "Ohm", "null": 0.0, "value": value, "ci95": interval}
     effects = [{"name": "contact-resistance", "parameters": [parameter]}] if names else []
     gap = {"closed": 0.97, "holdout_closed": 0.95}
     return {
@@ -32,6 +43,7 @@ def row(case, verdict, names=(), rivals=(), value=0.021):
         "rivals": [list(r) for r in rivals],
         "effects": effects,
         "gap": gap,
+        "base_chi2": base_chi2,
         "wall_s": 100.0,
         "cpu_s": 60.0,
         "simulations": 500,
@@ -42,7 +54,7 @@ R, H = "contact-resistance", "self-heating"
 
 
 @pytest.mark.parametrize(
-    ("said", "hidden", "mark"),
+    ("said", "hidden", "grade"),
     [
         (("effect-found", [R]), answer([R]), "right"),
         (("effect-found", [H]), answer([R]), "wrong"),
@@ -56,11 +68,11 @@ R, H = "contact-resistance", "self-heating"
         (("effect-found", [R]), answer(outside="slow-memory", setting="outside"), "wrong"),
     ],
 )
-def test_marks(tmp_path, said, hidden, mark):
+def test_grades(tmp_path, said, hidden, grade):
     write(tmp_path, {"case_01": hidden}, [row("case_01", *said)])
-    (marked,) = mark_cases(tmp_path)
-    assert marked.mark == mark
-    assert marked.parameter_error == (pytest.approx(0.05) if mark == "right" and marked.named else None)
+    (graded,) = grade_cases(tmp_path)
+    assert graded.grade == grade
+    assert graded.parameter_error == (pytest.approx(0.05) if grade == "right" and graded.named else None)
 
 
 def test_the_tables_count_names_given_to_nothing(tmp_path):
@@ -71,13 +83,52 @@ def test_the_tables_count_names_given_to_nothing(tmp_path):
         row("case_03", "no-missing-effect"),
     ]
     write(tmp_path, answers, rows)
-    text = as_markdown(mark_cases(tmp_path))
+    text = as_markdown(grade_cases(tmp_path))
     assert "nothing hidden: a name was given in 1 of 2 cases (exact 95 % interval 1.3 to 99 %)" in text
     assert "strong: the right name in 1 of 1 cases; in 1 of 1 without those declared ambiguous" in text
     assert "| nothing | none | contact-resistance (1); no-missing-effect (1) |" in text
     assert "| case_02 | none | nothing | effect-found | contact-resistance | wrong |" in case_table(
-        mark_cases(tmp_path)
+        grade_cases(tmp_path)
     )
+
+
+def test_what_is_detectable_is_settled_by_the_truth_and_not_by_what_was_said(tmp_path):
+    answers = {
+        f"case_{k}": answer([R], setting="single", model=model) for k, model in enumerate(("SPMe", "SPMe", "DFN"))
+    }
+    rows = [
+        row("case_0", "effect-found", [R]),
+        row("case_1", "no-missing-effect", base_chi2=311.0),  # 11 for a strength that costs ln 300: odds of e^2.6
+        row("case_2", "unexplained", base_chi2=320.0),
+    ]
+    write(tmp_path, answers, rows)
+    graded = grade_cases(tmp_path)
+    assert [case.detectable for case in graded] == [True, False, True]
+    assert graded[0].evidence == pytest.approx(0.5 * (600.0 - np.log(300)))
+    text = as_markdown(graded)
+    assert "all models: 2 of 3 hidden effects are detectable" in text
+    assert "the right name is given in 1 of 2 cases" in text
+    assert "DFN: 1 of 1 hidden effects are detectable" in text
+
+
+def test_an_interval_is_right_if_it_holds_the_truth(tmp_path):
+    rows = [
+        row("case_0", "effect-found", [R]),
+        row("case_1", "effect-found", [R], interval=(0.0205, 0.0225)),
+        row("case_2", "unexplained", interval=(0.0205, 0.0225)),
+    ]
+    write(tmp_path, {r["case"]: answer([R], setting="single") for r in rows}, rows)
+    graded = grade_cases(tmp_path)
+    assert [case.covered for case in graded] == [1.0, 0.0, None]
+    assert "inside their 95 % intervals, where the name is right: 1 of 2 cases" in as_markdown(graded)
+
+
+def test_another_variant_of_the_effect_has_no_true_strength(tmp_path):
+    said = row("case_0", "effect-found", [R])
+    said["effects"][0]["variant"] = "positive electrode"
+    write(tmp_path, {"case_0": answer([R], setting="single")}, [said])
+    (graded,) = grade_cases(tmp_path)
+    assert (graded.grade, graded.parameter_error, graded.covered) == ("right", None, None)
 
 
 def test_weak_cases_have_three_denominators(tmp_path):
@@ -86,19 +137,19 @@ def test_weak_cases_have_three_denominators(tmp_path):
     write(tmp_path, {r["case"]: answer([R], setting="weak") for r in rows}, rows)
     assert (
         "* weak: the right name in 1 of 4 cases; in 1 of 3 without those declared ambiguous; "
-        "in 1 of 2 without those, too, whose base model leaves noise only." in as_markdown(mark_cases(tmp_path))
+        "in 1 of 2 without those, too, whose base model leaves noise only." in as_markdown(grade_cases(tmp_path))
     )
 
 
-def test_marked_cases_survive_a_file(tmp_path):
+def test_graded_cases_survive_a_file(tmp_path):
     answers = {"case_01": answer([R, H], setting="pair"), "case_02": answer(setting="none")}
     write(tmp_path, answers, [row("case_01", "effect-found", [R, H]), row("case_02", "no-missing-effect")])
-    marked = mark_cases(tmp_path)
-    write_csv(tmp_path / "cases.csv", [marked_row(case) for case in marked])
-    assert [marked_of(found) for found in read_table(tmp_path / "cases.csv")] == marked
+    graded = grade_cases(tmp_path)
+    write_csv(tmp_path / "cases.csv", [graded_row(case) for case in graded])
+    assert [graded_of(found) for found in read_table(tmp_path / "cases.csv")] == graded
 
 
-def test_a_shortlist_is_marked_by_the_place_of_what_was_hidden(tmp_path):
+def test_a_shortlist_is_graded_by_the_place_of_what_was_hidden(tmp_path):
     answers = {
         "case_01": answer([R]),
         "case_02": answer([H]),
@@ -146,5 +197,5 @@ def test_a_backend_ranks_the_effects_of_a_case_with_names_and_without(tmp_path, 
 
 
 def write(folder, answers, rows, results="results.jsonl"):
-    (folder / SEALED).write_bytes(base64.b64encode(zlib.compress(json.dumps(answers).encode())))
+    (folder / SEALED).write_bytes(base64.b64encode(zlib.compress(json.dumps({"seed": 1, "answers": answers}).encode())))
     (folder / results).write_text("\n".join(json.dumps(r) for r in rows) + "\n")

@@ -1,0 +1,162 @@
+"""Opens the answers and grades what was said: names right and wrong, gap closed, strengths and intervals, cost."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ...core.errors import BsaError
+from .making import read_rows, unseal
+from .running import RESULTS
+
+CLEAR_EVIDENCE = math.log(20.0)
+"""Log odds of the true model over the base fit from which an effect counts as detectable: 20 to 1."""
+
+
+@dataclass(frozen=True)
+class Graded:
+    """One case with its grade.
+
+    Attributes
+    ----------
+    task, setting : str
+        Which case, and what it was for.
+    hidden : tuple of str
+        Names of what was hidden; an effect of no catalogue in brackets.
+    verdict : str
+        The discovery's verdict.
+    named : tuple of str
+        What it named.
+    grade : {'right', 'ambiguous', 'partial', 'declined', 'wrong', 'failed'}
+        ``ambiguous``: declared, with the hidden effect among those named; ``declined``: no name where there was
+        something (no discrepancy seen, or unexplained); ``partial``: some of a pair.
+    closed, held_closed : float
+        Share of the gap closed on fitted and on held-out data.
+    parameter_error : float or None
+        Relative error of the strength, where the name is right.
+    wall_s, cpu_s : float
+        Wall time and processor time of the case's process, s.
+    simulations : float
+        Single-record solves.
+    model : str
+        Base model.
+    evidence : float or None
+        Log odds of the true model at its true parameters over the base fit (BIC); None where nothing can be named.
+    covered : float or None
+        Share of the strengths inside their 95 % intervals, where the name is right.
+    """
+
+    task: str
+    setting: str
+    hidden: tuple[str, ...]
+    verdict: str
+    named: tuple[str, ...]
+    grade: str
+    closed: float
+    held_closed: float
+    parameter_error: float | None
+    wall_s: float
+    cpu_s: float
+    simulations: float
+    model: str = ""
+    evidence: float | None = None
+    covered: float | None = None
+
+    @property
+    def detectable(self) -> bool:
+        """Whether the records tell the true model from the base fit."""
+        return self.evidence is not None and self.evidence > CLEAR_EVIDENCE
+
+
+def grade_cases(folder: Path, results: str = RESULTS) -> list[Graded]:
+    """Grade every case that has a result."""
+    answers = unseal(folder)
+    rows = read_rows(folder, results)
+    unknown = [row["case"] for row in rows if row["case"] not in answers]
+    if unknown:
+        raise BsaError(
+            f"the results in {folder} are of a case that it has not: {unknown[0]!r}.", "make the cases anew."
+        )
+    return [_graded(row, answers[row["case"]]) for row in sorted(rows, key=lambda row: row["case"])]
+
+
+def _graded(row: dict[str, Any], answer: dict[str, Any]) -> Graded:
+    hidden = tuple(sorted(set(answer["names"]))) or ((f"[{answer['outside']}]",) if answer["outside"] else ())
+    grade = _grade(row, hidden, bool(answer["outside"]))
+    gap = row.get("gap", {})
+    found = list(_strengths(row, answer)) if grade == "right" and row["names"] else []
+    return Graded(
+        row["case"],
+        answer["setting"],
+        hidden,
+        row["verdict"],
+        tuple(row["names"]),
+        grade,
+        gap.get("closed", float("nan")) or 0.0,
+        gap.get("holdout_closed", float("nan")) or 0.0,
+        max((abs(value - true) / abs(true - null) for true, null, value, _ in found if true != null), default=None),
+        row["wall_s"],
+        row.get("cpu_s", row["wall_s"]),
+        row.get("simulations", 0),
+        answer["model"],
+        _evidence(row, answer),
+        sum(low <= true <= high for true, _, _, (low, high) in found) / len(found) if found else None,
+    )
+
+
+def _grade(row: dict[str, Any], hidden: tuple[str, ...], outside: bool) -> str:
+    verdict, named = row["verdict"], tuple(row["names"])
+    if verdict == "failed":
+        return "failed"
+    if not hidden:
+        return "right" if verdict == "no-missing-effect" else "declined" if verdict == "unexplained" else "wrong"
+    if outside:
+        return "right" if verdict == "unexplained" else "declined" if verdict == "no-missing-effect" else "wrong"
+    if verdict in ("unexplained", "no-missing-effect"):
+        return "declined"
+    if verdict == "ambiguous":
+        return "ambiguous" if {hidden} & {named, *(tuple(rival) for rival in row.get("rivals", []))} else "wrong"
+    return "right" if named == hidden else "partial" if set(named) < set(hidden) else "wrong"
+
+
+def _evidence(row: dict[str, Any], answer: dict[str, Any]) -> float | None:
+    """Half the difference of BIC between the base fit and the truth, which has the hidden strengths besides."""
+    if not answer["keys"] or row.get("base_chi2") is None:
+        return None
+    return 0.5 * float(
+        row["base_chi2"] - answer["truth_chi2"] - len(answer["keys"]) * math.log(max(answer["averages"], 1))
+    )
+
+
+def _strengths(row: dict[str, Any], answer: dict[str, Any]) -> list[tuple[float, float, float, tuple[float, float]]]:
+    """Truth, null value, fitted value and interval of each hidden strength, where the variant is right, too."""
+    found = []
+    true = dict(answer["strengths"].values())
+    for effect in row["effects"]:
+        parameter = effect["parameters"][0]
+        unit = f" [{parameter['unit']}]" if parameter["unit"] else ""
+        name = f"{effect['name']}: {parameter['name']}{unit}"
+        variant = f" ({effect['variant']})" if effect.get("variant") else ""
+        if name in true and f"{effect['name']}{variant}" in answer["strengths"]:
+            low, high = parameter["ci95"]
+            found.append((true[name], parameter["null"], parameter["value"], (low, high)))
+    return found
+
+
+def graded_row(graded: Graded) -> dict[str, Any]:
+    """A case as a flat row, for CSV."""
+    return {**asdict(graded), "hidden": " + ".join(graded.hidden), "named": " + ".join(graded.named)}
+
+
+def graded_of(row: Mapping[str, Any]) -> Graded:
+    """The case of a row that `graded_row` made and `read_table` read."""
+    texts = {name: tuple(row[name].split(" + ")) if isinstance(row[name], str) else () for name in ("hidden", "named")}
+    numbers = {name: _or_none(row.get(name)) for name in ("parameter_error", "evidence", "covered")}
+    return Graded(**{**row, **texts, **numbers, "model": row["model"] if isinstance(row.get("model"), str) else ""})
+
+
+def _or_none(value: Any) -> float | None:
+    return None if value is None or math.isnan(value) else float(value)

@@ -1,0 +1,147 @@
+"""Tables of graded blind cases."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..campaign.summary import exact_interval
+from .grading import Graded
+
+_GRADES = ("right", "ambiguous", "partial", "declined", "wrong", "failed")
+_SETTINGS = ("single", "strong", "weak", "pair", "none", "outside")
+
+
+def as_markdown(graded: Sequence[Graded]) -> str:
+    """The tables of ``docs/discovery-results.md``: grades by setting, confusion, rates, gap, parameters, cost."""
+    lines = ["| setting | cases | " + " | ".join(_GRADES) + " |", "| --- |" + " ---: |" * (len(_GRADES) + 1)]
+    for setting in _SETTINGS:
+        some = [m for m in graded if m.setting == setting]
+        counts = Counter(m.grade for m in some)
+        if some:
+            lines.append(f"| {setting} | {len(some)} | " + " | ".join(str(counts[k]) for k in _GRADES) + " |")
+    lines += ["", *_confusion(graded), "", *_rates(graded), *_sizes(graded), *_cost(graded)]
+    return "\n".join(lines) + "\n"
+
+
+def _confusion(graded: Sequence[Graded]) -> list[str]:
+    """What was hidden against what was said; the setting is told apart, since weak effects are harder."""
+    table: dict[tuple[str, str], Counter[str]] = {}
+    for m in graded:
+        said = " + ".join(m.named) + " (ambiguous)" * (m.verdict == "ambiguous") if m.named else m.verdict
+        hidden = " + ".join(m.hidden) or "nothing"
+        table.setdefault((hidden, m.setting), Counter())[said] += 1
+    lines = ["| hidden | setting | said (cases) |", "| --- | --- | --- |"]
+    for (hidden, setting), answers in sorted(table.items()):
+        said = "; ".join(f"{name} ({count})" for name, count in answers.most_common())
+        lines.append(f"| {hidden} | {setting} | {said} |")
+    return lines
+
+
+def _rates(graded: Sequence[Graded]) -> list[str]:
+    lines = [line for setting in ("strong", "weak") for line in _of_setting(graded, setting)]
+    models = [model for model in dict.fromkeys(m.model for m in graded) if model]
+    lines += _detected(graded, "all models")
+    for model in models if len(models) > 1 else ():
+        lines += _detected([m for m in graded if m.model == model], model)
+    nulls = [m for m in graded if m.setting == "none"]
+    outside = [m for m in graded if m.setting == "outside"]
+    for some, words in ((nulls, "nothing hidden"), (outside, "an effect of no catalogue")):
+        if some:
+            lines.append(f"* {words}: a name was given in {_share(sum(bool(m.named) for m in some), len(some))}.")
+    if nulls:
+        clean = sum(m.verdict == "no-missing-effect" for m in nulls)
+        lines.append(f"* nothing hidden: the verdict is `no-missing-effect` in {_share(clean, len(nulls))}.")
+    lines.append(f"* wrong names in all: {_share(sum(m.grade == 'wrong' for m in graded), len(graded))}.")
+    told = [m.covered for m in graded if m.covered is not None]
+    if told:
+        inside = sum(share == 1.0 for share in told)
+        lines.append(f"* strengths inside their 95 % intervals, where the name is right: {_share(inside, len(told))}.")
+    return lines
+
+
+def _of_setting(graded: Sequence[Graded], setting: str) -> list[str]:
+    some = [m for m in graded if m.setting == setting]
+    if not some:
+        return []
+    right = sum(m.grade == "right" for m in some)
+    clear = [m for m in some if m.verdict != "ambiguous"]
+    told = [m for m in clear if m.verdict != "no-missing-effect"]
+    return [
+        f"* {setting}: the right name in {right} of {len(some)} cases; in {right} of {len(clear)} without those "
+        f"declared ambiguous; in {right} of {len(told)} without those, too, whose base model leaves noise only."
+    ]
+
+
+def _detected(graded: Sequence[Graded], words: str) -> list[str]:
+    """How many of the effects that can be detected at all are named."""
+    known = [m for m in graded if m.evidence is not None]
+    some = [m for m in known if m.detectable]
+    if not known:
+        return []
+    named = sum(m.grade == "right" for m in some)
+    return [
+        f"* {words}: {len(some)} of {len(known)} hidden effects are detectable (odds of the truth over the base fit "
+        f"above 20 to 1); the right name is given in {_share(named, len(some))} of these."
+    ]
+
+
+def _share(count: int, of: int) -> str:
+    return f"{count} of {of} cases" + (f" ({exact_interval(count, of)})" if of else "")
+
+
+def _sizes(graded: Sequence[Graded]) -> list[str]:
+    right = [m for m in graded if m.grade == "right" and m.named]
+    if not right:
+        return []
+    lines = []
+    for words, values in (
+        ("fitted", [m.closed for m in right]),
+        ("held-out", [m.held_closed for m in right]),
+    ):
+        low, middle, high = np.quantile(values, (0.1, 0.5, 0.9))
+        lines.append(
+            f"* gap closed on {words} data where the name is right: median {middle:.3f}, 10-90 % {low:.3f} "
+            f"to {high:.3f} ({len(right)} cases)."
+        )
+    errors = np.array([m.parameter_error for m in right if m.parameter_error is not None])
+    if len(errors):
+        lines.append(
+            f"* error of the strength: median {np.median(errors):.1%}, largest {np.max(errors):.0%}, "
+            f"within 10 % in {np.sum(errors <= 0.1)} of {len(errors)} cases."
+        )
+    return lines
+
+
+def _cost(graded: Sequence[Graded]) -> list[str]:
+    ran = [m for m in graded if m.grade != "failed"]
+    lines = []
+    for words, values, unit in (
+        ("single-record solves a case", [float(m.simulations) for m in ran], ""),
+        ("processor time a case, one process", [m.cpu_s for m in ran], " s"),
+        ("wall time a case", [m.wall_s for m in ran], " s"),
+    ):
+        known = [value for value in values if not math.isnan(value)]
+        if known:
+            low, middle, high = np.quantile(known, (0.1, 0.5, 0.9))
+            shares = f"median {middle:.0f}{unit}, 10-90 % {low:.0f} to {high:.0f}{unit}"
+            lines.append(f"* {words}: {shares} ({len(known)} cases).")
+    return lines
+
+
+def case_table(graded: Sequence[Graded]) -> str:
+    """One line a case."""
+    lines = [
+        "| case | setting | hidden | verdict | named | grade | closed | held out | parameter error | processor s |"
+    ]
+    lines.append("| --- |" * 1 + " --- |" * 5 + " ---: |" * 4)
+    for m in graded:
+        error = "" if m.parameter_error is None else f"{m.parameter_error:.1%}"
+        lines.append(
+            f"| {m.task} | {m.setting} | {' + '.join(m.hidden) or 'nothing'} | {m.verdict} | {' + '.join(m.named)} "
+            f"| {m.grade} | {m.closed:.3f} | {m.held_closed:.3f} | {error} | {m.cpu_s:.0f} |"
+        )
+    return "\n".join(lines) + "\n"
