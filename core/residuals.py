@@ -8,6 +8,7 @@ import numpy as np
 
 from .ageing.residuals import table_residuals
 from .alignment import StepPair, pair_steps
+from .noise import noise_of
 from .signals import Signal
 from .simulation import ExperimentRun, Outcome
 from .task import Experiment, Task
@@ -87,6 +88,28 @@ def partial_residuals(task: Task, outcome: Outcome) -> FloatArray | None:
             parts.append(table_residuals(run.trajectory, experiment.target.cycle_table))
     joined = np.concatenate(parts)
     return None if np.all(np.isnan(joined)) else joined
+
+
+_NOISE_ORDER = 4
+"""Order of the differences that tell the noise: a simulated record with a sample every half minute still has none."""
+
+
+def noise_of_residuals(task: Task) -> FloatArray:
+    """Standard deviations that the records' own noise gives the residuals, in tolerances, shape (m,); see `residuals`.
+
+    A signal that is too short to tell its noise has none here, and so have durations: at the end of a step the
+    voltage moves so fast that its noise hardly shifts it.
+    """
+    parts: list[FloatArray] = []
+    for experiment in task.experiments:
+        record = experiment.target
+        known = {name: noise_of(record, values, _NOISE_ORDER) or 0.0 for name, values in record.signals.items()}
+        noisy = replace(
+            experiment, target=record.changed(**{name: values + known[name] for name, values in record.signals.items()})
+        )
+        # A simulation that equals the record but for an offset of one standard deviation: its residuals are the noise.
+        parts += _by_step(task, pair_steps(record, noisy), experiment)
+    return np.abs(np.concatenate(parts))
 
 
 def _finished(pairs: list[StepPair], run: ExperimentRun) -> int:

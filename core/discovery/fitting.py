@@ -19,7 +19,7 @@ from .findings import Listener, Settings
 from .first_cycles import first_cycle, longer, near_cycles
 from .laboratory import Prediction
 from .problem import Problem
-from .refit import Refit, Residuals, differences, refit
+from .refit import Refit, Residuals, refit, slopes_at
 from .rules import CLEAR_BIC, bic_difference
 from .score import Score
 from .side_by_side import side_by_side
@@ -263,8 +263,7 @@ class Fitter:
         if not refitted.fit.converged:
             # Scores and short refits stand on this Jacobian: after many updates it is no derivative any more.
             fit = refitted.fit
-            slopes, _ = differences(self.residuals(base.effects), fit.space, fit.u, fit.residual, fit.jacobian)
-            refitted.fit = replace(fit, jacobian=slopes)
+            refitted.fit = replace(fit, jacobian=slopes_at(self.residuals(base.effects), fit))
         return refitted
 
     def near_new(self) -> tuple[Fitter, Explanation] | None:

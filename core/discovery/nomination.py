@@ -14,10 +14,9 @@ from ..trajectory import FloatArray
 from .explanation import Explanation
 from .findings import Listener, Nomination
 from .fitting import Fitter
-from .linear_step import trusted_step
 from .refit import Refit
 from .rules import CLEAR_BIC
-from .score import Score, score_effect
+from .score import Score, score_effect, trusted_step
 
 _REACH = 3.0
 """Standard deviations of the priors by which base parameters move along with an effect before anything is fitted."""

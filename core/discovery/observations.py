@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..noise import noise_of, resolution
 from ..trajectory import FloatArray, StepKind, Trajectory
 from .laboratory import Moments
-from .noise import voltage_noise
 
 FLOOR_V = 3e-4
 """Voltage differences below this are not physics: discretisation, interpolation of the current, the converter."""
@@ -23,6 +23,9 @@ AFTER_JUMP_S = 2e-3
 
 CHARGE_SHARE = 0.002
 """Share of the charge drawn by which charge is uncertain; it blurs the voltage where that falls steeply."""
+
+_UNKNOWN_NOISE_V = 1e-3
+"""Noise of a record that is too short to tell it, V: that of a usual cycler."""
 
 _MOMENTS = 8
 """Moments at most at which a simulation is looked at for one average."""
@@ -155,6 +158,11 @@ def observe(
         noise,
         _moments(record, taken, groups),
     )
+
+
+def voltage_noise(record: Trajectory) -> float:
+    """Standard deviation of the voltage's measurement noise, V; 1 mV where the record is too short to tell it."""
+    return noise_of(record, record.voltage) or max(_UNKNOWN_NOISE_V, resolution(record.voltage))
 
 
 def _moments(record: Trajectory, taken: FloatArray, groups: Sequence[NDArray[np.intp]]) -> Moments:

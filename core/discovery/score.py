@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..bounded_step import bounded_step
 from ..parameters import ParameterSpace
 from ..trajectory import FloatArray
-from .linear_step import linear_step, trusted_range, trusted_step
 
 
 @dataclass(frozen=True)
@@ -74,15 +74,35 @@ def score_effect(
         return Score(0.0, 0.0, 0.0, 0.0)
     wanted = -float(projected @ free) / size
     z = wanted * np.sqrt(size)
-    lower, upper = trusted_range(space, u, reach)
-    step, gain = linear_step(
-        np.column_stack([jacobian, mark]),
-        residual,
-        np.append(prior_weights, 0.0),
-        np.append(u, 0.0),
-        1e-8,
-        np.append(lower, min(bounds[0], -1e-9)),
-        np.append(upper, max(bounds[1], 1e-9)),
+    with_effect = np.column_stack([jacobian, mark])
+    step, gain = _trusted(
+        with_effect, residual, np.append(prior_weights, 0.0), np.append(u, 0.0), *_reached(space, u, reach, bounds)
     )
     _, without = trusted_step(jacobian, residual, space, u, reach)
     return Score(float(np.clip(step[-1], *bounds)), z, max(gain - without, 0.0), size / whole)
+
+
+def trusted_step(
+    jacobian: FloatArray, residual: FloatArray, space: ParameterSpace, u: FloatArray, reach: float
+) -> tuple[FloatArray, float]:
+    """The step that the linear model asks for, ``reach`` in any coordinate at most, and the predicted fall in cost."""
+    return _trusted(jacobian, residual, space.prior_weights, u, *_reached(space, u, reach))
+
+
+def _reached(
+    space: ParameterSpace, u: FloatArray, reach: float, strength: tuple[float, float] | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """How far each coordinate may move to either side within its bounds, and the strength of an effect beside them."""
+    lower = np.minimum(np.maximum(space.lowest - u, -reach), 0.0)
+    upper = np.maximum(np.minimum(space.highest - u, reach), 0.0)
+    if strength is None:
+        return lower, upper
+    return np.append(lower, min(strength[0], 0.0)), np.append(upper, max(strength[1], 0.0))
+
+
+def _trusted(
+    jacobian: FloatArray, residual: FloatArray, prior: FloatArray, u: FloatArray, lower: FloatArray, upper: FloatArray
+) -> tuple[FloatArray, float]:
+    matrix, target = np.vstack([jacobian, np.diag(prior)]), np.concatenate([residual, prior * u])
+    step = bounded_step(matrix, target, lower, upper, np.inf)
+    return step, float(target @ target) - float(np.sum((matrix @ step + target) ** 2))

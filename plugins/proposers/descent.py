@@ -10,6 +10,7 @@ from pydantic import BaseModel, Field
 
 from ...core.least_squares import LeastSquares, Settings
 from ...core.parameters import Candidate
+from ...core.residuals import noise_of_residuals
 from ...core.task import Task
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial
@@ -22,10 +23,11 @@ PERFECT = 0.02
 """Root mean square of the residuals, in tolerances, below which nothing is worth a simulation (20 µV)."""
 
 _SUSPICIOUS = 3.0
-"""Root mean square, in tolerances, above which an end may be a trap rather than a model's or a record's limits."""
+"""Root mean square, in tolerances or in standard deviations of the noise if that is more, above which an end may be a
+trap rather than a model's or a record's limits."""
 
-_HOPELESS = 0.05
-"""Share of the cost that a round of the fit must take off: at less, the budget ends before the fit does."""
+_TOO_SLOW = 0.05
+"""Share of the cost that a round must take off far from the record: at less, the budget ends before the fit does."""
 
 _CRAWL = 0.5
 """Share of the cost, and of the squared score, below which a round far from the record is a crawl within a trap."""
@@ -35,6 +37,13 @@ _FAR = 0.1
 
 _ELSEWHERE = 0.2
 """How far from the first start the others lie, in units of the box."""
+
+_ENDINGS = {
+    "perfect": "no measurement is better than that",
+    "noise": "a further step is predicted to gain less than the noise hides",
+    "misfit": "a further step is predicted to gain less than this misfit leaves uncertain",
+    "no progress": "no step gains what is predicted; differences are as small as the simulator's own error",
+}
 
 _STEPS_WORTH = 6
 """Simulations beyond a Jacobian without which a restart cannot get anywhere."""
@@ -81,6 +90,10 @@ class Descent:
         self._first_misfit = 0.0
         self._out_of_ideas = False
         self._told: list[Trial] = [start]
+        self._noise_of_each = noise_of_residuals(task)
+        self.noise = max(rms(self._noise_of_each), PERFECT)
+        """What the records' noise leaves of a perfect fit, in tolerances."""
+        self._suspicious = _SUSPICIOUS * max(1.0, self.noise)
         self._first_start: Candidate = task.space.initial
         if start.residuals is not None:
             self._search = self._search_from(start.candidate, start.residuals)
@@ -128,6 +141,15 @@ class Descent:
         return rms(self.best.residual) if self.best is not None else float("inf")
 
     @property
+    def ending(self) -> str:
+        """Why the best fit has ended, in a sentence; empty while it goes on."""
+        best = self.best
+        if best is None or best.residual is None or not self.done:
+            return ""
+        why = _ENDINGS.get(best.ending, f"a round gained less than {_TOO_SLOW:.0%}, or the simulations were spent")
+        return f"The fit ends at {self.misfit:.2g} tolerances, where noise alone leaves {self.noise:.2g}: {why}."
+
+    @property
     def reductions(self) -> Reductions:
         """How the task is reduced for each of the candidates just asked for; empty where it is not."""
         return self._feasibility.reductions if self._search is None and self._feasibility is not None else ()
@@ -164,7 +186,7 @@ class Descent:
         if self._crawls() and self._may_restart(limit):
             self._left_crawling = self._search
             return self._begin_again(planning_budget)
-        points = self._search.ask(planning_budget)
+        points = [] if self._is_too_slow() else self._search.ask(planning_budget)
         if not points and self._may_restart(limit):
             points = self._begin_again(planning_budget)
         if not points and self._left_crawling is not None and self._left_crawling is self.best:
@@ -208,11 +230,24 @@ class Descent:
         self._out_of_ideas = self._restarting = False
 
     def _search_from(self, candidate: Candidate, residuals: FloatArray | None) -> LeastSquares:
-        settings = Settings(
-            difference=self._options.difference, radius=self._options.radius, enough=PERFECT, tolerance=_HOPELESS
-        )
         self._first_misfit = self._first_misfit or rms(residuals)
+        freedom = max(len(self._noise_of_each) - len(self._task.space), 1)
+        settings = Settings(
+            difference=self._options.difference,
+            radius=self._options.radius,
+            noise=self.noise,
+            # Above the noise the misfit is all that is known of the errors: one of its own squares is one deviation.
+            tolerance=1.0 / freedom,
+            enough=PERFECT,
+        )
         return LeastSquares(self._task.space.to_unit(candidate), residuals, settings)
+
+    def _is_too_slow(self) -> bool:
+        """Whether a fit far from the record has come to a new Jacobian without having gained much by the last one."""
+        search = self._search
+        if search is None or search.stage != "jacobian" or search.jacobian is None:
+            return False
+        return rms(search.residual) > self._suspicious and search.round_gain < _TOO_SLOW
 
     def _crawls(self) -> bool:
         search = self._search
@@ -220,7 +255,7 @@ class Descent:
             return False
         # A step that has vanished can drown all else in the residuals: the score must have stalled too.
         gain = 1.0 - (self._objective(search) / self._objective_before) ** 2 if self._objective_before else 0.0
-        far = rms(search.residual) > max(_SUSPICIOUS, _FAR * self._first_misfit)
+        far = rms(search.residual) > max(self._suspicious, _FAR * self._first_misfit)
         return far and max(search.round_gain, gain) < _CRAWL
 
     def _objective(self, search: LeastSquares) -> float:
@@ -234,7 +269,7 @@ class Descent:
     def _may_restart(self, limit: int) -> bool:
         polls = 0 if self._promising else 2 * len(self._task.space)
         needed = polls + len(self._task.space) + _STEPS_WORTH
-        return self._restarts_left > 0 and self.misfit > _SUSPICIOUS and limit >= needed
+        return self._restarts_left > 0 and self.misfit > self._suspicious and limit >= needed
 
     def _begin_again(self, planning_budget: int) -> list[FloatArray]:
         """Go on from elsewhere: each parameter alone goes far to either side of the first start, and the best leads.

@@ -51,7 +51,7 @@ def words(descent: Descent) -> str:
     if descent.status == "infeasible":
         return descent.way_back
     if descent.status == "done":
-        return "Nothing is left to gain by least squares."
+        return descent.ending
     if descent.status == "restarting":
         return "The fit is stuck far from the record: again from elsewhere."
     if descent.jacobian_next:
@@ -64,4 +64,4 @@ def numbers(descent: Descent) -> dict[str, float]:
     best = descent.best
     if best is None:
         return {}
-    return {"misfit_tolerances": descent.misfit, "trust_radius": best.radius}
+    return {"misfit_tolerances": descent.misfit, "noise_tolerances": descent.noise, "trust_radius": best.radius}

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 from bsa.core.identifiability import identify, residual_noise, what_to_measure_next
-from bsa.core.least_squares import minimise
+from bsa.core.least_squares import LeastSquares, solve
 from bsa.core.parameters import Parameter, ParameterSpace
 
 SPACE = ParameterSpace(
@@ -89,17 +89,18 @@ def test_the_next_measurement_is_the_one_that_shows_what_is_open() -> None:
 
 
 def test_it_judges_a_fit() -> None:
-    def function(candidates: list[dict[str, float]]) -> list[np.ndarray]:
+    def function(points: list[np.ndarray]) -> list[np.ndarray]:
         times = np.linspace(0, 1, 30)
         return [
             100 * (np.log(c["radius [m]"] / 4e-6) * times + (c["porosity"] - 0.4) * times**2 + 0.0 * c["exponent"])
-            for c in candidates
+            for c in map(SPACE.from_unit, points)
         ]
 
-    fit = minimise(function, SPACE, budget=30)
+    fit = LeastSquares(SPACE.to_unit(SPACE.initial))
+    solve(fit, function, budget=30)
     assert fit.jacobian is not None
-    assert fit.residuals is not None
-    found = identify(fit.jacobian, fit.residuals, SPACE, fit.candidate, noise_floor=1.0)
+    assert fit.residual is not None
+    found = identify(fit.jacobian, fit.residual, SPACE, SPACE.from_unit(fit.point), noise_floor=1.0)
     assert found.intervals["radius [m]"].lower < 4e-6 < found.intervals["radius [m]"].upper
     assert found.intervals["porosity"].lower < 0.4 < found.intervals["porosity"].upper
     assert found.open == ("exponent",)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bsa.core.bounded_step import bounded_step
 from bsa.core.errors import BsaError
-from bsa.core.least_squares import LeastSquares, Settings, minimise
+from bsa.core.least_squares import Box, LeastSquares, Settings, solve
 from bsa.core.parameters import Candidate, Parameter, ParameterSpace
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -141,24 +141,86 @@ def test_questions_repeat_until_they_are_answered_in_full() -> None:
         search.tell([None])
 
 
-def test_minimise_counts_every_simulation_and_keeps_to_its_budget() -> None:
+def test_a_fit_counts_every_simulation_and_keeps_to_its_budget() -> None:
     space = ParameterSpace((Parameter("a", 1.0, 0.1, 10.0, "log"), Parameter("b", 0.2, -1.0, 1.0)))
     seen: list[Candidate] = []
 
-    def function(candidates: list[Candidate]) -> list[np.ndarray]:
-        seen.extend(candidates)
-        return [np.array([np.log(c["a"] / 3.0), c["b"] + 0.5, c["b"] * c["a"] + 1.5]) for c in candidates]
+    def function(points: list[np.ndarray]) -> list[np.ndarray]:
+        asked = [space.from_unit(point) for point in points]
+        seen.extend(asked)
+        return [np.array([np.log(c["a"] / 3.0), c["b"] + 0.5, c["b"] * c["a"] + 1.5]) for c in asked]
 
-    fit = minimise(function, space, budget=40)
-    assert fit.candidate == pytest.approx({"a": 3.0, "b": -0.5}, rel=1e-4)
+    fit = LeastSquares(space.to_unit(space.initial))
+    solve(fit, function, budget=40)
+    assert space.from_unit(fit.point) == pytest.approx({"a": 3.0, "b": -0.5}, rel=1e-4)
     assert fit.simulations == len(seen) <= 40
     assert fit.converged
     assert fit.jacobian is not None
     for budget in range(1, 12):
         seen.clear()
-        short = minimise(function, space, budget=budget)
+        short = LeastSquares(space.to_unit(space.initial))
+        solve(short, function, budget=budget)
         assert len(seen) == short.simulations <= budget
-        assert short.residuals is not None
+        assert short.residual is not None
+
+
+@given(seeds)
+@settings(max_examples=20)
+def test_a_prior_pulls_as_an_observation_does(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    matrix, target = rng.normal(size=(6, 3)), rng.normal(size=6)
+    prior = np.array([0.0, 1.0, 5.0])
+    search = LeastSquares(
+        np.full(3, 0.5),
+        settings=Settings(radius=10.0, largest_radius=100.0, tolerance=1e-12),
+        box=Box(np.full(3, -50.0), np.full(3, 50.0), prior),
+    )
+    run(search, lambda x: matrix @ x - target)
+    wanted = np.linalg.lstsq(np.vstack([matrix, np.diag(prior)]), np.append(target, np.zeros(3)), rcond=None)[0]
+    assert search.point == pytest.approx(wanted, abs=1e-4)
+    assert search.cost == pytest.approx(np.sum((matrix @ wanted - target) ** 2) + np.sum((prior * wanted) ** 2))
+
+
+def valley(x: np.ndarray) -> np.ndarray:
+    """A narrow valley that bends by a right angle, with noise that no parameter explains."""
+    noise = 0.3 * np.random.default_rng(0).normal(size=40)
+    return np.concatenate([[60.0 * (x[0] * x[1] - 0.1), 3.0 * (x[0] - 0.8)], np.zeros(38)]) + noise
+
+
+@pytest.mark.parametrize("start", [(0.12, 0.8), (0.5, 0.2), (0.95, 0.9)])
+def test_a_fit_that_knows_the_noise_goes_on_down_a_flat_valley_until_nothing_is_predicted_beyond_it(start) -> None:
+    fine = LeastSquares(np.array(start), settings=Settings(tolerance=1e-9))
+    run(fine, valley)
+    search = LeastSquares(np.array(start), settings=Settings(noise=0.3, tolerance=1 / 38))
+    run(search, valley)
+    assert search.ending == "noise"
+    assert search.cost - fine.cost < 0.3**2
+
+
+def test_a_fit_far_above_the_noise_says_that_the_misfit_ends_it() -> None:
+    def misfit(x: np.ndarray) -> np.ndarray:
+        return np.concatenate([10.0 * (x - 0.4), np.full(20, 3.0)])
+
+    search = LeastSquares(np.array([0.5, 0.7]), settings=Settings(noise=0.01, tolerance=0.05))
+    run(search, misfit)
+    assert search.ending == "misfit"
+
+
+def test_a_rejected_step_shows_the_bend_and_the_next_one_follows_it() -> None:
+    def banana(x: np.ndarray) -> np.ndarray:
+        return np.array([30.0 * (x[1] - 0.1 - 0.8 * x[0] ** 2), 1.0 - x[0]])
+
+    search = LeastSquares(np.array([0.05, 0.102]), settings=Settings(radius=0.9, tolerance=1e-6))
+    search.tell([banana(point) for point in search.ask()])
+    search.tell([banana(point) for point in search.ask()])
+    before = search.cost
+    straight = search.ask()[0]
+    search.tell([banana(straight)])
+    assert search.cost == before  # the straight step left the valley
+    curved = search.ask()[0]
+    assert np.linalg.norm(curved - search.point) > 0.5 * np.linalg.norm(straight - search.point)
+    search.tell([banana(curved)])
+    assert search.cost < 0.5 * before
 
 
 @given(seeds, st.floats(0.01, 2.0))

@@ -1,0 +1,75 @@
+"""One column of a finite-difference Jacobian: where its difference is taken, until one will do."""
+
+from __future__ import annotations
+
+import numpy as np
+
+_SMALLEST = 0.01
+"""The smallest step of a difference as a share of the usual one: below it the integrator's noise shows."""
+
+_FAR_TOO_LARGE = 5.0
+"""A change this many times larger than the data need to see it is taken again over a shorter step."""
+
+_LEAST_ROOM = 0.2
+"""Share of a step that must be left before a bound, for a difference to be taken there."""
+
+
+class Column:
+    """Asks for one coordinate after another: away from the nearer bound, to the other side, and with a shorter step.
+
+    The other side is asked for after a failure; a shorter step where the residuals changed far more than is needed to
+    see it. At a knee a percent of capacity changes the voltage by hundreds of deviations, and a difference over that
+    is a fifth off the slope.
+
+    Parameters
+    ----------
+    place : int
+        Of the coordinate.
+    here, lower, upper : float
+        The coordinate and its bounds.
+    step : float
+        Length of the usual difference.
+    slope : float
+        Norm of an older column, which sets the step; 0 if there is none.
+    visible : float
+        Norm of the change over which the slope is taken; 0 always takes the usual step.
+
+    Attributes
+    ----------
+    wanted : float or None
+        Where the coordinate is wanted next; None when nothing more is.
+    """
+
+    def __init__(
+        self, place: int, here: float, lower: float, upper: float, step: float, slope: float, visible: float
+    ) -> None:
+        self.place = place
+        self._here, self._lower, self._upper, self._visible = here, lower, upper, visible
+        self._smallest = _SMALLEST * step
+        self._step = step
+        if visible > 0 and slope * step > visible:
+            self._step = max(visible / slope, self._smallest)
+        first = 1.0 if upper - here >= here - lower else -1.0
+        self._sides = [first, -first]
+        self.wanted: float | None = None
+        self._next()
+
+    def _next(self) -> None:
+        self.wanted = None
+        while self._sides:
+            wanted = float(np.clip(self._here + self._sides.pop(0) * self._step, self._lower, self._upper))
+            if abs(wanted - self._here) >= _LEAST_ROOM * self._step:
+                self.wanted = wanted
+                return
+
+    def take(self, change: float | None) -> None:
+        """Note by how much the residuals changed (their norm); None for a simulation that failed."""
+        assert self.wanted is not None
+        too_large = change is not None and 0 < _FAR_TOO_LARGE * self._visible < change and self._step > self._smallest
+        if change is not None and too_large:
+            self._sides = [float(np.sign(self.wanted - self._here))]
+            self._step = max(self._step * self._visible / change, self._smallest)
+        if change is None or too_large:
+            self._next()
+        else:
+            self.wanted = None

@@ -1,0 +1,75 @@
+"""How noisy a recorded signal is, from the record alone."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .trajectory import FloatArray, StepKind, Trajectory
+
+_FEWEST = 30
+"""Differences without which nothing is said of the noise."""
+
+_SETTLING = 4
+"""First samples of a step, which bend too much."""
+
+_REPEATING = 0.9
+"""Share of distinct readings above which a signal shows no rounding."""
+
+_NO_ROUNDING = 1e-6
+"""Noise that is always there, in the signal's unit."""
+
+
+def noise_of(record: Trajectory, signal: FloatArray, order: int = 2) -> float | None:
+    """Standard deviation of a signal's measurement noise, in the signal's unit; None where too few samples tell it.
+
+    Repeated differences of evenly spaced neighbours remove any smooth curve; their median absolute deviation is
+    blind to the few that straddle an event. For white noise of deviation s a difference of order k has the deviation
+    ``s sqrt(binomial(2k, k))``. Never below what the resolution of the instrument leaves (a step of q gives
+    ``q / sqrt(12)``).
+
+    Parameters
+    ----------
+    record : Trajectory
+        Cut into steps.
+    signal : ndarray of shape (n,)
+        One of its signals.
+    order : int
+        How often neighbours are subtracted. Higher orders see less of the curve where samples are far apart.
+
+    Notes
+    -----
+    Drive cycles are left out while anything else is there: their voltage is rough by itself.
+    """
+    pieces = [
+        _differences(record.time[step.start : step.stop], signal[step.start : step.stop], order)
+        for step in record.steps
+        if step.kind is not StepKind.DRIVE
+    ]
+    differences = np.concatenate(pieces) if pieces else np.zeros(0)
+    if len(differences) < _FEWEST:
+        return None
+    scatter = 1.4826 * float(np.median(np.abs(differences))) / math.sqrt(math.comb(2 * order, order))
+    return max(scatter, resolution(signal))
+
+
+def _differences(time: FloatArray, signal: FloatArray, order: int) -> FloatArray:
+    time, signal = time[_SETTLING:], signal[_SETTLING:]
+    if len(time) <= order + 2:
+        return np.zeros(0)
+    gaps = np.diff(time)
+    even = np.abs(np.diff(gaps)) < 0.05 * np.maximum(gaps[1:], 1e-9)
+    # A difference of order k spans k gaps, which must all be alike.
+    alike = np.lib.stride_tricks.sliding_window_view(even, order - 1).all(axis=1)
+    return np.asarray(np.diff(signal, order)[alike])
+
+
+def resolution(signal: FloatArray) -> float:
+    """What rounding contributes: the smallest step between distinct readings over sqrt(12); 1e-6 where none repeats."""
+    distinct = np.unique(signal)
+    if not 2 <= len(distinct) < _REPEATING * len(signal):
+        return _NO_ROUNDING
+    gaps = np.diff(distinct)
+    # What differs by less is one reading, written in two ways.
+    return max(float(np.min(gaps, where=gaps > 0.1 * _NO_ROUNDING, initial=np.inf)) / math.sqrt(12.0), _NO_ROUNDING)
