@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 from bsa.core.journal import FILE_NAME, read_events
 from bsa.core.loop import RunResult
+from bsa.core.parameters import ParameterSpace
+from bsa.core.residuals import noise_of_residuals
+from bsa.core.task import Task
 from bsa.core.trial import Trial
 from bsa.plugins.proposers.descent import Descent, DescentOptions
 from bsa.plugins.proposers.feasibility import gentle_direction
@@ -29,6 +32,46 @@ def test_it_recovers_the_hidden_cell_and_knows_when_to_stop(run_toy: RunToy) -> 
     assert result.best_metrics.mape < 0.01
     for name, value in HIDDEN.items():
         assert result.best.candidate[name] == pytest.approx(value, rel=0.02), name
+
+
+def noisy_task(noise_v: float, wave_v: float = 0.0) -> Task:
+    """The toy task with a noisy record; no parameter explains the wave."""
+    task = toy_task()
+    experiment = task.experiments[0]
+    record = experiment.target
+    noise = np.random.default_rng(3).normal(0.0, noise_v, len(record))
+    wave = wave_v * np.sin(record.time / 40.0)
+    return replace(
+        task, experiments=(replace(experiment, target=record.changed(voltage=record.voltage + noise + wave)),)
+    )
+
+
+def last_words(folder: Path) -> str:
+    return [event["rationale"] for event in read_events(folder) if event["event"] == "proposal"][-1]
+
+
+@pytest.mark.parametrize("noise_v", [3e-4, 3e-3])
+def test_a_fit_goes_on_to_the_noise_and_says_so(run_toy: RunToy, tmp_path: Path, noise_v: float) -> None:
+    task = noisy_task(noise_v)
+    level = noise_of_residuals(task)
+    assert np.max(level) == pytest.approx(noise_v / 1e-3, rel=0.2)
+    result = run_toy(scaffold=toy_scaffold("least-squares"), simulations=60, warm_up=0, task=task)
+    assert "less than the noise hides" in last_words(tmp_path / "run")
+    truth = run_toy(tmp_path / "truth", scaffold=toy_scaffold("least-squares"), simulations=1, task=at_truth(task))
+    costs = [trial.residuals @ trial.residuals for trial in result.trials if trial.residuals is not None]
+    assert truth.best.residuals is not None
+    assert min(costs) < 1.02 * truth.best.residuals @ truth.best.residuals
+
+
+def at_truth(task: Task) -> Task:
+    """The same, searched from the hidden values."""
+    moved = tuple(replace(p, initial=HIDDEN.get(p.name, p.initial)) for p in task.space)
+    return replace(task, space=ParameterSpace(moved))
+
+
+def test_a_fit_that_ends_above_the_noise_says_why(run_toy: RunToy, tmp_path: Path) -> None:
+    run_toy(scaffold=toy_scaffold("least-squares"), simulations=80, warm_up=0, task=noisy_task(1e-4, 2e-3))
+    assert "this misfit leaves uncertain" in last_words(tmp_path / "run")
 
 
 def test_every_simulation_counts_and_the_budget_is_kept(run_toy: RunToy, tmp_path: Path) -> None:
