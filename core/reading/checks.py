@@ -45,7 +45,8 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
     samples = with_gaps_noted(samples)
     _enough(samples)
     # `+ 0.0` turns the -0.0 of a rest into 0.0.
-    trajectory = segment(Trajectory(samples.time, samples.current + 0.0, samples.voltage, samples.temperature))
+    measured = Trajectory(samples.time, samples.current + 0.0, samples.voltage, samples.temperature)
+    trajectory = segment(measured, samples.extra.get("step"), samples.extra.get("cycle"))
     ambient = samples.ambient_k
     if options.ambient_c is not None:
         ambient = options.ambient_c + 273.15

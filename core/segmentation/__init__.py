@@ -1,4 +1,4 @@
-"""Cuts a record into the steps a cycler would name, from its current and voltage alone.
+"""Cuts a record into the steps a cycler would name, from its current and voltage, and from its step numbers if any.
 
 The cut goes from fine to coarse, each pass in time proportional to the number of samples:
 
@@ -13,25 +13,38 @@ The cut goes from fine to coarse, each pass in time proportional to the number o
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
-from ..trajectory import Trajectory
+import numpy as np
+from numpy.typing import NDArray
+
+from ..trajectory import FloatArray, Trajectory
 from .drives import with_drives
 from .holds import with_holds
-from .levels import levels_of, signals_of, signs_of
+from .levels import Level, Signs, levels_of, signals_of, signs_of
 from .naming import name_steps, numbered
 from .smooth_runs import smoothed, without_edges
 
 __all__ = ["segment"]
 
 
-def segment(trajectory: Trajectory) -> Trajectory:
+FEWEST_SAMPLES = 4
+"""Half of the steps of a file have at least so many samples, or they are the points of a drive cycle."""
+
+
+def segment(trajectory: Trajectory, steps: FloatArray | None = None, cycles: FloatArray | None = None) -> Trajectory:
     """Cut a record into steps and number its cycles.
 
     Parameters
     ----------
     trajectory : Trajectory
         Any record; steps that it already has are ignored.
+    steps : ndarray of shape (n,), optional
+        The cycler's number of each sample's step: a step ends wherever it changes, and may be cut further, since one
+        step of a cycler can be a charge at constant current and then at constant voltage. NaN is as the sample before.
+    cycles : ndarray of shape (n,), optional
+        The cycler's number of each sample's cycle; used where it rises, and never falls.
 
     Returns
     -------
@@ -44,18 +57,51 @@ def segment(trajectory: Trajectory) -> Trajectory:
     describes them. A pulse too short for the sampling, or whose current was not logged (the internal-resistance
     pulse of Arbin cyclers), stays part of its rest.
 
-    A new cycle starts with the first step that carries charge in the direction of the record's first such step
-    after one in the opposite direction: a record that begins with a charge counts charges, one that begins
-    with a discharge counts discharges. Rests and pulses belong to the cycle that went before, a leading rest to
+    Without ``cycles``, a new cycle starts with the first step that carries charge in the direction of the record's
+    first such step after one in the opposite direction: a record that begins with a charge counts charges, one that
+    begins with a discharge counts discharges. Rests and pulses belong to the cycle that went before, a leading rest to
     cycle 1. Steps that move less than 2 % of the largest step's charge start nothing.
     """
     if len(trajectory) == 0:
         return replace(trajectory, steps=())
     signals = signals_of(trajectory)
-    levels = levels_of(signals, signs_of(signals))
-    levels = with_holds(signals, levels)
-    levels = smoothed(signals, levels)
-    levels = without_edges(signals, levels)
+    signs = signs_of(signals)
+    numbers = _cycle_numbers(cycles, signs)
+    cuts = _cuts(steps, numbers)
+    levels: list[Level] = []
+    for stretch in _stretches(levels_of(signals, signs, cuts), cuts):
+        stretch = with_holds(signals, stretch)
+        levels += without_edges(signals, smoothed(signals, stretch))
     levels = with_drives(signals, levels)
     name_steps(signals, levels)
-    return replace(trajectory, steps=numbered(trajectory, levels))
+    return replace(trajectory, steps=numbered(trajectory, levels, numbers))
+
+
+def _cycle_numbers(cycles: FloatArray | None, signs: Signs) -> NDArray[np.int64] | None:
+    """From 1, where current first flows; None where the numbers do not count the cycles of the whole record."""
+    if cycles is None or not np.all(np.isfinite(cycles)) or np.any(np.diff(cycles) < 0) or not signs.any():
+        return None
+    numbers = np.maximum(cycles - cycles[np.argmax(signs != 0)], 0.0).astype(np.int64) + 1
+    return numbers if numbers[-1] > 1 else None
+
+
+def _cuts(steps: FloatArray | None, cycles: NDArray[np.int64] | None) -> NDArray[np.intp]:
+    """The first sample of each of the cycler's steps but the first."""
+    cut = np.zeros(0, dtype=np.intp)
+    if steps is not None:
+        changes = np.flatnonzero(np.abs(np.diff(steps)) > 0) + 1
+        if len(changes) and np.median(np.diff([0, *changes, len(steps)])) >= FEWEST_SAMPLES:
+            cut = changes
+    return cut if cycles is None else np.union1d(cut, np.flatnonzero(np.diff(cycles)) + 1)
+
+
+def _stretches(levels: list[Level], cuts: NDArray[np.intp]) -> Iterator[list[Level]]:
+    """The levels of each of the cycler's steps; no level spans a cut."""
+    ends = set(cuts.tolist())
+    stretch: list[Level] = []
+    for level in levels:
+        if level.start in ends and stretch:
+            yield stretch
+            stretch = []
+        stretch.append(level)
+    yield stretch

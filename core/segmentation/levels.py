@@ -147,9 +147,9 @@ def _without_specks(signs: Signs, size: FloatArray, enough: float) -> Signs:
     return signs
 
 
-def levels_of(signals: Signals, signs: Signs) -> list[Level]:
-    """Stretches of one sign, cut wherever the current leaves its running mean."""
-    edges = [0, *(np.flatnonzero(np.diff(signs)) + 1).tolist(), len(signs)]
+def levels_of(signals: Signals, signs: Signs, cuts: NDArray[np.intp]) -> list[Level]:
+    """Stretches of one sign, cut at the given samples and wherever the current leaves its running mean."""
+    edges = [0, *np.union1d(np.flatnonzero(np.diff(signs)) + 1, cuts).tolist(), len(signs)]
     currents = signals.current.tolist()
     levels: list[Level] = []
     floor = 5.0 * signals.noise

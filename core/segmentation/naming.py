@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..trajectory import Step, StepKind, Trajectory
 from .levels import BRIEF_S, Level, Signals
@@ -41,8 +42,10 @@ def _drifts(signals: Signals, level: Level) -> bool:
     return bool(high - low > max(0.1 * abs(level.mean), 10.0 * signals.noise))
 
 
-def numbered(trajectory: Trajectory, levels: list[Level]) -> tuple[Step, ...]:
-    """Steps with their cycles (the rule stands with `segment`)."""
+def numbered(trajectory: Trajectory, levels: list[Level], cycles: NDArray[np.int64] | None) -> tuple[Step, ...]:
+    """Steps with their cycles: the given ones, or by the rule that stands with `segment`."""
+    if cycles is not None:
+        return _merged([Step(str(level.kind), level.start, level.stop, int(cycles[level.start])) for level in levels])
     passed = trajectory.discharge_capacity
     carried = [
         0.0 if level.kind in (StepKind.REST, StepKind.PULSE) else float(passed[level.stop - 1] - passed[level.start])
@@ -67,8 +70,9 @@ def _merged(steps: list[Step]) -> tuple[Step, ...]:
     """Neighbouring rests are one rest; then each step gets its place in its cycle."""
     merged: list[Step] = []
     for step in steps:
-        if merged and step.kind is StepKind.REST and merged[-1].kind is StepKind.REST:
-            merged[-1] = replace(merged[-1], stop=step.stop)
+        latest = merged[-1] if merged else None
+        if latest and step.kind is latest.kind is StepKind.REST and step.cycle == latest.cycle:
+            merged[-1] = replace(latest, stop=step.stop)
             continue
         follows = bool(merged) and merged[-1].cycle == step.cycle
         merged.append(replace(step, position=merged[-1].position + 1 if follows else 0))
