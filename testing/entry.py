@@ -12,7 +12,7 @@ import pytest
 from ..core.errors import BsaError
 from ..core.registry import Kind, Listing, installed
 
-_HEAVY = "ax, botorch, litellm, matplotlib, openpyxl, pandas, pyarrow, pybamm, torch, transformers"
+_HEAVY = "ax, botorch, litellm, matplotlib, python_calamine, pandas, pyarrow, pybamm, torch, transformers"
 
 
 class EntryConformance:

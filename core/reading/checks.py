@@ -6,8 +6,10 @@ from ..errors import BsaError
 from ..record import ReadOptions, Record
 from ..segmentation import segment
 from ..trajectory import Trajectory
+from .charge import charge_notes
 from .clock import with_clock, with_gaps_noted
 from .current_sign import with_sign
+from .joining import carried_on
 from .samples import Samples
 from .values import KELVIN, check_range, check_size, check_units, without_glitches, without_missing
 
@@ -38,7 +40,7 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
     samples = without_missing(samples)
     _enough(samples)
     check_units(samples)
-    samples = with_clock(samples)
+    samples = with_clock(carried_on(samples, options.join))
     samples = without_glitches(samples)
     check_range(samples)
     samples = with_sign(samples, options)
@@ -47,6 +49,8 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
     # `+ 0.0` turns the -0.0 of a rest into 0.0.
     measured = Trajectory(samples.time, samples.current + 0.0, samples.voltage, samples.temperature)
     trajectory = segment(measured, samples.extra.get("step"), samples.extra.get("cycle"))
+    for note in charge_notes(samples, trajectory):
+        samples = samples.noted(note)
     ambient = samples.ambient_k
     if options.ambient_c is not None:
         ambient = options.ambient_c + 273.15

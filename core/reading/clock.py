@@ -48,7 +48,7 @@ def with_clock(samples: Samples) -> Samples:
         k = int(fallen[0])
         raise BsaError(
             f"{samples.source}: the clock restarts in {samples.place(k)} ({latest[k]:g} s, then {time[k]:g} s).",
-            "the file holds several tests: choose one with --where COLUMN=VALUE, or cut the file at this row.",
+            "it holds several tests: choose one with --where COLUMN=VALUE, or say --join where they follow each other.",
         )
     if np.count_nonzero(back) > max(BACKWARD_ROWS, BACKWARD_SHARE * len(samples)):
         k = int(np.flatnonzero(back)[0])

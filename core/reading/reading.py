@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from ..record import Reader, ReadOptions, Record
 from ..registry import Registry, installed
 from ..spectrum import ImpedanceSpectrum
 from .checks import to_record
+from .joining import joined
 from .samples import Samples
 
 FALLBACK = "generic-csv"
@@ -22,18 +23,18 @@ FALLBACK = "generic-csv"
 
 
 def read_file(
-    path: Path | str,
+    path: Path | str | Sequence[Path | str],
     options: ReadOptions | None = None,
     registry: Registry | None = None,
     reader: str | None = None,
     reader_options: Mapping[str, Any] | None = None,
 ) -> Record | ImpedanceSpectrum:
-    """Read a file of a laboratory, whatever it holds.
+    """Read a file of a laboratory, whatever it holds, or several files of one cell as one record.
 
     Parameters
     ----------
-    path : Path or str
-        The file (or, for Arbin, a folder of workbooks of one cell).
+    path : Path or str, or sequence of them
+        The file, the files of one cell, or a folder of nothing else. Files are joined in the order of their dates.
     options : ReadOptions, optional
         What the header does not say: columns, units, sign of the current, cycles, sheet.
     registry : Registry, optional
@@ -53,32 +54,57 @@ def read_file(
     BsaError
         In one line with a hint, for everything that can be wrong with a file or a reader.
     """
-    path = Path(path)
     registry = registry or installed()
     options = options or ReadOptions()
-    if "\0" in str(path) or not path.exists():
-        raise BsaError(f"there is no file {shown(path, 200)}.", "check the path.")
+    files = _files(path, registry)
+    read = [_read(file, options, registry, reader, reader_options or {}) for file in files]
+    if len(read) == 1 and isinstance(read[0], ImpedanceSpectrum):
+        return read[0]
+    parts = [part for part in read if isinstance(part, Samples)]
+    if len(parts) < len(read):
+        raise BsaError(
+            f"{len(read) - len(parts)} of {len(read)} files to be joined are impedance spectra.",
+            "give them by themselves.",
+        )
+    name = parts[0].source if len(parts) == 1 else f"{parts[0].source} and {len(parts) - 1} more"
+    if not isinstance(path, Sequence) or isinstance(path, str):
+        name = parts[0].source if len(parts) == 1 else Path(path).resolve().name
+    return to_record(joined(parts, name), options)
+
+
+def _files(path: Path | str | Sequence[Path | str], registry: Registry) -> list[Path]:
+    """The files that are meant; those of a folder, unless a reader takes the folder itself."""
+    given = [Path(one) for one in ([path] if isinstance(path, (str, Path)) else path)]
+    for one in given:
+        if "\0" in str(one) or not one.exists():
+            raise BsaError(f"there is no file {shown(one, 200)}.", "check the path.")
+    if len(given) > 1 or not given[0].is_dir() or _matching(given[0], registry, []):
+        return given
+    files = sorted(child for child in given[0].iterdir() if not child.name.startswith(".") and child.is_file())
+    return files or given
+
+
+def _read(
+    path: Path, options: ReadOptions, registry: Registry, reader: str | None, reader_options: Mapping[str, Any]
+) -> Samples | ImpedanceSpectrum:
     notes: list[str] = []
     name = reader or _recognised(path, registry, notes)
-    chosen = _made(registry, name, reader_options or {})
+    chosen = _made(registry, name, reader_options)
     with border(registry.find("reader", name).who, "read"):
         read = chosen.read(path, options)
-        if isinstance(read, ImpedanceSpectrum):
-            return replace(read, notes=(*read.notes, *notes))
-        samples = instance(read, Samples)
-    for note in notes:
-        samples = samples.noted(note)
-    return to_record(samples, options)
+        if not isinstance(read, ImpedanceSpectrum):
+            instance(read, Samples)
+    return replace(read, notes=(*read.notes, *notes))
 
 
 def read_record(
-    path: Path | str,
+    path: Path | str | Sequence[Path | str],
     options: ReadOptions | None = None,
     registry: Registry | None = None,
     reader: str | None = None,
     reader_options: Mapping[str, Any] | None = None,
 ) -> Record:
-    """Read a cycler's file; see `read_file`.
+    """Read a record over time from one or several files; see `read_file`.
 
     Raises
     ------
@@ -125,8 +151,8 @@ def _made(registry: Registry, name: str, options: Mapping[str, Any]) -> Reader:
     return made
 
 
-def _recognised(path: Path, registry: Registry, notes: list[str]) -> str:
-    """The name of the reader that takes the file; one that fails is not this file's, which is noted."""
+def _matching(path: Path, registry: Registry, notes: list[str]) -> list[str]:
+    """The readers that take the file; one that fails is not this file's, which is noted."""
     matching: list[str] = []
     for listing in registry.listings("reader"):
         name = listing.entry.name
@@ -137,6 +163,12 @@ def _recognised(path: Path, registry: Registry, notes: list[str]) -> str:
                     matching.append(name)
         except BsaError as error:
             notes.append(f"not asked whether it knows the file: {error.message}")
+    return matching
+
+
+def _recognised(path: Path, registry: Registry, notes: list[str]) -> str:
+    """The name of the one reader that takes the file."""
+    matching = _matching(path, registry, notes)
     if len(matching) > 1 and FALLBACK in matching:
         matching.remove(FALLBACK)
     if len(matching) > 1:

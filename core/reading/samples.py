@@ -41,9 +41,9 @@ class Samples:
     ambient_k : float or None
         Ambient temperature, where the file has it.
     sheets : tuple of str
-        Sheets (or workbooks and sheets) that the samples come from.
+        Parts that the samples come from: ``"sheet Channel_1-008"``, or the names of files.
     sheet : ndarray of shape (n,)
-        Sheet of each sample.
+        Part of each sample.
     extra : mapping of str to ndarray of shape (n,)
         What the file says beside the signals (see `Extra`), NaN where a cell is empty.
     """
@@ -88,21 +88,25 @@ class Samples:
         row = f"row {self.rows[index]}"
         if self.sheet is None or not self.sheets:
             return row
-        return f"{row} of sheet {self.sheets[int(self.sheet[index])]}"
+        return f"{row} of {self.sheets[int(self.sheet[index])]}"
 
     def places(self, indices: Sequence[int] | NDArray[np.intp]) -> str:
         """Where some samples stand, the first five of them."""
-        named = [self.place(int(k)) for k in indices[:5]]
-        if self.sheet is None and len(named) > 1:
-            named = ["rows " + ", ".join(str(self.rows[int(k)]) for k in indices[:5])]
-        return ", ".join(named) + (f" and {len(indices) - 5} more" if len(indices) > 5 else "")
+        some = [int(k) for k in indices[:5]]
+        more = f" and {len(indices) - 5} more" if len(indices) > 5 else ""
+        if len(some) == 1:
+            return self.place(some[0])
+        if self.sheet is None or len({int(self.sheet[k]) for k in some}) == 1:
+            where = "" if self.sheet is None else f" of {self.sheets[int(self.sheet[some[0]])]}"
+            return "rows " + ", ".join(str(self.rows[k]) for k in some) + where + more
+        return ", ".join(self.place(k) for k in some) + more
 
     def column(self, signal: Signal) -> str:
         """The column's name in quotes."""
         return f'"{self.names.get(signal, signal)}"'
 
-    def kept(self, keep: Mask, note: str = "") -> Samples:
-        """The samples where ``keep`` is true, with one more note."""
+    def kept(self, keep: Mask | NDArray[np.intp], note: str = "") -> Samples:
+        """The samples where ``keep`` is true, or those that it names, with one more note."""
         return replace(
             self,
             rows=self.rows[keep],

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +13,10 @@ from ...core.trajectory import FloatArray
 
 YEARS_S = (631152000.0, 4102444800.0)
 """1990 and 2100, in seconds since 1970: a number outside is no date of a measurement."""
+
+
+_DAY = re.compile(r"\d+[-/.]\d+[-/.]\d+")
+_ISO = re.compile(r"\d{4}-\d\d-\d\d")
 
 
 def seconds_of(texts: Sequence[str]) -> FloatArray | None:
@@ -40,13 +46,14 @@ def _number(text: str) -> float:
 
 
 def _parsed(texts: Sequence[str], day_first: bool, first: str) -> FloatArray | None:
-    if not any(character.isdigit() for character in first):
+    if not _DAY.search(first):
         return None
     import pandas
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # pandas warns where it cannot infer one format; such a cell becomes NaN
-        dates = pandas.to_datetime(list(texts), errors="coerce", dayfirst=day_first, utc=True)
+        how: dict[str, Any] = {"format": "ISO8601"} if _ISO.match(first) else {"dayfirst": day_first}
+        dates = pandas.to_datetime(list(texts), errors="coerce", utc=True, **how)
     values = np.where(dates.isna(), np.nan, (dates - pandas.Timestamp(0, tz="UTC")) / pandas.Timedelta(seconds=1))
     written = np.array([bool(text) for text in texts])
     if np.count_nonzero(np.isfinite(values)) > 0.99 * np.count_nonzero(written):

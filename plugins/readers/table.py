@@ -1,11 +1,12 @@
-"""A table of numbers somewhere in a text file: its header, its separator and its rows."""
+"""A table of numbers somewhere in a text: its header, its separator and its rows."""
 
 from __future__ import annotations
 
 import csv
 from array import array
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,27 +55,23 @@ class Table:
         Names of the columns; ``"1"``, ``"2"``, ... where the file names none.
     units : tuple of str or None
         Row of units beneath the header.
-    lines : list of str
-        All lines of the file.
-    first : int
-        Index of the first line of numbers.
+    cells : callable
+        Gives the number, from 1, and the cells of each row that is not blank.
     separator : str or None
         What parts the cells; None for white space.
     decimal_comma : bool
         Whether the numbers are written like ``3,7``.
+    place : str
+        Where the table stands in its file, for messages: ``"sheet Channel_1-008, "``.
     """
 
     source: str
     header: tuple[str, ...]
     units: tuple[str, ...] | None
-    lines: list[str]
-    first: int
+    cells: Callable[[], Iterator[tuple[int, list[str]]]]
     separator: str | None
     decimal_comma: bool = False
-
-    def cells(self) -> Iterator[tuple[int, list[str]]]:
-        """The line number, from 1, and the cells of each row that is not blank."""
-        yield from _rows(self.lines, self.first, self.separator, self.source)
+    place: str = ""
 
     def numbers(self, wanted: Mapping[int, str], where: Mapping[str, str], texts: Sequence[int] = ()) -> Numbers:
         """Read columns.
@@ -145,7 +142,7 @@ def find_table(text: str, source: str) -> Table:
             continue
         header, units = _header(top, first)
         comma = separator != "," and any("," in cell and "." not in cell for cell in top[first])
-        return Table(source, header, units, lines, first, separator, comma)
+        return Table(source, header, units, partial(_rows, lines, first, separator, source), separator, comma)
     heading = next((line for line in lines[:start] if len(_split(line, ",")) > 1 or len(_split(line, ";")) > 1), None)
     if heading is not None:
         raise BsaError(
@@ -304,4 +301,6 @@ def _number(cell: str, table: Table, row: int, column: str) -> float:
     hint = "repair or remove the row."
     if ":" in cell:
         hint = "give times in seconds (or minutes or hours, with the unit in the header)."
-    raise BsaError(f'{table.source}: row {row}, column "{shown(column)}": "{shown(cell)}" is not a number.', hint)
+    raise BsaError(
+        f'{table.source}: {table.place}row {row}, column "{shown(column)}": "{shown(cell)}" is not a number.', hint
+    )

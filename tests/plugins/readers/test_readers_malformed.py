@@ -212,7 +212,12 @@ def test_workbooks(tmp_path):
     bad = [list(line) for line in good]
     bad[7][2] = "#VALUE!"
     sheet_of(path, bad)
-    assert 'sheet Channel_1-001, row 9, column "Voltage(V)": "#VALUE!"' in refused(path).message
+    notes = read_record(path).notes
+    assert "1 samples without a value were left out (row 9 of sheet Channel_1-001)." in notes
+
+    bad[7][2] = "overload"
+    sheet_of(path, bad)
+    assert 'sheet Channel_1-001, row 9, column "Voltage(V)": "overload"' in refused(path).message
 
     formulas = [[t, i, f"=A{k}+1"] for k, (t, i, _) in enumerate(good, 2)]
     sheet_of(path, formulas)

@@ -1,0 +1,120 @@
+"""Says where the charge of a record is uncertain: in gaps, between samples, and over many cycles."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from ..trajectory import FloatArray, StepKind, Trajectory
+from .clock import gaps_in
+from .samples import Samples
+
+NOTED_SHARE = 0.005
+"""Charge that is uncertain by less than this share of the record's range goes unsaid."""
+
+FULL_V = 0.02
+"""A charge that ends this near the record's upper voltage is a full one, in V."""
+
+DRIFT_CYCLES = 4
+"""From so many cycles on, a net charge that drifts is told from a first cycle that began half full."""
+
+DRIFT_SHARE = 0.002
+"""A cell loses less than this share of its capacity a cycle; a larger drift of the net charge is the instrument's."""
+
+
+def charge_notes(samples: Samples, trajectory: Trajectory) -> list[str]:
+    """What a user should know about the charge of a record.
+
+    Parameters
+    ----------
+    samples : Samples
+        The checked samples, current positive on discharge.
+    trajectory : Trajectory
+        The same samples, cut into steps.
+
+    Returns
+    -------
+    list of str
+    """
+    drawn = trajectory.discharge_capacity
+    counted = _counted(samples, drawn)
+    size = float(np.ptp(drawn)) if counted is None else min(float(np.ptp(drawn)), float(np.ptp(counted)) or np.inf)
+    notes = [] if counted is None else _of_counter(samples, drawn, counted, size)
+    return notes + _of_drift(trajectory)
+
+
+def _counted(samples: Samples, drawn: FloatArray) -> FloatArray | None:
+    """Charge drawn by the file's own counters, in A.h and carried on where they restart; None without counters."""
+    extra = samples.extra
+    if "charged_ah" in extra and "discharged_ah" in extra:
+        steps = _steps(extra["discharged_ah"]) - _steps(extra["charged_ah"])
+    elif "net_ah" in extra:
+        steps, sampled = np.diff(extra["net_ah"]), np.diff(drawn)
+        steps *= np.sign(np.nansum(steps * sampled)) or 1.0  # a net counter may run either way
+        steps = np.where(np.abs(extra["net_ah"][1:]) < 1e-9, sampled, steps)  # set to zero, it says nothing
+    else:
+        return None
+    if np.count_nonzero(np.isfinite(steps)) < 0.9 * len(steps):
+        return None
+    return np.concatenate([[0.0], np.cumsum(np.nan_to_num(steps))])
+
+
+def _steps(counter: FloatArray) -> FloatArray:
+    """Increments of a counter that rises and is set to zero now and then."""
+    steps = np.diff(counter)
+    return np.where(steps < 0, np.maximum(counter[1:], 0.0), steps)
+
+
+def _of_counter(samples: Samples, drawn: FloatArray, counted: FloatArray, size: float) -> list[str]:
+    missed = np.diff(counted) - np.diff(drawn)
+    if samples.sheet is not None:
+        missed[np.diff(samples.sheet) != 0] = 0.0  # each file's counters begin anew
+    large = np.flatnonzero(np.abs(missed) > NOTED_SHARE * size)
+    gaps = gaps_in(samples.time)
+    silent, late = np.intersect1d(large, gaps), np.setdiff1d(large, gaps)
+    notes = []
+    if len(silent):
+        k = int(silent[np.argmax(np.abs(missed[silent]))])
+        notes.append(
+            f"charge passed in {len(silent)} gaps, by the file's own counter: {np.sum(missed[silent]):+.3g} A.h drawn "
+            f"in all, most ({missed[k]:+.3g} A.h) after {samples.place(k)}."
+        )
+    if len(late):
+        k = int(late[np.argmax(np.abs(missed[late]))])
+        notes.append(
+            f"the current switches between samples far apart in {len(late)} places, so it adds up to "
+            f"another charge than the file's own counter: {np.sum(missed[late]):+.3g} A.h in all, most "
+            f"({missed[k]:+.3g} A.h in {samples.time[k + 1] - samples.time[k]:.3g} s) after {samples.place(k)}."
+        )
+    return notes
+
+
+def _of_drift(trajectory: Trajectory) -> list[str]:
+    """The net charge from one full charge to the next, which a sound record brings back to where it was."""
+    drawn = trajectory.discharge_capacity
+    ends = _ends_of_charges(trajectory)
+    if len(ends) < DRIFT_CYCLES:
+        return []
+    capacity = float(np.median([np.ptp(drawn[one : two + 1]) for one, two in pairwise(ends)]))
+    each = np.diff(drawn[ends])
+    drift = float(np.median(each))
+    if capacity == 0.0 or abs(drift) < DRIFT_SHARE * capacity:
+        return []
+    way = "more is drawn than charged" if drift > 0 else "more is charged than drawn"
+    return [
+        f"the net charge drifts by {drift:+.3g} A.h a cycle ({100 * abs(drift) / capacity:.2g} % of a cycle's charge; "
+        f"{way}), {drawn[ends[-1]] - drawn[ends[0]]:+.3g} A.h over {len(ends) - 1} cycles: use single cycles, not the "
+        "running sum."
+    ]
+
+
+def _ends_of_charges(trajectory: Trajectory) -> list[int]:
+    """The last samples of each cycle's charge, where it reaches the record's upper voltage."""
+    top = float(np.quantile(trajectory.voltage, 0.999))
+    ends: dict[int, int] = {}
+    for step in trajectory.steps:
+        charging = trajectory.current[step.start : step.stop].mean() < 0
+        if charging and step.kind in (StepKind.CC_CHARGE, StepKind.CV_HOLD):
+            ends[step.cycle] = step.stop - 1
+    return [end for end in ends.values() if trajectory.voltage[end] > top - FULL_V]

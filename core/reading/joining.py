@@ -1,0 +1,203 @@
+"""Several files of one cell as one record: their order, their clocks and their counts of cycles."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..printable import listed
+from ..trajectory import FloatArray
+from .clock import RESTART_S
+from .samples import Extra, Samples
+
+_LISTED = 5
+_NAME_DATES = (
+    re.compile(r"(?<!\d)(?P<y>(?:19|20)\d\d)[-_.]?(?P<a>\d\d)[-_.]?(?P<b>\d\d)(?!\d)"),
+    re.compile(
+        r"(?<!\d)(?=(?P<a>\d{1,2})(?P<s>[-_.])(?P<b>\d{1,2})(?P=s)(?P<y>\d{4}|\d\d)(?!\d)"
+        r"(?:[-_ ](?P<hour>\d\d)[.:h](?P<minute>\d\d))?)"
+    ),
+)
+
+
+def joined(parts: Sequence[Samples], source: str) -> Samples:
+    """Put the samples of one cell's files (or sheets, or tests) one after the other.
+
+    They are ordered by the date of their first samples or by the date in their names, and stay in the order given
+    where some have neither. Files that alternate in time (the pulses in one, the discharges between them in the
+    other) are merged by date. Clocks and numbers of cycles are carried on.
+
+    Parameters
+    ----------
+    parts : sequence of Samples
+        In any order; a temperature is kept if all have one.
+    source : str
+        What the whole is called.
+
+    Returns
+    -------
+    Samples
+    """
+    if len(parts) == 1:
+        return parts[0]
+    parts = [carried_on(part) for part in parts]
+    starts = [_start(part) for part in parts]
+    order = sorted(range(len(parts)), key=lambda k: starts[k]) if not np.isnan(starts).any() else range(len(parts))
+    parts = [parts[k] for k in order]
+    how = "in the order given, for want of dates" if np.isnan(starts).any() else "by date"
+    whole = _concatenated(parts, source).noted(
+        f"{len(parts)} parts were joined {how}: {listed((part.source for part in parts), _LISTED)}."
+    )
+    if any(_last_date(one) > _start(two) for one, two in pairwise(parts)) and all("date" in p.extra for p in parts):
+        return _merged(whole)
+    bounds = np.cumsum([len(part) for part in parts])[:-1]
+    return _on(whole, bounds, everything=True)
+
+
+def carried_on(samples: Samples, everything: bool = False) -> Samples:
+    """Let a clock that restarts run on, where dates or a count of cycles show that the record goes on.
+
+    Parameters
+    ----------
+    samples : Samples
+        As they stand in the file.
+    everything : bool
+        Whether all restarts are carried on, whatever shows it.
+    """
+    return _on(samples, np.zeros(0, dtype=np.intp), everything)
+
+
+def _on(samples: Samples, bounds: NDArray[np.intp], everything: bool) -> Samples:
+    """Carry the clock on at the given samples, and where it falls."""
+    time = samples.time
+    with np.errstate(invalid="ignore", over="ignore"):  # what is no time is refused later, with its row
+        fallen = np.flatnonzero(np.diff(time) < -RESTART_S) + 1
+    fallen = fallen[time[fallen] < time[np.maximum(fallen - 2, 0)]]  # else the sample before was a lone spike
+    places = np.union1d(bounds, fallen).astype(np.intp)
+    if len(places) == 0:
+        return samples
+    passed = _passed(samples, places)
+    cycle = samples.extra.get("cycle")
+    goes_on = np.isfinite(passed)
+    if cycle is not None:
+        goes_on |= cycle[places] == cycle[places - 1] + 1
+    if not everything:
+        places, passed = places[goes_on], passed[goes_on]
+        if len(places) == 0:
+            return samples
+    falls = time[places] < time[places - 1]
+    usual = _usual_interval(time)
+    wanted = np.where(np.isfinite(passed), passed, np.where(falls, usual, time[places] - time[places - 1]))
+    shift = np.zeros(len(samples))
+    shift[places] = wanted - (time[places] - time[places - 1])
+    extra = dict(samples.extra)
+    if cycle is not None:
+        extra["cycle"] = _counted_on(cycle, np.intersect1d(places, bounds) if len(bounds) else places)
+    result = replace(samples, time=time + np.cumsum(np.nan_to_num(shift)), extra=extra)
+    notes = [
+        f"the clock restarts in {samples.place(k)}; it was carried on "
+        + (f"{gap:g} s later by its date." if known else "after one interval, for want of a date.")
+        for k, gap, known in zip(places.tolist(), wanted.tolist(), np.isfinite(passed).tolist(), strict=True)
+        if time[k] < time[k - 1]
+    ]
+    if len(notes) > _LISTED:
+        notes = [
+            *notes[:_LISTED],
+            f"{len(notes) - _LISTED} more restarts of the clock were carried on in the same way.",
+        ]
+    return replace(result, notes=(*result.notes, *notes))
+
+
+def _passed(samples: Samples, places: NDArray[np.intp]) -> FloatArray:
+    """Seconds between the samples and those before them by their dates; NaN where unknown or negative."""
+    date = samples.extra.get("date")
+    if date is None:
+        return np.full(len(places), np.nan)
+    passed = date[places] - date[places - 1]
+    return np.where(passed >= 0, passed, np.nan)
+
+
+def _usual_interval(time: FloatArray) -> float:
+    spacing = np.diff(time)
+    return float(np.median(spacing[spacing > 0])) if np.any(spacing > 0) else 1.0
+
+
+def _counted_on(cycle: FloatArray, places: NDArray[np.intp]) -> FloatArray:
+    """The numbers of cycles, going on where they start again at one of the places."""
+    before, after = cycle[places - 1], cycle[places]
+    again = ~(after > before)
+    shift = np.zeros(len(cycle))
+    shift[places[again]] = before[again] + 1 - after[again]
+    return cycle + np.cumsum(np.nan_to_num(shift))
+
+
+def _concatenated(parts: Sequence[Samples], source: str) -> Samples:
+    lengths = [len(part) for part in parts]
+    names: dict[Extra, None] = {name: None for part in parts for name in part.extra}
+    warm = [part.temperature for part in parts]
+    temperature = None if any(t is None for t in warm) else np.concatenate([t for t in warm if t is not None])
+    return Samples(
+        source=source,
+        time=np.concatenate([part.time for part in parts]),
+        voltage=np.concatenate([part.voltage for part in parts]),
+        current=np.concatenate([part.current for part in parts]),
+        temperature=temperature,
+        rows=np.concatenate([part.rows for part in parts]),
+        names=parts[0].names,
+        notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),
+        ambient_k=next((part.ambient_k for part in parts if part.ambient_k is not None), None),
+        sheets=tuple(part.source for part in parts),
+        sheet=np.repeat(np.arange(len(parts)), lengths).astype(np.int64),
+        extra={
+            name: np.concatenate([part.extra.get(name, np.full(len(part), np.nan)) for part in parts]) for name in names
+        },
+    )
+
+
+def _merged(samples: Samples) -> Samples:
+    """The samples by date; within a part its own, finer clock counts from the date of its first sample."""
+    assert samples.sheet is not None
+    time = samples.time.copy()
+    for part in np.unique(samples.sheet):
+        inside = np.flatnonzero(samples.sheet == part)
+        time[inside] += samples.extra["date"][inside[0]] - time[inside[0]]
+    time -= time.min()
+    order = np.argsort(time, kind="stable")
+    merged = replace(
+        samples.kept(order), time=time[order], extra={n: v[order] for n, v in samples.extra.items() if n == "date"}
+    )
+    return merged.noted("the parts alternate in time; their samples were merged by date, to the second.")
+
+
+def _start(samples: Samples) -> float:
+    """Seconds since 1970 of the first sample, NaN if nothing tells."""
+    dates = samples.extra.get("date", np.zeros(0))
+    known = dates[np.isfinite(dates)]
+    return float(known[0]) if len(known) else next(_dates_in(samples.source), np.nan)
+
+
+def _last_date(samples: Samples) -> float:
+    dates = samples.extra.get("date", np.zeros(0))
+    known = dates[np.isfinite(dates)]
+    return float(known[-1]) if len(known) else np.nan
+
+
+def _dates_in(name: str) -> Iterator[float]:
+    """Dates in a file's name, the last one first: ``2010-08-17``, ``8_17_10`` or ``03-11-17_08.47``, month first."""
+    for pattern in _NAME_DATES:
+        for found in reversed(list(pattern.finditer(name))):
+            parts = {key: int(value) for key, value in found.groupdict().items() if value is not None and key != "s"}
+            year = parts["y"] if parts["y"] > 99 else 2000 + parts["y"]
+            clock = parts.get("hour", 0), parts.get("minute", 0)
+            for month, day in ((parts["a"], parts["b"]), (parts["b"], parts["a"])):
+                try:
+                    yield datetime(year, month, day, *clock, tzinfo=UTC).timestamp()
+                    break
+                except ValueError:
+                    continue

@@ -1,0 +1,148 @@
+"""Files of one cell become one record; where its charge is uncertain is said."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bsa.core.errors import BsaError
+from bsa.core.reading.checks import to_record
+from bsa.core.reading.joining import joined
+from bsa.core.reading.reading import read_record
+from bsa.core.reading.samples import Samples
+from bsa.core.record import ReadOptions
+from bsa.core.trajectory import StepKind
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+MARCH = 1_268_000_000.0
+"""A day in March 2010."""
+
+
+def cycle(source: str = "a", start: float | None = None, cycles: int = 1, leak: float = 0.0, **extra) -> Samples:
+    """Charge, rest, discharge, rest of a 1 Ah cell at 1C, current positive on charge; the clock begins at 0."""
+    t = np.arange(0.0, 9000.0, 30.0)
+    once = np.where(t < 3600, 1.0, np.where((t >= 4500) & (t < 8100), -1.0 - leak, 0.0))
+    i = np.tile(once, cycles)
+    t = np.arange(len(i)) * 30.0
+    v = 3.0 + 1.2 * np.clip(np.cumsum(np.tile(np.where(once < 0, -1.0, once), cycles)) / 120, 0, 1)
+    columns = {"cycle": 1.0 + np.arange(len(i)) // len(once), **extra}
+    if start is not None:
+        columns["date"] = start + t
+    return Samples(source, t, v, i, extra=columns)
+
+
+def test_files_are_joined_by_their_dates_and_clocks_and_cycles_go_on():
+    late, early = cycle("late", MARCH + 20_000.0), cycle("early", MARCH, cycles=2)
+    whole = joined([late, early], "cell")
+    assert whole.sheets == ("early", "late")
+    assert np.all(np.diff(whole.time) > 0)
+    assert whole.time[-1] == 20_000.0 + 8970.0
+    record = to_record(whole, ReadOptions())
+    assert record.trajectory.cycles == (1, 2, 3)
+    assert '2 parts were joined by date: "early", "late".' in record.notes
+
+
+@pytest.mark.parametrize(
+    ("names", "order"),
+    [
+        (["CS2_35_10_1_10", "CS2_35_8_17_10"], [1, 0]),
+        (["cell 2020-11-02", "cell 2020-02-11"], [1, 0]),
+        (["03-11-17_10.10 b", "03-11-17_08.47 a"], [1, 0]),
+        (["b", "a"], [0, 1]),
+    ],
+)
+def test_files_without_dates_go_by_their_names_or_as_given(names, order):
+    whole = joined([cycle(name) for name in names], "cell")
+    assert whole.sheets == tuple(names[k] for k in order)
+    assert whole.time[300] - whole.time[299] == 30.0
+
+
+def test_files_that_alternate_are_merged():
+    whole = cycle("all", MARCH)
+    odd = np.arange(len(whole)) // 20 % 2 == 1
+    merged = joined([whole.kept(odd), whole.kept(~odd)], "cell")
+    np.testing.assert_array_equal(merged.time, whole.time)
+    np.testing.assert_array_equal(merged.current, whole.current)
+
+
+@given(st.lists(st.integers(1, 3), min_size=1, max_size=5), st.booleans())
+@settings(max_examples=20, deadline=None)
+def test_no_sample_is_lost_and_time_never_falls(cycles, dated):
+    parts, start = [], MARCH
+    for k, count in enumerate(cycles):
+        parts.append(cycle(str(k), start if dated else None, count))
+        start += 9000.0 * count + 500.0
+    whole = joined(parts, "cell")
+    assert len(whole) == sum(len(part) for part in parts)
+    assert np.all(np.diff(whole.time) > 0)
+    assert to_record(whole, ReadOptions()).trajectory.cycles == tuple(range(1, sum(cycles) + 1))
+
+
+def write(path, samples: Samples, header: str = "cycle,time_s,current_A,voltage_V") -> None:
+    rows = zip(samples.extra["cycle"], samples.time, samples.current, samples.voltage, strict=True)
+    path.write_text("\n".join([header, *(",".join(map(repr, map(float, row))) for row in rows)]))
+
+
+def test_a_folder_and_a_list_of_files_are_one_cell(tmp_path):
+    for day in (3, 1, 2):
+        write(tmp_path / f"cell_3_{day}_10.csv", cycle())
+    record = read_record(tmp_path)
+    assert record.name == tmp_path.name
+    assert record.trajectory.cycles == (1, 2, 3)
+    several = read_record(sorted(tmp_path.iterdir()))
+    assert several.name == "cell_3_1_10.csv and 2 more"
+    np.testing.assert_array_equal(several.trajectory.time, record.trajectory.time)
+
+
+def test_a_clock_that_restarts_in_a_file(tmp_path):
+    path = tmp_path / "a.csv"
+    two = cycle(cycles=2)
+    time = two.time % 9000.0
+    write(path, Samples("a", time, two.voltage, two.current, extra=two.extra))
+    assert read_record(path).trajectory.cycles == (1, 2)
+    write(path, Samples("a", time, two.voltage, two.current, extra=two.extra), "test,time_s,current_A,voltage_V")
+    with pytest.raises(BsaError, match="the clock restarts in row 302") as raised:
+        read_record(path)
+    assert "--join" in raised.value.hint
+    assert read_record(path, ReadOptions(join=True)).trajectory.cycles == (1, 2)
+
+
+def notes(samples: Samples) -> str:
+    return "\n".join(to_record(samples, ReadOptions()).notes)
+
+
+def test_a_sound_record_says_nothing_about_its_charge():
+    t = cycle().time
+    net = np.concatenate([[0.0], np.cumsum((cycle().current[1:] + cycle().current[:-1]) * 15.0 / 3600)])
+    assert "charge" not in notes(cycle(net_ah=net))
+    assert "drift" not in notes(cycle(cycles=6))
+    assert len(t) == len(net)
+
+
+def test_charge_in_a_gap_and_between_samples_is_said():
+    whole = cycle()
+    net = 5.0 + np.cumsum(whole.current) * 30.0 / 3600
+    keep = (whole.time < 5000) | (whole.time > 7000)
+    said = notes(cycle(net_ah=net).kept(keep & ~((whole.time > 8090) & (whole.time < 8900))))
+    assert "1 gaps without samples" in said
+    assert "the current switches between samples far apart in" in said
+    silent = np.where((whole.time >= 4500) & (whole.time < 7000), 0.0, whole.current)
+    gap = Samples("a", whole.time, whole.voltage, silent, extra={"net_ah": net})
+    assert "charge passed in 1 gaps, by the file's own counter: +0." in notes(gap.kept(keep))
+
+
+def test_a_drift_of_the_net_charge_is_said():
+    assert "the net charge drifts by +0.0" in notes(cycle(cycles=6, leak=0.02))
+    assert "more is drawn than charged" in notes(cycle(cycles=6, leak=0.02))
+
+
+def test_the_steps_of_a_file_cut_where_the_signals_do_not():
+    t = np.arange(0.0, 4000.0, 10.0)
+    i = np.where(t < 100, 0.0, -1.0)
+    plain = Samples("a", t, 4.1 - 1e-4 * t, i)
+    kinds = [StepKind.REST, StepKind.CC_DISCHARGE]
+    assert [step.kind for step in to_record(plain, ReadOptions()).trajectory.steps] == kinds
+    marked = Samples("a", t, 4.1 - 1e-4 * t, i, extra={"step": np.where(t < 100, 1.0, np.where(t < 2000, 2.0, 3.0))})
+    steps = to_record(marked, ReadOptions()).trajectory.steps
+    assert [step.kind for step in steps] == [*kinds, StepKind.CC_DISCHARGE]
+    assert steps[2].start == 200
