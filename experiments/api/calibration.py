@@ -27,6 +27,7 @@ from .measured import Data, listed, reading, source
 def calibrate(
     data: Task | Data | Sequence[Data] | None = None,
     *,
+    holdout: Data | Sequence[Data] | None = None,
     column: Mapping[str, str] | None = None,
     unit: Mapping[str, str] | None = None,
     current_sign: str = "charge-positive",
@@ -70,6 +71,8 @@ def calibrate(
     data : path, pandas.DataFrame, Record, Task or str, or a sequence of records
         What is matched: records with ``parameters``; or a task, the name of one (``"demo"``, ``"regular-134"``) or the
         path of a task file. Left out, the demonstration.
+    holdout : one or several records, optional
+        Records that are not fitted: the best candidate is scored on them after the search.
     column, unit, current_sign, constant_current, where, cycles, sheet, reader, reader_option, temperature
         How files and DataFrames are read; see `read_record`. Their current is positive on charge unless
         ``current_sign`` says otherwise.
@@ -116,6 +119,9 @@ def calibrate(
     BsaError
         If data, an option or a plugin cannot be used.
     """
+    from ..predict import requests_of
+    from ..tasks.records import holding_out
+
     if resume is not None:
         from ..run import read_request
 
@@ -124,7 +130,8 @@ def calibrate(
         if out is not None:
             check_run_folder(Path(out))
         read = reading(column, unit, current_sign, constant_current, where, cycles, sheet, temperature)
-        task = _named_task(data, parameters, read)
+        held = [source(one, read, number) for number, one in enumerate([] if holdout is None else listed(holdout), 1)]
+        task = _named_task(data, parameters, ReadOptions() if held else read)
         config = Overrides(rounds, warmup, simulations, seed, dict(settings or {})).config(
             scaffold,
             backend,
@@ -143,8 +150,10 @@ def calibrate(
             assert not isinstance(data, Task)
             sources = [source(one, read, number) for number, one in enumerate(listed(data), 1)]
             task = task_of_records(
-                sources, read, reader, reader_option or {}, parameters, model, options or {}, search, scale
+                sources, read, reader, reader_option or {}, parameters, model, options or {}, search, scale, held
             )
+        else:
+            task = holding_out(task, requests_of(held, read, reader, reader_option or {}))
         folder = Path(out) if out is not None else numbered_folder(Path("runs"), f"{task.name}-{config.scaffold.name}")
         asked = RunRequest(task, config, folder)
     return _carried_out(asked, workers, max_tokens, max_cost, identifiability, progress)

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...core.errors import BsaError
+from ...core.errors import BsaError, did_you_mean
 from ...core.files import file_error
 from ...core.metrics import errors_of, headline_of
 from ..report.page import FILE_NAME as REPORT
 from ..report.wording import number, quantity
 from ..story import RunRecord, read_run
+from .measured import READING, Data, listed, reading, source
 from .notebook import picture_of, render
 from .scripts import namespace_of
 
 if TYPE_CHECKING:
     import pybamm
+
+    from .prediction_result import PredictionResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +110,58 @@ class CalibrationResult:
                 ".parameters has the calibrated values.",
             )
         return namespace_of(script(task, self._run.best.candidate), "best_parameters")
+
+    @property
+    def record_errors(self) -> dict[str, dict[str, dict[str, float | str]]]:
+        """Errors by record and signal, held-out records included; empty where the run did not come to score them."""
+        found = (*self._run.records, *(prediction.errors for prediction in self._run.held_out))
+        return {one.record: {name: asdict(error) for name, error in one.signals.items()} for one in found}
+
+    def predict(
+        self,
+        data: Data | Sequence[Data],
+        *,
+        initial_soc: float | Sequence[float] = (),
+        out: str | Path | None = None,
+        workers: int = 0,
+        **options: Any,
+    ) -> PredictionResult:
+        """Score records that this run did not fit. What ``bsa predict`` does.
+
+        Parameters
+        ----------
+        data : path, pandas.DataFrame, Record, or a sequence of these
+            The records.
+        initial_soc : float or sequence of float, optional
+            State of charge at which all of them, or each, start; left out, where the fitted cell shows the first
+            voltage.
+        out : path, optional
+            Folder of the prediction; by default ``predictions/<record>-<n>`` in the run's.
+        workers : int
+            Simulations side by side; 0: as many as cores, 4 at most.
+        **options
+            How files and DataFrames are read; see `read_record`.
+
+        Raises
+        ------
+        BsaError
+            If the data cannot be read, or was fitted.
+        """
+        from ..predict import predict_records, requests_of, write_scores
+        from ..request import named_after, numbered_folder, simulation_workers
+        from .prediction_result import PredictionResult
+
+        reader, reader_option = options.pop("reader", None), options.pop("reader_option", None) or {}
+        unknown = sorted(set(options) - set(READING))
+        if unknown:
+            raise BsaError(f'there is no option "{unknown[0]}" for reading.', did_you_mean(unknown[0], READING))
+        read = reading(**{**READING, **options})
+        sources = [source(one, read, number) for number, one in enumerate(listed(data), 1)]
+        socs = [initial_soc] if isinstance(initial_soc, (int, float)) else list(initial_soc)
+        requests = requests_of(sources, read, reader, reader_option, socs)
+        scored = predict_records(self.folder, requests, simulation_workers(workers))
+        folder = Path(out) if out is not None else numbered_folder(self.folder / "predictions", named_after(sources))
+        return PredictionResult(folder, write_scores(scored, folder), scored)
 
     def to_json(self) -> dict[str, Any]:
         """The contents of ``result.json``: plain dicts, lists, strings and numbers.

@@ -18,6 +18,19 @@ Data: TypeAlias = "str | Path | Record | pandas.DataFrame"
 """One record: a file, a DataFrame, or what `read_record` returned."""
 
 
+READING: dict[str, Any] = {
+    "column": None,
+    "unit": None,
+    "current_sign": "charge-positive",
+    "constant_current": None,
+    "where": None,
+    "cycles": None,
+    "sheet": None,
+    "temperature": None,
+}
+"""The options of reading a record, as they are by default."""
+
+
 def read_record(
     data: str | Path | pandas.DataFrame,
     *,

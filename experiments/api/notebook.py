@@ -13,6 +13,8 @@ from ..story import RunRecord
 if TYPE_CHECKING:
     import jinja2
 
+    from ..report.chart import Chart
+
 _HERE = Path(__file__).parent
 
 
@@ -41,7 +43,12 @@ def picture_of(run: RunRecord) -> str:
     """The first record's curves, as the report draws them."""
     from ..report.figures import overlays
 
-    drawing = render("picture.svg.j2", chart=overlays(run)[0].chart)
+    return as_picture(overlays(run)[0].chart)
+
+
+def as_picture(chart: Chart) -> str:
+    """A chart as the address of an image, as the report draws it."""
+    drawing = render("picture.svg.j2", chart=chart)
     style = (_HERE / "picture.css").read_text(encoding="utf-8")
     return as_image(drawing.replace("<title", f"<style>{style}</style><title", 1))
 

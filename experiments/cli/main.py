@@ -31,6 +31,7 @@ def app() -> typer.Typer:
     from .catalogue import doctor, list_app
     from .discover import discover
     from .new_plugin import new_plugin
+    from .predict import predict
     from .run import run
     from .several_files import RecordsCommand
 
@@ -42,6 +43,7 @@ def app() -> typer.Typer:
     )
     result.callback()(_bsa)
     result.command("run", cls=RecordsCommand)(run)
+    result.command("predict", cls=RecordsCommand)(predict)
     result.command("grid")(grid)
     result.command("report")(report)
     result.command("discover", cls=RecordsCommand)(discover)

@@ -242,7 +242,7 @@ def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability
 
 def _print_summary(task: Task, result: RunResult, folder: Path) -> None:
     from ...core.metrics import headline_of
-    from ..record_words import error_rows
+    from ..report.records import error_rows
     from ..report.wording import number
     from .progress import printable
 

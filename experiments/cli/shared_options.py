@@ -27,6 +27,16 @@ Holdout = Annotated[
         "--holdout", metavar="FILE...", help="Records that are predicted, never fitted.", rich_help_panel=RECORDS
     ),
 ]
+InitialSocs = Annotated[
+    list[float] | None,
+    typer.Option(
+        "--initial-soc",
+        metavar="SOC",
+        help="State of charge at which a record starts, 0 to 1, where its first voltage does not tell; one for all "
+        "records, or repeat in their order.",
+        rich_help_panel=RECORDS,
+    ),
+]
 Column = Annotated[
     list[str] | None,
     typer.Option(metavar="KEY=NAME", help="Column of a signal, voltage='Ecell/V'; repeat.", rich_help_panel=RECORDS),

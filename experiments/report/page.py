@@ -17,11 +17,11 @@ from ...core.metrics import Quantity, errors_of, headline_of, objective_of
 from ...core.parameters import Parameter
 from ...core.reply_parsing import strip_control
 from ..own_pages import check_page
-from ..record_words import error_rows
 from ..story import UNFINISHED, RunRecord, read_run
 from .failures import failures
 from .figures import convergence, overlays, prediction_overlays
 from .identifiability import section
+from .records import error_rows
 from .rounds import chapters
 from .wording import change, clipped, duration, factor, number, short_name, unit
 

@@ -81,3 +81,13 @@ def test_a_simulation_that_stopped_early_is_told_as_far_as_it_got() -> None:
         task_of(record), Outcome((ExperimentRun(None, replace(stopped, cause="no start", reached_s=0.0)),), 0.1)
     )
     assert (nothing.failure, nothing.signals) == ("no start, after 0 of 400 s", {})
+
+
+def test_a_lone_sample_at_a_jump_is_no_largest_error() -> None:
+    time = np.array([0.0, 0.002, 10.0, 20.0])
+    steps = (Step(StepKind.REST, 0, 1), Step(StepKind.CC_DISCHARGE, 1, 4, position=1))
+    record = Trajectory(time, np.array([0.0, 1.0, 1.0, 1.0]), np.full(4, 3.7), None, steps)
+    off = record.voltage + np.array([0.150, 0.010, 0.010, 0.010])
+    (found,) = errors_by_record(task_of(record), outcome(record.changed(voltage=off)))
+    assert found.signals["voltage"].max == pytest.approx(10.0)
+    assert [step.name for step in found.steps] == ["CC discharge"]

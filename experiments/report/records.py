@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..core.prediction import Band, Prediction
-from ..core.record_errors import TEMPERATURE, RecordErrors, SignalError
-from ..core.task import Task
-from .report.wording import duration, number
+from ...core.prediction import Band, Prediction
+from ...core.record_errors import TEMPERATURE, RecordErrors, SignalError
+from ...core.task import Task
+from .wording import duration, number
 
 _DIGITS = 3
 

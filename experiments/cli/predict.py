@@ -1,0 +1,59 @@
+"""``bsa predict``: score records that a finished run never saw."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from . import shared_options as shared
+
+
+def predict(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a finished run.")],
+    data: Annotated[
+        list[Path],
+        typer.Option("--data", metavar="FILE...", help="Records to predict.", rich_help_panel=shared.RECORDS),
+    ],
+    column: shared.Column = None,
+    unit: shared.Unit = None,
+    current_sign: shared.CurrentSign = "charge-positive",
+    constant_current: shared.ConstantCurrent = None,
+    where: shared.Where = None,
+    cycles: shared.Cycles = None,
+    sheet: shared.Sheet = None,
+    reader: shared.Reader = None,
+    reader_option: shared.ReaderOption = None,
+    temperature: shared.Temperature = None,
+    initial_soc: shared.InitialSocs = None,
+    workers: shared.SimulationWorkers = 0,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Folder of the prediction; default: RUN/predictions/<record>-<n>.",
+            rich_help_panel=shared.OUTPUT,
+        ),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print prediction.json to standard output.", rich_help_panel=shared.OUTPUT)
+    ] = False,
+) -> None:
+    """Score records that a run did not fit, with the band that its parameters' intervals predict."""
+    from ..predict import predict_records, requests_of, write_scores
+    from ..report.records import error_rows
+    from ..request import key_values, named_after, numbered_folder, simulation_workers
+    from .progress import PlainProgress, printable
+
+    read = shared.reading(column, unit, where, current_sign, constant_current, cycles, sheet, temperature)
+    requests = requests_of(data, read, reader, key_values(reader_option, "--reader-option"), initial_soc or ())
+    scored = predict_records(run, requests, simulation_workers(workers), PlainProgress(""))
+    page = write_scores(scored, out or numbered_folder(run / "predictions", named_after(data)))
+    if as_json:
+        print(json.dumps(scored.to_json(), indent=2))
+        return
+    for row in error_rows(scored.run.task, scored.run.records, scored.predictions):
+        print(f"  {printable(row.line, 400)}")
+    print(f"  report: {page}")

@@ -1,0 +1,138 @@
+"""``bsa predict``: a finished run scored on records that it never saw."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ..core.errors import BsaError
+from ..core.files import write_json, write_text
+from ..core.hooks import RunContext
+from ..core.loop import Listener
+from ..core.prediction import Prediction, predict
+from ..core.record import ReadOptions, Record
+from ..core.registry import installed
+from ..core.run_plugins import RunPlugins
+from ..core.scaffold import Scaffold
+from ..core.watched_simulations import NOT_FITTED, WatchedSimulations
+from .story import RunRecord, read_run
+from .tasks.records import RecordRequest, holding_out
+
+RESULT, PAGE = "prediction.json", "prediction.html"
+
+
+@dataclass(frozen=True, eq=False)
+class ScoredRecords:
+    """Records that a run did not fit, as its best candidate predicts them.
+
+    Attributes
+    ----------
+    run : RunRecord
+        The run; its task holds out these records in place of those that it held out itself.
+    predictions : tuple of Prediction
+        In the order of the records.
+    """
+
+    run: RunRecord
+    predictions: tuple[Prediction, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """What ``prediction.json`` holds."""
+        return {
+            "run": self.run.name,
+            "task": self.run.task.name,
+            "trial": self.run.best.index,
+            "parameters": dict(self.run.best.candidate),
+            "records": [{"fitted": False, **prediction.as_json()} for prediction in self.predictions],
+            "notes": [note for note in self.run.task.notes if "(held out)" in note],
+        }
+
+
+def requests_of(
+    sources: Sequence[Path | Record],
+    read: ReadOptions,
+    reader: str | None,
+    reader_options: Mapping[str, Any],
+    initial_soc: Sequence[float] = (),
+) -> list[RecordRequest]:
+    """What is asked of each record, all read alike.
+
+    Parameters
+    ----------
+    sources, read, reader, reader_options
+        As in `RecordRequest`.
+    initial_soc : sequence of float
+        Nothing, one state of charge for all records, or one for each.
+
+    Raises
+    ------
+    BsaError
+        If there are several states of charge, but not one for each record, or one is not between 0 and 1.
+    """
+    wild = [soc for soc in initial_soc if not 0 <= soc <= 1]
+    if wild:
+        raise BsaError(f"an initial state of charge is {wild[0]:g}.", "give a share between 0 and 1.")
+    if len(initial_soc) not in (0, 1, len(sources)):
+        raise BsaError(
+            f"{len(initial_soc)} initial states of charge were given for {len(sources)} records.",
+            "give one for all records, or one for each, in their order.",
+        )
+    socs = list(initial_soc) if len(initial_soc) == len(sources) else [*initial_soc, None][:1] * len(sources)
+    return [
+        RecordRequest(source, read, reader, reader_options, initial_soc=soc)
+        for source, soc in zip(sources, socs, strict=True)
+    ]
+
+
+def predict_records(
+    folder: Path, requests: Sequence[RecordRequest], workers: int = 1, listener: Listener | None = None
+) -> ScoredRecords:
+    """Simulate records with the best candidate of a run.
+
+    Parameters
+    ----------
+    folder : Path
+        The run's.
+    requests : sequence of RecordRequest
+        The records.
+    workers : int
+        Simulations side by side.
+    listener : Listener, optional
+        Watches.
+
+    Raises
+    ------
+    BsaError
+        If the folder holds no run, no simulation of it succeeded, or a record cannot be read or was fitted.
+    """
+    run = read_run(folder)
+    if not run.best.ok:
+        raise BsaError(f"no simulation of {folder} ran to its end.", "a run that fits nothing predicts nothing.")
+    task = holding_out(replace(run.task, held_out=()), requests)
+    scaffold = Scaffold.model_validate(
+        {"name": "predict", "simulator": run.config["scaffold"]["simulator"], "proposer": "default"}
+    )
+    context = RunContext(task, int(run.config["seed"]), folder, None, workers)
+    plugins = RunPlugins(scaffold, context, installed())
+    watched = WatchedSimulations(plugins, listener.counted if listener else _unwatched, variants=NOT_FITTED)
+    covariance = () if run.appraisal is None else run.appraisal.identifiability.covariance
+    try:
+        found = predict(task, run.best.candidate, task.held_out, watched, covariance)
+    finally:
+        plugins.close()
+    return ScoredRecords(replace(run, task=task, held_out=found), found)
+
+
+def _unwatched(purpose: str, done: int, total: int) -> None:
+    pass
+
+
+def write_scores(scored: ScoredRecords, out: Path) -> Path:
+    """Write ``prediction.json`` and ``prediction.html``; the path of the page."""
+    from .report.prediction import render
+
+    write_json(out / RESULT, scored.to_json(), indent=2)
+    write_text(out / PAGE, render(scored.run))
+    return out / PAGE

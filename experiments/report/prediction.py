@@ -1,0 +1,19 @@
+"""``prediction.html``: how well a run predicts records that it never saw."""
+
+from __future__ import annotations
+
+from ..story import RunRecord
+from .figures import prediction_overlays
+from .page import MOST_STEPS, template
+from .records import error_rows
+
+
+def render(run: RunRecord) -> str:
+    """The page as HTML: the records that were fitted, for comparison, and those of ``run.held_out``."""
+    return template("prediction.html.j2").render(
+        run=run,
+        domain=run.task.domain,
+        rows=error_rows(run.task, run.records, run.held_out),
+        most_steps=MOST_STEPS,
+        predictions=prediction_overlays(run.task, run.held_out),
+    )

@@ -1,0 +1,106 @@
+"""Records that a run did not fit: `--holdout`, `bsa predict` and `CalibrationResult.predict` on one small cell."""
+
+import json
+
+import bsa
+import numpy as np
+import pandas
+import pytest
+from bsa.core.errors import BsaError
+from bsa.core.target import CellChange
+from bsa.core.task import CellModel, Experiment
+from bsa.core.trajectory import Trajectory
+from bsa.experiments.cli.main import app
+from bsa.plugins.pybamm.compiled import solve_reference
+from typer.testing import CliRunner
+
+RADIUS = "Positive particle radius [m]"
+TRUE = {"values": {RADIUS: 9e-6}}
+
+
+def measured(c_rate: float, minutes: int, start: float = 0.0) -> pandas.DataFrame:
+    """A rest of a minute and a discharge from 90 %, as a cycler writes it; the first ``start`` seconds left out."""
+    nothing = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
+    protocol = (("Rest for 60 seconds", f"Discharge at {c_rate}C for {minutes} minutes"),)
+    experiment = Experiment("x", nothing, protocol, initial_soc=0.9)
+    run = solve_reference(CellModel("Chen2020", "SPM"), experiment, CellChange(**TRUE))
+    assert run.trajectory is not None
+    kept = run.trajectory.time > start
+    return pandas.DataFrame(
+        {
+            "Time [s]": run.trajectory.time[kept],
+            "Current [A]": -run.trajectory.current[kept],
+            "Voltage [V]": run.trajectory.voltage[kept],
+        }
+    ).drop_duplicates("Time [s]")
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs") / "run"
+    return bsa.calibrate(
+        measured(1.0, 20),
+        holdout=bsa.read_record(measured(2.0, 10), name="twice"),
+        parameters="Chen2020",
+        model="SPM",
+        options={"contact resistance": "false"},
+        search={RADIUS: {"factors": [0.5, 3.0]}},
+        scaffold="least-squares",
+        warmup=0,
+        simulations=8,
+        workers=1,
+        out=folder,
+        progress=False,
+    )
+
+
+def test_held_out_records_are_in_the_result_and_in_the_report(fitted) -> None:
+    rows = {row["record"]: row for row in fitted.to_json()["records"]}
+    assert [row["fitted"] for row in rows.values()] == [True, False]
+    held = rows["twice"]
+    assert held["signals"]["voltage"]["unit"] == "mV"
+    assert held["signals"]["voltage"]["rms"] < 2.0
+    assert held["bands"]["voltage"]["rms"] > 0
+    assert fitted.record_errors["twice"]["voltage"]["rms"] == held["signals"]["voltage"]["rms"]
+    assert {"objective", "v_rmse_mv", "v_mape"} < set(fitted.to_json()["best"])
+    assert "mape" not in fitted.to_json()["best"]
+    page = fitted.report.read_text()
+    assert "Record by record, fitted and held out" in page
+    assert "95 % band of the parameters" in page
+    assert "Total MAPE" not in page
+
+
+def test_a_later_record_is_scored_wherever_it_starts(fitted) -> None:
+    at_rest = fitted.predict(bsa.read_record(measured(0.5, 20), name="half"), workers=1)
+    assert at_rest.errors["half"]["voltage"]["rms"] < 2.0
+    assert 0 < at_rest.bands["half"]["voltage"]["rms"] < 20.0
+    assert at_rest.report.is_file()
+    assert json.loads((at_rest.folder / "prediction.json").read_text()) == at_rest.to_json()
+    assert "half" in at_rest._repr_html_()
+    assert "half, held out: voltage" in repr(at_rest)
+    loaded = fitted.predict(bsa.read_record(measured(0.5, 20, start=60.0), name="loaded"), workers=1)
+    assert loaded.errors["loaded"]["voltage"]["rms"] < 3.0
+    assert any("begins under load" in note for note in loaded.to_json()["notes"])
+
+
+def test_the_command_predicts_and_takes_a_state_of_charge(fitted, tmp_path) -> None:
+    path = tmp_path / "half.csv"
+    measured(0.5, 20).to_csv(path, index=False)
+    arguments = ["predict", str(fitted.folder), "--data", str(path), "--out", str(tmp_path / "p"), "--workers", "1"]
+    result = CliRunner().invoke(app(), [*arguments, "--initial-soc", "0.9"])
+    assert result.exit_code == 0, result.output
+    assert "half.csv, held out: voltage" in result.stdout
+    rms = json.loads((tmp_path / "p" / "prediction.json").read_text())["records"][0]["signals"]["voltage"]["rms"]
+    assert rms < 2.0
+
+
+def test_what_cannot_be_predicted_is_refused_in_a_line(fitted, tmp_path) -> None:
+    half = bsa.read_record(measured(0.5, 20), name="half")
+    with pytest.raises(BsaError, match="2 initial states of charge were given for 1 records"):
+        fitted.predict(half, initial_soc=[0.5, 0.6])
+    with pytest.raises(BsaError, match="is 90"):
+        fitted.predict(half, initial_soc=90)
+    with pytest.raises(BsaError, match='no option "colunm"'):
+        fitted.predict(half, colunm={"voltage": "U"})
+    with pytest.raises(BsaError, match="fitted and held out"):
+        fitted.predict(bsa.read_record(measured(1.0, 20), name="DataFrame 1"))
