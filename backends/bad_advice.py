@@ -50,7 +50,9 @@ class AdversarialAdvice:
         rng = np.random.default_rng(seed)
         answer = _fill(schema, rng, lambda: "1e30" if rng.random() < 0.5 else "1e-30", everything=True)
         if "action" in answer:
-            answer |= {"action": "set", "simulations": schema["properties"]["simulations"]["maximum"]}
+            answer["action"] = "set"
+        if "simulations" in answer:
+            answer["simulations"] = schema["properties"]["simulations"]["maximum"]
         return Reply(json.dumps(answer))
 
     def close(self) -> None:

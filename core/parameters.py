@@ -94,6 +94,12 @@ class Parameter:
             return math.log(value / self.initial) / math.log(1.1)
         return (value - self.initial) / float(self.typical_step)
 
+    def at_steps(self, steps: float) -> float:
+        """The inverse of `in_steps`; it may lie outside the bounds."""
+        if self.scale == "log":
+            return self.initial * math.exp(steps * math.log(1.1))
+        return self.initial + steps * float(self.typical_step)
+
     def project(self, value: float) -> float:
         """The nearest value inside the bounds."""
         return min(max(value, self.lower), self.upper)

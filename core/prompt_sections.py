@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from decimal import Decimal
 from typing import Any
 
 TASK = "Task"
@@ -12,6 +14,7 @@ PRIORS = "Priors"
 FEEDBACK = "Feedback"
 LAST_ATTEMPT = "Last attempt, no better"
 NUMERICS = "Numerics"
+DIGEST = "Digest"
 INSTRUCTION = "What to do"
 
 MEMORY = "Memory"
@@ -20,13 +23,64 @@ MEMORY = "Memory"
 TRIALS = f"{MEMORY}: trials so far"
 SENSITIVITIES = f"{MEMORY}: learnt sensitivities"
 
+_SMALL = 1e-3
+"""Numbers below this are written with a power of ten."""
+
+_LARGEST_WHOLE = 1e15
+"""Whole numbers below this are exact and written without a point."""
+
 _SECTION = re.compile(r"^## (?P<heading>[^\n]+)\n```json\n(?P<body>.*?)\n```", re.DOTALL | re.MULTILINE)
 _START = re.compile(r"(?m)^(?=## )")
 
 
 def section(heading: str, content: Mapping[str, Any]) -> str:
-    """A heading and a fenced JSON block."""
-    return f"{title(heading)}```json\n{json.dumps(content, ensure_ascii=False)}\n```"
+    """A heading and a fenced JSON block: one key a line, one row of a table a line, no needless characters."""
+    if not isinstance(content, Mapping):
+        return f"{title(heading)}```json\n{_written(content)}\n```"
+    lines = ",\n".join(f"{_written(str(key))}: {_written(value)}" for key, value in content.items())
+    return f"{title(heading)}```json\n{{{lines}}}\n```"
+
+
+def table(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> dict[str, Any]:
+    """Rows under the names of their columns, which stand in a prompt once."""
+    return {"columns": list(columns), "rows": [list(row) for row in rows]}
+
+
+def read_table(content: object) -> tuple[list[str], list[list[Any]]]:
+    """The columns and rows of a table; a row of another length, and what has no such form, is left out."""
+    if not isinstance(content, Mapping):
+        return [], []
+    columns, rows = content.get("columns"), content.get("rows")
+    if not (isinstance(columns, list) and all(isinstance(name, str) for name in columns) and isinstance(rows, list)):
+        return [], []
+    return columns, [row for row in rows if isinstance(row, list) and len(row) == len(columns)]
+
+
+def _written(value: Any) -> str:
+    """JSON without spaces; tables by line, and numbers as short as they are exact."""
+    if isinstance(value, Mapping):
+        is_table = value.keys() == {"columns", "rows"} and bool(value["rows"])
+        parts = (f"{json.dumps(str(key), ensure_ascii=False)}:{_written(item)}" for key, item in value.items())
+        if is_table:
+            rows = ",\n".join(map(_written, value["rows"]))
+            return f'{{"columns":{_written(value["columns"])},"rows":[\n{rows}]}}'
+        return f"{{{','.join(parts)}}}"
+    if isinstance(value, (list, tuple)):
+        return f"[{','.join(map(_written, value))}]"
+    if isinstance(value, float) and math.isfinite(value):
+        return _number(value)
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _number(value: float) -> str:
+    """A float that reads back as itself; small ones in powers of a thousand, so that all lengths have one unit."""
+    if value.is_integer() and abs(value) < _LARGEST_WHOLE:
+        return str(int(value))
+    if abs(value) >= _SMALL:
+        return repr(value)
+    power = 3 * math.floor(math.log10(abs(value)) / 3)
+    mantissa = Decimal(repr(value)).scaleb(-power)
+    return f"{mantissa:f}e{power}"
 
 
 def title(heading: str) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from .task import Experiment, Task
 from .trajectory import FloatArray
 
 DURATION_TOLERANCE = 1e-3
+DURATION = "duration"
 
 _POINTS = 16
 """Points of a signal in a step under a protocol."""
@@ -31,6 +34,45 @@ _ZERO_SHARE = 0.1
 _FLOORS_IN_BRIEF = 12.0
 """A brief step over this is added to both durations, so that a vanishing step has a finite logarithm and a 1 s rest
 no weight (5 s for a cell)."""
+
+
+@dataclass(frozen=True, eq=False)
+class StepMisfit:
+    """What one step adds to the sum of squared residuals.
+
+    Attributes
+    ----------
+    experiment : Experiment
+        The record.
+    pair : StepPair
+        The step, measured and simulated.
+    squares : mapping of str to float
+        Sum of squares by signal, and under ``"duration"`` that of the step's duration.
+    """
+
+    experiment: Experiment
+    pair: StepPair
+    squares: Mapping[str, float]
+
+
+def misfits(task: Task, outcome: Outcome) -> list[StepMisfit]:
+    """What each step that was reached adds to the sum of squared residuals, in order."""
+    found: list[StepMisfit] = []
+    for experiment, run in zip(task.experiments, outcome.runs, strict=True):
+        pairs = [pair for pair in pair_steps(run.trajectory, experiment) if pair.reached]
+        for pair, part in zip(pairs, _by_step(task, pairs, experiment), strict=True):
+            signals = task.compared(pair.step.kind, experiment)
+            usual = _DRIVEN_POINTS if experiment.protocol is None else _POINTS
+            names = [signal.name for signal in signals] + [DURATION] * (experiment.protocol is not None)
+            split = np.split(part, np.cumsum([_points(signal, usual) for signal in signals]))
+            squares = {name: float(values @ values) for name, values in zip(names, split, strict=False)}
+            found.append(StepMisfit(experiment, pair, squares))
+    return found
+
+
+def rms(residual: FloatArray | None) -> float:
+    """Root mean square; infinite for none."""
+    return float("inf") if residual is None else float(np.sqrt(np.mean(np.square(residual))))
 
 
 def residuals(task: Task, outcome: Outcome) -> FloatArray | None:
@@ -165,10 +207,15 @@ def _driven(task: Task, pairs: list[StepPair], experiment: Experiment) -> list[F
 def _mismatch(pair: StepPair, signal: Signal, experiment: Experiment, fractions: FloatArray) -> FloatArray:
     """Simulated minus measured in tolerances."""
     measured, simulated = pair.curves(signal, fractions)
+    return np.asarray((simulated - measured) / tolerance_at(signal, np.abs(measured), experiment))
+
+
+def tolerance_at(signal: Signal, size: Any, experiment: Experiment) -> Any:
+    """What counts as a mismatch of a signal where it is so large, in the signal's unit; as many as there are sizes."""
     if not signal.relative:
-        return (simulated - measured) / signal.tolerance
+        return signal.tolerance
     peak = float(np.max(np.abs(experiment.target.values(signal.name)))) or 1.0
-    return (simulated - measured) / (signal.tolerance * (np.abs(measured) + _ZERO_SHARE * peak))
+    return signal.tolerance * (size + _ZERO_SHARE * peak)
 
 
 def _points(signal: Signal, usual: int) -> int:

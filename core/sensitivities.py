@@ -3,16 +3,30 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from .numbers import finite_numbers
+import numpy as np
+
+from .bounded_step import bounded_step
+from .numbers import finite_number
+from .prompt_sections import read_table, table
+from .trajectory import FloatArray
 
 Unit = Literal["typical_step"]
 
 _DIGITS = 3
 """Significant digits of an effect: slopes change more than that on the way to the next candidate."""
+
+_RESOLVED = 1e-4
+"""Share of the largest effect on a feature below which another one's digits are left out."""
+
+_ALL = 400
+"""Decimals that leave every number as it is."""
+
+_FIXED = ("parameter", "points", "misprediction_pct")
 
 
 @dataclass(frozen=True)
@@ -29,38 +43,109 @@ class Sensitivities:
         What else is to be told of them, JSON-ready.
     unit : {'typical_step'}
         The change that the effects are told for: `Parameter.typical_step`, counted by `Parameter.in_steps`.
+    points : mapping of str to int
+        How many simulations moved each parameter.
+    misprediction_pct : mapping of str to float
+        What the effects leave unexplained of those simulations, in percent: 0 where a parameter acts linearly.
     """
 
     effects: Mapping[str, Mapping[str, float]]
     learnt_from: str = ""
     remarks: Mapping[str, Any] = field(default_factory=dict)
     unit: Unit = "typical_step"
+    points: Mapping[str, int] = field(default_factory=dict)
+    misprediction_pct: Mapping[str, float] = field(default_factory=dict)
 
     def content(self, budget: int) -> dict[str, Any]:
-        """As it stands in a prompt, in ``budget`` characters where one effect of each parameter fits into them."""
-        effects = {
-            parameter: {feature: float(f"{effect:.{_DIGITS}g}") for feature, effect in rows.items()}
-            for parameter, rows in self.effects.items()
-            if rows
-        }
-        content = {
-            "meaning": "change of each feature when one parameter rises by its typical_step; absent: not known",
+        """As it stands in a prompt, in ``budget`` characters where one feature of each parameter fits into them."""
+        features = list(dict.fromkeys(feature for rows in self.effects.values() for feature in rows))
+        largest = self._largest(features)
+        content = self._content(features)
+        while len(json.dumps(content)) > budget and len(features) > 1:
+            features.remove(min(features, key=lambda name: largest[name]))
+            content = self._content(features)
+        return content
+
+    def _content(self, features: Sequence[str]) -> dict[str, Any]:
+        finest = {name: _decimals(_RESOLVED * size) for name, size in self._largest(features).items()}
+        rows = [
+            [name, self.points.get(name), _rounded(self.misprediction_pct.get(name), 2, _ALL)]
+            + [_rounded(effects.get(feature), _DIGITS, finest[feature]) for feature in features]
+            for name, effects in self.effects.items()
+            if any(feature in effects for feature in features)
+        ]
+        return {
+            "meaning": "change of each feature when one parameter rises by its step; null or absent: not measured",
             "unit": self.unit,
             "learnt_from": self.learnt_from,
-            "effects": effects,
+            "effects": table([*_FIXED, *features], rows),
             **self.remarks,
         }
-        while len(json.dumps(content)) > budget and any(len(rows) > 1 for rows in effects.values()):
-            for rows in effects.values():
-                if len(rows) > 1:
-                    del rows[min(rows, key=lambda feature: abs(rows[feature]))]
-        return content
+
+    def _largest(self, features: Sequence[str]) -> dict[str, float]:
+        """The size of the strongest effect on each feature."""
+        rows = self.effects.values()
+        return {name: max((abs(row.get(name, 0.0)) for row in rows), default=0.0) for name in features}
 
     @classmethod
     def read(cls, content: object) -> Sensitivities:
         """From the content of a section; whatever is not of its form, or in another unit, is left out."""
         if not isinstance(content, Mapping) or content.get("unit") != "typical_step":
             return cls({})
-        effects = content.get("effects")
-        read = {name: finite_numbers(rows) for name, rows in effects.items()} if isinstance(effects, Mapping) else {}
-        return cls({name: rows for name, rows in read.items() if rows}, str(content.get("learnt_from", "")))
+        columns, rows = read_table(content.get("effects"))
+        if tuple(columns[: len(_FIXED)]) != _FIXED:
+            return cls({})
+        effects = {str(row[0]): _numbers(columns[len(_FIXED) :], row[len(_FIXED) :]) for row in rows}
+        return cls({name: row for name, row in effects.items() if row}, str(content.get("learnt_from", "")))
+
+    def slopes(self, parameters: Sequence[str], features: Sequence[str]) -> FloatArray:
+        """The effects as a matrix of shape (f, p); 0 where nothing is known."""
+        rows = [[self.effects.get(name, {}).get(feature, 0.0) for name in parameters] for feature in features]
+        return np.array(rows).reshape(len(features), len(parameters))
+
+    def predicted(self, now: Mapping[str, float], steps: Mapping[str, float]) -> dict[str, float]:
+        """The features after a change, each parameter by so many typical steps, if all acts linearly."""
+        return {
+            feature: value + sum(self.effects.get(name, {}).get(feature, 0.0) * rise for name, rise in steps.items())
+            for feature, value in now.items()
+        }
+
+
+def linear_change(
+    slopes: FloatArray,
+    mismatch: FloatArray,
+    tolerance: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    radius: float,
+) -> FloatArray:
+    """The change that removes most of the mismatch if all acts linearly, in typical steps, shape (p,).
+
+    Parameters
+    ----------
+    slopes : ndarray of shape (f, p)
+        Change of each feature per typical step.
+    mismatch, tolerance : ndarray of shape (f,)
+        The features now, and what counts as one of each.
+    lower, upper : ndarray of shape (p,)
+        Room to both sides, in typical steps.
+    radius : float
+        Length of the longest change, in typical steps.
+    """
+    return bounded_step(
+        slopes / tolerance[:, None], mismatch / tolerance, np.minimum(lower, 0.0), np.maximum(upper, 0.0), radius
+    )
+
+
+def _rounded(value: float | None, digits: int, decimals: int) -> float | None:
+    return None if value is None else round(float(f"{value:.{digits}g}"), decimals)
+
+
+def _decimals(size: float) -> int:
+    """Decimals that resolve a number of this size."""
+    return _ALL if size <= 0 else math.ceil(-math.log10(size))
+
+
+def _numbers(names: Sequence[str], values: Sequence[Any]) -> dict[str, float]:
+    pairs = zip(names, map(finite_number, values), strict=True)
+    return {name: value for name, value in pairs if value is not None}

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from .feedback import Feedback
 from .metrics import Metrics
 from .parameters import Candidate
+from .residuals import rms
 from .simulation import SimulationFailure
 from .task_reduction import TaskReduction
 from .trajectory import FloatArray, Trajectory
@@ -45,7 +47,7 @@ class Trial:
         How the task was reduced for this simulation; it then has no metrics and no residuals of the task.
     partial : ndarray of shape (k,) or None
         Of a trial that failed: residuals of all cycles (see `partial_residuals`), NaN for steps that it did
-        not finish. Of an reduced one: residuals against the record's first cycles. None where there is no record
+        not finish. Of a reduced one: residuals against the record's first cycles. None where there is no record
         to compare with, or nothing was reached.
     """
 
@@ -76,3 +78,21 @@ class Trial:
     def objective(self) -> float:
         """The number that "best" means, or infinity for a failed trial."""
         return self.metrics.objective if self.ok and self.metrics is not None else float("inf")
+
+    @property
+    def misfit(self) -> float:
+        """Root mean square of the step-aligned residuals, in tolerances; infinite where there are none."""
+        return rms(self.residuals)
+
+
+def closest(trials: Sequence[Trial]) -> Trial:
+    """The trial from which a search goes on: the least misfit step by step, and among equals the lowest objective.
+
+    The objective may compare at equal times, where one step's wrong duration shifts all behind it. Where the feedback
+    is the objective alone, it decides alone.
+    """
+
+    def distance(trial: Trial) -> tuple[float, float]:
+        return trial.misfit if trial.feedback.content.get("features") else float("inf"), trial.objective
+
+    return min(trials, key=distance)

@@ -5,15 +5,33 @@ from __future__ import annotations
 from typing import Any
 
 from .reading import Prompt
-from .reasoner import propose
+from .reasoner import failed_in_a_row, propose, unmeasured
 
 _GETS_ON = 0.8
 """A fit whose misfit fell below this share of what it was some rounds ago is left alone."""
 
 _ROUNDS_BACK = 4
 _PATIENCE = 8
+_STUCK = 3
+"""Changes in a row that were no better, after which effects are measured again where the budget allows it."""
+
 _TRIP = 30
 """Simulations for a trip once the fit beside has ended."""
+
+
+def act_alone(prompt: Prompt) -> dict[str, Any]:
+    """A reply to the agent's prompt, where there is no fit beside: measure what is not known, then change."""
+    missing = unmeasured(prompt)
+    stuck = len(failed_in_a_row(prompt)) >= _STUCK and prompt.simulations_left > len(prompt.parameters) + _STUCK
+    if missing or (stuck and prompt.sensitivities.effects):
+        return {
+            "analysis": f"The effects of {', '.join(missing) or 'all parameters'} are not known here.",
+            "hypothesis": "",
+            "action": "jacobian",
+            "params": missing,
+            "rationale": "Measure them before they are used.",
+        }
+    return {"action": "set", **propose(prompt)}
 
 
 def act(prompt: Prompt) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from ...core.hooks import NoOptions
 from ...core.messages import JsonSchema, Message, Reply, Usage
-from .acting import act
+from .acting import act, act_alone
 from .ranking import rank
 from .reading import read_prompt
 from .reasoner import perturbations, propose
@@ -36,8 +36,10 @@ class RulesBackend:
             answer = rank(messages, int(properties["ranking"].get("maxItems", 1)))
         elif "perturbations" in properties:
             answer = perturbations(read_prompt(messages), int(properties["perturbations"].get("maxItems", 1)))
-        elif "action" in properties:
+        elif "refine" in properties.get("action", {}).get("enum", ()):
             answer = act(read_prompt(messages))
+        elif "jacobian" in properties.get("action", {}).get("enum", ()):
+            answer = act_alone(read_prompt(messages))
         else:
             answer = propose(read_prompt(messages))
         usage = Usage(seconds=time.perf_counter() - started)

@@ -50,13 +50,13 @@ class Numerics:
         """From the content of a section; whatever is not of its form is left out."""
         if not isinstance(content, Mapping):
             return cls()
-        misfits = [finite_number(value) for value in entries(content.get("misfit_by_round"))]
+        misfits = [finite_number(value) for value in entries(content.get("misfit_tolerances_by_round"))]
         actions = [entry for entry in entries(content.get("your_last_actions")) if isinstance(entry, Mapping)]
         return cls(
             status=str(content.get("status", "")),
             misfit=finite_number(content.get("misfit_tolerances")),
             misfits=tuple(value for value in misfits if value is not None),
-            allowance=max(int(finite_number(content.get("you_may_spend")) or 1), 1),
+            allowance=max(int(finite_number(content.get("simulations_you_may_spend")) or 1), 1),
             actions=tuple(str(entry.get("action", "")) for entry in actions),
             record=_record(content.get("the_record")),
         )

@@ -22,9 +22,10 @@ from ...core.prompt_sections import (
     TASK,
     TRIALS,
     read_sections,
+    read_table,
 )
 from ...core.sensitivities import Sensitivities
-from .coordinates import to_steps
+from ...core.typical_steps import to_steps
 from .numerics import Numerics, entries, words
 
 _MOST_STEPS = 1e9
@@ -36,10 +37,24 @@ _LARGEST_FACTOR = 1e3
 
 @dataclass(frozen=True)
 class PastTrial:
-    """An earlier trial: its values in the order of the searched parameters, and its features or residuals."""
+    """An earlier trial.
 
-    values: tuple[float, ...]
+    Attributes
+    ----------
+    index : int
+        Its number.
+    steps : tuple of float
+        Its values in typical steps above the present ones, in the order of the searched parameters.
+    numbers : mapping of str to float
+        Its features or residuals, where they are told.
+    asked_by : str
+        Who asked for it.
+    """
+
+    index: int
+    steps: tuple[float, ...]
     numbers: Mapping[str, float]
+    asked_by: str = ""
 
 
 @dataclass(frozen=True)
@@ -63,65 +78,92 @@ class Prompt:
         A change of each parameter that is worth trying, ``"*1.1"`` or ``"+0.03"``.
     features : dict of str to float
         The numbers that are to become zero: features, or residuals where there are no others.
-    overshot : bool
-        Whether the latest attempt was no better.
+    tolerances : dict of str to float
+        The size of a mismatch that counts as one, by feature.
+    attempt : tuple of float
+        The latest attempt where it was no better, in typical steps from the present values; empty if there is none.
     sensitivities : Sensitivities
         What each parameter does to each feature; empty without memory.
     trials : tuple of PastTrial
         Empty without memory.
     rules : tuple of DomainRule
         Empty without priors.
-    good_enough : dict of str to float
-        Mismatches that are as good as none, by the end of a feature's name.
-    bounds : dict of str to (lower, upper)
-        Empty without priors.
+    bounds : dict of str to (float, float)
+        Of the parameters, where they are told.
     numerics : Numerics
-        What the numerical fit beside the agent is doing.
+        Where the fit stands that runs beside the agent.
+    present : int
+        Number of the present trial.
+    simulations_left : int
+        How many more there may be.
     """
 
     parameters: dict[str, float]
     steps: dict[str, str]
     features: dict[str, float]
-    overshot: bool = False
+    tolerances: dict[str, float] = field(default_factory=dict)
+    attempt: tuple[float, ...] = ()
     sensitivities: Sensitivities = field(default_factory=lambda: Sensitivities({}))
     trials: tuple[PastTrial, ...] = ()
     rules: tuple[DomainRule, ...] = ()
-    good_enough: dict[str, float] = field(default_factory=dict)
     bounds: dict[str, tuple[float, float]] = field(default_factory=dict)
     numerics: Numerics = field(default_factory=Numerics)
+    present: int = 0
+    simulations_left: int = 0
 
 
 def read_prompt(messages: Sequence[Message]) -> Prompt:
-    """The sections of the first user message; later turns hold only complaints about replies."""
+    """The sections of the first user message; later turns hold answers to free questions and complaints."""
     text = next((message.text for message in messages if message.role == "user"), "")
     sections = read_sections(text)
     # Memories stand between the task and the feedback: one with the heading of either must not stand in for it.
     task = next((_mapping(content) for heading, content in sections if heading == TASK), {})
-    parameters, steps = _parameters(task)
+    parameters, steps, bounds = _parameters(task)
     last = {heading: _mapping(content) for heading, content in sections}
-    priors = last.get(PRIORS, {})
+    feedback = Feedback.read(last.get(FEEDBACK))
+    attempt = finite_numbers(last.get(LAST_ATTEMPT, {}).get("changed_by_steps"))
     return Prompt(
         parameters=parameters,
         steps=steps,
-        features=Feedback(last.get(FEEDBACK, {})).numbers,
-        overshot=LAST_ATTEMPT in last,
+        features=feedback.numbers,
+        tolerances=feedback.tolerances,
+        attempt=tuple(attempt.get(name, 0.0) for name in parameters) if attempt else (),
         sensitivities=Sensitivities.read(last.get(SENSITIVITIES)),
-        trials=_trials(last.get(TRIALS, {})),
-        rules=_rules(priors.get("rules")),
-        good_enough={name: size for name, size in finite_numbers(task.get("good_enough")).items() if size > 0},
-        bounds=_bounds(priors.get("bounds"), steps),
+        trials=_trials(last.get(TRIALS, {}), len(parameters), tuple(feedback.numbers)),
+        rules=_rules(last.get(PRIORS, {}).get("rules")),
+        bounds=bounds,
         numerics=Numerics.read(last.get(NUMERICS)),
+        present=int(finite_number(feedback.content.get("trial")) or 0),
+        simulations_left=int(finite_number(feedback.content.get("simulations_left")) or 0),
     )
 
 
-def _parameters(task: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, str]]:
+def _rows(content: object) -> list[dict[str, Any]]:
+    """The rows of a table by column."""
+    columns, rows = read_table(content)
+    return [dict(zip(columns, row, strict=True)) for row in rows]
+
+
+def _parameters(
+    task: Mapping[str, Any],
+) -> tuple[dict[str, float], dict[str, str], dict[str, tuple[float, float]]]:
+    """Present values, typical steps, and bounds where both can be counted in typical steps."""
     values: dict[str, float] = {}
     steps: dict[str, str] = {}
-    for name, entry in _mapping(task.get("parameters")).items():
-        value, step = finite_number(_mapping(entry).get("now")), str(_mapping(entry).get("typical_step"))
-        if value is not None and _is_step(step) and abs(to_steps(value, step)) < _MOST_STEPS:
-            values[name], steps[name] = value, step
-    return values, steps
+    bounds: dict[str, tuple[float, float]] = {}
+    for row in _rows(task.get("parameters")):
+        name, value, step = row.get("parameter"), finite_number(row.get("now")), str(row.get("step"))
+        if not isinstance(name, str) or value is None or not _is_step(step) or not _countable(value, step):
+            continue
+        values[name], steps[name] = value, step
+        ends = [number for key in ("lower", "upper") if (number := finite_number(row.get(key))) is not None]
+        if len(ends) == 2 and all(_countable(end, step) for end in ends):
+            bounds[name] = (min(ends), max(ends))
+    return values, steps, bounds
+
+
+def _countable(value: float, step: str) -> bool:
+    return abs(to_steps(value, step)) < _MOST_STEPS
 
 
 def _is_step(text: str) -> bool:
@@ -132,34 +174,36 @@ def _is_step(text: str) -> bool:
     return 1.0 < size <= _LARGEST_FACTOR if text.startswith("*") else 0.0 < size < math.inf
 
 
-def _trials(history: Mapping[str, Any]) -> tuple[PastTrial, ...]:
-    names = words(history.get("features"))
-    return tuple(_trial(row, names) for row in entries(history.get("trials")) if isinstance(row, Mapping))
+def _trials(history: Mapping[str, Any], count: int, features: tuple[str, ...]) -> tuple[PastTrial, ...]:
+    told = _mapping(history.get("features_in_the_order_of_the_feedback"))
+    found = []
+    for row in _rows(history.get("trials")):
+        values = entries(told.get(f"trial_{row.get('trial')}"))
+        numbers = dict(zip(features, values, strict=True)) if len(values) == len(features) else {}
+        found.append(_trial(row, finite_numbers(numbers)))
+    return tuple(trial for trial in found if len(trial.steps) == count)
 
 
-def _trial(row: Mapping[str, Any], names: Sequence[str]) -> PastTrial:
-    values = [finite_number(value) for value in entries(row.get("values"))]
-    features = entries(row.get("features"))
-    numbers = finite_numbers(dict(zip(names, features, strict=True))) if len(features) == len(names) else {}
-    return PastTrial(tuple(value for value in values if value is not None), numbers or finite_numbers(row))
+def _trial(row: Mapping[str, Any], features: Mapping[str, float]) -> PastTrial:
+    steps = [finite_number(value) for value in entries(row.get("steps_from_present"))]
+    return PastTrial(
+        int(finite_number(row.get("trial")) or 0),
+        tuple(step for step in steps if step is not None and abs(step) < _MOST_STEPS),
+        features or finite_numbers(row),
+        str(row.get("asked_by", "")),
+    )
 
 
 def _rules(content: object) -> tuple[DomainRule, ...]:
     return tuple(
-        DomainRule(rule["parameter"], words(rule.get("raises")), words(rule.get("lowers")))
-        for rule in entries(content)
-        if isinstance(rule, Mapping) and isinstance(rule.get("parameter"), str)
+        DomainRule(row["parameter"], _listed(row.get("raises")), _listed(row.get("lowers")))
+        for row in _rows(content)
+        if isinstance(row.get("parameter"), str)
     )
 
 
-def _bounds(content: object, steps: Mapping[str, str]) -> dict[str, tuple[float, float]]:
-    """Lower and upper bound of the searched parameters, where both can be counted in typical steps."""
-    found: dict[str, tuple[float, float]] = {}
-    for name, pair in _mapping(content).items():
-        numbers = [number for value in entries(pair) if (number := finite_number(value)) is not None]
-        if name in steps and len(numbers) == 2 and all(abs(to_steps(v, steps[name])) < _MOST_STEPS for v in numbers):
-            found[name] = (min(numbers), max(numbers))
-    return found
+def _listed(content: object) -> tuple[str, ...]:
+    return tuple(content.split(", ")) if isinstance(content, str) else words(content)
 
 
 def _mapping(content: object) -> Mapping[str, Any]:

@@ -6,16 +6,20 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
-from .coordinates import change_by, to_steps
+from ...core.sensitivities import linear_change
+from ...core.typical_steps import change_by, to_steps
 from .reading import Prompt
 from .sensitivity import Matrix, Sensitivity, infer
 
 _LONGEST = 5.0
-"""Typical steps that one parameter may move in one round."""
-_DAMPING, _DAMPING_AFTER_OVERSHOT = 0.03, 0.3
-"""Damping of each parameter, relative to its own strength (Marquardt's scaling)."""
+"""Typical steps, all parameters together, that one round may move."""
+_SHRINK = 0.4
+"""Share of a change that was no better which the next one may have in length."""
+_LEAST = 0.02
+"""Typical steps below which a change is lost in the rounding of the prompt."""
+_MOST_UNMEASURED = 0.6
+"""Share of the simulations left that may go into measuring effects."""
 
 
 def propose(prompt: Prompt) -> dict[str, Any]:
@@ -29,27 +33,34 @@ def propose(prompt: Prompt) -> dict[str, Any]:
     return _answer(prompt, sensitivity, change)
 
 
+def unmeasured(prompt: Prompt) -> list[str]:
+    """Parameters whose effects are worth measuring first: some are told, these are not, and there is room for it."""
+    told = prompt.sensitivities.effects
+    missing = [name for name in prompt.parameters if name not in told]
+    affordable = len(missing) <= _MOST_UNMEASURED * prompt.simulations_left
+    return missing if told and affordable else []
+
+
+def failed_in_a_row(prompt: Prompt) -> list[float]:
+    """Lengths of the changes tried from the present values that were no better, in typical steps."""
+    tried = {trial.index: trial.steps for trial in prompt.trials if trial.asked_by in ("", "search", "agent")}
+    lengths = [float(np.linalg.norm(steps)) for index, steps in tried.items() if index > prompt.present]
+    return lengths or ([float(np.linalg.norm(prompt.attempt))] if prompt.attempt else [])
+
+
 def _step(prompt: Prompt, sensitivity: Sensitivity) -> Matrix:
-    """Damped, bounded least squares, in typical steps of each parameter, shape (p,)."""
-    slopes = sensitivity.slopes / sensitivity.tolerance[:, None]
-    mismatch = sensitivity.mismatch / sensitivity.tolerance
-    strength = np.linalg.norm(slopes, axis=0)
-    # A parameter that seems to do nothing must not be moved far on the strength of noise.
-    damping = (_DAMPING_AFTER_OVERSHOT if prompt.overshot else _DAMPING) * np.maximum(strength, 0.1)
-    lower = np.full(len(sensitivity.parameters), -_LONGEST)
-    upper = np.full(len(sensitivity.parameters), _LONGEST)
+    """As far as the effects can be trusted, in typical steps of each parameter, shape (p,)."""
+    lower = np.full(len(sensitivity.parameters), -np.inf)
+    upper = np.full(len(sensitivity.parameters), np.inf)
     for place, name in enumerate(sensitivity.parameters):
         if name in prompt.bounds:
             low, now, high = (
                 to_steps(value, prompt.steps[name])
                 for value in (prompt.bounds[name][0], prompt.parameters[name], prompt.bounds[name][1])
             )
-            lower[place], upper[place] = max(lower[place], low - now), min(upper[place], high - now)
-    # A value that lies on its bound leaves no room on one side; lsq_linear wants some.
-    upper, lower = np.maximum(upper, 1e-9), np.minimum(lower, -1e-9)
-    stacked = np.vstack([slopes, np.diag(damping)])
-    target = np.concatenate([-mismatch, np.zeros(len(lower))])
-    return np.asarray(lsq_linear(stacked, target, bounds=(lower, upper)).x)
+            lower[place], upper[place] = low - now, high - now
+    radius = max(min([_LONGEST, *(_SHRINK * length for length in failed_in_a_row(prompt))]), _LEAST)
+    return linear_change(sensitivity.slopes, sensitivity.mismatch, sensitivity.tolerance, lower, upper, radius)
 
 
 def _answer(prompt: Prompt, sensitivity: Sensitivity, change: Matrix) -> dict[str, Any]:

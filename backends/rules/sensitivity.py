@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .coordinates import to_steps
 from .reading import DomainRule, Prompt
 
 Matrix = NDArray[np.float64]
@@ -54,7 +53,7 @@ class Sensitivity:
 
 
 def infer(prompt: Prompt) -> Sensitivity:
-    """Combine learnt sensitivities, or else domain rules, with the trials in memory."""
+    """Measured effects; rules of thumb for the others; the trials in memory where no effects are told."""
     parameters = tuple(prompt.parameters)
     features = tuple(prompt.features)
     mismatch = np.array([prompt.features[name] for name in features])
@@ -66,33 +65,29 @@ def infer(prompt: Prompt) -> Sensitivity:
         if effects:
             # Of a parameter whose effects are told, those left out are the smallest.
             slopes[:, column] = [effects.get(feature, 0.0) for feature in features]
-            source = "learnt sensitivities"
-    changes, responses = _differences(prompt, parameters, features)
-    if len(changes):
+            source = "measured effects"
+    changes, responses = _differences(prompt, features)
+    # Effects that are told hold the trials already.
+    if len(changes) and not prompt.sensitivities.effects:
         slopes = _updated(slopes, changes, responses)
         source += f" and {len(changes)} earlier trials" if np.any(slopes) else ""
     return Sensitivity(parameters, features, slopes, mismatch, tolerance, source)
 
 
 def _tolerance(feature: str, prompt: Prompt) -> float:
-    known = {**prompt.good_enough, **TOLERANCES}
-    return next((value for suffix, value in known.items() if feature.endswith(suffix)), 1.0)
+    guessed = next((value for suffix, value in TOLERANCES.items() if feature.endswith(suffix)), 1.0)
+    return prompt.tolerances.get(feature, guessed)
 
 
-def _differences(prompt: Prompt, parameters: tuple[str, ...], features: tuple[str, ...]) -> tuple[Matrix, Matrix]:
+def _differences(prompt: Prompt, features: tuple[str, ...]) -> tuple[Matrix, Matrix]:
     """Changes of parameters and features between the earlier trials and now, shapes (k, p) and (k, f)."""
-    steps = [prompt.steps[name] for name in parameters]
-    now = np.array([to_steps(prompt.parameters[name], step) for name, step in zip(parameters, steps, strict=True)])
-    mismatch = np.array([prompt.features[name] for name in features])
-    changes: list[Matrix] = []
-    responses: list[Matrix] = []
-    for trial in prompt.trials:
-        if len(trial.values) != len(now) or not all(name in trial.numbers for name in features):
-            continue
-        change = np.array([to_steps(value, step) for value, step in zip(trial.values, steps, strict=True)]) - now
-        if np.all(np.isfinite(change)) and np.max(np.abs(change)) > 1e-5:
-            changes.append(change)
-            responses.append(np.array([trial.numbers[name] for name in features]) - mismatch)
+    told = [
+        trial
+        for trial in prompt.trials
+        if all(name in trial.numbers for name in features) and max(map(abs, trial.steps), default=0.0) > 1e-5
+    ]
+    changes = [np.array(trial.steps) for trial in told]
+    responses = [np.array([trial.numbers[name] - prompt.features[name] for name in features]) for trial in told]
     return np.array(changes), np.array(responses)
 
 

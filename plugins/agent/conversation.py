@@ -14,6 +14,9 @@ T = TypeVar("T")
 
 ATTEMPTS = 3
 
+_REPLY_CHARS = 4000
+"""Characters of an earlier reply that are shown to the model again."""
+
 
 @dataclass(frozen=True)
 class Answer(Generic[T]):
@@ -62,8 +65,11 @@ def ask(
             except BsaError as error:
                 problem = str(error)
         problems.append(problem)
-        conversation += [
-            Message("assistant", reply.text[:4000]),
-            Message("user", f"That reply cannot be used: {problem} Answer again with one valid JSON object."),
-        ]
+        complaint = f"That reply cannot be used: {problem} Answer again with one valid JSON object."
+        conversation = answered(conversation, reply.text, complaint)
     return Answer(None, tuple(problems), reply)
+
+
+def answered(conversation: Sequence[Message], reply: str, answer: str) -> list[Message]:
+    """The conversation with a reply, shortened, and an answer to it."""
+    return [*conversation, Message("assistant", reply[:_REPLY_CHARS]), Message("user", answer)]

@@ -1,51 +1,123 @@
-"""The agent proposer: one reply, one hypothesis, one candidate a round."""
+"""The agent proposer: a round is one action, after as many free questions as it likes to ask, up to a few."""
 
 from __future__ import annotations
+
+from typing import Any
 
 from pydantic import BaseModel, Field
 
 from ...core.errors import BsaError
 from ...core.hooks import ProposeContext, RunContext, hookimpl
-from ...core.messages import Backend
-from ...core.parameters import Candidate, ParameterSpace
+from ...core.messages import Backend, Message
+from ...core.parameters import Candidate
 from ...core.proposal import Proposal
-from ...core.trial import Trial
-from .conversation import Answer, ask
+from ...core.trial import closest
+from .actions import FREE, Action, Kind, Offer, action_schema, check_action
+from .conversation import Answer, answered, ask
+from .free_actions import answer as free_answer
+from .free_actions import steps_to_look_at
 from .prompt import build_messages
-from .reply_schema import CheckedReply, check_reply, reply_schema
-from .step_size import step_size
+from .situation import Situation
+
+_DIFFERENCE = 0.5
+"""Typical steps by which a Jacobian moves a parameter: above the noise of the features, below their curvature."""
+
+_IMPROVEMENT = 1e-3
+"""Share of the misfit that a round must take off to count as progress."""
 
 
 class AgentOptions(BaseModel, extra="forbid"):
     """How the agent is asked."""
 
-    memory_budget: int = Field(9000, ge=500, description="Characters that each memory may take in the prompt.")
-    adaptive_step: bool = Field(True, description="Whether changes shrink after an attempt that made it worse.")
+    memory_budget: int = Field(4500, ge=500, description="Characters that each memory may take in the prompt.")
+    reasoning: bool = Field(True, description="Whether it is asked to think and to give reasons before it acts.")
+    analysis_chars: int = Field(4000, ge=100, description="Longest analysis inside the reply, in characters.")
+    free_actions: int = Field(3, ge=0, description="Free questions (predict, look) in a round at most.")
+    digest: bool = Field(
+        False, description="Whether a digest (worst features, a suggested change) stands in for the memories."
+    )
 
 
 class AgentProposer:
-    """Asks the backend for a hypothesis and a change of the best candidate so far."""
+    """Asks the backend for a hypothesis and an action at the closest candidate so far."""
 
     def __init__(self, options: AgentOptions, context: RunContext) -> None:
         self._options = options
         self._backend = require_backend(context)
+        self._clipped: tuple[str, ...] = ()
 
     @hookimpl
     def propose(self, context: ProposeContext) -> Proposal:
         """See `RunHooks.propose`."""
-        base = context.best
-        share = step_size(context.trials) if self._options.adaptive_step else 1.0
-        last = context.trials[-1] if context.trials[-1].phase == "search" and context.trials[-1] is not base else None
-        messages = build_messages(context, base, last, share, self._options.memory_budget)
-        space = context.task.space
-        answer = ask(
+        last = context.trials[-1] if context.trials[-1].phase == "search" else None
+        situation = Situation.of(context, self._options.memory_budget, last, self._clipped)
+        offer = self._offer(situation)
+        answer, free = converse(
             self._backend,
-            messages,
-            reply_schema(space),
-            lambda reply: check_reply(reply, space, base.candidate),
-            context.seed,
+            situation,
+            offer,
+            build_messages(situation, offer, self._options.digest),
+            self._options.free_actions,
         )
-        return to_proposal(answer, space, base, share)
+        self._clipped = answer.value.projected if answer.value is not None else ()
+        return _proposal(answer, free, situation)
+
+    def _offer(self, situation: Situation) -> Offer:
+        left = situation.context.simulations_left
+        kinds: list[Kind] = ["set"]
+        if left > 1:
+            kinds.append("simulate")
+            # What nothing remembers need not be measured.
+            kinds += ["jacobian"] if situation.remembers else []
+        return Offer(
+            (*kinds, *offered_free(situation, self._options.free_actions)),
+            situation.task.space,
+            steps_to_look_at(situation),
+            self._options.analysis_chars if self._options.reasoning else 0,
+        )
+
+
+def offered_free(situation: Situation, most: int) -> list[Kind]:
+    """The free actions that have something to show."""
+    if not most:
+        return []
+    shown = {"predict": bool(situation.sensitivities.effects), "look": bool(steps_to_look_at(situation))}
+    return [kind for kind in FREE if shown[kind]]
+
+
+def converse(
+    backend: Backend, situation: Situation, offer: Offer, messages: list[Message], most_free: int
+) -> tuple[Answer[Action], list[str]]:
+    """Ask until there is an action that is not free.
+
+    Returns
+    -------
+    answer : Answer of Action
+        What came of it.
+    free : list of str
+        The free actions on the way.
+    """
+    context, base = situation.context, situation.base.candidate
+    free: list[str] = []
+    while True:
+        last = len(free) >= most_free
+        kinds = tuple(kind for kind in offer.kinds if kind not in FREE) if last else offer.kinds
+        now = Offer(kinds, offer.space, offer.steps, offer.analysis_chars, offer.drives)
+        answer = ask(
+            backend,
+            messages,
+            action_schema(now),
+            lambda reply, now=now: check_action(reply, now, base, context.trials),  # type: ignore[misc]
+            context.seed + 1000 * len(free),
+        )
+        action = answer.value
+        if action is None or action.kind not in FREE or answer.reply is None:
+            return answer, free
+        free.append(action.kind)
+        more = "" if len(free) < most_free else " No more free actions in this round: simulate something."
+        messages = answered(
+            messages, answer.reply.text, free_answer(action, situation) + f"\n\nNow choose again.{more}"
+        )
 
 
 def require_backend(context: RunContext) -> Backend:
@@ -61,26 +133,51 @@ def require_backend(context: RunContext) -> Backend:
     return context.backend
 
 
-def to_proposal(answer: Answer[CheckedReply], space: ParameterSpace, base: Trial, share: float) -> Proposal:
+def differences(situation: Situation, parameters: tuple[str, ...], limit: int) -> list[Candidate]:
+    """The present candidate with one parameter moved at a time, to the side with more room, as many as fit."""
+    space, base = situation.task.space, situation.base.candidate
+    lower, upper = situation.room()
+    found: list[Candidate] = []
+    for place, parameter in enumerate(space):
+        if parameters and parameter.name not in parameters:
+            continue
+        side = _DIFFERENCE if upper[place] >= min(_DIFFERENCE, -lower[place]) else -_DIFFERENCE
+        moved = {
+            **base,
+            parameter.name: parameter.project(parameter.at_steps(parameter.in_steps(base[parameter.name]) + side)),
+        }
+        if moved[parameter.name] != base[parameter.name]:
+            found.append(moved)
+    return found[:limit]
+
+
+def _proposal(answer: Answer[Action], free: list[str], situation: Situation) -> Proposal:
     """A checked reply as a proposal, or a lost round with the reasons."""
-    details = {"step_size": share, "problems": list(answer.problems)}
-    reply = answer.value
-    if reply is None:
+    details: dict[str, Any] = {"problems": list(answer.problems)}
+    if free:
+        details["free_actions"] = free
+    action = answer.value
+    if action is None:
         return Proposal((), lost="; ".join(answer.problems) or "no usable reply", details=details)
-    details["analysis"] = reply.analysis
-    details["projected"] = list(reply.projected)
+    details |= {"analysis": action.analysis, "projected": list(action.projected)}
+    if action.kind == "jacobian":
+        candidates = differences(situation, action.parameters, situation.context.simulations_left)
+        details["authors"] = ["jacobian"] * len(candidates)
+    else:
+        candidates = list(action.candidates)
     return Proposal(
-        (damped(space, base.candidate, reply.candidate, share),),
-        hypothesis=reply.hypothesis,
-        rationale=reply.rationale,
-        updates=reply.updates,
+        tuple(candidates),
+        hypothesis=action.hypothesis,
+        rationale=action.rationale,
+        action=action.kind,
+        updates=action.updates or {},
         details=details,
+        advancing=action.kind == "jacobian" or _got_on(situation),
     )
 
 
-def damped(space: ParameterSpace, base: Candidate, wanted: Candidate, share: float) -> dict[str, float]:
-    """The point a share of the way from the base to the wanted candidate, on each parameter's own scale."""
-    if share >= 1.0:
-        return space.project(wanted)
-    start, end = space.to_unit(base), space.to_unit(wanted)
-    return space.from_unit(start + share * (end - start))
+def _got_on(situation: Situation) -> bool:
+    """Whether the latest round brought the search closer by its own measure."""
+    trials = situation.context.trials
+    before = [trial for trial in trials if (trial.phase, trial.round) != (trials[-1].phase, trials[-1].round)]
+    return bool(before) and situation.base.misfit < (1.0 - _IMPROVEMENT) * closest(before).misfit

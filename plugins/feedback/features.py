@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ...core.alignment import StepPair, pair_steps
+from ...core.residuals import DURATION_TOLERANCE, tolerance_at
 from ...core.signals import Signal, slug
 from ...core.simulation import Outcome
 from ...core.task import Experiment, Task
@@ -14,11 +17,24 @@ _PARTS = {"early": (0.05, 0.25), "middle": (0.40, 0.60), "late": (0.75, 0.95)}
 _POINTS, _SWING_POINTS = 9, 100
 """Points of a part of a step by which a level is judged, and a swing of some ten periods."""
 
-_FEW = 12
+FEW = 12
 """Steps described in detail; of longer records the longest steps stand for all."""
 
 
 def features(task: Task, outcome: Outcome) -> dict[str, float]:
+    """Signed mismatches, simulated minus measured, by name: the values of `mismatches`."""
+    return {name: found.value for name, found in mismatches(task, outcome).items()}
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """A feature's value, simulated minus measured, and the size that counts as one."""
+
+    value: float
+    tolerance: float
+
+
+def mismatches(task: Task, outcome: Outcome) -> dict[str, Mismatch]:
     """Signed mismatches, simulated minus measured, by name.
 
     Names end in their unit: ``cc_charge_time_mismatch_s``, ``cc_discharge_middle_shift_mv``,
@@ -26,18 +42,19 @@ def features(task: Task, outcome: Outcome) -> dict[str, float]:
     ``free_decay_late_displacement_shift_mm``. A signal that oscillates has, for a shift, the mismatch of its
     amplitude and its delay: ``..._amplitude_shift_mm``, ``..._lag_s``, positive where the simulation is late.
     The names depend on the task alone, except that steps a failed simulation never reached are missing.
+    Tolerances are those of the residuals: of a duration, of a signal, of a signal's slope for a delay.
 
     Returns
     -------
-    dict of str to float
+    dict of str to Mismatch
     """
-    result: dict[str, float] = {}
+    result: dict[str, Mismatch] = {}
     for number, (experiment, run) in enumerate(zip(task.experiments, outcome.runs, strict=True), start=1):
-        prefix = f"record_{number}_" if len(task.experiments) > 1 else ""
+        prefix = record_prefix(task, number)
         found = pair_steps(run.trajectory, experiment)
         # The one-second rests of the paper's protocol say nothing of their own.
         pairs = [pair for pair in found if pair.measured.duration >= task.domain.too_brief_s]
-        longest = sorted(pairs, key=lambda pair: -pair.measured.duration)[:_FEW]
+        longest = sorted(pairs, key=lambda pair: -pair.measured.duration)[:FEW]
         # The last step of a failed simulation is cut short, and its duration says nothing.
         reached = [pair for pair in pairs if pair in longest and (pair.simulated is not None or run.failure is None)]
         for place, pair in enumerate(reached):
@@ -47,31 +64,39 @@ def features(task: Task, outcome: Outcome) -> dict[str, float]:
     return result
 
 
-def _step_features(name: str, pair: StepPair, task: Task, experiment: Experiment) -> dict[str, float]:
-    result: dict[str, float] = {}
+def record_prefix(task: Task, number: int) -> str:
+    """What stands before the names of one record's steps; nothing where there is but one record."""
+    return f"record_{number}_" if len(task.experiments) > 1 else ""
+
+
+def _step_features(name: str, pair: StepPair, task: Task, experiment: Experiment) -> dict[str, Mismatch]:
+    result: dict[str, Mismatch] = {}
     rests = pair.step.kind is StepKind.REST
     if experiment.protocol is not None and not rests:
         measured_s, simulated_s = pair.duration_s
-        result[f"{name}_time_mismatch_s"] = simulated_s - measured_s
+        result[f"{name}_time_mismatch_s"] = Mismatch(simulated_s - measured_s, DURATION_TOLERANCE * measured_s)
     for part, (begin, end) in _PARTS.items():
         if rests and part != "late":
             continue
         for signal in task.compared(pair.step.kind, experiment):
-            result.update(_signal_features(f"{name}_{part}", pair, signal, task, begin, end))
-    return {key: value for key, value in result.items() if np.isfinite(value)}
+            result.update(_signal_features(f"{name}_{part}", pair, signal, task, experiment, begin, end))
+    return {key: found for key, found in result.items() if np.isfinite(found.value)}
 
 
 def _signal_features(
-    name: str, pair: StepPair, signal: Signal, task: Task, begin: float, end: float
-) -> dict[str, float]:
+    name: str, pair: StepPair, signal: Signal, task: Task, experiment: Experiment, begin: float, end: float
+) -> dict[str, Mismatch]:
     if signal.oscillates:
         return _swing_features(f"{name}_{signal.name}", pair, signal, begin, end)
     measured, simulated = pair.curves(signal, np.linspace(begin, end, _POINTS))
     if signal.relative:
         scale = float(np.mean(np.abs(measured))) or 1.0
         shift = 100.0 * float(np.mean(np.abs(simulated) - np.abs(measured))) / scale
-        return {f"{name}_{signal.name}_shift_pct": shift}
-    return {f"{name}_{_shift(task, signal)}": signal.shown_scale * float(np.mean(simulated - measured))}
+        return {
+            f"{name}_{signal.name}_shift_pct": Mismatch(shift, 100.0 * tolerance_at(signal, scale, experiment) / scale)
+        }
+    shift = signal.shown_scale * float(np.mean(simulated - measured))
+    return {f"{name}_{_shift(task, signal)}": Mismatch(shift, signal.shown_scale * signal.tolerance)}
 
 
 def _shift(task: Task, signal: Signal) -> str:
@@ -80,7 +105,7 @@ def _shift(task: Task, signal: Signal) -> str:
     return f"{subject}shift_{signal.suffix}"
 
 
-def _swing_features(name: str, pair: StepPair, signal: Signal, begin: float, end: float) -> dict[str, float]:
+def _swing_features(name: str, pair: StepPair, signal: Signal, begin: float, end: float) -> dict[str, Mismatch]:
     """How much larger a signal swings than the measured one, and how much later; smooth where both are small."""
     fractions = np.linspace(begin, end, _SWING_POINTS)
     measured, simulated = pair.curves(signal, fractions)
@@ -88,33 +113,14 @@ def _swing_features(name: str, pair: StepPair, signal: Signal, begin: float, end
     moved = float(rate @ rate)
     # A curve that comes late by a short time lies off by that time times the slope.
     lag_s = float(rate @ (measured - simulated)) / moved if moved > 0 else 0.0
-    return {
-        f"{name}_amplitude_shift_{signal.suffix}": signal.shown_scale * (_amplitude(simulated) - _amplitude(measured)),
-        f"{name}_lag_s": lag_s,
-    }
+    larger = signal.shown_scale * (_amplitude(simulated) - _amplitude(measured))
+    slope = float(np.sqrt(np.mean(rate**2)))
+    found = {f"{name}_amplitude_shift_{signal.suffix}": Mismatch(larger, signal.shown_scale * signal.tolerance)}
+    if slope > 0:
+        found[f"{name}_lag_s"] = Mismatch(lag_s, signal.tolerance / slope)
+    return found
 
 
 def _amplitude(values: FloatArray) -> float:
     """Of the sine with the same root mean square about its mean."""
     return float(np.sqrt(2.0) * np.std(values))
-
-
-def good_enough(task: Task) -> dict[str, float]:
-    """Mismatches that are as good as none, by the end of a feature's name.
-
-    A delay is one tolerance where it moves the curve, on average over the record, by that much.
-    """
-    found: dict[str, float] = {}
-    for signal in task.observed:
-        rates = [
-            np.gradient(piece.values(signal.name), piece.time)
-            for experiment in task.experiments
-            for _, piece in experiment.scored_target.pieces()
-            if len(piece) > 2 and np.all(np.diff(piece.time) > 0)
-        ]
-        swing = float(np.sqrt(np.mean(np.concatenate(rates) ** 2))) if rates else 0.0
-        amplitude = f"{signal.name}_amplitude_shift_{signal.suffix}"
-        found[amplitude if signal.oscillates else _shift(task, signal)] = signal.tolerance * signal.shown_scale
-        if signal.oscillates and swing > 0:
-            found[f"{signal.name}_lag_s"] = signal.tolerance / swing
-    return found

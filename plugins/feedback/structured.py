@@ -11,8 +11,9 @@ from ...core.signals import Signal
 from ...core.simulation import Outcome
 from ...core.task import Task
 from ...core.trajectory import Trajectory
-from .features import features
+from .features import mismatches
 from .rounding import rounded
+from .steps import by_step
 
 
 def scalar_residuals(task: Task, metrics: Metrics | None) -> dict[str, float]:
@@ -75,7 +76,7 @@ class ScalarFeedback:
 
 
 class StructuredFeedback:
-    """Residuals by signal, features by step, events."""
+    """Residuals by signal, features and residuals by step, events."""
 
     def __init__(self, options: Any, context: RunContext) -> None:
         self._task = context.task
@@ -83,11 +84,14 @@ class StructuredFeedback:
     @hookimpl
     def build_feedback(self, outcome: Outcome, metrics: Metrics | None, index: int) -> Feedback:
         """See `RunHooks.build_feedback`."""
+        found = mismatches(self._task, outcome)
         return Feedback(
             rounded(
                 {
                     "residuals": residuals_by_signal(self._task, metrics if outcome.ok else None),
-                    "features": features(self._task, outcome),
+                    "features": {name: mismatch.value for name, mismatch in found.items()},
+                    "tolerances": {name: mismatch.tolerance for name, mismatch in found.items()},
+                    **by_step(self._task, outcome),
                     "events": events(self._task, outcome),
                 }
             )

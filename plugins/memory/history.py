@@ -8,71 +8,103 @@ from typing import Any
 from pydantic import BaseModel, Field
 
 from ...core.hooks import Recollection, RunContext, hookimpl
-from ...core.prompt_sections import TRIALS
+from ...core.prompt_sections import TRIALS, table
 from ...core.proposal import Proposal
-from ...core.trial import Trial
+from ...core.trial import Trial, closest
 from ..feedback.rounding import rounded
+
+_NOTE_CHARS = 60
+_STEP_DECIMALS = 2
 
 
 class HistoryOptions(BaseModel, extra="forbid"):
     """What the per-round memory shows."""
 
-    rounds: int = Field(24, ge=1, description="Trials shown at most: the best ones and the latest ones.")
+    rounds: int = Field(9, ge=1, description="Trials shown at most: the closest ones and the latest ones.")
+    with_features: int = Field(2, ge=0, description="So many of the latest of them are shown with all their features.")
 
 
 class HistoryMemory:
-    """Shows earlier trials as a table: parameter values, features, errors and hypotheses.
+    """Shows earlier trials as tables: parameter values, errors, who asked for them and why, and the latest features.
 
-    The best trials and the latest ones are shown; warm-up trials are left to the sensitivity memory.
+    Values are told in typical steps above those of the closest trial, as the sensitivities are.
     """
 
     def __init__(self, options: HistoryOptions, context: RunContext) -> None:
         self._options = options
-        self._names = context.task.space.names
-        self._rows: list[dict[str, Any]] = []
-        self._objectives: list[float] = []
+        self._space = context.task.space
+        self._trials: list[Trial] = []
+        self._notes: list[tuple[str, str]] = []
+        self._proposal: Proposal | None = None
+        self._place = 0
 
     @hookimpl
     def remember(self, trial: Trial, proposal: Proposal | None) -> None:
         """See `RunHooks.remember`."""
-        # An reduced simulation has no place in a table of fits.
-        if trial.phase == "warm-up" or trial.reduction is not None:
-            return
-        content = trial.feedback.content
-        row: dict[str, Any] = {
-            "trial": trial.index,
-            "values": [trial.candidate[name] for name in self._names],
-            **content.get("residuals", {}),
-        }
-        if "features" in content:
-            row["features"] = list(content["features"].values()) if trial.ok else "incomplete"
-            self._feature_names = list(content["features"]) if trial.ok else getattr(self, "_feature_names", [])
-        if not trial.ok:
-            row["events"] = list(content.get("events", ()))
-        if proposal is not None and proposal.hypothesis:
-            row["hypothesis"] = proposal.hypothesis[:160]
-        self._rows.append(rounded(row, digits=5))
-        self._objectives.append(trial.objective)
+        self._place = self._place + 1 if proposal is self._proposal else 0
+        self._proposal = proposal
+        # A simulation of another task has no place in a table of fits.
+        if trial.reduction is None:
+            self._trials.append(trial)
+            self._notes.append((_author(trial, proposal, self._place), _note(trial, proposal)))
 
     @hookimpl
     def recall(self, budget: int) -> Recollection | None:
         """See `RunHooks.recall`."""
-        if not self._rows:
+        if not self._trials:
             return None
-        count = min(self._options.rounds, len(self._rows))
-        while True:
-            content = {
-                "parameters": list(self._names),
-                "features": getattr(self, "_feature_names", []),
-                "trials": [self._rows[place] for place in self._shown(count)],
+        for count in range(min(self._options.rounds, len(self._trials)), 0, -1):
+            content = self._content(self._shown(count))
+            if len(json.dumps(content)) <= budget:
+                break
+        return Recollection(TRIALS, content, priority=2)
+
+    def _content(self, places: list[int]) -> dict[str, Any]:
+        now = closest(self._trials)
+        errors = list(now.feedback.content.get("residuals", {}))[:1]
+        told = any(trial.misfit < float("inf") for trial in self._trials) and bool(now.feedback.content.get("features"))
+        rows = []
+        for place in places:
+            trial, (author, note) = self._trials[place], self._notes[place]
+            steps = self._space.steps_between(now.candidate, trial.candidate)
+            residuals = trial.feedback.content.get("residuals", {})
+            told_errors = [*([trial.misfit] * told), *(residuals.get(name) for name in errors)]
+            told_steps = [round(float(step), _STEP_DECIMALS) for step in steps]
+            rows.append([trial.index, author, *told_errors, told_steps, note])
+        content: dict[str, Any] = {
+            "meaning": f"steps_from_present: of each parameter, in the order of the task, above trial {now.index}",
+            "trials": rounded(
+                table(["trial", "asked_by", *["misfit_tolerances"] * told, *errors, "steps_from_present", "note"], rows)
+            ),
+        }
+        latest = [self._trials[place] for place in places if self._trials[place].ok and self._trials[place] is not now]
+        names = list(now.feedback.content.get("features", {}))
+        if names and latest and self._options.with_features:
+            # Their names stand in the feedback.
+            content["features_in_the_order_of_the_feedback"] = {
+                f"trial_{trial.index}": [trial.feedback.numbers.get(name) for name in names]
+                for trial in latest[-self._options.with_features :]
             }
-            if count <= 1 or len(json.dumps(content)) <= budget:
-                return Recollection(TRIALS, content, priority=2)
-            count -= 1
+        return content
 
     def _shown(self, count: int) -> list[int]:
-        """The places of the best half and the latest half, in order of time."""
-        places = range(len(self._rows))
-        best = sorted(places, key=lambda place: self._objectives[place])[: (count + 1) // 2]
+        """The places of the closest half and the latest half, in order of time."""
+        places = range(len(self._trials))
+        best = sorted(places, key=lambda place: (self._trials[place].misfit, self._trials[place].objective))
+        best = best[: (count + 1) // 2]
         latest = [place for place in reversed(places) if place not in best][: count - len(best)]
         return sorted([*best, *latest])
+
+
+def _author(trial: Trial, proposal: Proposal | None, place: int) -> str:
+    """Who asked for a trial: the phase, or what the proposer says of the candidate at that place."""
+    authors = proposal.details.get("authors") if proposal is not None else None
+    if isinstance(authors, (list, tuple)) and place < len(authors):
+        return str(authors[place])
+    return trial.phase
+
+
+def _note(trial: Trial, proposal: Proposal | None) -> str:
+    if not trial.ok:
+        return "; ".join(map(str, trial.feedback.content.get("events", ())))[:_NOTE_CHARS]
+    return proposal.hypothesis[:_NOTE_CHARS] if proposal is not None else ""

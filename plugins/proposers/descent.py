@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field
 
 from ...core.least_squares import LeastSquares, Settings
 from ...core.parameters import Candidate
-from ...core.residuals import noise_of_residuals
+from ...core.residuals import noise_of_residuals, rms
 from ...core.task import Task
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial
@@ -223,13 +223,23 @@ class Descent:
             self._restarting = self._search.cost > self._best.cost
 
     def adopt(self, trial: Trial) -> None:
-        """Go on from a better point that somebody else found."""
-        self._best = self.best
+        """Go on from a better point that somebody else found, with what is believed of the derivatives."""
+        best = self.best
+        jacobian = None
+        if best is not None and best.jacobian is not None and best.residual is not None and trial.residuals is not None:
+            step = self._task.space.to_unit(trial.candidate) - best.point
+            unexplained = trial.residuals - best.residual - best.jacobian @ step
+            jacobian = best.jacobian + np.outer(unexplained, step) / max(float(step @ step), 1e-300)
+        self._best = best
         self._told.append(trial)
-        self._search = self._search_from(trial.candidate, trial.residuals)
+        self._feasibility = None
+        self._search = self._search_from(trial.candidate, trial.residuals, jacobian)
         self._out_of_ideas = self._restarting = False
+        self._polled = []
 
-    def _search_from(self, candidate: Candidate, residuals: FloatArray | None) -> LeastSquares:
+    def _search_from(
+        self, candidate: Candidate, residuals: FloatArray | None, jacobian: FloatArray | None = None
+    ) -> LeastSquares:
         self._first_misfit = self._first_misfit or rms(residuals)
         freedom = max(len(self._noise_of_each) - len(self._task.space), 1)
         settings = Settings(
@@ -240,7 +250,7 @@ class Descent:
             tolerance=1.0 / freedom,
             enough=PERFECT,
         )
-        return LeastSquares(self._task.space.to_unit(candidate), residuals, settings)
+        return LeastSquares(self._task.space.to_unit(candidate), residuals, settings, jacobian=jacobian)
 
     def _is_too_slow(self) -> bool:
         """Whether a fit far from the record has come to a new Jacobian without having gained much by the last one."""
@@ -301,9 +311,4 @@ class Descent:
 
 def _promise(trial: Trial) -> float:
     """Low where residuals and score are both low: what is good by one alone often owes it to a vanished step."""
-    return rms(trial.residuals) * trial.objective
-
-
-def rms(residual: FloatArray | None) -> float:
-    """Root mean square; infinite for none."""
-    return float("inf") if residual is None else float(np.sqrt(np.mean(np.square(residual))))
+    return trial.misfit * trial.objective

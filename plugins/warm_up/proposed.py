@@ -12,12 +12,13 @@ from ...core.parameters import Candidate, ParameterSpace
 from ...core.prompt_sections import INSTRUCTION, title
 from ...core.proposal import Proposal
 from ..agent.conversation import ask
-from ..agent.prompt import situation, system_message
+from ..agent.method import system_message
 from ..agent.proposer import require_backend
-from ..agent.reply_schema import apply_updates, updates_schema
+from ..agent.situation import Situation
+from ..agent.updates import apply_updates, updates_schema
 from .random import RandomWarmUp, RandomWarmUpOptions
 
-_MEMORY_BUDGET = 9000
+_MEMORY_BUDGET = 4500
 
 
 class ProposedWarmUp:
@@ -31,13 +32,15 @@ class ProposedWarmUp:
     def warm_up(self, context: ProposeContext) -> Proposal:
         """See `RunHooks.warm_up`."""
         space, base, wanted = context.task.space, context.best, context.simulations_left
-        sections, images = situation(context, base, None, _MEMORY_BUDGET)
+        situation = Situation.of(context, _MEMORY_BUDGET)
+        sections = situation.sections()
         sections.append(
             f"{title(INSTRUCTION)}Before the search, we learn what each parameter does. Propose {wanted} "
             "perturbations of the present values; each will be simulated. Choose them so that every "
             'parameter\'s effect can be told from the others. Write changes as "*1.1" or "+0.02".'
         )
-        messages = [system_message(context.task), Message("user", "\n\n".join(sections), images)]
+        system = system_message(context.task, situation.base)
+        messages = [system, Message("user", "\n\n".join(sections), situation.images)]
         answer = ask(
             self._backend,
             messages,

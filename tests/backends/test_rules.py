@@ -2,24 +2,24 @@ import json
 
 import pytest
 from bsa.backends.rules.backend import RulesBackend
-from bsa.backends.rules.coordinates import change_by, to_steps
 from bsa.backends.rules.reading import read_prompt
+from bsa.core.feedback import Feedback
 from bsa.core.messages import Message
-from bsa.core.prompt_sections import FEEDBACK, PRIORS, SENSITIVITIES, TASK, TRIALS, section
+from bsa.core.prompt_sections import FEEDBACK, LAST_ATTEMPT, PRIORS, SENSITIVITIES, TASK, TRIALS, section, table
 from bsa.core.proposal import apply_change
 from bsa.core.sensitivities import Sensitivities
+from bsa.core.typical_steps import change_by, to_steps
 from hypothesis import given
 from hypothesis import strategies as st
 
-PARAMETERS = {
-    "Capacity [A.h]": {"initial": 1.0, "now": 1.0, "typical_step": "*1.1"},
-    "Initial state of charge": {"initial": 0.5, "now": 0.5, "typical_step": "+0.05"},
-}
+CAPACITY, CHARGE = "Capacity [A.h]", "Initial state of charge"
+COLUMNS = ("parameter", "now", "step", "lower", "upper")
+PARAMETERS = table(COLUMNS, [[CAPACITY, 1.0, "*1.1", 0.5, 3.0], [CHARGE, 0.5, "+0.05", 0.0, 1.0]])
 SCHEMA = {"properties": {"analysis": {}, "hypothesis": {}, "updated_params": {}, "rationale": {}}}
 
 
-def ask(*sections: str) -> dict[str, object]:
-    task = section(TASK, {"parameters": PARAMETERS})
+def ask(*sections: str, parameters: object = PARAMETERS) -> dict[str, object]:
+    task = section(TASK, {"parameters": parameters})
     messages = [Message("system", "s"), Message("user", "\n\n".join([task, *sections]))]
     answer = json.loads(RulesBackend().complete(messages, SCHEMA, seed=0).text)
     assert set(answer) == set(SCHEMA["properties"])
@@ -27,7 +27,7 @@ def ask(*sections: str) -> dict[str, object]:
 
 
 def feedback(**features: float) -> str:
-    return section(FEEDBACK, {"trial": 0, "features": features})
+    return section(FEEDBACK, {"trial": 0, **Feedback({"features": features}).told()})
 
 
 def effects(**content: dict[str, float]) -> str:
@@ -45,33 +45,29 @@ def test_it_solves_what_the_learnt_sensitivities_say() -> None:
 def test_linear_parameters_are_moved_by_adding() -> None:
     learnt = effects(**{"Initial state of charge": {"rest_late_shift_mv": 20.0}})
     answer = ask(feedback(rest_late_shift_mv=40.0), learnt)
-    assert answer["updated_params"]["Initial state of charge"].startswith("-0.09")
+    assert answer["updated_params"]["Initial state of charge"].startswith("-0.1")
 
 
 def test_without_memory_it_goes_by_the_domain_rules() -> None:
-    priors = section(
-        PRIORS,
-        {
-            "bounds": {"Capacity [A.h]": [0.5, 3.0]},
-            "rules": [{"parameter": "Capacity [A.h]", "raises": ["discharge_time"], "lowers": []}],
-        },
-    )
+    rules = table(["parameter", "raises", "lowers", "why"], [[CAPACITY, "discharge_time", "", ""]])
+    priors = section(PRIORS, {"rules": rules})
     answer = ask(feedback(cc_discharge_time_mismatch_s=-600.0), priors)
     assert apply_change(1.0, answer["updated_params"]["Capacity [A.h]"]) > 1.0
     assert "domain rules" in str(answer["rationale"])
 
 
 def test_bounds_told_in_the_prompt_are_kept() -> None:
-    priors = section(PRIORS, {"bounds": {"Capacity [A.h]": [0.5, 1.05]}, "rules": []})
+    bounded = table(COLUMNS, [[CAPACITY, 1.0, "*1.1", 0.5, 1.05]])
     learnt = effects(**{"Capacity [A.h]": {"cc_discharge_time_mismatch_s": 100.0}})
-    answer = ask(feedback(cc_discharge_time_mismatch_s=-600.0), priors, learnt)
+    answer = ask(feedback(cc_discharge_time_mismatch_s=-600.0), learnt, parameters=bounded)
     assert apply_change(1.0, answer["updated_params"]["Capacity [A.h]"]) == pytest.approx(1.05, rel=1e-4)
 
 
 def test_knowing_nothing_it_probes_one_parameter_at_a_time() -> None:
     first = ask(feedback(cc_discharge_time_mismatch_s=-600.0))
     assert len(first["updated_params"]) == 1
-    history = section(TRIALS, {"parameters": [], "features": [], "trials": [{}, {}]})
+    rows = [[number, "search", [0.0, 0.0]] for number in range(2)]
+    history = section(TRIALS, {"trials": table(["trial", "asked_by", "steps_from_present"], rows)})
     later = ask(feedback(cc_discharge_time_mismatch_s=-600.0), history)
     assert set(later["updated_params"]) != set(first["updated_params"])
 
@@ -103,4 +99,28 @@ def test_it_sees_only_the_first_user_message() -> None:
         Message("assistant", "{}"),
         Message("user", section(TASK, {"parameters": {}})),
     ]
-    assert list(read_prompt(messages).parameters) == list(PARAMETERS)
+    assert list(read_prompt(messages).parameters) == [CAPACITY, CHARGE]
+
+
+ALONE = {"properties": {"action": {"enum": ["set", "jacobian"]}, **SCHEMA["properties"]}}
+
+
+def act(*sections: str) -> dict[str, object]:
+    messages = [Message("user", "\n\n".join([section(TASK, {"parameters": PARAMETERS}), *sections]))]
+    return dict(json.loads(RulesBackend().complete(messages, ALONE, seed=0).text))
+
+
+def test_what_is_not_measured_is_measured_where_there_is_room_for_it() -> None:
+    told = {"trial": 0, **Feedback({"features": {"rest_late_shift_mv": 40.0}}).told()}
+    learnt = effects(**{CAPACITY: {"rest_late_shift_mv": 3.0}})
+    answer = act(section(FEEDBACK, {**told, "simulations_left": 9}), learnt)
+    assert (answer["action"], answer["params"]) == ("jacobian", [CHARGE])
+    assert act(section(FEEDBACK, {**told, "simulations_left": 1}), learnt)["action"] == "set"
+    assert act(section(FEEDBACK, {**told, "simulations_left": 9}))["action"] == "set"
+
+
+def test_after_a_change_that_was_no_better_the_next_is_shorter() -> None:
+    learnt = effects(**{CAPACITY: {"cc_discharge_time_mismatch_s": 100.0}})
+    failed = section(LAST_ATTEMPT, {"trial": 3, "changed_by_steps": {CAPACITY: 2.0}})
+    answer = ask(feedback(cc_discharge_time_mismatch_s=-600.0), learnt, failed)
+    assert apply_change(1.0, answer["updated_params"][CAPACITY]) == pytest.approx(1.1**0.8, rel=1e-3)

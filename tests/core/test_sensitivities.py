@@ -1,7 +1,9 @@
 import json
 from typing import Any
 
-from bsa.core.sensitivities import Sensitivities
+import numpy as np
+import pytest
+from bsa.core.sensitivities import Sensitivities, linear_change
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -10,6 +12,7 @@ ANY_JSON = st.recursive(
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=8), inner, max_size=4),
     max_leaves=12,
 )
+COLUMNS = ["parameter", "points", "misprediction_pct"]
 NAMES = st.text(min_size=1, max_size=12)
 EFFECTS = st.dictionaries(NAMES, st.dictionaries(NAMES, st.floats(-1e12, 1e12), min_size=1, max_size=4), max_size=4)
 
@@ -18,9 +21,11 @@ EFFECTS = st.dictionaries(NAMES, st.dictionaries(NAMES, st.floats(-1e12, 1e12), 
 def test_what_is_written_is_read_to_three_digits(effects: dict[str, dict[str, float]]) -> None:
     read = Sensitivities.read(json.loads(json.dumps(Sensitivities(effects, "a test").content(10**6))))
     assert read.learnt_from == "a test"
-    assert read.effects == {
-        name: {feature: float(f"{value:.3g}") for feature, value in rows.items()} for name, rows in effects.items()
-    }
+    assert {name: set(rows) for name, rows in read.effects.items()} == {n: set(rows) for n, rows in effects.items()}
+    for name, rows in effects.items():
+        for feature, value in rows.items():
+            largest = max(abs(other.get(feature, 0.0)) for other in effects.values())
+            assert abs(read.effects[name][feature] - value) <= 5.1e-3 * abs(value) + 1e-4 * largest + 1e-322
 
 
 @given(ANY_JSON, ANY_JSON)
@@ -28,7 +33,7 @@ def test_any_content_is_read(content: Any, effects: Any) -> None:
     for shape in (
         content,
         {"unit": "typical_step", "effects": effects},
-        {"unit": "typical_step", "effects": {"a": effects}},
+        {"unit": "typical_step", "effects": {"columns": [*COLUMNS, "f"], "rows": [["a", 1, 0.0, effects]]}},
     ):
         for rows in Sensitivities.read(shape).effects.values():
             assert rows
@@ -42,8 +47,19 @@ def test_another_unit_is_not_taken_for_a_typical_step() -> None:
     assert Sensitivities.read({"effects": content["effects"]}).effects == {}
 
 
-def test_a_short_budget_keeps_the_strongest_effect_of_each_parameter() -> None:
+def test_a_short_budget_keeps_the_strongest_feature() -> None:
     effects = {name: {f"feature_{place}_mv": float(place) for place in range(1, 9)} for name in "abc"}
-    content = Sensitivities(effects).content(280)
-    assert content["effects"] == {name: {"feature_8_mv": 8.0} for name in "abc"}
-    assert len(json.dumps(content)) <= 280
+    content = Sensitivities(effects).content(330)
+    assert content["effects"]["columns"] == [*COLUMNS, "feature_8_mv"]
+    assert Sensitivities.read(content).effects == {name: {"feature_8_mv": 8.0} for name in "abc"}
+    assert len(json.dumps(content)) <= 330
+
+
+def test_a_prediction_adds_effects_up_and_the_linear_change_undoes_a_mismatch() -> None:
+    learnt = Sensitivities({"a": {"f": 2.0, "g": 1.0}, "b": {"g": -3.0}})
+    assert learnt.predicted({"f": 4.0, "g": 0.0}, {"a": -2.0, "b": 1.0, "unknown": 5.0}) == {"f": 0.0, "g": -5.0}
+    slopes = learnt.slopes(["a", "b"], ["f", "g"])
+    far, mismatch = np.full(2, 9.0), np.array([4.0, 0.0])
+    change = linear_change(slopes, mismatch, np.ones(2), -far, far, 9.0)
+    assert slopes @ change == pytest.approx(-mismatch, abs=1e-6)
+    assert np.linalg.norm(linear_change(slopes, mismatch, np.ones(2), -far, far, 0.5)) <= 0.5 + 1e-9

@@ -5,47 +5,42 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ....core.hooks import ProposeContext
 from ....core.messages import Message
 from ....core.prompt_sections import INSTRUCTION, NUMERICS, section, title
-from ....core.trial import Trial
-from ...agent.prompt import situation, system_message
+from ...agent.actions import Offer
+from ...agent.method import system_message
+from ...agent.prompt import instruction
+from ...agent.situation import Situation
 from ...feedback.rounding import rounded
 
-_INSTRUCTION = """\
-A least-squares fit works beside you and does the arithmetic. You decide what to try. Give your analysis, one \
-hypothesis about the physical cause, one action and your reasons. The actions:
-- "refine": let the fit go on for "simulations" steps. With "refine_params" only those parameters move for a while.
-- "set": try the values in "updated_params" ("*1.2", "+0.02", or an absolute value; applied to the present values).
-- "jacobian": measure again what each parameter does at the present values.
-- "restart": go on from the earlier trial with the number "trial".
-- "reduce": {gentler}
-"the_record" under Numerics says which parameters the record fixes, which it leaves open, and which move together: \
-do not look for causes in open ones.
-Let the fit go on while it gets on. Step in when it is stuck, when simulations fail or a step has vanished, or when \
-you see a cause that it cannot see. What you try is kept only if it is better."""
+_BESIDE = """\
+A least-squares fit works beside you and does the arithmetic; you decide what to try. "asked_by" tells its trials from \
+yours. A point of yours that is clearly better than the fit's becomes the fit's at once. Your share of the simulations \
+stands under Numerics, and "the_record" there says which parameters the record fixes, leaves open, or moves only \
+together where the fit stands{near}.
+Let the fit go on while it gets on. Step in when it is slow, when simulations fail or a step has vanished, or when \
+you see a cause that it cannot see."""
+
+_NEAR = ": near the noise, as here, open ones are no causes"
+_NEAR_THE_NOISE = 3.0
+"""Misfit in tolerances below which what the record leaves open can be told from what is merely far off."""
 
 
-def build_messages(
-    context: ProposeContext, base: Trial, last: Trial | None, numerics: Mapping[str, Any], budget: int
-) -> list[Message]:
+def build_messages(situation: Situation, offer: Offer, numerics: Mapping[str, Any]) -> list[Message]:
     """The conversation that asks for the next action.
 
     Parameters
     ----------
-    context : ProposeContext
+    situation : Situation
         Where the run stands.
-    base : Trial
-        The candidate to which changes apply.
-    last : Trial or None
-        The agent's latest attempt, where it was no better.
+    offer : Offer
+        What may be asked for.
     numerics : mapping
         What the fit is doing.
-    budget : int
-        Characters for each memory.
     """
-    sections, images = situation(context, base, last, budget)
-    instruction = _INSTRUCTION.replace("{gentler}", context.task.domain.gentler)
-    sections.append(section(NUMERICS, rounded(dict(numerics))))
-    sections.append(f"{title(INSTRUCTION)}{instruction} Simulations left: {context.simulations_left}.")
-    return [system_message(context.task), Message("user", "\n\n".join(sections), images)]
+    near = _NEAR if situation.base.misfit < _NEAR_THE_NOISE else ""
+    sections = [*situation.sections(), section(NUMERICS, rounded(dict(numerics)))]
+    told = instruction(offer, situation.task.domain.gentler)
+    sections.append(f"{title(INSTRUCTION)}{_BESIDE.replace('{near}', near)}\n{told}")
+    system = system_message(situation.task, situation.base, offer.analysis_chars > 0)
+    return [system, Message("user", "\n\n".join(sections), situation.images)]

@@ -1,15 +1,9 @@
 """The hybrid: a least-squares fit that keeps the initiative, and an agent that acts beside it.
 
-No harm by construction (the guarantee that COBOL gives for advice from people): the main fit is the
-least-squares proposer's own, asked and told as if the agent were not there, until it ends by itself, and
-at least four fifths of the simulations are its. The agent's trials run on an account of their own. Only
-once the main fit has nothing left to gain does it go over to a better point that the agent found. So
-whatever the agent says, the run ends no worse than least squares with a fifth fewer simulations.
-
-References
-----------
-Xu, Adachi, Jones & Osborne, "Principled Bayesian Optimisation in Collaboration with Human Experts",
-NeurIPS 2024, arXiv:2410.10452.
+The main fit is the least-squares proposer's own, and at least four fifths of the simulations are its until it ends by
+itself. The agent's trials run on an account of their own, and the fit goes over to a point of the agent's only where
+its cost is clearly lower than the fit's. So an agent that finds nothing better leaves the fit as it would be alone
+with a fifth fewer simulations, and one that does saves it the way.
 """
 
 from __future__ import annotations
@@ -20,22 +14,22 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from ....core.hooks import ProposeContext, Recollection, RunContext, hookimpl
+from ....core.hooks import ProposeContext, RunContext, hookimpl
 from ....core.parameters import Candidate
-from ....core.prompt_sections import SENSITIVITIES
 from ....core.proposal import Proposal
-from ....core.sensitivities import Sensitivities
 from ....core.trial import Trial
-from ...agent.conversation import Answer, ask
-from ...agent.proposer import require_backend
+from ...agent.actions import Action, Kind, Offer
+from ...agent.conversation import Answer
+from ...agent.free_actions import steps_to_look_at
+from ...agent.proposer import converse, offered_free, require_backend
+from ...agent.situation import Situation
 from ..continuation import LOWERED, Continuation, CurrentRateContinuation, FirstCycleContinuation, Reductions
-from ..descent import Descent, DescentOptions, rms
+from ..descent import Descent, DescentOptions
 from ..feasibility import gentle_direction, progress
 from ..least_squares import action as main_action
 from ..least_squares import numbers, words
-from .actions import Action, action_schema, check_action
 from .agent_search import AgentSearch
-from .learnt import effects, open_questions, settled_questions
+from .learnt import settled_questions
 from .prompt import build_messages
 
 _NUDGE = 0.1
@@ -54,7 +48,9 @@ class HybridOptions(DescentOptions):
     """How the agent and the numerical fit share a run."""
 
     agent_share: float = Field(0.2, ge=0, le=0.5, description="Share of the simulations that the agent may direct.")
-    memory_budget: int = Field(9000, ge=500, description="Characters that each memory may take in the prompt.")
+    memory_budget: int = Field(4500, ge=500, description="Characters that each memory may take in the prompt.")
+    analysis_chars: int = Field(4000, ge=100, description="Longest analysis inside the reply, in characters.")
+    free_actions: int = Field(3, ge=0, description="Free questions (predict, look) in a round at most.")
 
 
 class HybridProposer:
@@ -71,7 +67,7 @@ class HybridProposer:
         self._last_attempt: Trial | None = None
         self._log: list[dict[str, Any]] = []
         self._misfits: list[float] = []
-        self._effects: dict[str, dict[str, float]] = {}
+        self._clipped: tuple[str, ...] = ()
         self._seen = 0
         self._main_asked = 0
         self._main_spent, self._agent_spent, self._hold = 0, 0, 0
@@ -99,18 +95,6 @@ class HybridProposer:
         self._seen = len(context.trials)
         return self._proposal(main_fit, main, own, answer, allowance, reductions)
 
-    @hookimpl
-    def recall(self, budget: int) -> Recollection | None:
-        """See `RunHooks.recall`: what the Jacobian says, in terms of the feedback's features."""
-        if not self._effects:
-            return None
-        remarks: dict[str, Any] = {}
-        best = self._main.best if self._main is not None else None
-        if best is not None and best.jacobian is not None and best.residual is not None:
-            remarks = open_questions(best.jacobian, best.residual, self._space, self._space.from_unit(best.point))
-        learnt = Sensitivities(self._effects, "finite differences at an earlier best point", remarks)
-        return Recollection(SENSITIVITIES, learnt.content(budget), priority=3)
-
     def _take(self, context: ProposeContext) -> Descent:
         """Hand the new trials to those who asked for them."""
         if self._main is None:
@@ -119,16 +103,12 @@ class HybridProposer:
             return self._main
         new = context.trials[self._seen :]
         ours, theirs = new[: self._main_asked], new[self._main_asked :]
-        base, differences = self._main.base, self._main.jacobian_next
         self._main.tell(ours)
-        if differences and base is not None:
-            self._effects |= effects(base, ours, self._space)
         self._main_spent += len(ours)
         self._hold -= len(ours)
         self._misfits.append(self._main.misfit)
         self._take_own(theirs)
-        better = self._agent_best is not None and _cost(self._agent_best) < _BETTER * self._main.cost
-        if self._main.exhausted and better and self._agent_best is not None:
+        if self._agent_best is not None and _cost(self._agent_best) < _BETTER * self._main.cost:
             self._main.adopt(self._agent_best)
         return self._main
 
@@ -147,10 +127,10 @@ class HybridProposer:
             self._agent_best = found
         self._last_attempt = found
         if self._log:
-            before = self._log[-1].get("misfit_reached")
-            reached = rms(found.residuals)
+            before = self._log[-1].get("misfit_reached_tolerances")
+            reached = found.misfit
             if reached < float("inf"):
-                self._log[-1]["misfit_reached"] = reached if before is None else min(before, reached)
+                self._log[-1]["misfit_reached_tolerances"] = reached if before is None else min(before, reached)
             elif before is None:
                 self._log[-1]["failed"] = True
 
@@ -174,24 +154,28 @@ class HybridProposer:
         return self._hold <= 0 if main_goes_on else main_fit.misfit > _WORTH_ASKING
 
     def _ask(self, context: ProposeContext, main_fit: Descent, allowance: int) -> Answer[Action]:
-        base, last = context.best, self._last_attempt
-        if last is not None and (last is base or last.objective < base.objective):
-            last = None
-        messages = build_messages(context, base, last, self._numerics(main_fit, allowance), self._options.memory_budget)
-        return ask(
-            self._backend,
-            messages,
-            action_schema(self._space, bool(context.task.domain.drives)),
-            lambda reply: check_action(reply, self._space, base.candidate, context.trials),
-            context.seed,
+        situation = Situation.of(context, self._options.memory_budget, self._last_attempt, self._clipped)
+        kinds: list[Kind] = ["refine", "set", "jacobian", "restart", "reduce"]
+        if allowance > 1:
+            kinds.insert(2, "simulate")
+        offer = Offer(
+            (*kinds, *offered_free(situation, self._options.free_actions)),
+            self._space,
+            steps_to_look_at(situation),
+            self._options.analysis_chars,
+            bool(context.task.domain.drives),
         )
+        messages = build_messages(situation, offer, self._numerics(main_fit, allowance))
+        answer, _ = converse(self._backend, situation, offer, messages, self._options.free_actions)
+        self._clipped = answer.value.projected if answer.value is not None else ()
+        return answer
 
     def _numerics(self, main_fit: Descent, allowance: int) -> dict[str, Any]:
         content: dict[str, Any] = {
             "status": main_fit.status,
             "misfit_tolerances": main_fit.misfit,
-            "misfit_by_round": self._misfits[-8:],
-            "you_may_spend": allowance,
+            "misfit_tolerances_by_round": self._misfits[-8:],
+            "simulations_you_may_spend": allowance,
             "your_last_actions": self._log[-_SHOWN_ACTIONS:],
         }
         best = main_fit.best
@@ -206,8 +190,8 @@ class HybridProposer:
         count = min(action.simulations, allowance)
         if action.carries_on:
             self._hold = action.simulations
-        elif action.kind == "set":
-            return [] if action.candidate is None or _known(action.candidate, context) else [action.candidate]
+        elif action.kind in ("set", "simulate"):
+            return [candidate for candidate in action.candidates if not _known(candidate, context)][:allowance]
         elif action.kind == "reduce" and context.task.domain.drives and (action.rate or action.cycles):
             self._agent_search = self._continuation(action, context, count)
         elif action.kind == "reduce":
@@ -269,6 +253,7 @@ class HybridProposer:
             "main_simulations": len(main),
             "agent_simulations": len(own),
             "agent_allowance": max(allowance, 0),
+            "authors": ["fit"] * len(main) + ["agent"] * len(own),
         }
         if answer is not None:
             details["problems"] = list(answer.problems)

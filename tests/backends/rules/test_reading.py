@@ -7,41 +7,57 @@ from typing import Any
 import pytest
 from bsa.backends.rules.backend import RulesBackend
 from bsa.backends.rules.reading import read_prompt
+from bsa.core.feedback import Feedback
 from bsa.core.messages import Message
-from bsa.core.prompt_sections import FEEDBACK, LAST_ATTEMPT, NUMERICS, PRIORS, SENSITIVITIES, TASK, TRIALS, section
+from bsa.core.prompt_sections import (
+    FEEDBACK,
+    LAST_ATTEMPT,
+    NUMERICS,
+    PRIORS,
+    SENSITIVITIES,
+    TASK,
+    TRIALS,
+    section,
+    table,
+)
 from bsa.core.sensitivities import Sensitivities
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 A, B = "Capacity [A.h]", "Initial state of charge"
+FEATURES = {"cc_discharge_time_mismatch_s": -600.0}
 SECTIONS: dict[str, Any] = {
     TASK: {
-        "parameters": {
-            A: {"initial": 1.0, "now": 1.0, "typical_step": "*1.1"},
-            B: {"initial": 0.5, "now": 0.5, "typical_step": "+0.05"},
-        }
+        "parameters": table(
+            ["parameter", "now", "step", "lower", "upper"],
+            [[A, 1.0, "*1.1", 0.5, 3.0], [B, 0.5, "+0.05", 0.0, 1.0]],
+        )
     },
-    PRIORS: {
-        "bounds": {A: [0.5, 3.0], B: [0.0, 1.0]},
-        "rules": [{"parameter": "Capacity", "raises": ["discharge_time"], "lowers": ["polarisation"]}],
-    },
+    PRIORS: {"rules": table(["parameter", "raises", "lowers"], [["Capacity", "discharge_time", "polarisation"]])},
     TRIALS: {
-        "features": ["cc_discharge_time_mismatch_s"],
-        "trials": [{"values": [1.1, 0.5], "features": [-500.0]}, {"values": [1.2, 0.6], "total_mape_pct": 3.0}],
+        "trials": table(
+            ["trial", "asked_by", "steps_from_present"], [[1, "search", [1.0, 0.5]], [2, "search", [1.2, -0.6]]]
+        ),
+        "features_in_the_order_of_the_feedback": {"trial_1": [-500.0]},
     },
     SENSITIVITIES: Sensitivities({A: {"cc_discharge_time_mismatch_s": 300.0}}).content(1000),
-    FEEDBACK: {"trial": 3, "features": {"cc_discharge_time_mismatch_s": -600.0}},
-    LAST_ATTEMPT: {"trial": 4},
+    FEEDBACK: {"trial": 3, "simulations_left": 9, **Feedback({"features": FEATURES, "tolerances": FEATURES}).told()},
+    LAST_ATTEMPT: {"trial": 4, "changed_by_steps": {A: 1.0}},
     NUMERICS: {
         "status": "descending",
         "misfit_tolerances": 9.0,
-        "misfit_by_round": [10.0, 9.9, 9.8, 9.8, 9.7, 9.7],
-        "you_may_spend": 3,
+        "misfit_tolerances_by_round": [10.0, 9.9, 9.8, 9.8, 9.7, 9.7],
+        "simulations_you_may_spend": 3,
         "your_last_actions": [{"action": "reduce"}],
         "the_record": {"fixes": [A], "leaves_open": [B], "only_together": [[A, B]]},
     },
 }
-SCHEMAS = [{"properties": {key: {"maxItems": 3}}} for key in ("updated_params", "action", "perturbations")]
+SCHEMAS = [
+    {"properties": {"updated_params": {}}},
+    {"properties": {"action": {"enum": ["set", "jacobian"]}}},
+    {"properties": {"action": {"enum": ["set", "refine"]}}},
+    {"properties": {"perturbations": {"maxItems": 3}}},
+]
 
 NUMBERS = st.integers() | st.floats() | st.sampled_from([0, -1, 1e-300, 1e300, 10**400, float("nan"), float("inf")])
 ANY_JSON = st.recursive(
@@ -76,7 +92,7 @@ def answer(messages: list[Message]) -> None:
 
 @given(st.sampled_from([(heading, path) for heading in SECTIONS for path in places(SECTIONS[heading])]), ANY_JSON)
 @example((NUMERICS, ("status",)), "done")
-@example((SENSITIVITIES, ("effects",)), {A: {"cc_discharge_time_mismatch_s": 1e300}})
+@example((SENSITIVITIES, ("effects", "rows")), [[A, 1, 0.0, 1e300]])
 def test_any_part_of_any_section_may_be_anything(place: tuple[str, tuple[Any, ...]], value: Any) -> None:
     heading, path = place
     answer(conversation(list((SECTIONS | {heading: replaced(SECTIONS[heading], path, value)}).items())))
@@ -89,7 +105,7 @@ def test_a_memory_under_a_known_heading_may_say_anything(heading: str, content: 
     answer(messages)
     prompt = read_prompt(messages)
     assert list(prompt.parameters) == [A, B]
-    assert prompt.features == SECTIONS[FEEDBACK]["features"]
+    assert prompt.features == FEATURES
 
 
 def test_what_does_not_nest_sanely_is_passed_over() -> None:

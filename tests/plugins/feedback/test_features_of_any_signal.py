@@ -10,7 +10,7 @@ from bsa.core.signals import Signal
 from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, Trajectory
-from bsa.plugins.feedback.features import features, good_enough
+from bsa.plugins.feedback.features import features, mismatches
 
 TIME = np.linspace(0.0, 10.0, 2001)
 HEIGHT = Signal("height", "m", tolerance=1e-3, shown_unit="mm", shown_scale=1e3, oscillates=True)
@@ -41,15 +41,14 @@ def test_a_swing_that_is_larger_and_late_says_so() -> None:
 def test_a_single_observed_signal_goes_without_saying() -> None:
     found = features(task(WARMTH), Outcome((ExperimentRun(record(warmer=0.5)),)))
     assert set(found) == {f"swing_{part}_shift_k" for part in ("early", "middle", "late")}
-    assert set(good_enough(task(WARMTH))) == {"shift_k"}
 
 
-def test_what_is_good_enough_is_one_tolerance_of_the_curve() -> None:
-    found = good_enough(task(HEIGHT, WARMTH))
-    assert found["height_amplitude_shift_mm"] == pytest.approx(1.0)
-    assert found["warmth_shift_k"] == pytest.approx(0.1)
+def test_what_counts_as_a_mismatch_is_one_tolerance_of_the_curve() -> None:
+    found = mismatches(task(HEIGHT, WARMTH), Outcome((ExperimentRun(record()),)))
+    assert found["swing_early_height_amplitude_shift_mm"].tolerance == pytest.approx(1.0)
+    assert found["swing_early_warmth_shift_k"].tolerance == pytest.approx(0.1)
     steepness = 0.05 * 2.0 * np.pi / np.sqrt(2.0)
-    assert found["height_lag_s"] == pytest.approx(1e-3 / steepness, rel=0.01)
+    assert found["swing_middle_height_lag_s"].tolerance == pytest.approx(1e-3 / steepness, rel=0.01)
 
 
 def test_a_step_shorter_than_a_brief_one_is_left_out() -> None:

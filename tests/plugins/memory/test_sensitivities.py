@@ -1,12 +1,18 @@
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from bsa.core.feedback import Feedback
 from bsa.core.hooks import NoOptions, RunContext
 from bsa.core.metrics import evaluate
+from bsa.core.prompt_sections import read_table
+from bsa.core.proposal import Proposal
+from bsa.core.sensitivities import Sensitivities
 from bsa.core.simulation import ExperimentRun, Outcome, SimulationFailure
+from bsa.core.task_reduction import TaskReduction
 from bsa.core.trial import Phase, Trial
 from bsa.plugins.feedback.structured import StructuredFeedback
 from bsa.plugins.memory.history import HistoryMemory, HistoryOptions
@@ -37,11 +43,11 @@ def test_the_rules_say_what_one_typical_step_does(context: RunContext) -> None:
         memory.remember(trial(context, index, "warm-up", values), None)
     recollection = memory.recall(9000)
     assert recollection is not None
-    effects = recollection.content["effects"]
+    effects = Sensitivities.read(recollection.content).effects
     step = record({**space().initial, CAPACITY: 1.1}).duration - record(space().initial).duration
     assert effects[CAPACITY]["cc_discharge_time_mismatch_s"] == pytest.approx(step, rel=0.1)
     assert effects[SERIES]["cc_discharge_early_shift_mv"] < 0
-    assert recollection.content["fit_quality_pct"] > 80
+    assert effects[CAPACITY]["cc_discharge_time_mismatch_s"] > 0
 
 
 def test_a_small_budget_keeps_the_strongest_effects(context: RunContext) -> None:
@@ -53,7 +59,7 @@ def test_a_small_budget_keeps_the_strongest_effects(context: RunContext) -> None
     assert whole is not None
     assert short is not None
     assert len(json.dumps(short.content)) < len(json.dumps(whole.content))
-    assert "cc_discharge_time_mismatch_s" in short.content["effects"][CAPACITY]
+    assert "cc_discharge_time_mismatch_s" in Sensitivities.read(short.content).effects[CAPACITY]
 
 
 def test_failures_are_told_and_too_little_gives_no_rule(context: RunContext) -> None:
@@ -68,36 +74,55 @@ def test_failures_are_told_and_too_little_gives_no_rule(context: RunContext) -> 
     assert recollection.content["made_the_simulation_fail"] == [f"{SERIES} 0.4: gave up"]
 
 
+def rows(content: Mapping[str, Any]) -> list[dict[str, Any]]:
+    columns, found = read_table(content["trials"])
+    return [dict(zip(columns, row, strict=True)) for row in found]
+
+
 def test_history_keeps_the_best_and_the_latest_within_its_budget(context: RunContext) -> None:
     memory = HistoryMemory(HistoryOptions(rounds=6), context)
     for index in range(20):
         memory.remember(trial(context, index, "search", {**space().initial, CAPACITY: 1.3 + 0.02 * index}), None)
     recollection = memory.recall(100_000)
     assert recollection is not None
-    shown = [row["trial"] for row in recollection.content["trials"]]
-    assert shown == [0, 1, 2, 17, 18, 19]
+    assert [row["trial"] for row in rows(recollection.content)] == [0, 1, 2, 17, 18, 19]
     small = memory.recall(900)
     assert small is not None
-    assert len(json.dumps(small.content)) <= 900 or len(small.content["trials"]) == 1
+    assert len(json.dumps(small.content)) <= 900 or len(rows(small.content)) == 1
 
 
-def test_history_shows_failures_and_leaves_the_warm_up_out(context: RunContext) -> None:
+def test_history_shows_the_warm_up_failures_and_who_asked(context: RunContext) -> None:
     memory = HistoryMemory(HistoryOptions(), context)
     memory.remember(trial(context, 0, "initial", space().initial), None)
-    memory.remember(trial(context, 1, "warm-up", space().initial), None)
-    memory.remember(trial(context, 2, "search", {**space().initial, SERIES: 0.4}, fails=True), None)
+    memory.remember(trial(context, 1, "warm-up", {**space().initial, CAPACITY: 1.3}), None)
+    both = Proposal((), hypothesis="h", details={"authors": ["fit", "agent"]})
+    memory.remember(trial(context, 2, "search", space().initial), both)
+    memory.remember(trial(context, 3, "search", {**space().initial, SERIES: 0.4}, fails=True), both)
     recollection = memory.recall(9000)
     assert recollection is not None
-    rows = recollection.content["trials"]
-    assert [row["trial"] for row in rows] == [0, 2]
-    assert rows[1]["events"][0] == "simulation_failed: gave up"
+    found = rows(recollection.content)
+    assert [row["asked_by"] for row in found] == ["initial", "warm-up", "fit", "agent"]
+    assert found[2]["note"] == "h"
+    assert found[3]["note"].startswith("simulation_failed: gave up")
+
+
+def test_history_counts_steps_from_the_closest_trial(context: RunContext) -> None:
+    memory = HistoryMemory(HistoryOptions(), context)
+    memory.remember(trial(context, 0, "initial", {**space().initial, CAPACITY: 1.0}), None)
+    memory.remember(trial(context, 1, "search", {**space().initial, CAPACITY: 1.21}), None)
+    recollection = memory.recall(9000)
+    assert recollection is not None
+    place = list(space().names).index(CAPACITY)
+    assert [row["steps_from_present"][place] for row in rows(recollection.content)] == [-2.0, 0.0]
+    told = recollection.content["features_in_the_order_of_the_feedback"]
+    assert list(told) == ["trial_0"]
 
 
 def test_priors_tell_bounds_and_only_rules_that_apply(context: RunContext) -> None:
     recollection = Priors(NoOptions(), context).recall(9000)
     assert recollection is not None
     assert recollection.content["bounds"][CAPACITY] == [0.5, 3.0]
-    assert recollection.content["rules"] == []
+    assert recollection.content["rules"]["rows"] == []
 
 
 def test_feedback_without_features_still_teaches(context: RunContext) -> None:
@@ -108,7 +133,7 @@ def test_feedback_without_features_still_teaches(context: RunContext) -> None:
         memory.remember(Trial(**{**good.__dict__, "feedback": feedback}), None)
     recollection = memory.recall(9000)
     assert recollection is not None
-    assert recollection.content["effects"][CAPACITY]["total_mape_pct"] < 0
+    assert Sensitivities.read(recollection.content).effects[CAPACITY]["total_mape_pct"] < 0
 
 
 def test_parameters_that_do_the_same_are_named(context: RunContext) -> None:
@@ -128,7 +153,36 @@ def test_what_the_warm_up_did_not_measure_is_absent(context: RunContext) -> None
         memory.remember(Trial(**{**moved.__dict__, "feedback": Feedback({"features": shown})}), None)
     recollection = memory.recall(9000)
     assert recollection is not None
-    effects = recollection.content["effects"]
+    effects = Sensitivities.read(recollection.content).effects
     assert set(effects) == {CAPACITY}
     assert "cc_discharge_early_shift_mv" in effects[CAPACITY]
     assert "cc_discharge_time_mismatch_s" not in effects[CAPACITY]
+
+
+def test_every_search_trial_corrects_the_effects_along_its_own_direction(context: RunContext) -> None:
+    memory = SensitivityMemory(NoOptions(), context)
+    start, there = space().initial, {**space().initial, CAPACITY: 1.6, SERIES: 0.03}
+    memory.remember(trial(context, 0, "initial", start), None)
+    for index, name in enumerate(space().names, start=1):
+        memory.remember(trial(context, index, "warm-up", {**start, name: start[name] * 1.1}), None)
+    before = Sensitivities.read(memory.recall(9000).content).effects[CAPACITY]["cc_discharge_time_mismatch_s"]
+    memory.remember(Trial(**{**trial(context, 9, "search", there).__dict__, "round": 1}), None)
+    memory.remember(Trial(**{**trial(context, 10, "search", {**there, CAPACITY: 1.5}).__dict__, "round": 2}), None)
+    content = memory.recall(9000).content
+    after = Sensitivities.read(content)
+    # A tenth of a larger capacity is more: the slope per step grows with the capacity.
+    assert after.effects[CAPACITY]["cc_discharge_time_mismatch_s"] > 1.2 * before
+    columns, table_rows = read_table(content["effects"])
+    told = {row[0]: dict(zip(columns, row, strict=True)) for row in table_rows}
+    assert told[CAPACITY]["points"] == 3
+    assert told[CAPACITY]["misprediction_pct"] > told["Relaxation time [s]"]["misprediction_pct"] >= 0.0
+    (predicted,) = [value for key, value in content.items() if key.startswith("trial_10")]
+    assert len(predicted["was_predicted"]) == len(columns) - 3
+
+
+def test_a_reduced_simulation_teaches_nothing_of_the_task(context: RunContext) -> None:
+    memory = SensitivityMemory(NoOptions(), context)
+    memory.remember(trial(context, 0, "initial", space().initial), None)
+    moved = trial(context, 1, "search", {**space().initial, CAPACITY: 1.3})
+    memory.remember(Trial(**{**moved.__dict__, "reduction": TaskReduction(0.5)}), None)
+    assert memory.recall(9000) is None

@@ -1,0 +1,236 @@
+"""What the agent may ask for: one flat object, checked against the task and the trials so far."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, cast
+
+from ...core.errors import BsaError, did_you_mean
+from ...core.messages import JsonSchema
+from ...core.parameters import Candidate, ParameterSpace
+from ...core.reply_parsing import strip_control
+from ...core.trial import Trial
+from .updates import apply_updates, unknown_parameter, updates_schema
+
+Kind = Literal["set", "simulate", "jacobian", "predict", "look", "refine", "restart", "reduce"]
+
+FREE: tuple[Kind, ...] = ("predict", "look")
+"""Actions that are answered at once and cost no simulation."""
+
+MOST_AT_ONCE = 3
+_MOST_SIMULATIONS = 40
+_DEFAULT_SIMULATIONS = 5
+_LOWEST_RATE_PERCENT = 10
+
+_HYPOTHESIS, _RATIONALE = 300, 500
+
+_REDUCED_BY: JsonSchema = {
+    "reduce_rate_percent": {"type": "integer", "minimum": _LOWEST_RATE_PERCENT, "maximum": 100},
+    "reduce_cycles": {"type": "integer", "minimum": 1},
+}
+
+
+@dataclass(frozen=True)
+class Offer:
+    """What the agent may ask for in a round.
+
+    Attributes
+    ----------
+    kinds : tuple of str
+        The actions.
+    space : ParameterSpace
+        What is searched.
+    steps : tuple of str
+        Names of the steps that can be looked at.
+    analysis_chars : int
+        How long its analysis may be; 0 asks for no reasons at all.
+    drives : bool
+        Whether the task can be made easier by what drives it (`Domain.drives`).
+    """
+
+    kinds: tuple[Kind, ...]
+    space: ParameterSpace
+    steps: tuple[str, ...] = ()
+    analysis_chars: int = 4000
+    drives: bool = False
+
+
+@dataclass(frozen=True)
+class Action:
+    """A checked wish of the agent.
+
+    Attributes
+    ----------
+    kind : str
+        What to do, of `Kind`.
+    candidates : tuple of Candidate
+        For ``set``, ``predict`` and ``simulate``: the values to try, inside the bounds.
+    updates : mapping of str to str
+        For ``set`` and ``predict``: the changes as written.
+    projected : tuple of str
+        Parameters whose value was moved to a bound.
+    parameters : tuple of str
+        For ``refine`` and ``jacobian``: what may move; empty for all.
+    simulations : int
+        How many simulations the action may take.
+    step : str
+        For ``look``: which step.
+    trial : int or None
+        For ``restart``: where from.
+    rate : float or None
+        For ``reduce``: the share of the currents to come back from; None for a gentler cell at full rate.
+    cycles : int or None
+        For ``reduce``: how many of the record's cycles to fit first; None for all.
+    analysis, hypothesis, rationale : str
+        The agent's words.
+    """
+
+    kind: Kind
+    candidates: tuple[Candidate, ...] = ()
+    updates: Mapping[str, str] | None = None
+    projected: tuple[str, ...] = ()
+    parameters: tuple[str, ...] = ()
+    simulations: int = _DEFAULT_SIMULATIONS
+    step: str = ""
+    trial: int | None = None
+    rate: float | None = None
+    cycles: int | None = None
+    analysis: str = ""
+    hypothesis: str = ""
+    rationale: str = ""
+
+    @property
+    def carries_on(self) -> bool:
+        """Whether it only lets the numerical fit proceed."""
+        return self.kind == "refine" and not self.parameters
+
+
+def action_schema(offer: Offer) -> JsonSchema:
+    """JSON Schema of a reply: an action, what it needs, and the reasons, which come first; every string bounded."""
+    updates = updates_schema(offer.space)
+    names = {"type": "string", "enum": list(offer.space.names)}
+    parts: dict[str, dict[str, Any]] = {
+        "action": {"type": "string", "enum": list(offer.kinds)},
+        "updated_params": {key: value for key, value in updates.items() if key != "minProperties"},
+    }
+    if "simulate" in offer.kinds:
+        parts["candidates"] = {"type": "array", "items": updates, "minItems": 1, "maxItems": MOST_AT_ONCE}
+    if "jacobian" in offer.kinds or "refine" in offer.kinds:
+        parts["params"] = {"type": "array", "items": names, "maxItems": len(offer.space)}
+    if "look" in offer.kinds:
+        parts["step"] = {"type": "string", "enum": list(offer.steps)}
+    if "refine" in offer.kinds:
+        parts["simulations"] = {"type": "integer", "minimum": 1, "maximum": _MOST_SIMULATIONS}
+    if "restart" in offer.kinds:
+        parts["trial"] = {"type": "integer", "minimum": 0}
+    if "reduce" in offer.kinds and offer.drives:
+        parts |= _REDUCED_BY
+    required = ["action"]
+    if offer.analysis_chars:
+        before = {"analysis": offer.analysis_chars, "hypothesis": _HYPOTHESIS}
+        parts = {**_texts(before), **parts, **_texts({"rationale": _RATIONALE})}
+        required = [*before, "action", "rationale"]
+    return {"type": "object", "properties": parts, "required": required, "additionalProperties": False}
+
+
+def _texts(limits: Mapping[str, int]) -> dict[str, dict[str, Any]]:
+    return {name: {"type": "string", "maxLength": limit} for name, limit in limits.items()}
+
+
+def check_action(reply: Mapping[str, Any], offer: Offer, base: Candidate, trials: Sequence[Trial]) -> Action:
+    """Check a parsed reply.
+
+    A reply with changes and without an action asks for ``set``.
+
+    Raises
+    ------
+    BsaError
+        If the action is unknown or lacks what it needs; the message is made to be sent back to the model.
+    """
+    kind = reply.get("action", "set")
+    if kind not in offer.kinds:
+        shown = strip_control(str(kind))[:40]
+        raise BsaError(
+            f'"action" is "{shown}".', did_you_mean(str(kind), offer.kinds) or f"choose one of {list(offer.kinds)}."
+        )
+    limits = {"analysis": offer.analysis_chars, "hypothesis": _HYPOTHESIS, "rationale": _RATIONALE}
+    words = {name: strip_control(str(reply.get(name, "")))[:limit] for name, limit in limits.items()}
+    candidates: list[Candidate] = []
+    updates: Mapping[str, str] | None = None
+    projected: tuple[str, ...] = ()
+    asked = reply.get("updated_params")
+    if kind == "set" or (kind == "predict" and asked):
+        candidate, updates, projected = apply_updates(asked, offer.space, base)
+        candidates.append(candidate)
+    elif kind == "simulate":
+        rows = reply.get("candidates")
+        if not isinstance(rows, list) or not rows:
+            raise BsaError('"simulate" needs the list "candidates".', 'write [{"<name>": "*1.2"}, {"<name>": "*0.9"}].')
+        for row in rows[:MOST_AT_ONCE]:
+            candidate, _, moved = apply_updates(row, offer.space, base)
+            candidates.append(candidate)
+            projected += moved
+    return Action(
+        kind=cast(Kind, kind),
+        candidates=tuple(candidates),
+        updates=updates,
+        projected=tuple(dict.fromkeys(projected)),
+        parameters=_parameters(reply.get("params"), offer.space) if kind in ("refine", "jacobian") else (),
+        simulations=_simulations(reply.get("simulations")),
+        step=_step(reply.get("step"), offer) if kind == "look" else "",
+        trial=_trial(reply.get("trial"), trials) if kind == "restart" else None,
+        rate=_rate(reply.get("reduce_rate_percent")) if kind == "reduce" else None,
+        cycles=_cycles(reply.get("reduce_cycles")) if kind == "reduce" else None,
+        **words,
+    )
+
+
+def _parameters(asked: Any, space: ParameterSpace) -> tuple[str, ...]:
+    names = [asked] if isinstance(asked, str) else list(asked or ()) if isinstance(asked, (list, tuple)) else []
+    for name in names:
+        if name not in space:
+            raise unknown_parameter(name, space)
+    chosen = tuple(name for name in space.names if name in names)
+    return () if len(chosen) == len(space) else chosen
+
+
+def _step(asked: Any, offer: Offer) -> str:
+    if asked not in offer.steps:
+        raise BsaError(
+            f'"step" is "{strip_control(str(asked))[:40]}".',
+            did_you_mean(str(asked), offer.steps) or f"choose one of {list(offer.steps)}.",
+        )
+    return str(asked)
+
+
+def _simulations(asked: Any) -> int:
+    if isinstance(asked, bool) or not isinstance(asked, (int, float)) or asked != asked:
+        return _DEFAULT_SIMULATIONS
+    return int(min(max(asked, 1), _MOST_SIMULATIONS))
+
+
+def _rate(asked: Any) -> float | None:
+    """A share of the currents below 1; None for the full rate or what is no number."""
+    if not _is_number(asked):
+        return None
+    rate = min(max(float(asked), _LOWEST_RATE_PERCENT), 100.0) / 100.0
+    return rate if rate < 1.0 else None
+
+
+def _cycles(asked: Any) -> int | None:
+    return max(int(asked), 1) if _is_number(asked) else None
+
+
+def _is_number(asked: Any) -> bool:
+    return isinstance(asked, (int, float)) and not isinstance(asked, bool) and -1e9 < asked < 1e9
+
+
+def _trial(asked: Any, trials: Sequence[Trial]) -> int:
+    usable = [trial.index for trial in trials if trial.residuals is not None]
+    if isinstance(asked, bool) or not isinstance(asked, int) or asked not in usable:
+        raise BsaError(
+            f'"restart" needs the number of a trial that ran to its end, not {str(asked)[:20]}.',
+            f"for example {usable[:8]}." if usable else "none did yet: choose another action.",
+        )
+    return asked

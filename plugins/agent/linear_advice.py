@@ -1,0 +1,76 @@
+"""What the measured effects promise if all acts linearly: the outcome of a change, the best change, a digest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ...core.parameters import Candidate
+from ...core.prompt_sections import table
+from ...core.sensitivities import linear_change
+from ...core.trajectory import FloatArray
+from ...core.typical_steps import change_by
+from ..feedback.rounding import rounded
+from .situation import Situation
+
+RADIUS = 4.0
+"""Typical steps, all parameters together, that a suggested change may go: farther a linear promise means little."""
+
+_WORST, _MATCHING = 3, 3
+_NEGLIGIBLE = 0.01
+"""Typical steps below which a suggested change of a parameter is left out."""
+
+
+def predicted(situation: Situation, candidate: Candidate) -> dict[str, Any]:
+    """Every feature now and after a change."""
+    space, now = situation.task.space, situation.base.feedback.numbers
+    steps = space.steps_between(situation.base.candidate, candidate)
+    after = situation.sensitivities.predicted(now, dict(zip(space.names, map(float, steps), strict=True)))
+    tolerances = situation.base.feedback.tolerances
+    unknown = [n for n, s in zip(space.names, steps, strict=True) if s and n not in situation.sensitivities.effects]
+    rows = [[name, now[name], value, tolerances.get(name)] for name, value in after.items()]
+    return {
+        "prediction": rounded(table(["feature", "now", "predicted", "tolerance"], rows)),
+        **({"effects_not_measured": unknown} if unknown else {}),
+    }
+
+
+def suggested(situation: Situation, radius: float = RADIUS) -> dict[str, str]:
+    """The change that removes most of the mismatch if all acts linearly, as it is written; empty if none is known."""
+    space, learnt = situation.task.space, situation.sensitivities
+    features, mismatch, tolerance = _mismatch(situation)
+    slopes = learnt.slopes(space.names, features)
+    if not np.any(slopes):
+        return {}
+    known = np.any(slopes != 0.0, axis=0)
+    lower, upper = (np.where(known, room, 0.0) for room in situation.room())
+    steps = linear_change(slopes, mismatch, tolerance, lower, upper, radius)
+    return {p.name: change_by(s, p.typical_step, 4) for p, s in zip(space, steps, strict=True) if abs(s) > _NEGLIGIBLE}
+
+
+def digest(situation: Situation) -> dict[str, Any]:
+    """The worst features, the parameters that match them best, and a suggested change: what a small model can use."""
+    names = situation.task.space.names
+    features, mismatch, tolerance = _mismatch(situation)
+    slopes = situation.sensitivities.slopes(names, features)
+    worst = np.argsort(-np.abs(mismatch / tolerance))[:_WORST]
+    rows = []
+    for place in worst:
+        strongest = np.argsort(-np.abs(slopes[place]))[:_MATCHING]
+        lowering = [f"{'raise' if slopes[place, p] * mismatch[place] < 0 else 'lower'} {names[p]}" for p in strongest]
+        helpful = [words for words, p in zip(lowering, strongest, strict=True) if slopes[place, p]]
+        rows.append([features[place], mismatch[place], mismatch[place] / tolerance[place], helpful])
+    change = suggested(situation)
+    return {
+        "worst_features": rounded(table(["feature", "mismatch", "in_tolerances", "what_lowers_it_most"], rows), 3),
+        **({"suggested_change": change} if change else {}),
+    }
+
+
+def _mismatch(situation: Situation) -> tuple[list[str], FloatArray, FloatArray]:
+    """Names, values and tolerances of the present features."""
+    now: Mapping[str, float] = situation.base.feedback.numbers
+    tolerances = situation.base.feedback.tolerances
+    return list(now), np.array(list(now.values())), np.array([tolerances.get(name, 1.0) for name in now])

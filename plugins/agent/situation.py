@@ -1,0 +1,189 @@
+"""Where a run stands, as the agent may know it: the present trial, the latest attempt, and what memories tell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.hooks import ProposeContext, Recollection
+from ...core.prompt_sections import (
+    FEEDBACK,
+    LAST_ATTEMPT,
+    MEMORY,
+    PRIORS,
+    SENSITIVITIES,
+    TASK,
+    section,
+    table,
+)
+from ...core.protocol_text import written
+from ...core.sensitivities import Sensitivities
+from ...core.signals import Signal
+from ...core.task import Experiment, Task
+from ...core.trial import Trial, closest
+from ..feedback.rounding import rounded
+
+_PARAMETER = ("parameter", "now", "step")
+_BOUNDS = ("lower", "upper")
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """What the agent may know when it is asked.
+
+    Attributes
+    ----------
+    context : ProposeContext
+        Where the run stands.
+    base : Trial
+        The candidate to which changes apply: the closest so far.
+    last : Trial or None
+        The latest attempt, where it was no better.
+    recollections : tuple of Recollection
+        What memories and priors tell, the most important last, where models read best.
+    clipped : tuple of str
+        Parameters that the latest reply wanted beyond their bounds.
+    """
+
+    context: ProposeContext
+    base: Trial
+    last: Trial | None
+    recollections: tuple[Recollection, ...]
+    clipped: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls, context: ProposeContext, budget: int, last: Trial | None = None, clipped: Sequence[str] = ()
+    ) -> Situation:
+        """The situation of a run.
+
+        Parameters
+        ----------
+        context : ProposeContext
+            Where the run stands.
+        budget : int
+            Characters for each memory.
+        last : Trial, optional
+            The agent's latest attempt.
+        clipped : sequence of str
+            As the attribute.
+        """
+        base = closest([trial for trial in context.trials if trial.reduction is None] or context.trials)
+        told = tuple(sorted(context.recall(budget), key=lambda part: part.priority))
+        return cls(context, base, None if last is base else last, told, tuple(clipped))
+
+    @property
+    def task(self) -> Task:
+        """What is to be matched."""
+        return self.context.task
+
+    @property
+    def remembers(self) -> bool:
+        """Whether any memory tells of earlier trials."""
+        return any(part.title.startswith(MEMORY) for part in self.recollections)
+
+    @cached_property
+    def sensitivities(self) -> Sensitivities:
+        """What the memories tell of the parameters' effects; empty if none does."""
+        told = {part.title: part.content for part in self.recollections}
+        return Sensitivities.read(told.get(SENSITIVITIES))
+
+    @property
+    def images(self) -> tuple[Path, ...]:
+        """Those of the feedback: of the present trial, then of the latest attempt."""
+        return (*self.base.feedback.images, *(self.last.feedback.images if self.last is not None else ()))
+
+    def sections(self, memories: bool = True) -> list[str]:
+        """The prompt's sections in the order in which they are read, without the memories if so wished."""
+        parts = [self._task_section()]
+        if memories:
+            parts += [
+                section(part.title, _without_bounds(part)) for part in self.recollections if _without_bounds(part)
+            ]
+        left = {"trial": self.base.index, "simulations_left": self.context.simulations_left, **self._misfit(self.base)}
+        parts.append(section(FEEDBACK, {**left, **self.base.feedback.told()}))
+        if self.last is not None:
+            parts.append(section(LAST_ATTEMPT, self._attempt(self.last)))
+        return parts
+
+    def _misfit(self, trial: Trial) -> dict[str, Any]:
+        # With one number as feedback there is one number to tell.
+        told = bool(trial.feedback.content.get("features")) and trial.residuals is not None
+        return {"misfit_tolerances": float(f"{trial.misfit:.4g}")} if told else {}
+
+    def _attempt(self, trial: Trial) -> dict[str, Any]:
+        space = self.task.space
+        steps = space.steps_between(self.base.candidate, trial.candidate)
+        changes = {name: round(float(step), 3) for name, step in zip(space.names, steps, strict=True) if step}
+        content = trial.feedback.content
+        return {
+            "trial": trial.index,
+            **self._misfit(trial),
+            "changed_by_steps": changes,
+            **({"clipped_at_their_bounds": list(self.clipped)} if self.clipped else {}),
+            **{key: content[key] for key in ("residuals", "features", "events") if content.get(key)},
+        }
+
+    def _task_section(self) -> str:
+        """What is simulated, what was measured, and where the parameters stand, each once."""
+        task, cell = self.task, self.task.cell
+        content = {
+            **{"model": cell.model, "options": dict(cell.options)},
+            **({"parameter_set": cell.parameter_set} if cell.parameter_set else {}),
+            **_signals(task),
+            "records": [_record(experiment, task) for experiment in task.experiments],
+            "parameters": self._parameters(),
+        }
+        return section(TASK, content)
+
+    def _parameters(self) -> dict[str, Any]:
+        priors = next((part.content for part in self.recollections if part.title == PRIORS), {})
+        bounds = priors.get("bounds")
+        bounds = bounds if isinstance(bounds, Mapping) else {}
+        rows = [
+            [parameter.name, self.base.candidate[parameter.name], parameter.typical_step]
+            + ([*bounds.get(parameter.name, (None, None))] if bounds else [])
+            for parameter in self.task.space
+        ]
+        return table([*_PARAMETER, *(_BOUNDS if bounds else ())], rounded(rows, digits=5))
+
+    def room(self) -> tuple[np.ndarray, np.ndarray]:
+        """How many typical steps each parameter may fall and rise, shapes (p,)."""
+        lower = [p.in_steps(p.lower) - p.in_steps(self.base.candidate[p.name]) for p in self.task.space]
+        upper = [p.in_steps(p.upper) - p.in_steps(self.base.candidate[p.name]) for p in self.task.space]
+        return np.array(lower), np.array(upper)
+
+
+def _without_bounds(part: Recollection) -> Mapping[str, Any]:
+    """A memory's content; of the priors what does not stand in the table of parameters."""
+    if part.title != PRIORS:
+        return part.content
+    return {key: value for key, value in part.content.items() if key != "bounds"}
+
+
+def _signals(task: Task) -> dict[str, Any]:
+    """What the agent cannot know of the signals."""
+    if not task.domain.signals_told:
+        return {}
+
+    def told(signal: Signal) -> dict[str, Any]:
+        tolerance = {"tolerance": signal.tolerance} if signal.role == "observed" else {}
+        return {"role": signal.role, "unit": signal.unit, **tolerance}
+
+    return {"signals": {signal.name: told(signal) for signal in task.signals}}
+
+
+def _record(experiment: Experiment, task: Task) -> dict[str, Any]:
+    protocol = experiment.protocol
+    if protocol is None:
+        told: Any = f"measured {' and '.join(signal.words for signal in task.driven) or 'conditions'}"
+    elif len(set(protocol)) == 1 < len(protocol):
+        told = {"times": len(protocol), "cycle": list(protocol[0])}
+    else:
+        told = written(protocol)
+    return {"name": experiment.name, "protocol": told, "scored_cycle": experiment.scored_cycle or "all"}
