@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import time
 from dataclasses import asdict, dataclass
 from functools import lru_cache
@@ -92,7 +91,6 @@ class Calibration:
         """See `Cell.run`."""
         from ..run import execute_run
 
-        _allow_children()
         task = _task(store, self.task.digest)
         stopwatch = Stopwatch(resumed=(folder / FILE_NAME).is_file())
         started = time.perf_counter()
@@ -128,13 +126,3 @@ def _trace(outcome: RunResult, stopwatch: Stopwatch) -> dict[str, Any]:
         # Of a run that was taken up again only the last part has times, which would say nothing.
         "rounds": [] if stopwatch.resumed else [asdict(entry) for entry in stopwatch.rounds],
     }
-
-
-def _allow_children() -> None:
-    """Let this process start others: Dask marks its workers as daemons, whose children multiprocessing forbids.
-
-    Ours end by themselves when the pipe to their parent closes, which is what the rule is there for.
-    """
-    process: Any = multiprocessing.current_process()
-    if process.daemon:
-        process._config["daemon"] = False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -107,12 +108,23 @@ def _locked(order: Order, folder: Path) -> Report:
     # Another process may have finished it since the order was written.
     result: Mapping[str, Any] | None = order.store.result(order.identity)
     if result is None:
+        _allow_children()
         result = order.cell.run(folder, order.store)
         if result["status"] == OUTAGE:
             raise Outage(result["reason"])
         (folder / FAILURE).unlink(missing_ok=True)
     state: State = "done" if result["status"] in FINAL else "stopped"
     return Report(order.identity, state, result, memory_mb=memory_mb())
+
+
+def _allow_children() -> None:
+    """Let this process start others: Dask marks its workers as daemons, whose children multiprocessing forbids.
+
+    Ours end by themselves when the pipe to their parent closes, which is what the rule is there for.
+    """
+    process: Any = multiprocessing.current_process()
+    if process.daemon:
+        process._config["daemon"] = False
 
 
 def memory_mb() -> float:

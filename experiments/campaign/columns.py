@@ -96,7 +96,7 @@ def _initial(name: str, page: str = "") -> Column:
     return Column(f"initial_{name}", float, lambda facts: facts.number("initial", name), page)
 
 
-def _spent(name: str, kind: type[int] | type[float] = float, page: str = "", effort: str = "") -> Column:
+def _told(name: str, kind: type[str] | type[int] | type[float] = float, page: str = "", effort: str = "") -> Column:
     return Column(name, kind, lambda facts: facts.result.get(name), page, effort=effort)
 
 
@@ -125,18 +125,23 @@ COLUMNS = (
     _initial("mape", "MAPE before / %"),
     _initial("v_rmse_mv"),
     Column("early_objective", float, lambda facts: facts.trace.best_after(EARLY)),
-    _spent("simulations", int, "Sim.", "simulations"),
-    _spent("failed_simulations", int, "Failed", "of them failed"),
-    _spent("llm_calls", int, effort="model calls"),
+    _told("simulations", int, "Sim.", "simulations"),
+    _told("failed_simulations", int, "Failed", "of them failed"),
+    _told("llm_calls", int, effort="model calls"),
     Column("lost_calls", int, lambda facts: facts.lost_calls),
-    _spent("tokens", int, "Tokens", "tokens"),
-    _spent("cost_usd", float, "Cost / $", "cost / $"),
-    _spent("wall_s", float, "Time / s", "time / s"),
-    _spent("simulator_s"),
-    _spent("backend_s"),
+    _told("tokens", int, "Tokens", "tokens"),
+    _told("cost_usd", float, "Cost / $", "cost / $"),
+    _told("wall_s", float, "Time / s", "time / s"),
+    _told("simulator_s"),
+    _told("backend_s"),
     Column("proposer_s", float, lambda facts: facts.trace.proposer_s),
     Column("resumed", str, lambda facts: "yes" if facts.trace.resumed else ""),
     Column("best_simulation", int, lambda facts: (facts.result.get("best") or {}).get("trial")),
+    _told("verdict", str, "Verdict"),
+    Column("named", str, lambda facts: " + ".join(facts.result.get("names", ())), "Named"),
+    Column("gap_closed", float, lambda facts: facts.number("gap", "closed"), "Gap closed"),
+    Column("held_out_gap_closed", float, lambda facts: facts.number("gap", "holdout_closed"), "Held-out gap closed"),
+    _told("cpu_s"),
     Column("identity", str, lambda facts: facts.entry["identity"]),
     Column("reason", str, lambda facts: facts.reason, "Reason"),
 )

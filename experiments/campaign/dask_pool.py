@@ -7,6 +7,7 @@ import queue
 import re
 import time
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from ...core.validation import explain
 from ...core.yaml_text import read_yaml
 from .cell import Order, Report, carry_out
 from .local_pool import THREAD_VARIABLES
+from .store import Store
 
 _SLURM = "slurm:"
 
@@ -142,6 +144,8 @@ class DaskPool:
         """Hand an order to the scheduler."""
         self._number += 1
         # Dask runs the tasks of a lost worker again by itself, and gives up after a few; the grid counts them anew.
+        # A worker may have been started in another folder.
+        order = replace(order, store=Store(order.store.root.absolute()))
         future = self._client.submit(carry_out, order, key=f"{order.identity}-{self._number}", pure=False)
         self._orders[future] = order
         future.add_done_callback(self._finished.put)

@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -118,10 +119,9 @@ def _stories(rows: Sequence[Row], store: Store, here: Path) -> dict[str, Any]:
     stories: dict[str, Any] = {}
     for row in told:
         folder = store.cell(row["identity"])
-        try:
+        story: dict[str, Any] = {}
+        with suppress(BsaError):  # a run without a single simulation tells nothing, and a discovery has no rounds
             story = _story(folder) if embed else {}
-        except BsaError:
-            continue  # a run without a single simulation tells nothing
         if (folder / "report.html").is_file():
             story["report"] = Path(os.path.relpath(folder / "report.html", here)).as_posix()
         if story:

@@ -142,7 +142,7 @@ class PlainCampaign:
         more = f" (and {self._unsaid} more)" if self._unsaid else ""
         self._last, self._unsaid = time.monotonic(), 0
         return (
-            f"[{total.done + total.failed}/{total.total}] {named(cell)}: {_number(objective_of(report))}{more}"
+            f"[{total.done + total.failed}/{total.total}] {named(cell)}: {_outcome(report)}{more}"
             f"; {duration(self._count.left_s)} left" + f", {total.failed} failed" * bool(total.failed)
         )
 
@@ -236,6 +236,10 @@ class LiveCampaign:
         held = f", {self._elsewhere} held by other processes" if self._elsewhere else ""
         table.caption = f"{duration(self._count.seconds)} gone, {duration(self._count.left_s)} left{held}"
         return table
+
+
+def _outcome(report: Report) -> str:
+    return str(report.result.get("summary") or _number(objective_of(report)))
 
 
 def _columns(tally: Tally) -> list[str]:

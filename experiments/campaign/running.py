@@ -43,12 +43,20 @@ class Plan(Generic[Kind]):
         Where results lie.
     folder : Path
         For its manifest and tables.
+    only : sequence of str, optional
+        Tasks that are run this time; all by default.
     """
 
     about: Mapping[str, Any]
     cells: Sequence[Kind]
     store: Store
     folder: Path
+    only: Sequence[str] | None = None
+
+    @property
+    def chosen(self) -> list[Kind]:
+        """The cells that are run this time."""
+        return [cell for cell in self.cells if self.only is None or cell.axes["task"] in self.only]
 
     @property
     def name(self) -> str:
@@ -170,7 +178,7 @@ def run_campaign(
     reports: dict[str, Report] = {}
     try:
         with watch(plan, pool) as watcher:
-            reports = run_cells(plan.cells, plan.store, pool, watcher, allowance)
+            reports = run_cells(plan.chosen, plan.store, pool, watcher, allowance)
     finally:
         pool.close()
         rows = rows_of(read_manifest(plan.folder), plan.store, reports)

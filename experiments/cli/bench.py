@@ -72,31 +72,6 @@ class Cases:
         )
 
 
-@dataclass(frozen=True)
-class Model:
-    """Which language model the scaffolds ask that need one."""
-
-    backend: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME",
-            help="As bsa run takes it.",
-            autocompletion=completion.backends,
-            rich_help_panel=shared.LANGUAGE_MODEL,
-        ),
-    ] = "rules"
-    via: shared.Via = None
-    base_url: shared.BaseUrl = None
-    backend_option: shared.BackendOption = None
-
-    @property
-    def choice(self) -> BackendChoice:
-        """As a grid names it."""
-        from ..campaign.grid_file import BackendChoice
-
-        return BackendChoice(use=self.backend, options=shared.reaching(self.via, self.base_url, self.backend_option))
-
-
 Scaffolds = Annotated[
     str, typer.Option(metavar="NAMES", help="Scaffolds, joined by commas.", rich_help_panel=shared.SEARCH)
 ]
@@ -131,9 +106,15 @@ def _study(grid: GridFile, execution: Execution, out: Path | None, analyse: Anal
     finish(rows)
 
 
+def _choice(model: shared.LanguageModel) -> BackendChoice:
+    from ..campaign.grid_file import BackendChoice
+
+    return BackendChoice(use=model.backend or "rules", options=model.options)
+
+
 @bench_app.command("suite")
 @with_options(Cases)
-@with_options(Model)
+@with_options(shared.LanguageModel, backend="rules")
 @with_options(Execution, workers=2)
 def suite_command(
     cases: Cases,
@@ -150,7 +131,7 @@ def suite_command(
         ),
     ] = None,
     execution: Execution,
-    model: Model,
+    model: shared.LanguageModel,
     out: Out = None,
 ) -> None:
     """The paper's main table: errors by mode and chemistry, with the paper's rows beside."""
@@ -158,7 +139,7 @@ def suite_command(
 
     budgets = _own_budgets(own_budget)
     grid = study_grid(
-        "suite", cases.filter(seed), scaffolds.split(","), model.choice, simulations, seed, budgets, paper_rows=True
+        "suite", cases.filter(seed), scaffolds.split(","), _choice(model), simulations, seed, budgets, paper_rows=True
     )
     _study(grid, execution, out)
 
@@ -175,7 +156,7 @@ def _own_budgets(pairs: list[str] | None) -> dict[str, int]:
 
 
 @bench_app.command("runtime")
-@with_options(Model)
+@with_options(shared.LanguageModel, backend="rules")
 def runtime_command(
     *,
     case: Annotated[
@@ -188,7 +169,7 @@ def runtime_command(
         int, typer.Option(min=10, metavar="N", help="Steps of the outer loop.", rich_help_panel=shared.SEARCH)
     ] = 20,
     seed: shared.Seed = 1234,
-    model: Model,
+    model: shared.LanguageModel,
     store: StoreOption = RESULTS,
     out: Out = None,
 ) -> None:
@@ -198,14 +179,14 @@ def runtime_command(
 
     name = f"regular-{case}" if case.isdigit() else case
     chosen = Cases(suite, name, published).filter(seed)
-    grid = study_grid("runtime", chosen, scaffolds.split(","), model.choice, steps + 1, seed)
+    grid = study_grid("runtime", chosen, scaffolds.split(","), _choice(model), steps + 1, seed)
     # One after the other: cells side by side would time each other.
     _study(grid, Execution(workers=1, store=store), out, write_runtime)
 
 
 @bench_app.command("recovery")
 @with_options(Cases, cases="10")
-@with_options(Model)
+@with_options(shared.LanguageModel, backend="rules")
 @with_options(Execution, workers=2)
 def recovery_command(
     cases: Cases,
@@ -214,7 +195,7 @@ def recovery_command(
     simulations: Simulations = 100,
     seed: shared.Seed = 1234,
     execution: Execution,
-    model: Model,
+    model: shared.LanguageModel,
     out: Out = None,
 ) -> None:
     """Whether a better fit means better parameters, and what held-out rates say."""
@@ -223,14 +204,14 @@ def recovery_command(
     from ..studies.recovery import write_recovery
 
     chosen = cases.filter(seed)
-    grid = study_grid("recovery", chosen, scaffolds.split(","), model.choice, simulations, seed)
+    grid = study_grid("recovery", chosen, scaffolds.split(","), _choice(model), simulations, seed)
     analyse = partial(write_recovery, cases=suite_cases(chosen), seed=seed, say=say)
     _study(grid, execution, out, analyse)
 
 
 @bench_app.command("warmup")
 @with_options(Cases, cases="10")
-@with_options(Model)
+@with_options(shared.LanguageModel, backend="rules")
 @with_options(Execution, workers=2)
 def warmup_command(
     cases: Cases,
@@ -242,7 +223,7 @@ def warmup_command(
     simulations: Simulations = 100,
     seed: shared.Seed = 1234,
     execution: Execution,
-    model: Model,
+    model: shared.LanguageModel,
     out: Out = None,
 ) -> None:
     """Random against proposed perturbations."""
@@ -251,7 +232,7 @@ def warmup_command(
     from ..studies.warmup import STRATEGIES, with_warm_up, write_warmup
 
     scaffolds = [with_warm_up(load_scaffold(scaffold), strategy) for strategy in STRATEGIES]
-    grid = study_grid("warmup", cases.filter(seed), scaffolds, model.choice, simulations, seed)
+    grid = study_grid("warmup", cases.filter(seed), scaffolds, _choice(model), simulations, seed)
     _study(grid, execution, out, write_warmup)
 
 

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from . import completion
 from . import shared_options as shared
+from .campaign import Executors, finish
+from .option_groups import with_options
+
+if TYPE_CHECKING:
+    from ..campaign.summary import Row
+    from ..discovery_bench.blind_cell import Kind
 
 discovery_app = typer.Typer(
     help="Blind cases for discovery: make, run and grade them; or rank the effects without fitting them.",
@@ -22,19 +26,9 @@ Only = Annotated[
     typer.Option(metavar="CASE", help="Case to run, case_07; repeat; left out, all.", rich_help_panel=shared.RECORDS),
 ]
 Results = Annotated[
-    str, typer.Option(metavar="NAME", help="File in the folder with the results.", rich_help_panel=shared.OUTPUT)
+    str,
+    typer.Option(metavar="NAME", help="Name of the results in the folder, under grids.", rich_help_panel=shared.OUTPUT),
 ]
-Backend = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME",
-        help="Language model that ranks effects too.",
-        autocompletion=completion.backends,
-        rich_help_panel=shared.LANGUAGE_MODEL,
-    ),
-]
-
-RESULTS = "results.jsonl"
 
 
 @discovery_app.command("make")
@@ -55,14 +49,14 @@ def make_command(
 
 
 @discovery_app.command("run")
+@with_options(Executors, workers=2)
+@with_options(shared.LanguageModel)
 def run_command(
     folder: Folder,
     only: Only = None,
-    workers: shared.Workers = 2,
-    backend: Backend = None,
-    via: shared.Via = None,
-    base_url: shared.BaseUrl = None,
-    backend_option: shared.BackendOption = None,
+    *,
+    execution: Executors,
+    model: shared.LanguageModel,
     hide_names: Annotated[
         bool,
         typer.Option(
@@ -71,18 +65,26 @@ def run_command(
             rich_help_panel=shared.LANGUAGE_MODEL,
         ),
     ] = False,
-    results: Results = RESULTS,
+    results: Results = "discovery",
 ) -> None:
-    """Run the cases that have no result yet."""
-    from ..discovery_bench.running import run_case, run_cases
+    """Run the cases that have no result yet; a language model, if one is named, ranks effects too."""
+    asked = {"backend": model.backend, "backend_options": model.options, "hide_names": hide_names}
+    finish(_run(folder, results, "discovery", execution, only, asked))
 
-    reached = shared.reaching(via, base_url, backend_option)
-    work = partial(run_case, backend=backend, backend_options=reached, hide_names=hide_names)
-    run_cases(folder, work, workers, only, results, print)
+
+def _run(
+    folder: Path, name: str, kind: Kind, execution: Executors, only: list[str] | None, asked: dict[str, Any]
+) -> list[Row]:
+    """The rows of the cases that were to be run."""
+    from ..discovery_bench.blind_cell import plan_cases
+
+    execution.check()
+    plan = plan_cases(folder, name, kind, only or None, **asked)
+    return [row for row in execution.run(plan) if not only or row["task"] in only]
 
 
 @discovery_app.command("score")
-def score_command(folder: Folder, results: Results = RESULTS) -> None:
+def score_command(folder: Folder, results: Results = "discovery") -> None:
     """Open the answers and grade the results."""
     from ...core.files import write_csv
     from ..discovery_bench.grading import grade_cases, graded_row
@@ -95,23 +97,16 @@ def score_command(folder: Folder, results: Results = RESULTS) -> None:
 
 
 @discovery_app.command("shortlist")
-def shortlist_command(
-    folder: Folder,
-    only: Only = None,
-    workers: shared.Workers = 2,
-    backend: Backend = None,
-    via: shared.Via = None,
-    base_url: shared.BaseUrl = None,
-    backend_option: shared.BackendOption = None,
-) -> None:
+@with_options(Executors, workers=2)
+@with_options(shared.LanguageModel)
+def shortlist_command(folder: Folder, only: Only = None, *, execution: Executors, model: shared.LanguageModel) -> None:
     """Rank the effects of each case, by score and by the backend; fit none of them."""
     from ...core.files import write_csv
-    from ..discovery_bench.running import run_cases
-    from ..discovery_bench.shortlists import SHORTLISTS, shortlist_case, shortlist_places, shortlist_table
+    from ..discovery_bench.shortlists import SHORTLISTS, shortlist_places, shortlist_table
 
-    reached = shared.reaching(via, base_url, backend_option)
-    work = partial(shortlist_case, backend=backend, backend_options=reached)
-    run_cases(folder, work, workers, only, SHORTLISTS, print)
+    asked = {"backend": model.backend, "backend_options": model.options}
+    rows = _run(folder, SHORTLISTS, "shortlist", execution, only, asked)
     places = shortlist_places(folder)
     print(shortlist_table(places))
     write_csv(folder / "shortlists.csv", places)
+    finish(rows)

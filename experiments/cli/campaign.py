@@ -16,6 +16,7 @@ from .option_groups import with_options
 
 if TYPE_CHECKING:
     from ..campaign.cell import Cell
+    from ..campaign.execution import Allowance
     from ..campaign.pool import Pool
     from ..campaign.running import Plan, WatcherContext
     from ..campaign.summary import Row
@@ -39,17 +40,9 @@ RESULTS = Path("results")
 
 
 @dataclass(frozen=True)
-class Execution:
-    """Who carries out a campaign, and what may be spent."""
+class Executors:
+    """Who carries out a campaign."""
 
-    dry_run: Annotated[
-        bool,
-        typer.Option(
-            "--dry-run",
-            help="Say what would be run and what it would take; run nothing.",
-            rich_help_panel=shared.SEARCH,
-        ),
-    ] = False
     workers: Annotated[
         int,
         typer.Option(
@@ -73,6 +66,56 @@ class Execution:
             rich_help_panel=shared.SEARCH,
         ),
     ] = 1500
+
+    def check(self) -> None:
+        """Refuse what names no cluster, before anything is made for it."""
+        if self.cluster is not None:
+            from ..campaign.dask_pool import check_cluster
+
+            check_cluster(self.cluster)
+
+    def run(self, plan: Plan[Any]) -> list[Row]:
+        """Run what is missing of a campaign.
+
+        Returns
+        -------
+        list of dict
+            The results table; `finish` says what is missing in it.
+        """
+        from ..campaign.running import run_campaign
+
+        rows, remarks = run_campaign(plan, self._pool(), _watcher, self._allowance)
+        for remark in remarks:
+            say(remark)
+        return rows
+
+    @property
+    def _allowance(self) -> Allowance | None:
+        """What may be spent; None for as much as it takes."""
+        return None
+
+    def _pool(self) -> Pool:
+        if self.cluster is not None:
+            from ..campaign.dask_pool import DaskPool
+
+            return DaskPool(self.cluster)
+        from ..campaign.local_pool import LocalPool
+
+        return LocalPool(self.workers or os.cpu_count() or 1, memory_limit_mb=self.memory_limit)
+
+
+@dataclass(frozen=True)
+class Execution(Executors):
+    """How a campaign of calibrations is carried out, and what may be spent."""
+
+    dry_run: Annotated[
+        bool,
+        typer.Option(
+            "--dry-run",
+            help="Say what would be run and what it would take; run nothing.",
+            rich_help_panel=shared.SEARCH,
+        ),
+    ] = False
     max_tokens: Annotated[
         int | None,
         typer.Option(
@@ -87,40 +130,18 @@ class Execution:
     ] = None
     store: StoreOption = RESULTS
 
-    def check(self) -> None:
-        """Refuse what names no cluster, before anything is made for it."""
-        if self.cluster is not None:
-            from ..campaign.dask_pool import check_cluster
-
-            check_cluster(self.cluster)
-
     def run(self, plan: Plan[Any]) -> list[Row]:
-        """Run what is missing of a campaign; with ``--dry-run`` say what it would take, and end.
-
-        Returns
-        -------
-        list of dict
-            The results table; `finish` says what is missing in it.
-        """
-        from ..campaign.execution import Allowance
-        from ..campaign.running import run_campaign
-
+        """Run what is missing; with ``--dry-run`` say what it would take, and end."""
         if self.dry_run:
             _print_estimate(plan, self.workers or os.cpu_count() or 1)
             raise typer.Exit
-        rows, remarks = run_campaign(plan, self._pool(), _watcher, Allowance(self.max_tokens, self.max_cost))
-        for remark in remarks:
-            say(remark)
-        return rows
+        return super().run(plan)
 
-    def _pool(self) -> Pool:
-        if self.cluster is not None:
-            from ..campaign.dask_pool import DaskPool
+    @property
+    def _allowance(self) -> Allowance:
+        from ..campaign.execution import Allowance
 
-            return DaskPool(self.cluster)
-        from ..campaign.local_pool import LocalPool
-
-        return LocalPool(self.workers or os.cpu_count() or 1, memory_limit_mb=self.memory_limit)
+        return Allowance(self.max_tokens, self.max_cost)
 
 
 @with_options(Execution)

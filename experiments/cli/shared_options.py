@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -196,3 +197,26 @@ def reaching(via: str | None, base_url: str | None, backend_option: list[str] | 
     from ..request import backend_options, key_values
 
     return backend_options(key_values(backend_option, "--backend-option"), via=via, base_url=base_url, **more)
+
+
+@dataclass(frozen=True)
+class LanguageModel:
+    """Which language model is asked, and how it is reached."""
+
+    backend: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="A preset, litellm:PROVIDER/MODEL, ... as bsa run takes it.",
+            autocompletion=completion.backends,
+            rich_help_panel=LANGUAGE_MODEL,
+        ),
+    ] = None
+    via: Via = None
+    base_url: BaseUrl = None
+    backend_option: BackendOption = None
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """As a configuration holds them."""
+        return reaching(self.via, self.base_url, self.backend_option)

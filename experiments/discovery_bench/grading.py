@@ -8,9 +8,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ...core.errors import BsaError
-from .making import read_rows, unseal
-from .running import RESULTS
+from .results import read_results
+
+Result = Mapping[str, Any]
+"""What was found of a case, or its answer."""
 
 CLEAR_EVIDENCE = math.log(20.0)
 """Log odds of the true model over the base fit from which an effect counts as detectable: 20 to 1."""
@@ -71,43 +72,40 @@ class Graded:
         return self.evidence is not None and self.evidence > CLEAR_EVIDENCE
 
 
-def grade_cases(folder: Path, results: str = RESULTS) -> list[Graded]:
-    """Grade every case that has a result."""
-    answers = unseal(folder)
-    rows = read_rows(folder, results)
-    unknown = [row["case"] for row in rows if row["case"] not in answers]
-    if unknown:
-        raise BsaError(
-            f"the results in {folder} are of a case that it has not: {unknown[0]!r}.", "make the cases anew."
-        )
-    return [_graded(row, answers[row["case"]]) for row in sorted(rows, key=lambda row: row["case"])]
+def grade_cases(folder: Path, name: str) -> list[Graded]:
+    """Grade every case that a campaign has run."""
+    told = sorted(read_results(folder, name), key=lambda case: case[0])
+    return [_graded(task, {**_FAILED, **found}, answer) for task, found, answer in told]
 
 
-def _graded(row: dict[str, Any], answer: dict[str, Any]) -> Graded:
+_FAILED = {"verdict": "failed", "names": (), "wall_s": 0.0, "cpu_s": 0.0, "simulations": 0}
+
+
+def _graded(task: str, found: Result, answer: Result) -> Graded:
     hidden = tuple(sorted(set(answer["names"]))) or ((f"[{answer['outside']}]",) if answer["outside"] else ())
-    grade = _grade(row, hidden, bool(answer["outside"]))
-    gap = row.get("gap", {})
-    found = list(_strengths(row, answer)) if grade == "right" and row["names"] else []
+    grade = _grade(found, hidden, bool(answer["outside"]))
+    gap = found.get("gap", {})
+    strengths = list(_strengths(found, answer)) if grade == "right" and found["names"] else []
     return Graded(
-        row["case"],
+        task,
         answer["setting"],
         hidden,
-        row["verdict"],
-        tuple(row["names"]),
+        found["verdict"],
+        tuple(found["names"]),
         grade,
         gap.get("closed", float("nan")) or 0.0,
         gap.get("holdout_closed", float("nan")) or 0.0,
-        max((abs(value - true) / abs(true - null) for true, null, value, _ in found if true != null), default=None),
-        row["wall_s"],
-        row.get("cpu_s", row["wall_s"]),
-        row.get("simulations", 0),
+        max((abs(value - true) / abs(true - null) for true, null, value, _ in strengths if true != null), default=None),
+        found["wall_s"],
+        found["cpu_s"],
+        found["simulations"],
         answer["model"],
-        _evidence(row, answer),
-        sum(low <= true <= high for true, _, _, (low, high) in found) / len(found) if found else None,
+        _evidence(found, answer),
+        sum(low <= true <= high for true, _, _, (low, high) in strengths) / len(strengths) if strengths else None,
     )
 
 
-def _grade(row: dict[str, Any], hidden: tuple[str, ...], outside: bool) -> str:
+def _grade(row: Result, hidden: tuple[str, ...], outside: bool) -> str:
     verdict, named = row["verdict"], tuple(row["names"])
     if verdict == "failed":
         return "failed"
@@ -122,7 +120,7 @@ def _grade(row: dict[str, Any], hidden: tuple[str, ...], outside: bool) -> str:
     return "right" if named == hidden else "partial" if set(named) < set(hidden) else "wrong"
 
 
-def _evidence(row: dict[str, Any], answer: dict[str, Any]) -> float | None:
+def _evidence(row: Result, answer: Result) -> float | None:
     """Half the difference of BIC between the base fit and the truth, which has the hidden strengths besides."""
     if not answer["keys"] or row.get("base_chi2") is None:
         return None
@@ -131,7 +129,7 @@ def _evidence(row: dict[str, Any], answer: dict[str, Any]) -> float | None:
     )
 
 
-def _strengths(row: dict[str, Any], answer: dict[str, Any]) -> list[tuple[float, float, float, tuple[float, float]]]:
+def _strengths(row: Result, answer: Result) -> list[tuple[float, float, float, tuple[float, float]]]:
     """Truth, null value, fitted value and interval of each hidden strength, where the variant is right, too."""
     found = []
     true = dict(answer["strengths"].values())

@@ -106,26 +106,6 @@ def _opened(folder: Path) -> dict[str, Any]:
     return content
 
 
-def read_rows(folder: Path, results: str) -> list[dict[str, Any]]:
-    """What was written of each case, one JSON object a line; none if there is no such file yet.
-
-    Raises
-    ------
-    BsaError
-        If ``results`` is no name of a file in the folder, or its content is not ours.
-    """
-    path = folder / results
-    if Path(results).name != results or path.is_symlink():
-        raise BsaError(f'"{results}" is no file in {folder}.', "give a name, without a path.")
-    try:
-        rows = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()] if path.exists() else []
-    except (OSError, ValueError, RecursionError) as error:
-        raise BsaError(f"{path} cannot be read ({error}).", "choose another name with --results.") from None
-    if not all(isinstance(row, dict) and isinstance(row.get("case"), str) for row in rows):
-        raise foreign(path, "a file of results")
-    return rows
-
-
 def _make(folder: Path, case: Draw, rng: np.random.Generator) -> dict[str, Any]:
     hidden = case.hidden
     values = pybamm.ParameterValues(hidden.parameter_set)

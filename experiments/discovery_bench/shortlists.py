@@ -10,12 +10,11 @@ from typing import Any
 from ...core.discovery.ranking import ask
 from ...core.messages import Outage
 from ..discover import backend_or_none
-from ..discovery_case import read_case
+from ..discovery_case import DiscoverOptions, read_case
 from ..discovery_workbench import set_up
-from .making import read_rows, unseal
-from .running import options_of
+from .results import read_results
 
-SHORTLISTS = "shortlists.jsonl"
+SHORTLISTS = "shortlists"
 
 _PLACES = (1, 3, 6)
 
@@ -27,15 +26,13 @@ _WORDS = {
 """Who ranks, by the key of a row, in words."""
 
 
-def shortlist_case(folder: Path, **asked: Any) -> dict[str, Any]:
+def shortlist(options: DiscoverOptions) -> dict[str, Any]:
     """Order the effects of one case by score, and let a backend rank them twice; nothing is fitted but the base model.
 
     Parameters
     ----------
-    folder : Path
-        The case.
-    **asked
-        Options of the discovery, a ``backend`` among them.
+    options : DiscoverOptions
+        Of the case, with a backend or none.
 
     Returns
     -------
@@ -43,12 +40,10 @@ def shortlist_case(folder: Path, **asked: Any) -> dict[str, Any]:
         ``statistics``: keys of effects, the best first, none where the base model leaves noise only; ``named`` and
         ``nameless``: the backend's, where there is one and something to rank.
     """
-    options = options_of(folder, **asked)
     bench = set_up(read_case(options), options)
     known = bench.engine(options.settings).shortlist()
     possible = [n for n in known.nominations if not n.lacks]
-    row: dict[str, Any] = {
-        "case": folder.name,
+    found: dict[str, Any] = {
         "effects": len(possible),
         "statistics": [n.effect.key for n in possible if n.gain > 0],
     }
@@ -60,24 +55,23 @@ def shortlist_case(folder: Path, **asked: Any) -> dict[str, Any]:
                 ranking = ask(backend, words, [n.effect for n in possible], options.seed, hidden)
                 if ranking.lost:
                     raise Outage(ranking.note)
-                row[how] = [ranked.key for ranked in ranking.ranked]
-    firsts = (f"{how}: {row[how][0] if row[how] else 'none'}" for how in _WORDS if how in row)
-    return row | {"summary": ", ".join(firsts)}
+                found[how] = [ranked.key for ranked in ranking.ranked]
+    firsts = (f"{how}: {found[how][0] if found[how] else 'none'}" for how in _WORDS if how in found)
+    return found | {"summary": ", ".join(firsts)}
 
 
-def shortlist_places(folder: Path, results: str = SHORTLISTS) -> list[dict[str, Any]]:
+def shortlist_places(folder: Path, name: str = SHORTLISTS) -> list[dict[str, Any]]:
     """Open the answers, and find the place that each ranking gives the hidden effect: a row a case and ranking.
 
     Of the cases that hide one effect of the catalogue, those whose base model leaves noise only are left out: nothing
     was there to be ranked.
     """
-    answers = unseal(folder)
-    told = [(row, set(answers[row["case"]]["names"])) for row in read_rows(folder, results) if row["effects"]]
+    told = [(task, found, set(answer["names"])) for task, found, answer in read_results(folder, name)]
     return [
-        {"case": row["case"], "ranked_by": words, "place": _place(row[how], hidden)}
+        {"task": task, "ranked_by": words, "place": _place(found[how], hidden)}
         for how, words in _WORDS.items()
-        for row, hidden in told
-        if how in row and len(hidden) == 1
+        for task, found, hidden in told
+        if found.get("effects") and how in found and len(hidden) == 1
     ]
 
 

@@ -8,12 +8,13 @@ import pytest
 from bsa.core.discovery.findings import Nomination
 from bsa.core.discovery.score import Score
 from bsa.core.effect import Effect, EffectParameter
-from bsa.core.files import write_csv
+from bsa.core.errors import BsaError
+from bsa.core.files import write_csv, write_json
 from bsa.experiments.campaign.results import read_table
 from bsa.experiments.discovery_bench import shortlists
 from bsa.experiments.discovery_bench.grading import grade_cases, graded_of, graded_row
 from bsa.experiments.discovery_bench.making import SEALED
-from bsa.experiments.discovery_bench.shortlists import SHORTLISTS, shortlist_case, shortlist_places, shortlist_table
+from bsa.experiments.discovery_bench.shortlists import SHORTLISTS, shortlist, shortlist_places, shortlist_table
 from bsa.experiments.discovery_bench.tables import as_markdown, case_table
 
 STRENGTH = {"contact-resistance": ["contact-resistance: resistance [Ohm]", 0.02]}
@@ -70,7 +71,7 @@ R, H = "contact-resistance", "self-heating"
 )
 def test_grades(tmp_path, said, hidden, grade):
     write(tmp_path, {"case_01": hidden}, [row("case_01", *said)])
-    (graded,) = grade_cases(tmp_path)
+    (graded,) = grade_cases(tmp_path, "discovery")
     assert graded.grade == grade
     assert graded.parameter_error == (pytest.approx(0.05) if grade == "right" and graded.named else None)
 
@@ -83,12 +84,12 @@ def test_the_tables_count_names_given_to_nothing(tmp_path):
         row("case_03", "no-missing-effect"),
     ]
     write(tmp_path, answers, rows)
-    text = as_markdown(grade_cases(tmp_path))
+    text = as_markdown(grade_cases(tmp_path, "discovery"))
     assert "nothing hidden: a name was given in 1 of 2 cases (exact 95 % interval 1.3 to 99 %)" in text
     assert "strong: the right name in 1 of 1 cases; in 1 of 1 without those declared ambiguous" in text
     assert "| nothing | none | contact-resistance (1); no-missing-effect (1) |" in text
     assert "| case_02 | none | nothing | effect-found | contact-resistance | wrong |" in case_table(
-        grade_cases(tmp_path)
+        grade_cases(tmp_path, "discovery")
     )
 
 
@@ -102,7 +103,7 @@ def test_what_is_detectable_is_settled_by_the_truth_and_not_by_what_was_said(tmp
         row("case_2", "unexplained", base_chi2=320.0),
     ]
     write(tmp_path, answers, rows)
-    graded = grade_cases(tmp_path)
+    graded = grade_cases(tmp_path, "discovery")
     assert [case.detectable for case in graded] == [True, False, True]
     assert graded[0].evidence == pytest.approx(0.5 * (600.0 - np.log(300)))
     text = as_markdown(graded)
@@ -118,7 +119,7 @@ def test_an_interval_is_right_if_it_holds_the_truth(tmp_path):
         row("case_2", "unexplained", interval=(0.0205, 0.0225)),
     ]
     write(tmp_path, {r["case"]: answer([R], setting="single") for r in rows}, rows)
-    graded = grade_cases(tmp_path)
+    graded = grade_cases(tmp_path, "discovery")
     assert [case.covered for case in graded] == [1.0, 0.0, None]
     assert "inside their 95 % intervals, where the name is right: 1 of 2 cases" in as_markdown(graded)
 
@@ -127,7 +128,7 @@ def test_another_variant_of_the_effect_has_no_true_strength(tmp_path):
     said = row("case_0", "effect-found", [R])
     said["effects"][0]["variant"] = "positive electrode"
     write(tmp_path, {"case_0": answer([R], setting="single")}, [said])
-    (graded,) = grade_cases(tmp_path)
+    (graded,) = grade_cases(tmp_path, "discovery")
     assert (graded.grade, graded.parameter_error, graded.covered) == ("right", None, None)
 
 
@@ -137,14 +138,15 @@ def test_weak_cases_have_three_denominators(tmp_path):
     write(tmp_path, {r["case"]: answer([R], setting="weak") for r in rows}, rows)
     assert (
         "* weak: the right name in 1 of 4 cases; in 1 of 3 without those declared ambiguous; "
-        "in 1 of 2 without those, too, whose base model leaves noise only." in as_markdown(grade_cases(tmp_path))
+        "in 1 of 2 without those, too, whose base model leaves noise only."
+        in as_markdown(grade_cases(tmp_path, "discovery"))
     )
 
 
 def test_graded_cases_survive_a_file(tmp_path):
     answers = {"case_01": answer([R, H], setting="pair"), "case_02": answer(setting="none")}
     write(tmp_path, answers, [row("case_01", "effect-found", [R, H]), row("case_02", "no-missing-effect")])
-    graded = grade_cases(tmp_path)
+    graded = grade_cases(tmp_path, "discovery")
     write_csv(tmp_path / "cases.csv", [graded_row(case) for case in graded])
     assert [graded_of(found) for found in read_table(tmp_path / "cases.csv")] == graded
 
@@ -169,7 +171,7 @@ def test_a_shortlist_is_graded_by_the_place_of_what_was_hidden(tmp_path):
     assert "meaning" not in text
 
 
-def test_a_backend_ranks_the_effects_of_a_case_with_names_and_without(tmp_path, monkeypatch):
+def test_a_backend_ranks_the_effects_of_a_case_with_names_and_without(monkeypatch):
     effects = [
         Effect(name, name, "", (EffectParameter("size", "V", 0.0, 0.0, 1.0, 0.01),), signature, "")
         for name, signature in ((R, "grows with the rate"), (H, "relaxes over minutes of a rest"), ("leak", "a drive"))
@@ -183,19 +185,43 @@ def test_a_backend_ranks_the_effects_of_a_case_with_names_and_without(tmp_path, 
         discrepancy=lambda refitted: ["measured voltage lies 9 mV below the model during rest after a discharge"],
     )
 
-    def options_of(folder, backend=None):
+    def options(backend=None):
         return SimpleNamespace(settings=None, seed=1, backend=backend, backend_options={})
 
-    monkeypatch.setattr(shortlists, "options_of", options_of)
     monkeypatch.setattr(shortlists, "read_case", lambda options: None)
     monkeypatch.setattr(shortlists, "set_up", lambda case, options: bench)
-    found = shortlist_case(tmp_path / "case_01", backend="rules")
+    found = shortlist(options("rules"))
     assert found["statistics"] == [R, H]
     # The rules backend reads signatures: a name says nothing to it.
     assert found["named"][0] == found["nameless"][0] == H
-    assert shortlist_case(tmp_path / "case_01").keys() == {"case", "effects", "statistics", "summary"}
+    assert shortlist(options()).keys() == {"effects", "statistics", "summary"}
 
 
-def write(folder, answers, rows, results="results.jsonl"):
+def write(folder, answers, rows, name="discovery"):
+    """A campaign on blind cases that has found the rows."""
     (folder / SEALED).write_bytes(base64.b64encode(zlib.compress(json.dumps({"seed": 1, "answers": answers}).encode())))
-    (folder / results).write_text("\n".join(json.dumps(r) for r in rows) + "\n")
+    cells = []
+    for row in rows:
+        content = {key: value for key, value in row.items() if key != "case"}
+        if row.get("verdict") == "failed":
+            write_json(folder / "cells" / row["case"] / "failure.json", {"reason": "broken"})
+        else:
+            result = {"status": "finished", "best": {}, "initial": {}, **content}
+            write_json(folder / "cells" / row["case"] / "result.json", result)
+        axes = dict.fromkeys(("mode", "chemistry", "rates", "scaffold", "backend", "method", "trouble"), "")
+        cells.append({"identity": row["case"], "task": row["case"], "seed": 0, **axes})
+    write_json(folder / "grids" / name / "grid.json", {"grid": {"name": name}, "cells": cells, "methods": [""]})
+
+
+def test_a_case_that_failed_is_graded_so_and_one_that_was_not_run_is_left_out(tmp_path):
+    write(tmp_path, {"case_01": answer([R])}, [row("case_01", "failed")])
+    (graded,) = grade_cases(tmp_path, "discovery")
+    assert (graded.grade, graded.named) == ("failed", ())
+    (tmp_path / "cells" / "case_01" / "failure.json").unlink()
+    assert grade_cases(tmp_path, "discovery") == []
+
+
+def test_answers_and_results_of_different_cases_are_refused(tmp_path):
+    write(tmp_path, {"case_02": answer([R])}, [row("case_01", "effect-found", [R])])
+    with pytest.raises(BsaError, match="case that it has not: 'case_01'"):
+        grade_cases(tmp_path, "discovery")

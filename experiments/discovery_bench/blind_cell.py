@@ -1,0 +1,180 @@
+"""A cell that is a blind case: a discovery on its records, or a ranking of the effects that may be hidden in them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ...core.errors import BsaError
+from ...core.files import write_json
+from ...core.messages import Outage
+from ..campaign.cell import Axis
+from ..campaign.identity import versions_of, without_placement
+from ..campaign.results import check_grid_folder
+from ..campaign.running import Plan
+from ..campaign.store import RESULT, Store
+from ..discover import discover
+from ..discovery_case import DiscoverOptions
+from .making import DESCRIPTION, POINTS
+from .shortlists import shortlist
+
+Kind = Literal["discovery", "shortlist"]
+
+
+@dataclass(frozen=True)
+class BlindCell:
+    """A blind case; see `Cell`.
+
+    Attributes
+    ----------
+    case : Path
+        Folder of the case.
+    kind : {'discovery', 'shortlist'}
+        What is done with it.
+    asked : mapping
+        Options of the discovery besides its records.
+    chemistry : str
+        Parameter set of the base model.
+    identity : str
+        Hash of all that, the records and the code.
+    trouble : str
+        Empty: a blind case can be run.
+    """
+
+    case: Path
+    kind: Kind
+    asked: Mapping[str, Any]
+    chemistry: str
+    identity: str
+    trouble: str = ""
+
+    @property
+    def axes(self) -> dict[Axis, str]:
+        """What tables group by."""
+        return {
+            "task": self.case.name,
+            "mode": "blind",
+            "chemistry": self.chemistry,
+            "rates": "",
+            "scaffold": self.kind,
+            "backend": self.asked.get("backend") or "none",
+            "seed": str(self.asked.get("seed", 0)),
+        }
+
+    def run(self, folder: Path, store: Store) -> dict[str, Any]:
+        """See `Cell.run`."""
+        options = options_of(self.case, out=folder, **self.asked)
+        began_s = _processor_s()
+        found = shortlist(options) if self.kind == "shortlist" else _discovered(options)
+        content = {"status": "finished", "best": {}, "initial": {}, **found, "cpu_s": _processor_s() - began_s}
+        write_json(folder / RESULT, content)
+        return content
+
+
+def _discovered(options: DiscoverOptions) -> dict[str, Any]:
+    discovery = discover(options)
+    if discovery.ranking is not None and discovery.ranking.lost:
+        raise Outage(discovery.ranking.note)
+    content, base = discovery.to_json(), discovery.findings.nearest_base
+    return {
+        "summary": f"{discovery.verdict} {', '.join(discovery.names)}",
+        "verdict": discovery.verdict,
+        "names": list(discovery.names),
+        "rivals": [list(rival.names) for rival in discovery.findings.rivals],
+        "effects": content["effects"] or content["partial"],
+        "gap": content["gap"],
+        "base_chi2": float(np.sum(np.square(base.errors / base.sigma))),
+        "simulations": discovery.simulations,
+        "wall_s": discovery.wall_s,
+    }
+
+
+def _processor_s() -> float:
+    """Processor time of this process and of those that it has ended, s: simulations have processes of their own."""
+    user, system, user_of_children, system_of_children, _ = os.times()
+    return user + system + user_of_children + system_of_children
+
+
+def plan_cases(folder: Path, name: str, kind: Kind, only: Sequence[str] | None = None, **asked: Any) -> Plan[BlindCell]:
+    """Every case of a folder as a cell; the sealed answers are not opened.
+
+    Parameters
+    ----------
+    folder : Path
+        Made by `make_cases`; it is the store, too.
+    name : str
+        Of the campaign.
+    kind : {'discovery', 'shortlist'}
+        What is done with a case.
+    only : sequence of str, optional
+        Names of the cases to run; all by default.
+    **asked
+        Options of the discovery.
+
+    Raises
+    ------
+    BsaError
+        If the folder holds no case, or no such case, or its campaign's folder holds something else.
+    """
+    cases = [path for path in sorted(folder.absolute().glob("case_*")) if (path / DESCRIPTION).exists()]
+    if not cases:
+        raise BsaError(f"{folder} holds no blind case.", "bsa bench discovery make makes some.")
+    unknown = set(only or ()) - {case.name for case in cases}
+    if unknown:
+        raise BsaError(f'{folder} has no case "{min(unknown)}".', f"{cases[0].name} to {cases[-1].name} are there.")
+    campaign = campaign_folder(folder, name)
+    check_grid_folder(campaign)
+    cells = [_cell(case, kind, asked) for case in cases]
+    return Plan({"name": name}, cells, Store(folder), campaign, only)
+
+
+def campaign_folder(folder: Path, name: str) -> Path:
+    """Where the rows of a campaign on blind cases lie.
+
+    Raises
+    ------
+    BsaError
+        If the name is a path.
+    """
+    if Path(name).name != name:
+        raise BsaError(f'"{name}" is no name of results in {folder}.', "give a name, without a path.")
+    return Store(folder).grid(name)
+
+
+def _cell(case: Path, kind: Kind, asked: Mapping[str, Any]) -> BlindCell:
+    options = options_of(case, out=case, **asked)
+    backend = options.backend or "none"
+    determining = {
+        "kind": kind,
+        "files": {
+            path.name: hashlib.sha256(path.read_bytes()).hexdigest()
+            for path in (case / DESCRIPTION, *(file.path for file in (*options.data, *options.holdout)))
+        },
+        "asked": {**asked, "backend_options": without_placement(options.backend_options)},
+        "versions": versions_of((("backend", backend.partition(":")[0]),)),
+    }
+    identity = hashlib.sha256(json.dumps(determining, sort_keys=True).encode()).hexdigest()[:16]
+    return BlindCell(case, kind, asked, options.parameters, identity)
+
+
+def options_of(folder: Path, **asked: Any) -> DiscoverOptions:
+    """What is asked of a case: its last record is held out; ``asked`` are other options."""
+    description = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
+    records = [{"path": folder / r["file"], "read": {"ambient_c": r["ambient_c"]}} for r in description["records"]]
+    return DiscoverOptions.model_validate(
+        {
+            "data": records[:-1],
+            "holdout": records[-1:],
+            "parameters": description["parameters"],
+            "model": description["model"],
+            "points": POINTS,
+            **asked,
+        }
+    )

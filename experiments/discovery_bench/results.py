@@ -1,0 +1,37 @@
+"""What a campaign on blind cases has found, case by case."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from ...core.errors import BsaError
+from ..campaign.results import grid_folder, read_manifest, rows_of
+from ..campaign.store import Store
+from .making import unseal
+
+
+def read_results(folder: Path, name: str) -> Iterator[tuple[str, Mapping[str, Any], Mapping[str, Any]]]:
+    """Every case that was run, with what was found and its answer; nothing was found of a case that failed.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the blind cases. Their answers are opened.
+    name : str
+        Of the campaign.
+
+    Raises
+    ------
+    BsaError
+        If there was no such campaign, or it is of cases that the folder has not.
+    """
+    store, answers = Store(folder), unseal(folder)
+    for row in rows_of(read_manifest(grid_folder(name, store)), store):
+        if row["task"] not in answers:
+            raise BsaError(
+                f"the results in {folder} are of a case that it has not: {row['task']!r}.", "make the cases anew."
+            )
+        if row["state"] in ("done", "failed"):
+            yield row["task"], store.result(row["identity"]) or {}, answers[row["task"]]
