@@ -33,6 +33,9 @@ _CORRELATED = 0.9
 _NAMED_WEIGHT = 0.2
 _CONFIDENCE = 0.95
 
+_BEYOND_NOISE, _FOLLOWS_THE_CURVE = 3.0, 0.5
+"""Residuals of more tolerances than three, of which neighbours share more than half, are no noise of an instrument."""
+
 _MOST_ALIKE = 0.98
 """Correlation of neighbours beyond which it cannot be told from a constant offset (factor 10)."""
 
@@ -160,6 +163,18 @@ def residual_noise(residual: FloatArray, parameters: int, floor: float = 0.0) ->
     return max(float(np.sqrt(residual @ residual / freedom)), floor)
 
 
+def neighbour_correlation(residual: FloatArray) -> float:
+    """Correlation of each residual with the next: 0 for noise, towards 1 where the misfit follows the curve."""
+    power = float(residual @ residual)
+    return float(residual[:-1] @ residual[1:]) / power if power > 0 else 0.0
+
+
+def is_structured(residual: FloatArray) -> bool:
+    """Whether residuals, in tolerances and in the order of time, show a model that is wrong rather than noise."""
+    size = float(np.sqrt(np.mean(residual**2)))
+    return size > _BEYOND_NOISE and neighbour_correlation(residual) > _FOLLOWS_THE_CURVE
+
+
 def effective_noise(residual: FloatArray, parameters: int, floor: float) -> float:
     """Standard deviation to reckon with where the misfit follows the curve, in tolerances.
 
@@ -180,9 +195,7 @@ def effective_noise(residual: FloatArray, parameters: int, floor: float) -> floa
     ----------
     Bartlett, J. R. Stat. Soc. 98 (1935) 536. Zieba & Ramza, Metrol. Meas. Syst. 18 (2011) 529.
     """
-    power = float(residual @ residual)
-    alike = float(residual[:-1] @ residual[1:]) / power if power > 0 else 0.0
-    alike = min(max(alike, 0.0), _MOST_ALIKE)
+    alike = min(max(neighbour_correlation(residual), 0.0), _MOST_ALIKE)
     return max(residual_noise(residual, parameters) * float(np.sqrt((1 + alike) / (1 - alike))), floor)
 
 

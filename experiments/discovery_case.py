@@ -112,6 +112,7 @@ class Case:
 
 def read_case(options: DiscoverOptions) -> Case:
     """Read the records and settle the base model: size, ambient temperature, initial states of charge."""
+    from ..plugins.pybamm.model_options import in_pybamm_spelling
     from .tasks.records import RecordRequest, build_task
 
     files = [*options.data, *options.holdout]
@@ -137,7 +138,7 @@ def read_case(options: DiscoverOptions) -> Case:
     fixed = {
         name: value for name, value in task.cell.overrides.items() if name not in _ADDED or name in options.overrides
     }
-    cell = CellModel(task.cell.parameter_set, options.model, dict(options.options), fixed)
+    cell = CellModel(task.cell.parameter_set, options.model, in_pybamm_spelling(options.options), fixed)
     return Case(
         cell,
         tuple(specimens[:count]),

@@ -10,6 +10,9 @@ from ..core.residuals import DURATION_TOLERANCE
 from ..core.task import Task
 from .report.wording import number, short_name, unit
 
+_WORTH_MEASURING = 0.9
+"""Share of the widest interval that a protocol must come below to be advised: less is not worth hours of a cycler."""
+
 
 def verdict_line(appraisal: PostFitAnalysis) -> str:
     """``"The record fixes 4 of 7 parameters; loose: ...; open: ..."``."""
@@ -44,8 +47,12 @@ def next_line(appraisal: PostFitAnalysis, domain: Domain) -> str:
         return ""
     first = appraisal.measure_next[0]
     now = appraisal.identifiability.intervals[appraisal.worst].share_of_range
-    if first.forecast.worst_share >= now:
-        return "None of the protocols considered would shrink the widest interval."
+    if first.forecast.worst_share > _WORTH_MEASURING * now:
+        return (
+            f"None of the {len(appraisal.measure_next)} protocols considered would narrow the widest interval "
+            f"({share(now)} of the range of {short_name(appraisal.worst)}) by a tenth: what is open needs another kind "
+            "of measurement, or a value from elsewhere."
+        )
     length = f"{number(first.hours, 2)} h {domain.start_of_next}".strip()
     return (
         f"To measure next: {first.name} ({length}): the widest 95 % interval would go "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,6 @@ from ..core.files import write_json, write_text
 from ..core.hooks import RunContext
 from ..core.loop import Listener
 from ..core.prediction import Prediction, predict
-from ..core.record import ReadOptions, Record
 from ..core.registry import installed
 from ..core.run_plugins import RunPlugins
 from ..core.scaffold import Scaffold
@@ -48,42 +47,6 @@ class ScoredRecords:
             "records": [{"fitted": False, **prediction.as_json()} for prediction in self.predictions],
             "notes": [note for note in self.run.task.notes if "(held out)" in note],
         }
-
-
-def requests_of(
-    sources: Sequence[Path | Record],
-    read: ReadOptions,
-    reader: str | None,
-    reader_options: Mapping[str, Any],
-    initial_soc: Sequence[float] = (),
-) -> list[RecordRequest]:
-    """What is asked of each record, all read alike.
-
-    Parameters
-    ----------
-    sources, read, reader, reader_options
-        As in `RecordRequest`.
-    initial_soc : sequence of float
-        Nothing, one state of charge for all records, or one for each.
-
-    Raises
-    ------
-    BsaError
-        If there are several states of charge, but not one for each record, or one is not between 0 and 1.
-    """
-    wild = [soc for soc in initial_soc if not 0 <= soc <= 1]
-    if wild:
-        raise BsaError(f"an initial state of charge is {wild[0]:g}.", "give a share between 0 and 1.")
-    if len(initial_soc) not in (0, 1, len(sources)):
-        raise BsaError(
-            f"{len(initial_soc)} initial states of charge were given for {len(sources)} records.",
-            "give one for all records, or one for each, in their order.",
-        )
-    socs = list(initial_soc) if len(initial_soc) == len(sources) else [*initial_soc, None][:1] * len(sources)
-    return [
-        RecordRequest(source, read, reader, reader_options, initial_soc=soc)
-        for source, soc in zip(sources, socs, strict=True)
-    ]
 
 
 def predict_records(

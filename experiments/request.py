@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
@@ -17,6 +17,9 @@ from ..core.scaffold import Scaffold, load_scaffold
 from ..core.task import Task
 from ..core.validation import explain
 from ..core.yaml_text import parse_yaml
+
+if TYPE_CHECKING:
+    from .tasks.records import RecordRequest
 
 
 @dataclass(frozen=True)
@@ -188,6 +191,7 @@ def task_of_records(
     search: str | Mapping[str, Any],
     scale: bool,
     holdout: Sequence[Path | Record] = (),
+    initial_soc: Sequence[float] = (),
 ) -> Task:
     """The task of matching records, all read alike, those that are held out included.
 
@@ -196,7 +200,7 @@ def task_of_records(
     BsaError
         If no parameter set is given, or a record, a set or a parameter makes no sense.
     """
-    from .tasks.records import RecordRequest, build_task
+    from .tasks.records import build_task
 
     if parameters is None:
         raise BsaError(
@@ -207,13 +211,51 @@ def task_of_records(
     return build_task(
         name=named_after(sources),
         parameter_set=parameters,
-        records=[RecordRequest(source, read, reader, reader_options) for source in sources],
-        held_out=[RecordRequest(source, read, reader, reader_options) for source in holdout],
+        records=requests_of(sources, read, reader, reader_options, initial_soc),
+        held_out=requests_of(holdout, read, reader, reader_options),
         model=model,
         options=options,
         search=search,
         scale_to_capacity=scale,
     )
+
+
+def requests_of(
+    sources: Sequence[Path | Record],
+    read: ReadOptions,
+    reader: str | None,
+    reader_options: Mapping[str, Any],
+    initial_soc: Sequence[float] = (),
+) -> list[RecordRequest]:
+    """What is asked of each record, all read alike.
+
+    Parameters
+    ----------
+    sources, read, reader, reader_options
+        As in `RecordRequest`.
+    initial_soc : sequence of float
+        Nothing, one state of charge for all records, or one for each.
+
+    Raises
+    ------
+    BsaError
+        If there are several states of charge, but not one for each record, or one is not between 0 and 1.
+    """
+    wild = [soc for soc in initial_soc if not 0 <= soc <= 1]
+    if wild:
+        raise BsaError(f"an initial state of charge is {wild[0]:g}.", "give a share between 0 and 1.")
+    if len(initial_soc) not in (0, 1, len(sources)):
+        raise BsaError(
+            f"{len(initial_soc)} initial states of charge were given for {len(sources)} records.",
+            "give one for all records, or one for each, in their order.",
+        )
+    socs = list(initial_soc) if len(initial_soc) == len(sources) else [*initial_soc, None][:1] * len(sources)
+    from .tasks.records import RecordRequest
+
+    return [
+        RecordRequest(source, read, reader, reader_options, initial_soc=soc)
+        for source, soc in zip(sources, socs, strict=True)
+    ]
 
 
 def named_after(sources: Sequence[Path | Record]) -> str:

@@ -13,6 +13,7 @@ from ..core.encoding import decode_task, encode_task
 from ..core.errors import BsaError
 from ..core.files import write_json, write_text
 from ..core.hooks import RunContext
+from ..core.identifiability import is_structured
 from ..core.journal import FILE_NAME, FORMAT, Journal, check_calibration, read_events
 from ..core.loop import Listener, Run, RunResult
 from ..core.messages import Backend
@@ -65,6 +66,7 @@ def execute_run(
     listener: Listener | None = None,
     report: bool = True,
     appraising: bool = False,
+    to_discover: str = "",
 ) -> RunResult:
     """Run a task in a folder, or go on where an interrupted run of the same task and configuration stopped.
 
@@ -87,6 +89,9 @@ def execute_run(
     appraising : bool
         Whether to find out after the search what the records fix and what to measure next. Studies count
         simulations and leave it out.
+
+    to_discover : str
+        Command that looks for what the model lacks; told where the misfit of the best candidate is no noise.
 
     Returns
     -------
@@ -122,6 +127,11 @@ def execute_run(
                 for text in (*task.notes, *journal.warnings):
                     listener.noted(text)
             result = Run(task, config, plugins, recorder, journal, folder, earlier, listener, appraising).execute()
+            if to_discover and result.best.residuals is not None and is_structured(result.best.residuals):
+                note(
+                    "The misfit that is left is larger than the noise and follows the curve: the model may lack an "
+                    f"effect, if more simulations do not remove it. To look for it: {to_discover}"
+                )
             write_results(folder, task, config, backend.name, result)
             for name, content in plugins.export(result.best.candidate).items():
                 write_text(folder / name, content)

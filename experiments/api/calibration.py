@@ -17,11 +17,12 @@ from ..request import (
     RunRequest,
     backend_options,
     numbered_folder,
+    requests_of,
     simulation_workers,
     task_of_records,
 )
 from .calibration_result import CalibrationResult
-from .measured import Data, listed, reading, source
+from .measured import Data, given_socs, listed, reading, source
 
 
 def calibrate(
@@ -38,6 +39,7 @@ def calibrate(
     reader: str | None = None,
     reader_option: Mapping[str, Any] | None = None,
     temperature: float | None = None,
+    initial_soc: float | Sequence[float] | None = None,
     parameters: str | None = None,
     model: str = "DFN",
     options: Mapping[str, Any] | None = None,
@@ -73,6 +75,8 @@ def calibrate(
         path of a task file. Left out, the demonstration.
     holdout : one or several records, optional
         Records that are not fitted: the best candidate is scored on them after the search.
+    initial_soc : float or sequence of float, optional
+        State of charge at which all fitted records, or each, start; where it is searched too, the search starts there.
     column, unit, current_sign, constant_current, where, cycles, sheet, reader, reader_option, temperature
         How files and DataFrames are read; see `read_record`. Their current is positive on charge unless
         ``current_sign`` says otherwise.
@@ -119,7 +123,6 @@ def calibrate(
     BsaError
         If data, an option or a plugin cannot be used.
     """
-    from ..predict import requests_of
     from ..tasks.records import holding_out
 
     if resume is not None:
@@ -150,7 +153,17 @@ def calibrate(
             assert not isinstance(data, Task)
             sources = [source(one, read, number) for number, one in enumerate(listed(data), 1)]
             task = task_of_records(
-                sources, read, reader, reader_option or {}, parameters, model, options or {}, search, scale, held
+                sources,
+                read,
+                reader,
+                reader_option or {},
+                parameters,
+                model,
+                options or {},
+                search,
+                scale,
+                held,
+                given_socs(initial_soc),
             )
         else:
             task = holding_out(task, requests_of(held, read, reader, reader_option or {}))

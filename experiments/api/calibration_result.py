@@ -15,7 +15,7 @@ from ...core.metrics import errors_of, headline_of
 from ..report.page import FILE_NAME as REPORT
 from ..report.wording import number, quantity
 from ..story import RunRecord, read_run
-from .measured import READING, Data, listed, reading, source
+from .measured import READING, Data, given_socs, listed, reading, source
 from .notebook import picture_of, render
 from .scripts import namespace_of
 
@@ -121,7 +121,7 @@ class CalibrationResult:
         self,
         data: Data | Sequence[Data],
         *,
-        initial_soc: float | Sequence[float] = (),
+        initial_soc: float | Sequence[float] | None = None,
         out: str | Path | None = None,
         workers: int = 0,
         **options: Any,
@@ -147,8 +147,8 @@ class CalibrationResult:
         BsaError
             If the data cannot be read, or was fitted.
         """
-        from ..predict import predict_records, requests_of, write_scores
-        from ..request import named_after, numbered_folder, simulation_workers
+        from ..predict import predict_records, write_scores
+        from ..request import named_after, numbered_folder, requests_of, simulation_workers
         from .prediction_result import PredictionResult
 
         reader, reader_option = options.pop("reader", None), options.pop("reader_option", None) or {}
@@ -157,8 +157,7 @@ class CalibrationResult:
             raise BsaError(f'there is no option "{unknown[0]}" for reading.', did_you_mean(unknown[0], READING))
         read = reading(**{**READING, **options})
         sources = [source(one, read, number) for number, one in enumerate(listed(data), 1)]
-        socs = [initial_soc] if isinstance(initial_soc, (int, float)) else list(initial_soc)
-        requests = requests_of(sources, read, reader, reader_option, socs)
+        requests = requests_of(sources, read, reader, reader_option, given_socs(initial_soc))
         scored = predict_records(self.folder, requests, simulation_workers(workers))
         folder = Path(out) if out is not None else numbered_folder(self.folder / "predictions", named_after(sources))
         return PredictionResult(folder, write_scores(scored, folder), scored)

@@ -140,6 +140,13 @@ def source(data: Data, options: ReadOptions, number: int) -> Path | Record:
     return data
 
 
+def given_socs(initial_soc: float | Sequence[float] | None) -> list[float]:
+    """One state of charge, several or none, as a list."""
+    if initial_soc is None:
+        return []
+    return [initial_soc] if isinstance(initial_soc, (int, float)) else list(initial_soc)
+
+
 def _left(options: ReadOptions) -> set[str]:
     """The options that are as they are by default."""
     default = ReadOptions()

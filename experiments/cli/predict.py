@@ -42,9 +42,9 @@ def predict(
     ] = False,
 ) -> None:
     """Score records that a run did not fit, with the band that its parameters' intervals predict."""
-    from ..predict import predict_records, requests_of, write_scores
+    from ..predict import predict_records, write_scores
     from ..report.records import error_rows
-    from ..request import key_values, named_after, numbered_folder, simulation_workers
+    from ..request import key_values, named_after, numbered_folder, requests_of, simulation_workers
     from .progress import PlainProgress, printable
 
     read = shared.reading(column, unit, where, current_sign, constant_current, cycles, sheet, temperature)

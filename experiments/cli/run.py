@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -48,6 +49,7 @@ def run(
     reader: shared.Reader = None,
     reader_option: shared.ReaderOption = None,
     temperature: shared.Temperature = None,
+    initial_soc: shared.InitialSocs = None,
     parameters: Annotated[
         str | None,
         typer.Option(
@@ -194,21 +196,69 @@ def run(
         ),
         simulator="" if named is None else named.simulator,
     )
+    to_discover = ""
     read = shared.reading(column, unit, where, current_sign, constant_current, cycles, sheet, temperature)
     reader_options = key_values(reader_option, "--reader-option")
     if data:
         model_options = key_values(options, "--options")
         chosen = task_of_records(
-            data, read, reader, reader_options, parameters, model, model_options, search, scale, holdout or ()
+            data,
+            read,
+            reader,
+            reader_options,
+            parameters,
+            model,
+            model_options,
+            search,
+            scale,
+            holdout or (),
+            initial_soc or (),
+        )
+        to_discover = discover_command(
+            data,
+            holdout or (),
+            {
+                "--parameters": parameters,
+                "--model": model if model != "DFN" else None,
+                "--options": options,
+                "--no-scale": not scale,
+                "--column": column,
+                "--unit": unit,
+                "--where": where,
+                "--current-sign": current_sign if current_sign != "charge-positive" else None,
+                "--constant-current": constant_current,
+                "--cycles": cycles,
+                "--sheet": sheet,
+                "--reader": reader,
+                "--reader-option": reader_option,
+                "--temperature": temperature,
+            },
         )
     else:
         assert named is not None
         chosen = holding_out(named, [RecordRequest(path, read, reader, reader_options) for path in holdout or ()])
     folder = out or numbered_folder(Path("runs"), f"{chosen.name}-{config.scaffold.name}")
-    _execute(RunRequest(chosen, config, folder), resources, as_json, identifiability)
+    _execute(RunRequest(chosen, config, folder), resources, as_json, identifiability, to_discover)
 
 
-def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability: bool) -> None:
+def discover_command(data: Sequence[Path], holdout: Sequence[Path], options: Mapping[str, Any]) -> str:
+    """The command that looks for what a model lacks on the same records.
+
+    Parameters
+    ----------
+    data, holdout : sequence of Path
+        The records.
+    options : mapping
+        Values by the option's name: a list repeats the option, True is the option alone, None and False leave it out.
+    """
+    words = ["bsa", "discover", "--data", *map(str, data), *(["--holdout"] if holdout else []), *map(str, holdout)]
+    for name, value in options.items():
+        for one in value if isinstance(value, list) else [value]:
+            words += [] if one in (None, False) else [name] if one is True else [name, str(one)]
+    return shlex.join(words)
+
+
+def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability: bool, to_discover: str = "") -> None:
     from ...backends.opening import open_backend
     from ...core.metrics import objective_of
     from ..run import execute_run, summary
@@ -229,7 +279,9 @@ def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability
             file=sys.stderr,
         )
     with listener:
-        result = execute_run(task, config, folder, backend, resources, listener, appraising=identifiability)
+        result = execute_run(
+            task, config, folder, backend, resources, listener, appraising=identifiability, to_discover=to_discover
+        )
     if as_json:
         print(json.dumps(summary(task, config, backend.name, result), indent=2))
     else:

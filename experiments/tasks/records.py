@@ -28,6 +28,9 @@ CONTACT, RESISTANCE = "contact resistance", "Contact resistance [Ohm]"
 _CONTACT_SHARE = 0.6
 """Share of the voltage jump at a current step that is put down to the contacts, to start with."""
 
+_MOST_OF_THE_WINDOW = 0.6
+"""Share of the voltage window that a cycle crosses at least if its charge is to tell the cell's size."""
+
 _SAME_SIZE = (0.8, 1.25)
 """Ratios of measured to nominal capacity that the search bridges by itself."""
 
@@ -96,33 +99,40 @@ def build_task(
     BsaError
         If a file, a parameter set or a parameter does not exist or makes no sense.
     """
+    from ...plugins.pybamm.model_options import in_pybamm_spelling
     from ...plugins.pybamm.parameter_sets import load
-    from ...plugins.pybamm.presets import resolve_space
+    from ...plugins.pybamm.presets import resolve_space, starts_given
     from ...plugins.pybamm.state_of_charge import equilibrium_capacity_ah, soc_at_voltage
 
     loaded = [_as_asked(request, _loaded(request)) for request in records]
     notes = [f"{record.name}: {note}" for record in loaded for note in record.notes]
     fixed = dict(overrides or {})
     values = load(parameter_set, fixed)
-    if scale_to_capacity and WIDTH not in fixed and all(request.protocol is None for request in records):
+    given = starts_given(search) | set(fixed)
+    if scale_to_capacity and WIDTH not in given and all(request.protocol is None for request in records):
         factor, note = _size_factor(loaded, values, equilibrium_capacity_ah(parameter_set, fixed))
         if note:
             fixed[WIDTH] = float(values[WIDTH]) * factor
             notes.append(note)
-    options = dict(options or {})
+    options = in_pybamm_spelling(options or {})
     if CONTACT not in options and all(request.protocol is None for request in records):
         # Tabs, leads and clamps are in every record, and in no parameter set.
         options[CONTACT] = "true"
     cell = CellModel(parameter_set, model, options, fixed)
-    space = _with_contact_resistance(resolve_space(parameter_set, search, fixed, options), loaded)
+    space = resolve_space(parameter_set, search, fixed, options)
+    if isinstance(search, str) and Path(search).suffix not in (".yaml", ".yml"):
+        # A preset does not know what this person knows.
+        space = ParameterSpace(tuple(parameter for parameter in space if parameter.name not in (overrides or {})))
+    if RESISTANCE not in given:
+        space = _with_contact_resistance(space, loaded)
     experiments: list[Experiment] = []
     socs: list[float] = []
     for request, record in zip(records, loaded, strict=True):
         soc = request.initial_soc
         if soc is None and request.protocol is None:
-            voltage = _resting_voltage(record.trajectory)
+            voltage, words = _open_circuit_start(record.trajectory)
             soc = soc_at_voltage(cell, voltage)
-            notes.append(f"{record.name}: starts at {voltage:.3f} V, taken as a state of charge of {soc:.3f}.")
+            notes.append(f"{record.name}: {words}, taken as a state of charge of {soc:.3f}.")
         if soc is not None:
             socs.append(soc)
         experiments.append(
@@ -136,7 +146,8 @@ def build_task(
                 detailed_cycles=() if request.detailed_cycles is None else record.trajectory.cycles,
             )
         )
-    task = Task(name, cell, _with_initial_soc(space, experiments, socs), tuple(experiments), tuple(notes))
+    space = _with_initial_soc(space, experiments, socs, INITIAL_SOC in given)
+    task = Task(name, cell, space, tuple(experiments), tuple(notes))
     return holding_out(task, held_out)
 
 
@@ -203,10 +214,12 @@ def _size_factor(records: Sequence[Record], values: Any, capacity_ah: float) -> 
     """How much larger the measured cell is than the parameter set's, and a sentence if that matters."""
     window = float(values["Upper voltage cut-off [V]"]) - float(values["Lower voltage cut-off [V]"])
     spans = [
-        float(np.ptp(record.trajectory.discharge_capacity))
+        float(np.ptp(cycle.discharge_capacity))
         for record in records
-        # A record that stays in part of the voltage window says little about the capacity.
-        if np.ptp(record.trajectory.voltage) > 0.6 * window
+        # Over many cycles the counted charge drifts; within one it does not matter.
+        for cycle in map(record.trajectory.cycle, record.trajectory.cycles)
+        # A cycle that stays in part of the voltage window says little about the capacity.
+        if np.ptp(cycle.voltage) > _MOST_OF_THE_WINDOW * window
     ]
     if not spans:
         return 1.0, ""
@@ -223,6 +236,23 @@ def _resting_voltage(record: Trajectory) -> float:
     """The open-circuit voltage that the record starts from, as near as it shows, V."""
     first = record.steps[0]
     return float(record.voltage[first.stop - 1 if first.kind is StepKind.REST else 0])
+
+
+def _open_circuit_start(record: Trajectory) -> tuple[float, str]:
+    """The open-circuit voltage that a record starts from, V, and how it is known.
+
+    A voltage under load is none: what the current's steps show as resistance is put back.
+    """
+    voltage = _resting_voltage(record)
+    if record.steps[0].kind is StepKind.REST or not begins_under_load(record):
+        return voltage, f"starts at {voltage:.3f} V"
+    current, jumps = float(record.current[0]), _jump_resistances(record)
+    ohm = float(np.median(jumps)) if jumps else 0.0
+    loss = f"{1e3 * ohm:.3g} mOhm at its current steps" if jumps else "no current step that would show its resistance"
+    return voltage + ohm * current, (
+        f"begins under load ({current:.3g} A, {voltage:.3f} V), with {loss}: the open-circuit voltage is about "
+        f"{voltage + ohm * current:.3f} V (--initial-soc says it better)"
+    )
 
 
 def _with_contact_resistance(space: ParameterSpace, records: Sequence[Record]) -> ParameterSpace:
@@ -244,22 +274,23 @@ def _jump_resistances(record: Trajectory) -> list[float]:
 
 
 def _with_initial_soc(
-    space: ParameterSpace, experiments: Sequence[Experiment], socs: Sequence[float]
+    space: ParameterSpace, experiments: Sequence[Experiment], socs: Sequence[float], given: bool
 ) -> ParameterSpace:
-    """The space with every searched state of charge started where its record starts.
+    """The space with every searched state of charge started where its record starts, or where a person said.
 
     One searched ``Initial state of charge`` becomes one for each record when there are several.
     """
     if INITIAL_SOC not in space or not socs:
         return space
     template = space[INITIAL_SOC]
+    starts = [template.initial if given else template.project(soc) for soc in socs]
     if len(experiments) == 1:
-        started = [replace(template, initial=template.project(socs[0]))]
+        started = [replace(template, initial=starts[0])]
     else:
+        known = [experiment.name for experiment in experiments if experiment.initial_soc is not None]
         started = [
-            replace(template, name=soc_name(e.name), initial=template.project(e.initial_soc), target=InitialSoc(e.name))
-            for e in experiments
-            if e.initial_soc is not None
+            replace(template, name=soc_name(name), initial=start, target=InitialSoc(name))
+            for name, start in zip(known, starts, strict=True)
         ]
     return ParameterSpace((*(parameter for parameter in space if parameter is not template), *started))
 

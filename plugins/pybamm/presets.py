@@ -154,6 +154,17 @@ def resolve_space(
     return _own_space(parameter_set, content, str(path), overrides or {})
 
 
+def starts_given(search: str | Mapping[str, Any]) -> set[str]:
+    """The parameters whose initial value the person has written: nothing may replace these."""
+    content = search
+    if isinstance(content, str):
+        content = read_yaml(Path(content)) if Path(content).suffix in (".yaml", ".yml") else {}
+    if not isinstance(content, Mapping):
+        return set()
+    entries = content.items()
+    return {str(name) for name, entry in entries if isinstance(entry, Mapping) and entry.get("initial") is not None}
+
+
 def _own_space(
     parameter_set: str, content: Mapping[str, Any], where: str, overrides: Mapping[str, float]
 ) -> ParameterSpace:
@@ -179,7 +190,7 @@ def _from_person(parameter_set: str, name: str, entry: OwnRange, overrides: Mapp
         parameter = _from_preset(parameter_set, _preset_name(name), known, overrides)
         if entry.deviation is not None:
             parameter = replace(parameter, deviation=entry.deviation, prior=True)
-        return parameter if entry.initial is None else replace(parameter, initial=entry.initial)
+        return parameter if entry.initial is None else _started(parameter, entry.initial)
     initial, target = initial_value(parameter_set, name, overrides), _target(parameter_set, name, overrides)
     if entry.factors is not None:
         initial = initial if entry.initial is None else entry.initial
@@ -193,6 +204,11 @@ def _from_person(parameter_set: str, name: str, entry: OwnRange, overrides: Mapp
     return Parameter(
         name, initial, entry.lower, entry.upper, scale, target, entry.deviation, entry.deviation is not None
     )
+
+
+def _started(parameter: Parameter, initial: float) -> Parameter:
+    """The parameter started where a person says, its bounds widened where they would not hold it."""
+    return replace(parameter, initial=initial, lower=min(parameter.lower, initial), upper=max(parameter.upper, initial))
 
 
 def _from_preset(parameter_set: str, name: str, entry: Range, overrides: Mapping[str, float]) -> Parameter:

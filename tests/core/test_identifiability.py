@@ -104,3 +104,15 @@ def test_it_judges_a_fit() -> None:
     assert found.intervals["radius [m]"].lower < 4e-6 < found.intervals["radius [m]"].upper
     assert found.intervals["porosity"].lower < 0.4 < found.intervals["porosity"].upper
     assert found.open == ("exponent",)
+
+
+def test_noise_is_no_structure_and_a_wrong_curve_is() -> None:
+    from bsa.core.identifiability import is_structured, neighbour_correlation
+
+    noise = 10.0 * np.random.default_rng(1).normal(size=400)
+    curve = 10.0 * np.sin(np.linspace(0, 6, 400))
+    assert abs(neighbour_correlation(noise)) < 0.2
+    assert neighbour_correlation(curve) > 0.95
+    assert not is_structured(noise)
+    assert is_structured(curve)
+    assert not is_structured(0.1 * curve)  # below what an instrument resolves

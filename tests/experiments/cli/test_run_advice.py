@@ -1,0 +1,54 @@
+"""What `bsa run` says at its end: the command that looks further, and whether a measurement would help."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from bsa.core.cell import CELL
+from bsa.core.identifiability import Forecast, Identifiability, Interval
+from bsa.core.journal import read_events
+from bsa.core.post_fit_analysis import PostFitAnalysis, Suggestion
+from bsa.experiments.cli.run import discover_command
+from bsa.experiments.report.identifiability import next_line
+from bsa_toy_cell import toy_scaffold, toy_task
+
+WIDE = "Contact resistance [Ohm]"
+
+
+def test_the_command_names_records_and_options_as_they_were_given() -> None:
+    command = discover_command(
+        [Path("my cell.csv")],
+        [Path("b.csv")],
+        {"--parameters": "Chen2020", "--options": ["a=1", "b=2"], "--no-scale": True, "--sheet": None, "--model": None},
+    )
+    options = "--parameters Chen2020 --options a=1 --options b=2 --no-scale"
+    assert command == f"bsa discover --data 'my cell.csv' --holdout b.csv {options}"
+
+
+def test_a_structured_misfit_points_to_the_command_and_a_good_fit_does_not(run_toy, tmp_path) -> None:
+    from bsa.backends.rules.backend import RulesBackend
+    from bsa.core.run_config import RunConfig
+    from bsa.experiments.run import execute_run
+
+    def notes(simulations: int) -> list[str]:
+        folder = tmp_path / str(simulations)
+        config = RunConfig(scaffold=toy_scaffold(), rounds=20, warm_up=0, simulations=simulations)
+        task = toy_task()
+        task = replace(task, experiments=(replace(task.experiments[0], protocol=None),))
+        execute_run(task, config, folder, RulesBackend(), report=False, to_discover="bsa discover X")
+        return [event["text"] for event in read_events(folder) if event["event"] == "note"]
+
+    assert any("bsa discover X" in text for text in notes(1))
+    assert not any("bsa discover" in text for text in notes(40))
+
+
+def analysis(worst_share: float) -> PostFitAnalysis:
+    found = Identifiability({WIDE: Interval(0.1, 0.0, 0.3, 0.5, "open")}, (), (), 1.0, 40)
+    forecast = Forecast("C/20 discharge", WIDE, worst_share, {WIDE: worst_share})
+    return PostFitAnalysis(0, found, worst=WIDE, measure_next=(Suggestion("C/20 discharge", (), 20.0, forecast),))
+
+
+def test_advice_is_given_only_where_it_helps() -> None:
+    assert "To measure next: C/20 discharge" in next_line(analysis(0.3), CELL)
+    line = next_line(analysis(0.48), CELL)
+    assert line.startswith("None of the 1 protocols considered would narrow the widest interval (± 50 %")
+    assert next_line(replace(analysis(0.3), measure_next=()), CELL) == ""

@@ -1,0 +1,106 @@
+"""What a person says of records, parameters and options is kept."""
+
+import numpy as np
+import pytest
+from bsa.core.record import Record
+from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.experiments.tasks.records import CONTACT, RESISTANCE, WIDTH, RecordRequest, build_task
+from bsa.plugins.pybamm.model_options import in_pybamm_spelling
+
+SOC = "Initial state of charge"
+
+
+def record(name: str = "r", *, rest: bool = True, amperes: float = 5.0, cycles: int = 1, drift: float = 0.0) -> Record:
+    """Discharges of an hour from 4.1 V with a jump of 30 mOhm, each charged again; ``drift`` A.h is lost a cycle."""
+    times, currents, voltages, steps = [], [], [], []
+    clock = 0.0
+    count = 0
+    for cycle in range(1, cycles + 1):
+        legs = [(StepKind.CC_DISCHARGE, amperes, 3.95, 2.6)]
+        if rest and cycle == 1:
+            legs = [(StepKind.REST, 0.0, 4.1, 4.1), *legs]
+        if cycles > 1:
+            legs += [(StepKind.CC_CHARGE, -amperes + drift, 2.7, 4.15)]
+        for kind, current, first, last in legs:
+            time = clock + np.linspace(0.0, 600.0 if kind is StepKind.REST else 3600.0, 61)
+            times.append(time)
+            currents.append(np.full(61, current))
+            voltages.append(np.linspace(first, last, 61))
+            steps.append(Step(kind, count, count + 61, cycle, position=len(steps)))
+            clock, count = float(time[-1]), count + 61
+    return Record(
+        name, Trajectory(np.concatenate(times), np.concatenate(currents), np.concatenate(voltages), None, tuple(steps))
+    )
+
+
+def task_of(*records: Record, **settings):
+    return build_task("t", "Chen2020", [RecordRequest(one) for one in records], model="SPM", **settings)
+
+
+def test_a_start_that_a_person_writes_is_never_replaced() -> None:
+    search = {
+        RESISTANCE: {"initial": 0.1265, "lower": 0.0, "upper": 0.3},
+        SOC: {"initial": 0.7, "lower": 0.0, "upper": 1.0},
+        WIDTH: {"initial": 1.2, "factors": [0.5, 2.0]},
+    }
+    big = record(amperes=15.0)
+    space = task_of(big, search=search).space
+    assert [space[name].initial for name in (RESISTANCE, SOC, WIDTH)] == [0.1265, 0.7, 1.2]
+    several = task_of(big, record("s", amperes=15.0), search=search).space
+    assert {parameter.initial for parameter in several if parameter.name.startswith(SOC)} == {0.7}
+    measured = task_of(big, search={**search, RESISTANCE: {"lower": 0.0, "upper": 0.3}}).space
+    assert measured[RESISTANCE].initial == pytest.approx(0.6 * 0.15 / 15.0, rel=1e-6)
+
+
+def test_a_written_start_widens_the_bounds_of_a_preset() -> None:
+    space = task_of(record(), search={RESISTANCE: {"initial": 0.5}}).space
+    assert (space[RESISTANCE].initial, space[RESISTANCE].upper) == (0.5, 0.5)
+
+
+def test_a_value_that_is_known_better_is_not_searched_by_a_preset() -> None:
+    task = task_of(record(), overrides={RESISTANCE: 0.1265}, search="cell")
+    assert RESISTANCE not in task.space
+    assert task.cell.overrides[RESISTANCE] == 0.1265
+    assert SOC in task.space
+
+
+def test_a_voltage_under_load_is_no_open_circuit_voltage() -> None:
+    at_rest, loaded = (task_of(record(rest=rest), search="cell") for rest in (True, False))
+    assert at_rest.experiments[0].initial_soc == pytest.approx(loaded.experiments[0].initial_soc, abs=0.3)
+    assert loaded.experiments[0].initial_soc < at_rest.experiments[0].initial_soc
+    (note,) = [note for note in loaded.notes if "begins under load" in note]
+    assert "no current step that would show its resistance" in note
+    jumps = task_of(record(rest=False, cycles=2), search="cell")
+    assert jumps.experiments[0].initial_soc > loaded.experiments[0].initial_soc
+    asked = build_task("t", "Chen2020", [RecordRequest(record(rest=False), initial_soc=0.9)], model="SPM")
+    assert asked.experiments[0].initial_soc == asked.space[SOC].initial == 0.9
+
+
+def test_charge_that_drifts_over_cycles_does_not_make_a_larger_cell() -> None:
+    drifting = record(cycles=20, drift=1.0)
+    assert np.ptp(drifting.trajectory.discharge_capacity) > 15.0
+    assert WIDTH not in task_of(drifting, search="cell").cell.overrides
+    twice = task_of(record(cycles=20, amperes=10.0, drift=0.5), search="cell")
+    assert twice.cell.overrides[WIDTH] == pytest.approx(1.58 * 10.0 / 5.0, rel=0.06)
+
+
+@pytest.mark.parametrize(
+    ("given", "known"),
+    [
+        ({"contact resistance": True}, {"contact resistance": "true"}),
+        ({"Contact Resistance": "TRUE"}, {"contact resistance": "true"}),
+        ({"contact resistance": False}, {"contact resistance": "false"}),
+        ({"sei": "Reaction Limited"}, {"SEI": "reaction limited"}),
+        ({"thermal": "Lumped", "particle phases": ("2", 1)}, {"thermal": "lumped", "particle phases": ["2", "1"]}),
+        ({"no such option": "X"}, {"no such option": "X"}),
+    ],
+)
+def test_options_may_be_written_in_any_case_and_as_booleans(given, known) -> None:
+    assert in_pybamm_spelling(given) == known
+
+
+def test_an_option_of_a_person_is_kept() -> None:
+    assert task_of(record(), options={"contact resistance": True}).cell.options[CONTACT] == "true"
+    off = task_of(record(), options={"Contact resistance": False})
+    assert off.cell.options[CONTACT] == "false"
+    assert RESISTANCE not in off.space
