@@ -88,11 +88,14 @@ def measure(
     # A record runs beyond the limits where an instrument or an overpotential says so.
     values.update({"Lower voltage cut-off [V]": 0.5, "Upper voltage cut-off [V]": 6.0})
     model = _model(hidden)
+    points = dict.fromkeys(("x_n", "x_s", "x_p", "r_n", "r_p"), hidden.points)
+    for effect in hidden.effects:
+        points |= effect.points
     simulation = pybamm.Simulation(
         model,
         parameter_values=values,
         experiment=pybamm.Experiment([tuple(_step(step, capacity, leak) for step in steps)]),
-        var_pts={**model.default_var_pts, **dict.fromkeys(("x_n", "x_s", "x_p", "r_n", "r_p"), hidden.points)},
+        var_pts={**model.default_var_pts, **points},
         solver=pybamm.IDAKLUSolver(rtol=1e-7, atol=1e-8),
     )
     with warnings.catch_warnings():

@@ -66,6 +66,8 @@ class HiddenEffect:
         ``voltage(time, current, strength, capacity)``: volts added to the terminal voltage.
     instrument : callable or None
         ``instrument(time, current, voltage, strength)``: current and voltage as they are recorded.
+    points : mapping of str to int
+        Mesh points by PyBaMM's name of the coordinate, where the cell's own number would take minutes.
     leak : bool
         Whether the strength is a current that bypasses the cycler, A.
     """
@@ -85,6 +87,7 @@ class HiddenEffect:
     prepare: Callable[[Any, float, float], None] | None = None
     voltage: Callable[[FloatArray, FloatArray, float, float], FloatArray] | None = None
     instrument: Callable[[FloatArray, FloatArray, FloatArray, float], tuple[FloatArray, FloatArray]] | None = None
+    points: Mapping[str, int] = field(default_factory=dict)
     leak: bool = False
 
     @property
@@ -263,6 +266,7 @@ EFFECTS: tuple[HiddenEffect, ...] = (
     HiddenEffect(
         "particle-size-distribution", "particle-size-distribution: deviation", 0.15, 0.6, models=("SPMe",), alone=True,
         options={"particle size": "distribution", "surface form": "algebraic"}, prepare=_sizes,
+        points={"R_n": 15, "R_p": 15, "r_n": 20, "r_p": 20},
     ),
     HiddenEffect(
         "electrolyte-transport", "electrolyte-transport: resistance_factor", 0.1, 3.0, models=("SPM",), alone=True,
