@@ -9,6 +9,8 @@ from .signals import Signal
 from .trajectory import StepKind
 from .yaml_text import read_yaml
 
+_HERE = Path(__file__).parent
+
 CURRENT = Signal(
     "current", "A", tolerance=1e-2, role="driven", relative=True, shown_unit="%", observed_in=(StepKind.CV_HOLD,)
 )
@@ -23,7 +25,7 @@ simulated record matches a measured one: the durations of the steps, the capacit
     metric="paper",
     brief_s=60.0,
     signals_told=False,
-    rules=tuple(read_yaml(Path(__file__).with_name("cell_rules.yaml"))),
+    rules=tuple(read_yaml(_HERE / "cell_rules.yaml") + read_yaml(_HERE / "ageing" / "rules.yaml")),
     drives="currents",
     gentler="""\
 make the cell gentler first (a failing or vanished step comes back), match what is left, then come back. \

@@ -120,6 +120,10 @@ def _from_rules(rules: Sequence[DomainRule], parameters: tuple[str, ...], featur
 
 def _quantity(feature: str) -> tuple[str, float, float]:
     """Which quantity of the rules a feature shows, with its sign and the size of a typical effect."""
+    if "fade_mismatch" in feature:
+        return "fade", 1.0, _TYPICAL_PERCENT
+    if "resistance_mismatch" in feature:
+        return "resistance", 1.0, _TYPICAL_PERCENT
     if "discharge_time" in feature:
         return "discharge_time", 1.0, _TYPICAL_TIME_S
     if "charge_time" in feature:

@@ -102,7 +102,7 @@ def shown_cycles(
         In the order of the cycles.
     """
     wanted: list[tuple[float | None, str]] = [(kept[0], "first"), (kept[-1], "last")]
-    wanted += [(cycle, f"asked for ({cycle})") for cycle in asked]
+    wanted += [(cycle, f"asked for ({cycle})") for cycle in asked[:most]]
     wanted += [(knee(measured), "knee of the fade"), (levelling(measured), "fade levels off")]
     if simulated is not None:
         off = np.abs(simulated.at(np.asarray(kept, dtype=np.float64)) - measured.at(np.asarray(kept, dtype=np.float64)))

@@ -12,6 +12,7 @@ from ...core.signals import Signal, slug
 from ...core.simulation import Outcome
 from ...core.task import Experiment, Task
 from ...core.trajectory import FloatArray, StepKind
+from .ageing import fade_features, told_cycles
 
 _PARTS = {"early": (0.05, 0.25), "middle": (0.40, 0.60), "late": (0.75, 0.95)}
 _POINTS, _SWING_POINTS = 9, 100
@@ -52,6 +53,9 @@ def mismatches(task: Task, outcome: Outcome) -> dict[str, Mismatch]:
     for number, (experiment, run) in enumerate(zip(task.experiments, outcome.runs, strict=True), start=1):
         prefix = record_prefix(task, number)
         found = pair_steps(run.trajectory, experiment)
+        if experiment.long:
+            found = [pair for pair in found if pair.step.cycle in told_cycles(experiment)]
+            result.update({prefix + name: value for name, value in fade_features(run, experiment).items()})
         # The one-second rests of the paper's protocol say nothing of their own.
         pairs = [pair for pair in found if pair.measured.duration >= task.domain.too_brief_s]
         longest = sorted(pairs, key=lambda pair: -pair.measured.duration)[:FEW]

@@ -15,8 +15,9 @@ os.environ.setdefault("PYBAMM_DISABLE_TELEMETRY", "true")  # or the first import
 
 import pybamm as pybamm  # after the line above; the other modules take it from here
 
-FILL_FROM = "Chen2020"
-"""Where keys that a set lacks (SEI parameters, mostly) are taken from."""
+FILL_FROM = ("OKane2022", "Chen2020")
+"""Where keys that a set lacks are taken from, the later set first: SEI parameters from Chen2020, and those of plating,
+cracks and loss of active material from the set that was measured for them, which is of the same cell."""
 
 
 @cache
@@ -33,8 +34,9 @@ def _load(name: str) -> Mapping[str, Any]:
             (did_you_mean(name, set_names()) or f"installed sets: {', '.join(set_names())}.")
             + " bsa list parameters shows them.",
         )
-    values = dict(pybamm.ParameterValues(FILL_FROM)) if name != FILL_FROM else {}
-    values.update(dict(pybamm.ParameterValues(name)))
+    values: dict[str, Any] = {}
+    for source in (*FILL_FROM, name):
+        values.update(dict(pybamm.ParameterValues(source)))
     return values
 
 

@@ -49,6 +49,7 @@ class Preset(BaseModel, extra="forbid"):
     """A named search space."""
 
     summary: str = Field(description="One line.")
+    includes: list[str] = Field(default_factory=list, description="Presets above it whose parameters it has too.")
     parameters: dict[str, Range] = Field(description="How each parameter is searched.")
 
 
@@ -74,7 +75,12 @@ class OwnRange(BaseModel, extra="forbid"):
 @cache
 def presets() -> Mapping[str, Preset]:
     """The presets by name."""
-    return {name: Preset.model_validate(content) for name, content in read_yaml(PRESETS_FILE).items()}
+    found: dict[str, Preset] = {}
+    for name, content in read_yaml(PRESETS_FILE).items():
+        own = Preset.model_validate(content)
+        ranges = {key: entry for other in own.includes for key, entry in found[other].parameters.items()}
+        found[name] = own.model_copy(update={"parameters": {**ranges, **own.parameters}})
+    return found
 
 
 def preset_space(
@@ -90,7 +96,7 @@ def preset_space(
     parameter_set : str
         Name of a PyBaMM parameter set.
     preset_name : str
-        ``"geometry"``, ``"cell"`` or ``"sei"``.
+        ``"geometry"``, ``"cell"``, ``"sei"`` or ``"ageing"``.
     overrides : mapping of str to float, optional
         Values that replace those of the set; the search starts from them.
     options : mapping, optional

@@ -124,3 +124,32 @@ def test_a_mistake_in_a_search_file_is_told_by_its_key(written: str, said: str, 
         resolve_space("Chen2020", str(file))
     assert said in str(caught.value)
     assert not any(word in str(caught.value) for word in ("OwnRange", "Tuple", "dictionary", "instance"))
+
+
+@pytest.mark.parametrize(
+    ("options", "searched"),
+    [
+        ({"SEI": "ec reaction limited"}, {"SEI kinetic rate constant [m.s-1]", "EC diffusivity [m2.s-1]"}),
+        ({"lithium plating": "irreversible"}, {"Exchange-current density for plating [A.m-2] factor"}),
+        (
+            {"loss of active material": ("stress-driven", "none")},
+            {"Negative electrode LAM constant proportional term [s-1]"},
+        ),
+        ({"loss of active material": "reaction-driven"}, {"Negative electrode reaction-driven LAM factor [m3.mol-1]"}),
+        ({"particle mechanics": "swelling and cracking"}, {"Negative electrode cracking rate factor"}),
+    ],
+)
+def test_what_ages_is_searched_where_the_model_has_it(options: dict[str, object], searched: set[str]) -> None:
+    # Sets that lack the parameters of plating, cracks and loss of material take them from OKane2022.
+    found = preset_space("Chen2020", "ageing", options=options)
+    assert searched <= set(found.names)
+    nothing_ages = {"SEI": "none", "lithium plating": "none", "loss of active material": "none"}
+    with pytest.raises(BsaError, match="takes part"):
+        preset_space("Chen2020", "ageing", options=nothing_ages)
+
+
+def test_every_parameter_that_ages_a_cell_has_a_rule() -> None:
+    from bsa.core.cell import CELL
+
+    ruled = tuple(str(rule["parameter"]) for rule in CELL.rules)
+    assert all(name in ruled for name in presets()["ageing"].parameters)
