@@ -14,7 +14,7 @@ from .noise import noise_of
 from .signals import Signal
 from .simulation import ExperimentRun, Outcome
 from .task import Experiment, Task
-from .trajectory import FloatArray
+from .trajectory import FloatArray, Trajectory
 
 DURATION_TOLERANCE = 1e-3
 DURATION = "duration"
@@ -104,8 +104,7 @@ def residuals(task: Task, outcome: Outcome) -> FloatArray | None:
         if not all(pair.reached for pair in pairs):
             return None
         parts += _by_step(task, pairs, experiment)
-        if experiment.target.cycle_table is not None:
-            parts.append(table_residuals(run.trajectory, experiment.target.cycle_table))
+        parts += _of_table(run.trajectory, experiment)
     return np.concatenate(parts)
 
 
@@ -126,8 +125,7 @@ def partial_residuals(task: Task, outcome: Outcome) -> FloatArray | None:
         reached = _finished(pairs, run)
         for place, part in enumerate(_by_step(task, pairs, whole)):
             parts.append(part if place < reached else np.full_like(part, np.nan))
-        if experiment.target.cycle_table is not None:
-            parts.append(table_residuals(run.trajectory, experiment.target.cycle_table))
+        parts += _of_table(run.trajectory, experiment)
     joined = np.concatenate(parts)
     return None if np.all(np.isnan(joined)) else joined
 
@@ -150,7 +148,7 @@ def noise_of_residuals(task: Task) -> FloatArray:
             experiment, target=record.changed(**{name: values + known[name] for name, values in record.signals.items()})
         )
         # A simulation that equals the record but for an offset of one standard deviation: its residuals are the noise.
-        parts += _by_step(task, pair_steps(record, noisy), experiment)
+        parts += _by_step(task, pair_steps(record, noisy), experiment) + _of_table(record, experiment)
     return np.abs(np.concatenate(parts))
 
 
@@ -167,6 +165,12 @@ def _finished(pairs: list[StepPair], run: ExperimentRun) -> int:
         if cut.time[-1] == run.trajectory.time[last.stop - 1]:
             behind.pop()
     return behind[-1] + 1 if behind else 0
+
+
+def _of_table(simulated: Trajectory | None, experiment: Experiment) -> list[FloatArray]:
+    """The residuals of a long record's cycle table; none of another record."""
+    measured = experiment.target.cycle_table
+    return [] if measured is None else [table_residuals(simulated, measured)]
 
 
 def _by_step(task: Task, pairs: list[StepPair], experiment: Experiment) -> list[FloatArray]:

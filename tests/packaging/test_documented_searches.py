@@ -23,8 +23,9 @@ def files(tmp_path: Path) -> dict[str, str]:
 
 
 def test_every_preset_is_named() -> None:
-    assert re.findall(r"^\| `(\w+)`.*\| .{20}", PAGE, re.MULTILINE)[:3] == ["cell", "geometry", "sei"]
-    assert set(presets()) == {"cell", "geometry", "sei"}
+    named = ["cell", "geometry", "sei", "ageing"]
+    assert re.findall(r"^\| `(\w+)`.*\| .{20}", PAGE, re.MULTILINE)[:4] == named
+    assert set(presets()) == set(named)
 
 
 def test_the_example_of_a_search_is_a_search_space(files: dict[str, str]) -> None:

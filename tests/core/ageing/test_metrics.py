@@ -7,7 +7,7 @@ from bsa.core.ageing.metrics import AgeingMetrics
 from bsa.core.encoding import decode_task, encode_task
 from bsa.core.errors import BsaError
 from bsa.core.metrics import decode_metrics, errors_of, evaluate
-from bsa.core.residuals import residuals
+from bsa.core.residuals import noise_of_residuals, residuals
 from bsa.core.simulation import ExperimentRun, Outcome, SimulationFailure
 from bsa.core.task import Task
 from bsa.core.task_reduction import shortened
@@ -26,6 +26,7 @@ def test_the_record_itself_has_no_error(record: Record, task: MakeTask, outcome:
     found = residuals(task(target), outcome(target))
     assert found is not None
     assert not np.any(found)
+    assert noise_of_residuals(task(target)).shape == found.shape
 
 
 def test_each_cycle_is_compared_from_its_own_start(record: Record, task: MakeTask, outcome: Run) -> None:
