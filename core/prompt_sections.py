@@ -12,6 +12,7 @@ from typing import Any
 TASK = "Task"
 PRIORS = "Priors"
 FEEDBACK = "Feedback"
+CYCLES = "Cycles that matter most"
 LAST_ATTEMPT = "Last attempt, no better"
 NUMERICS = "Numerics"
 DIGEST = "Digest"

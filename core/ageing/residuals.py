@@ -7,10 +7,10 @@ import numpy as np
 from ..trajectory import FloatArray, Trajectory
 from .cycle_table import CycleTable
 
-_CAPACITY_TOLERANCE = 1e-3
+CAPACITY_TOLERANCE = 1e-3
 """Relative, as that of a step's duration: a discharge at constant current lasts in proportion to the capacity."""
 
-_RESISTANCE_TOLERANCE = 1e-2
+RESISTANCE_TOLERANCE = 1e-2
 """Relative: cyclers resolve a resistance to about one in a hundred."""
 
 _LINES = 24
@@ -32,7 +32,7 @@ def table_residuals(simulated: Trajectory | None, measured: CycleTable) -> Float
     known = np.isfinite(measured.resistance_ohm[picks])
     return np.concatenate(
         [
-            (capacity / measured.capacity_ah[picks] - 1.0) / _CAPACITY_TOLERANCE,
-            (resistance[known] / measured.resistance_ohm[picks][known] - 1.0) / _RESISTANCE_TOLERANCE,
+            (capacity / measured.capacity_ah[picks] - 1.0) / CAPACITY_TOLERANCE,
+            (resistance[known] / measured.resistance_ohm[picks][known] - 1.0) / RESISTANCE_TOLERANCE,
         ]
     )

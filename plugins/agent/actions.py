@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, cast
 
+from ...core.ageing.choice import SHOWN
 from ...core.errors import BsaError, did_you_mean
 from ...core.messages import JsonSchema
 from ...core.parameters import Candidate, ParameterSpace
@@ -47,6 +48,8 @@ class Offer:
         How long its analysis may be; 0 asks for no reasons at all.
     drives : bool
         Whether the task can be made easier by what drives it (`Domain.drives`).
+    cycles : int
+        Of a long record, how many cycles can be asked for.
     """
 
     kinds: tuple[Kind, ...]
@@ -54,6 +57,7 @@ class Offer:
     steps: tuple[str, ...] = ()
     analysis_chars: int = 4000
     drives: bool = False
+    cycles: int = 0
 
 
 @dataclass(frozen=True)
@@ -82,6 +86,8 @@ class Action:
         For ``reduce``: the share of the currents to come back from; None for a gentler cell at full rate.
     cycles : int or None
         For ``reduce``: how many of the record's cycles to fit first; None for all.
+    look_at : tuple of int
+        Cycles of a long record that the next feedback is to show in detail.
     analysis, hypothesis, rationale : str
         The agent's words.
     """
@@ -96,6 +102,7 @@ class Action:
     trial: int | None = None
     rate: float | None = None
     cycles: int | None = None
+    look_at: tuple[int, ...] = ()
     analysis: str = ""
     hypothesis: str = ""
     rationale: str = ""
@@ -126,6 +133,9 @@ def action_schema(offer: Offer) -> JsonSchema:
         parts["trial"] = {"type": "integer", "minimum": 0}
     if "reduce" in offer.kinds and offer.drives:
         parts |= _REDUCED_BY
+    if offer.cycles:
+        cycle = {"type": "integer", "minimum": 1, "maximum": offer.cycles}
+        parts["look_at"] = {"type": "array", "items": cycle, "maxItems": SHOWN}
     required = ["action"]
     if offer.analysis_chars:
         before = {"analysis": offer.analysis_chars, "hypothesis": _HYPOTHESIS}
@@ -182,6 +192,7 @@ def check_action(reply: Mapping[str, Any], offer: Offer, base: Candidate, trials
         trial=_trial(reply.get("trial"), trials) if kind == "restart" else None,
         rate=_rate(reply.get("reduce_rate_percent")) if kind == "reduce" else None,
         cycles=_cycles(reply.get("reduce_cycles")) if kind == "reduce" else None,
+        look_at=_look_at(reply.get("look_at"), offer),
         **words,
     )
 
@@ -202,6 +213,12 @@ def _step(asked: Any, offer: Offer) -> str:
             did_you_mean(str(asked), offer.steps) or f"choose one of {list(offer.steps)}.",
         )
     return str(asked)
+
+
+def _look_at(asked: Any, offer: Offer) -> tuple[int, ...]:
+    """The cycles that exist; a wish that is none is no reason to lose the reply."""
+    wanted = asked if isinstance(asked, list) else []
+    return tuple(int(cycle) for cycle in wanted if _is_number(cycle) and 1 <= cycle <= offer.cycles)[:SHOWN]
 
 
 def _simulations(asked: Any) -> int:

@@ -7,8 +7,9 @@ from typing import Literal
 from ...core.messages import Message
 from ...core.task import Task
 from ...core.trial import Trial
+from .ageing_method import METHOD
 
-TaskKind = Literal["curves", "number"]
+TaskKind = Literal["curves", "life", "number"]
 
 _METHODS: dict[TaskKind, str] = {
     "curves": """\
@@ -20,6 +21,7 @@ the curves behind it. clock_offset_at_end_s adds wrong durations up from the sta
 is the size of a mismatch that counts as one. misfit_tolerances, the root mean square of all residuals in \
 tolerances, decides: the trial where it is least is the present one, from which changes are made. Other errors are \
 reported only.""",
+    "life": METHOD,
     "number": """\
 Work like a scientist: form one hypothesis about what is off, and test it by a targeted change. Of each simulation you \
 are told how large its error is; the trial with the least is the present one, from which changes are made.""",
@@ -43,7 +45,9 @@ _AT_ONCE = "Answer at once with one JSON object and nothing else: no analysis an
 
 def task_kind(task: Task, base: Trial) -> TaskKind:
     """Which method fits: by what the feedback shows."""
-    return "curves" if base.feedback.content.get("features") else "number"
+    if not base.feedback.content.get("features"):
+        return "number"
+    return "life" if task.long else "curves"
 
 
 def system_message(task: Task, base: Trial, reasoning: bool = True) -> Message:
@@ -53,7 +57,7 @@ def system_message(task: Task, base: Trial, reasoning: bool = True) -> Message:
     if kind == "curves" and any(signal.oscillates for signal in task.observed):
         lines.append(_LAG)
     relative = [signal.words for signal in task.signals if signal.relative]
-    if kind == "curves" and relative:
+    if kind != "number" and relative:
         lines.append(f"Shifts of {' and '.join(relative)} are in percent of the measured size.")
     if base.feedback.images:
         lines.append(_PICTURE)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from ...core.messages import Message
 from ...core.prompt_sections import DIGEST, INSTRUCTION, section, title
 from .actions import MOST_AT_ONCE, Kind, Offer
+from .ageing_method import LOOK_AT
 from .linear_advice import digest
 from .method import system_message
 from .situation import Situation
@@ -35,7 +36,8 @@ def actions_told(offer: Offer, gentler: str = "") -> str:
 
 def instruction(offer: Offer, gentler: str = "") -> str:
     """What may be asked for, and how it is written."""
-    return f"{_WRITTEN} The actions:\n{actions_told(offer, gentler)}"
+    more = f"\n{LOOK_AT}" if offer.cycles else ""
+    return f"{_WRITTEN} The actions:\n{actions_told(offer, gentler)}{more}"
 
 
 def build_messages(situation: Situation, offer: Offer, short: bool = False) -> list[Message]:

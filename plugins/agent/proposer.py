@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from pydantic import BaseModel, Field
@@ -45,12 +46,13 @@ class AgentProposer:
         self._options = options
         self._backend = require_backend(context)
         self._clipped: tuple[str, ...] = ()
+        self._look_at: tuple[int, ...] = ()
 
     @hookimpl
     def propose(self, context: ProposeContext) -> Proposal:
         """See `RunHooks.propose`."""
         last = context.trials[-1] if context.trials[-1].phase == "search" else None
-        situation = Situation.of(context, self._options.memory_budget, last, self._clipped)
+        situation = Situation.of(context, self._options.memory_budget, last, self._clipped, self._look_at)
         offer = self._offer(situation)
         answer, free = converse(
             self._backend,
@@ -60,6 +62,7 @@ class AgentProposer:
             self._options.free_actions,
         )
         self._clipped = answer.value.projected if answer.value is not None else ()
+        self._look_at = answer.value.look_at if answer.value is not None else self._look_at
         return _proposal(answer, free, situation)
 
     def _offer(self, situation: Situation) -> Offer:
@@ -74,6 +77,7 @@ class AgentProposer:
             situation.task.space,
             steps_to_look_at(situation),
             self._options.analysis_chars if self._options.reasoning else 0,
+            cycles=situation.cycles,
         )
 
 
@@ -102,7 +106,7 @@ def converse(
     while True:
         last = len(free) >= most_free
         kinds = tuple(kind for kind in offer.kinds if kind not in FREE) if last else offer.kinds
-        now = Offer(kinds, offer.space, offer.steps, offer.analysis_chars, offer.drives)
+        now = replace(offer, kinds=kinds)
         answer = ask(
             backend,
             messages,

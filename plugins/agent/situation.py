@@ -12,6 +12,7 @@ import numpy as np
 
 from ...core.hooks import ProposeContext, Recollection
 from ...core.prompt_sections import (
+    CYCLES,
     FEEDBACK,
     LAST_ATTEMPT,
     MEMORY,
@@ -26,6 +27,7 @@ from ...core.sensitivities import Sensitivities
 from ...core.signals import Signal
 from ...core.task import Experiment, Task
 from ...core.trial import Trial, closest
+from ..feedback.ageing import cycles_in_detail, measured_life
 from ..feedback.rounding import rounded
 
 _PARAMETER = ("parameter", "now", "step")
@@ -48,6 +50,8 @@ class Situation:
         What memories and priors tell, the most important last, where models read best.
     clipped : tuple of str
         Parameters that the latest reply wanted beyond their bounds.
+    look_at : tuple of int
+        Cycles of a long record that the latest reply asked for.
     """
 
     context: ProposeContext
@@ -55,10 +59,16 @@ class Situation:
     last: Trial | None
     recollections: tuple[Recollection, ...]
     clipped: tuple[str, ...] = ()
+    look_at: tuple[int, ...] = ()
 
     @classmethod
     def of(
-        cls, context: ProposeContext, budget: int, last: Trial | None = None, clipped: Sequence[str] = ()
+        cls,
+        context: ProposeContext,
+        budget: int,
+        last: Trial | None = None,
+        clipped: Sequence[str] = (),
+        look_at: Sequence[int] = (),
     ) -> Situation:
         """The situation of a run.
 
@@ -72,15 +82,22 @@ class Situation:
             The agent's latest attempt.
         clipped : sequence of str
             As the attribute.
+        look_at : sequence of int
+            As the attribute.
         """
         base = closest([trial for trial in context.trials if trial.reduction is None] or context.trials)
         told = tuple(sorted(context.recall(budget), key=lambda part: part.priority))
-        return cls(context, base, None if last is base else last, told, tuple(clipped))
+        return cls(context, base, None if last is base else last, told, tuple(clipped), tuple(look_at))
 
     @property
     def task(self) -> Task:
         """What is to be matched."""
         return self.context.task
+
+    @property
+    def cycles(self) -> int:
+        """Of a long record, how many cycles can be asked for; 0 of another."""
+        return max(len(e.protocol or ()) for e in self.task.experiments) if self.task.long else 0
 
     @property
     def remembers(self) -> bool:
@@ -107,6 +124,9 @@ class Situation:
             ]
         left = {"trial": self.base.index, "simulations_left": self.context.simulations_left, **self._misfit(self.base)}
         parts.append(section(FEEDBACK, {**left, **self.base.feedback.told()}))
+        if self.task.long and self.base.curves and self.base.feedback.content.get("features"):
+            shown = cycles_in_detail(self.task, self.base.curves, self.look_at)
+            parts.append(section(CYCLES, {"trial": self.base.index, "records": rounded(shown)}))
         if self.last is not None:
             parts.append(section(LAST_ATTEMPT, self._attempt(self.last)))
         return parts
@@ -186,4 +206,6 @@ def _record(experiment: Experiment, task: Task) -> dict[str, Any]:
         told = {"times": len(protocol), "cycle": list(protocol[0])}
     else:
         told = written(protocol)
+    if experiment.long:
+        return {"name": experiment.name, "protocol": told, "measured": measured_life(experiment)}
     return {"name": experiment.name, "protocol": told, "scored_cycle": experiment.scored_cycle or "all"}

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...core.ageing.choice import knee, levelling, shown_cycles
 from ...core.ageing.cycle_table import CycleTable
+from ...core.ageing.residuals import CAPACITY_TOLERANCE, RESISTANCE_TOLERANCE
 from ...core.alignment import StepPair, pair_steps
 from ...core.simulation import ExperimentRun
 from ...core.task import Experiment, Task
@@ -32,8 +33,8 @@ def told_cycles(experiment: Experiment) -> tuple[int, ...]:
     return tuple(sorted({kept[0], between, kept[-1]}))
 
 
-def fade_features(run: ExperimentRun, experiment: Experiment) -> dict[str, float]:
-    """Mismatches of capacity and resistance over life in percent, simulated minus measured, by name.
+def fade_features(run: ExperimentRun, experiment: Experiment) -> dict[str, tuple[float, float]]:
+    """Mismatches of capacity and resistance over life in percent, simulated minus measured, and their tolerances.
 
     Names end in the cycle and the unit: ``capacity_mismatch_cycle_200_pct``. ``fade_mismatch_pct`` is the simulated
     capacity lost from first to last cycle minus the measured one, in percent of the first capacity.
@@ -41,15 +42,16 @@ def fade_features(run: ExperimentRun, experiment: Experiment) -> dict[str, float
     measured, simulated = experiment.target.cycle_table, None if run.trajectory is None else run.trajectory.cycle_table
     if measured is None or simulated is None:
         return {}
-    found: dict[str, float] = {}
+    found: dict[str, tuple[float, float]] = {}
+    tolerances = {"capacity": 100.0 * CAPACITY_TOLERANCE, "resistance": 100.0 * RESISTANCE_TOLERANCE}
     for column, told in (("capacity_ah", "capacity"), ("resistance_ohm", "resistance")):
         for cycle in _spread(measured):
             ours, theirs = (float(table.at(np.array([cycle]), column)[0]) for table in (simulated, measured))
-            found[f"{told}_mismatch_cycle_{cycle:.0f}_pct"] = 100.0 * (ours / theirs - 1.0)
+            found[f"{told}_mismatch_cycle_{cycle:.0f}_pct"] = 100.0 * (ours / theirs - 1.0), tolerances[told]
     ends = measured.cycle[[0, -1]]
     lost = [float(-np.diff(table.at(ends))[0]) for table in (simulated, measured)]
-    found["fade_mismatch_pct"] = 100.0 * (lost[0] - lost[1]) / float(measured.capacity_ah[0])
-    return {name: value for name, value in found.items() if np.isfinite(value)}
+    found["fade_mismatch_pct"] = 100.0 * (lost[0] - lost[1]) / float(measured.capacity_ah[0]), tolerances["capacity"]
+    return {name: pair for name, pair in found.items() if np.isfinite(pair[0])}
 
 
 def _spread(table: CycleTable) -> list[float]:

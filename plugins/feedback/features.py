@@ -55,7 +55,7 @@ def mismatches(task: Task, outcome: Outcome) -> dict[str, Mismatch]:
         found = pair_steps(run.trajectory, experiment)
         if experiment.long:
             found = [pair for pair in found if pair.step.cycle in told_cycles(experiment)]
-            result.update({prefix + name: value for name, value in fade_features(run, experiment).items()})
+            result.update({prefix + name: Mismatch(*pair) for name, pair in fade_features(run, experiment).items()})
         # The one-second rests of the paper's protocol say nothing of their own.
         pairs = [pair for pair in found if pair.measured.duration >= task.domain.too_brief_s]
         longest = sorted(pairs, key=lambda pair: -pair.measured.duration)[:FEW]

@@ -15,6 +15,7 @@ from ...core.signals import Signal, slug
 from ...core.simulation import Outcome
 from ...core.task import Experiment, Task
 from ...core.trajectory import FloatArray, StepKind, Trajectory
+from .ageing import told_cycles
 from .features import FEW, record_prefix
 from .rounding import rounded
 
@@ -102,17 +103,26 @@ def _unit(signal: Signal) -> str:
 
 def _longest(task: Task, found: list[StepMisfit]) -> list[StepMisfit]:
     """The steps that say something, or of many the longest."""
-    lasting = [step for step in found if step.pair.measured.duration >= task.domain.too_brief_s]
+    lasting = [
+        step
+        for step in found
+        if step.pair.measured.duration >= task.domain.too_brief_s
+        and (not step.experiment.long or step.pair.step.cycle in told_cycles(step.experiment))
+    ]
     return sorted(lasting, key=lambda step: -step.pair.measured.duration)[:FEW]
 
 
 def _clock_offsets(found: list[StepMisfit]) -> list[float]:
-    """How much later than measured each step ends in the simulation, from the start of the scored part, s."""
+    """How much later than measured each step ends in the simulation, from the start of the scored part, s.
+
+    The cycles of a long record have a clock each.
+    """
     offsets: list[float] = []
     before = None
     for step in found:
-        late = 0.0 if step.experiment is not before else offsets[-1]
+        clock = (id(step.experiment), step.pair.step.cycle if step.experiment.long else 0)
+        late = 0.0 if clock != before else offsets[-1]
         measured_s, simulated_s = step.pair.duration_s
         offsets.append(late + simulated_s - measured_s)
-        before = step.experiment
+        before = clock
     return offsets

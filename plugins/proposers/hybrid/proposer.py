@@ -68,6 +68,7 @@ class HybridProposer:
         self._log: list[dict[str, Any]] = []
         self._misfits: list[float] = []
         self._clipped: tuple[str, ...] = ()
+        self._look_at: tuple[int, ...] = ()
         self._seen = 0
         self._main_asked = 0
         self._main_spent, self._agent_spent, self._hold = 0, 0, 0
@@ -154,7 +155,7 @@ class HybridProposer:
         return self._hold <= 0 if main_goes_on else main_fit.misfit > _WORTH_ASKING
 
     def _ask(self, context: ProposeContext, main_fit: Descent, allowance: int) -> Answer[Action]:
-        situation = Situation.of(context, self._options.memory_budget, self._last_attempt, self._clipped)
+        situation = Situation.of(context, self._options.memory_budget, self._last_attempt, self._clipped, self._look_at)
         kinds: list[Kind] = ["refine", "set", "jacobian", "restart", "reduce"]
         if allowance > 1:
             kinds.insert(2, "simulate")
@@ -164,10 +165,12 @@ class HybridProposer:
             steps_to_look_at(situation),
             self._options.analysis_chars,
             bool(context.task.domain.drives),
+            situation.cycles,
         )
         messages = build_messages(situation, offer, self._numerics(main_fit, allowance))
         answer, _ = converse(self._backend, situation, offer, messages, self._options.free_actions)
         self._clipped = answer.value.projected if answer.value is not None else ()
+        self._look_at = answer.value.look_at if answer.value is not None else self._look_at
         return answer
 
     def _numerics(self, main_fit: Descent, allowance: int) -> dict[str, Any]:
