@@ -208,6 +208,11 @@ def task_of_records(
             "add --parameters Chen2020 (NMC811), Marquis2019 or Ai2020 (LCO), Prada2013 (LFP), Ecker2015 (NMC); "
             "bsa list parameters shows all sets.",
         )
+    files = [source for source in sources if isinstance(source, Path)]
+    if read.join and len(files) == len(sources) > 1:
+        from ..core.reading.reading import read_record
+
+        sources = [read_record(files, read, reader=reader, reader_options=reader_options)]
     return build_task(
         name=named_after(sources),
         parameter_set=parameters,

@@ -98,7 +98,7 @@ def bsa_proposers() -> Iterable[Entry]:
 def bsa_readers() -> Iterable[Entry]:
     """Files of cyclers."""
     from .readers.arbin_xlsx import ArbinXlsx
-    from .readers.bdf_csv import BdfCsv
+    from .readers.bdf import BdfCsv, BdfParquet
     from .readers.digatron_csv import DigatronCsv
     from .readers.generic_csv import GenericCsv
     from .readers.impedance import ImpedanceCsv, ImpedanceOptions
@@ -107,6 +107,7 @@ def bsa_readers() -> Iterable[Entry]:
     yield Entry(
         "bdf-csv", lambda options: BdfCsv(), "Battery Data Format: Test Time / s, Voltage / V, Current / A.", api=1
     )
+    yield Entry("bdf-parquet", lambda options: BdfParquet(), "Battery Data Format as Parquet (extra: readers).", api=1)
     yield Entry("arbin-xlsx", lambda options: ArbinXlsx(), "Arbin workbooks, or a folder of them.", api=1)
     yield Entry("digatron-csv", lambda options: DigatronCsv(), "Digatron exports: Prog Time, Voltage, Current.", api=1)
     yield Entry(

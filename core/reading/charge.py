@@ -13,6 +13,9 @@ from .samples import Samples
 NOTED_SHARE = 0.005
 """Charge that is uncertain by less than this share of the record's range goes unsaid."""
 
+LATE_S = 5.0
+"""Within a shorter interval a counter that disagrees is merely written a little later than the current, in s."""
+
 FULL_V = 0.02
 """A charge that ends this near the record's upper voltage is a full one, in V."""
 
@@ -73,6 +76,7 @@ def _of_counter(samples: Samples, drawn: FloatArray, counted: FloatArray, size: 
     large = np.flatnonzero(np.abs(missed) > NOTED_SHARE * size)
     gaps = gaps_in(samples.time)
     silent, late = np.intersect1d(large, gaps), np.setdiff1d(large, gaps)
+    late = late[np.diff(samples.time)[late] > LATE_S]
     notes = []
     if len(silent):
         k = int(silent[np.argmax(np.abs(missed[silent]))])

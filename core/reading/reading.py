@@ -18,6 +18,8 @@ from .checks import to_record
 from .joining import joined
 from .samples import Samples
 
+PICKLES = (".pkl", ".pickle")
+
 FALLBACK = "generic-csv"
 """Asked last, since it takes any text table."""
 
@@ -176,6 +178,11 @@ def _recognised(path: Path, registry: Registry, notes: list[str]) -> str:
         raise BsaError(
             f"{shown(path.name)} is recognised by {len(names)} readers: {', '.join(names)}.",
             f"choose one: --reader {names[0]}.",
+        )
+    if path.suffix.lower() in PICKLES:
+        raise BsaError(
+            f"{shown(path.name)} holds Python objects; it is not opened, since opening one runs whatever is in it.",
+            f'where you trust it: pandas.read_pickle("{shown(path.name)}").to_csv("{shown(path.stem)}.csv").',
         )
     if not matching:
         entries = [listing.entry for listing in registry.listings("reader")]

@@ -152,7 +152,7 @@ def discover(
 
 def _written(record: Record, number: int, folder: Path) -> Path:
     """A record as a file, which a discovery that is resumed reads again."""
-    from ...plugins.readers.bdf_csv import write
+    from ...plugins.readers.bdf import write
 
     place = folder.with_name(f"{folder.name}-records")
     place.mkdir(parents=True, exist_ok=True)

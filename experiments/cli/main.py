@@ -29,6 +29,7 @@ def app() -> typer.Typer:
     from .bench import bench_app
     from .campaign import grid, report
     from .catalogue import doctor, list_app
+    from .data import data
     from .discover import discover
     from .new_plugin import new_plugin
     from .predict import predict
@@ -44,6 +45,7 @@ def app() -> typer.Typer:
     result.callback()(_bsa)
     result.command("run", cls=RecordsCommand)(run)
     result.command("predict", cls=RecordsCommand)(predict)
+    result.command("data")(data)
     result.command("grid")(grid)
     result.command("report")(report)
     result.command("discover", cls=RecordsCommand)(discover)

@@ -39,6 +39,7 @@ def run(
         typer.Option("--data", metavar="FILE...", help="Cycler records.", rich_help_panel=shared.RECORDS),
     ] = None,
     holdout: shared.Holdout = None,
+    join: shared.Join = False,
     column: shared.Column = None,
     unit: shared.Unit = None,
     current_sign: shared.CurrentSign = "charge-positive",
@@ -197,7 +198,7 @@ def run(
         simulator="" if named is None else named.simulator,
     )
     to_discover = ""
-    read = shared.reading(column, unit, where, current_sign, constant_current, cycles, sheet, temperature)
+    read = shared.reading(column, unit, where, current_sign, constant_current, cycles, sheet, temperature, join)
     reader_options = key_values(reader_option, "--reader-option")
     if data:
         model_options = key_values(options, "--options")

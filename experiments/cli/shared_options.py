@@ -77,6 +77,12 @@ Sheet = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="Sheet of a workbook, or test inside a file.", rich_help_panel=RECORDS),
 ]
+Join = Annotated[
+    bool,
+    typer.Option(
+        "--join", help="The files are of one cell: join them in the order of their dates.", rich_help_panel=RECORDS
+    ),
+]
 Reader = Annotated[
     str | None,
     typer.Option(
@@ -176,6 +182,7 @@ def reading(
     cycles: str | None,
     sheet: str | None,
     temperature: float | None,
+    join: bool = False,
 ) -> ReadOptions:
     """What the command line says about the records."""
     from ..request import key_texts, read_options
@@ -189,6 +196,7 @@ def reading(
         constant_current_a=constant_current,
         sheet=sheet,
         ambient_c=temperature,
+        join=join,
     )
 
 

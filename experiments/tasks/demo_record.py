@@ -12,7 +12,7 @@ from ...core.target import CellChange
 from ...core.task import CellModel, Experiment
 from ...core.trajectory import Trajectory
 from ...plugins.pybamm.solving import solve_reference
-from ...plugins.readers.bdf_csv import write
+from ...plugins.readers.bdf import write
 from .find import PACKAGED
 
 HIDDEN = {

@@ -8,7 +8,7 @@ from typing import Any
 import openpyxl
 import pytest
 from bsa.core.registry import Kind, installed
-from bsa.plugins.readers.bdf_csv import write
+from bsa.plugins.readers.bdf import write
 from bsa.testing import (
     EffectConformance,
     FeedbackConformance,

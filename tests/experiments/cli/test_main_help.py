@@ -24,7 +24,7 @@ def commands(command: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[s
 COMMANDS = {
     " ".join(path): command
     for path, command in commands(typer.main.get_command(app()))
-    if path[0] in ("run", "discover", "grid", "bench", "report")
+    if path[0] in ("run", "data", "discover", "grid", "bench", "report")
 }
 
 

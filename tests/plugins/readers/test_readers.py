@@ -14,7 +14,7 @@ from bsa.core.record import Reader, ReadOptions
 from bsa.core.registry import installed
 from bsa.core.segmentation import segment
 from bsa.core.trajectory import StepKind, Trajectory
-from bsa.plugins.readers.bdf_csv import write
+from bsa.plugins.readers.bdf import write
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays

@@ -116,6 +116,7 @@ CASES = {
         "is not an Excel workbook",
         "save it as .xlsx",
     ),
+    "a pickle": ("a.pkl", b"cos\nsystem\n(S'true'\ntR.", "holds Python objects; it is not opened", "read_pickle"),
     "damaged utf-16": ("a.csv", b"\xff\xfe" + text(rows())[:41], "damaged UTF-16", "UTF-8"),
 }
 

@@ -1,0 +1,225 @@
+"""What a record says by itself: steps, cycles, resistances at current steps, and a slow curve."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..record import Record
+from ..trajectory import FloatArray, Step, StepKind, Trajectory
+
+SLOW_HOURS = 10.0
+"""A charge or discharge at constant current that takes longer shows the open-circuit voltage nearly bare, in h."""
+
+SLOW_SWING_V = 0.5
+"""A slow curve crosses at least this much voltage, in V."""
+
+STEP_SHARE = 0.1
+"""A change of current by this share of the largest one shows a resistance."""
+
+EARLY_V_SHARE = 0.3
+"""A cycler may log the voltage of a switch before its current: the sample before holds this share of the jump."""
+
+
+@dataclass(frozen=True)
+class StepRow:
+    """One step: times in s, current in A and charge in A.h positive on discharge, voltages in V."""
+
+    kind: str
+    cycle: int
+    start_s: float
+    duration_s: float
+    current_a: float
+    charge_ah: float
+    first_v: float
+    last_v: float
+
+
+@dataclass(frozen=True)
+class CycleRow:
+    """One cycle: charges in A.h, temperature in degC."""
+
+    cycle: int
+    charged_ah: float
+    discharged_ah: float
+    warmest_c: float | None
+
+
+@dataclass(frozen=True)
+class ResistanceRow:
+    """Voltage over current where the current switches.
+
+    ``after_s`` is the time between the two samples: beyond a second, slower processes are part of the resistance.
+    """
+
+    time_s: float
+    voltage: float
+    current_change_a: float
+    after_s: float
+    ohm: float
+
+
+@dataclass(frozen=True)
+class SlowCurve:
+    """A step so slow that its voltage is nearly that of an open circuit."""
+
+    kind: str
+    start_s: float
+    hours: float
+    charge_ah: float
+    first_v: float
+    last_v: float
+
+
+@dataclass(frozen=True)
+class RecordSummary:
+    """What a record says.
+
+    Attributes
+    ----------
+    name : str
+        The record's.
+    samples, duration_s, interval_s
+        Number of samples, seconds in all, and the least, the usual and the longest interval in s.
+    voltage, current : tuple of float
+        Least and largest, V and A (positive on discharge).
+    temperature_c : tuple of float or None
+        First, least and largest, degC.
+    ambient_c : float or None
+        Around the cell.
+    steps, cycles, resistances, slow : tuple
+        In order of time.
+    problems : tuple of str
+        What was assumed, repaired or cannot be trusted.
+    """
+
+    name: str
+    samples: int
+    duration_s: float
+    interval_s: tuple[float, float, float]
+    voltage: tuple[float, float]
+    current: tuple[float, float]
+    temperature_c: tuple[float, float, float] | None
+    ambient_c: float | None
+    steps: tuple[StepRow, ...]
+    cycles: tuple[CycleRow, ...]
+    resistances: tuple[ResistanceRow, ...]
+    slow: tuple[SlowCurve, ...]
+    problems: tuple[str, ...]
+
+
+def summary(record: Record) -> RecordSummary:
+    """Look at a record without any model.
+
+    Parameters
+    ----------
+    record : Record
+        As it was read: SI units, current positive on discharge, cut into steps.
+
+    Returns
+    -------
+    RecordSummary
+    """
+    trajectory = record.trajectory
+    spacing = np.diff(trajectory.time)
+    spacing = spacing[spacing > 0] if np.any(spacing > 0) else np.zeros(1)
+    kelvin = trajectory.temperature
+    warm = None if kelvin is None else (kelvin[0] - 273.15, kelvin.min() - 273.15, kelvin.max() - 273.15)
+    drawn = trajectory.discharge_capacity
+    return RecordSummary(
+        name=record.name,
+        samples=len(trajectory),
+        duration_s=trajectory.duration,
+        interval_s=(float(spacing.min()), float(np.median(spacing)), float(spacing.max())),
+        voltage=(float(trajectory.voltage.min()), float(trajectory.voltage.max())),
+        current=(float(trajectory.current.min()), float(trajectory.current.max())),
+        temperature_c=None if warm is None else (float(warm[0]), float(warm[1]), float(warm[2])),
+        ambient_c=None if record.ambient_k is None else record.ambient_k - 273.15,
+        steps=tuple(_step_row(trajectory, drawn, step) for step in trajectory.steps),
+        cycles=tuple(_cycle_rows(trajectory, drawn)),
+        resistances=tuple(_resistances(trajectory)),
+        slow=tuple(_slow_curves(trajectory, drawn)),
+        problems=(*record.notes, *_problems(record)),
+    )
+
+
+def _charge(drawn: FloatArray, step: Step) -> float:
+    """Charge drawn from the sample before the step, where the current switched, to its last one, in A.h."""
+    return float(drawn[step.stop - 1] - drawn[max(step.start - 1, 0)])
+
+
+def _step_row(trajectory: Trajectory, drawn: FloatArray, step: Step) -> StepRow:
+    inside = slice(step.start, step.stop)
+    time, voltage = trajectory.time[inside], trajectory.voltage[inside]
+    duration = float(time[-1] - trajectory.time[max(step.start - 1, 0)])
+    return StepRow(
+        kind=str(step.kind),
+        cycle=step.cycle,
+        start_s=float(time[0]),
+        duration_s=duration,
+        current_a=float(np.median(trajectory.current[inside])),
+        charge_ah=_charge(drawn, step),
+        first_v=float(voltage[0]),
+        last_v=float(voltage[-1]),
+    )
+
+
+def _cycle_rows(trajectory: Trajectory, drawn: FloatArray) -> Iterator[CycleRow]:
+    steps: dict[int, list[Step]] = {}
+    for step in trajectory.steps:
+        steps.setdefault(step.cycle, []).append(step)
+    rising = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(drawn), 0.0))])
+    for cycle, own in steps.items():
+        first, last = max(own[0].start - 1, 0), own[-1].stop - 1
+        discharged = float(rising[last] - rising[first])
+        kelvin = trajectory.temperature
+        yield CycleRow(
+            cycle,
+            charged_ah=discharged - float(drawn[last] - drawn[first]),
+            discharged_ah=discharged,
+            warmest_c=None if kelvin is None else float(kelvin[own[0].start : last + 1].max()) - 273.15,
+        )
+
+
+def _resistances(trajectory: Trajectory) -> Iterator[ResistanceRow]:
+    """Where a step begins or ends under current."""
+    time, current, voltage = trajectory.time, trajectory.current, trajectory.voltage
+    largest = float(np.max(np.abs(current), initial=0.0))
+    for step in trajectory.steps[1:]:
+        after, before = step.start, step.start - 1
+        change = float(current[after] - current[before])
+        if abs(change) < STEP_SHARE * largest or step.kind is StepKind.CV_HOLD:
+            continue
+        if before > 0:
+            jump = abs(voltage[after] - voltage[before - 1])
+            early = abs(voltage[before] - voltage[before - 1]) > EARLY_V_SHARE * jump
+            still = abs(current[before] - current[before - 1]) < 0.05 * abs(change)
+            if early and still:
+                before -= 1
+        ohm = -float(voltage[after] - voltage[before]) / change
+        if ohm > 0:
+            passed = float(time[after] - time[before])
+            yield ResistanceRow(float(time[after]), float(voltage[before]), change, passed, ohm)
+
+
+def _slow_curves(trajectory: Trajectory, drawn: FloatArray) -> Iterator[SlowCurve]:
+    for step in trajectory.steps:
+        row = _step_row(trajectory, drawn, step)
+        steady = step.kind in (StepKind.CC_CHARGE, StepKind.CC_DISCHARGE)
+        hours = row.duration_s / 3600.0
+        if steady and hours >= SLOW_HOURS and abs(row.last_v - row.first_v) >= SLOW_SWING_V:
+            yield SlowCurve(row.kind, row.start_s, hours, abs(row.charge_ah), row.first_v, row.last_v)
+
+
+def _problems(record: Record) -> Iterator[str]:
+    trajectory = record.trajectory
+    largest = float(np.max(np.abs(trajectory.current), initial=0.0))
+    if abs(trajectory.current[0]) > 0.02 * largest:
+        yield (
+            f"the record starts under load ({-trajectory.current[0]:+.3g} A, positive on charge): its first voltage is "
+            "no open-circuit voltage."
+        )
+    if trajectory.temperature is None:
+        yield "there is no temperature of the cell."

@@ -1,0 +1,134 @@
+"""``bsa data``: what a laboratory's files hold, without any model."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ...core.errors import BsaError
+from ...core.printable import shown
+from ...core.reply_parsing import strip_control
+from . import shared_options as shared
+
+if TYPE_CHECKING:
+    from ...core.record import Record
+    from ...core.spectrum import ImpedanceSpectrum
+
+EXPORTS = ("bdf",)
+
+
+def data(
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FILE...", help="Records, spectra, or folders of the files of one cell.")
+    ],
+    join: shared.Join = False,
+    column: shared.Column = None,
+    unit: shared.Unit = None,
+    where: shared.Where = None,
+    current_sign: shared.CurrentSign = "charge-positive",
+    constant_current: shared.ConstantCurrent = None,
+    cycles: shared.Cycles = None,
+    sheet: shared.Sheet = None,
+    reader: shared.Reader = None,
+    reader_option: shared.ReaderOption = None,
+    temperature: shared.Temperature = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Draw the record (.png or .svg).", rich_help_panel=shared.OUTPUT),
+    ] = None,
+    export: Annotated[
+        str | None,
+        typer.Option(
+            metavar="bdf", help="Write the record in the Battery Data Format, to --out.", rich_help_panel=shared.OUTPUT
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Where --export writes (.csv or .parquet).", rich_help_panel=shared.OUTPUT),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print everything as JSON.", rich_help_panel=shared.OUTPUT)
+    ] = False,
+) -> None:
+    """Say what files hold: signals, steps, cycles, resistances, slow curves and every problem."""
+    from ...core.reading.reading import read_file
+    from ..request import key_values
+
+    _check_outputs(files, join, plot, export, out)
+    options = shared.reading(column, unit, where, current_sign, constant_current, cycles, sheet, temperature, join)
+    sources: list[Any] = [files] if join else list(files)
+    found = [
+        read_file(source, options, reader=reader, reader_options=key_values(reader_option, "--reader-option"))
+        for source in sources
+    ]
+    if plot is not None:
+        from ..data.picture import draw
+
+        draw(found[0], plot)
+    if out is not None:
+        _export(found[0], out)
+    if as_json:
+        contents = [_content(one) for one in found]
+        print(json.dumps(contents[0] if len(contents) == 1 else contents, indent=1))
+        return
+    for number, one in enumerate(found):
+        print("\n" * bool(number) + strip_control("\n".join(_lines(one))))
+    for path in (plot, out):
+        if path is not None:
+            print(f"\nwritten: {path}")
+
+
+def _check_outputs(files: list[Path], join: bool, plot: Path | None, export: str | None, out: Path | None) -> None:
+    """Refuse what cannot be done before anything is read."""
+    if export is not None and export not in EXPORTS:
+        raise BsaError(f'there is no export "{shown(export)}".', "write --export bdf --out FILE.csv (or .parquet).")
+    if (export is None) != (out is None):
+        raise BsaError("--export and --out belong together.", "write --export bdf --out FILE.csv (or .parquet).")
+    if len(files) > 1 and not join and (plot is not None or out is not None):
+        raise BsaError(
+            f"{len(files)} files were given, and one picture or export asked for.",
+            "give one file, or --join for the files of one cell.",
+        )
+
+
+def _export(found: Record | ImpedanceSpectrum, out: Path) -> None:
+    from ...core.record import Record
+    from ...plugins.readers.bdf import write
+
+    if not isinstance(found, Record):
+        raise BsaError(
+            f"{found.name} is an impedance spectrum; the Battery Data Format holds records over time.",
+            "leave out --export.",
+        )
+    write(found, out, steps=True)
+
+
+def _content(found: Record | ImpedanceSpectrum) -> dict[str, Any]:
+    from ...core.reading.summary import summary
+    from ...core.record import Record
+
+    if isinstance(found, Record):
+        return {"kind": "record", **asdict(summary(found))}
+    return {
+        "kind": "impedance spectrum",
+        "name": found.name,
+        "frequency_hz": found.frequency.tolist(),
+        "real_ohm": found.impedance.real.tolist(),
+        "imaginary_ohm": found.impedance.imag.tolist(),
+        "ohmic_ohm": found.ohmic_resistance,
+        "voltage": found.voltage,
+        "temperature_c": None if found.temperature_k is None else found.temperature_k - 273.15,
+        "problems": found.notes,
+    }
+
+
+def _lines(found: Record | ImpedanceSpectrum) -> list[str]:
+    from ...core.reading.summary import summary
+    from ...core.record import Record
+    from ..data.words import record_lines, spectrum_lines
+
+    return list(record_lines(summary(found)) if isinstance(found, Record) else spectrum_lines(found))

@@ -1,0 +1,1 @@
+"""What a laboratory's file holds: in words, as a picture, and in the Battery Data Format."""

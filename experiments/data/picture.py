@@ -1,0 +1,93 @@
+"""A record or a spectrum as a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.errors import BsaError
+from ...core.files import replacing
+from ...core.printable import shown
+from ...core.reading.summary import CycleRow, summary
+from ...core.record import Record
+from ...core.spectrum import ImpedanceSpectrum
+
+SUFFIXES = (".png", ".svg")
+
+_SAMPLES_A_STEP = 400
+_CYCLES = 4
+"""With fewer cycles their capacities are no curve."""
+
+
+def draw(found: Record | ImpedanceSpectrum, path: Path) -> None:
+    """Write a picture: signals over time and capacities by cycle, or a Nyquist plot.
+
+    Parameters
+    ----------
+    found : Record or ImpedanceSpectrum
+        What was read.
+    path : Path
+        ``.png`` or ``.svg``.
+
+    Raises
+    ------
+    BsaError
+        If the name ends in anything else, or the file cannot be written.
+    """
+    from matplotlib.figure import Figure
+
+    if path.suffix.lower() not in SUFFIXES:
+        raise BsaError(f"{shown(path)} is not the name of a picture.", "end it in .png or .svg.")
+    figure = Figure(figsize=(8, 6), layout="constrained")
+    figure.suptitle(found.name.replace("$", r"\$"), fontsize=10)
+    if isinstance(found, ImpedanceSpectrum):
+        _nyquist(figure, found)
+    else:
+        _signals(figure, found)
+    with replacing(path) as file:
+        figure.savefig(file, format=path.suffix[1:].lower(), dpi=120)
+
+
+def _nyquist(figure: Any, found: ImpedanceSpectrum) -> None:
+    axes = figure.add_subplot()
+    axes.plot(1e3 * found.impedance.real, -1e3 * found.impedance.imag, "o-", markersize=3)
+    for decade in range(-4, 6):
+        k = int(np.argmin(np.abs(np.log10(found.frequency) - decade)))
+        if abs(np.log10(found.frequency[k]) - decade) < 0.2:
+            place = 1e3 * found.impedance[k].real, -1e3 * found.impedance[k].imag
+            axes.annotate(f"{found.frequency[k]:.2g} Hz", place, fontsize=8, xytext=(4, 4), textcoords="offset points")
+    axes.set_xlabel("Re Z [mohm]")
+    axes.set_ylabel("-Im Z [mohm]")
+    axes.set_aspect("equal", "datalim")
+    axes.grid(alpha=0.3)
+
+
+def _signals(figure: Any, found: Record) -> None:
+    trajectory = found.trajectory.thinned(max(2, min(_SAMPLES_A_STEP, 200_000 // max(1, len(found.trajectory.steps)))))
+    cycles = summary(found).cycles
+    curves = [("Voltage [V]", trajectory.voltage), ("Current [A]\n(positive on charge)", -trajectory.current)]
+    if trajectory.temperature is not None:
+        curves.append(("Temperature [degC]", trajectory.temperature - 273.15))
+    rows = len(curves) + (len(cycles) >= _CYCLES)
+    grid = figure.subplots(rows, 1, squeeze=False)[:, 0]
+    hours = trajectory.time / 3600.0
+    for axes, (label, values) in zip(grid, curves, strict=False):
+        axes.plot(hours, values, linewidth=0.8)
+        axes.set_ylabel(label)
+        axes.grid(alpha=0.3)
+        axes.sharex(grid[0])
+    grid[len(curves) - 1].set_xlabel("Time [h]")
+    if len(cycles) >= _CYCLES:
+        _capacities(grid[-1], cycles)
+
+
+def _capacities(axes: Any, cycles: tuple[CycleRow, ...]) -> None:
+    numbers = [row.cycle for row in cycles]
+    axes.plot(numbers, [row.discharged_ah for row in cycles], ".", markersize=3, label="discharged")
+    axes.plot(numbers, [row.charged_ah for row in cycles], ".", markersize=3, label="charged")
+    axes.set_xlabel("Cycle")
+    axes.set_ylabel("Charge [A.h]")
+    axes.legend(fontsize=8)
+    axes.grid(alpha=0.3)

@@ -1,0 +1,141 @@
+"""What a record or a spectrum holds, in plain lines of at most 80 characters."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TypeVar
+
+import numpy as np
+
+from ...core.reading.summary import RecordSummary, ResistanceRow, StepRow
+from ...core.spectrum import ImpedanceSpectrum
+
+WIDTH = 80
+
+QUICK_S = 1.5
+"""A resistance seen within this time of the switch is mostly ohmic and kinetic, in s."""
+
+ROWS = 16
+"""Rows of a table at most; of a longer one the first and the last are shown."""
+
+_Row = TypeVar("_Row")
+
+
+def duration(seconds: float) -> str:
+    """A length of time in the unit that suits it: ``12.3 h``."""
+    for limit, size, unit in ((120.0, 1.0, "s"), (7200.0, 60.0, "min"), (200 * 3600.0, 3600.0, "h")):
+        if abs(seconds) < limit:
+            return f"{seconds / size:.4g} {unit}"
+    return f"{seconds / 86400.0:.4g} d"
+
+
+def record_lines(found: RecordSummary) -> Iterator[str]:
+    """A record: what was measured, its steps, cycles, resistances and slow curves, and what is wrong with it.
+
+    Current is positive on charge here, as in the files of cyclers.
+    """
+    yield found.name
+    least, usual, most = found.interval_s
+    yield f"  {found.samples:,} samples over {duration(found.duration_s)}, one in {duration(usual)}" + (
+        f" ({duration(least)} to {duration(most)})" if most > 1.5 * least else ""
+    )
+    yield f"  voltage      {found.voltage[0]:.3f} to {found.voltage[1]:.3f} V"
+    yield f"  current      {-found.current[1] + 0.0:+.4g} to {-found.current[0] + 0.0:+.4g} A (positive on charge)"
+    if found.temperature_c is None:
+        yield "  temperature  not measured"
+    else:
+        first, low, high = found.temperature_c
+        yield f"  temperature  {first:.1f} degC at first, {low:.1f} to {high:.1f} degC"
+    if found.ambient_c is not None:
+        yield f"  ambient      {found.ambient_c:.1f} degC"
+    yield from _table(
+        f"Steps ({len(found.steps)})",
+        "  cycle  step            start   duration  current A    A.h in   from V    to V",
+        found.steps,
+        _step_line,
+    )
+    if len(found.cycles) > 1:
+        yield from _table(
+            f"Cycles ({len(found.cycles)})",
+            "  cycle  charged A.h  discharged A.h  warmest degC",
+            found.cycles,
+            lambda row: (
+                f"  {row.cycle:5d}  {row.charged_ah:11.4f}  {row.discharged_ah:14.4f}"
+                + ("" if row.warmest_c is None else f"  {row.warmest_c:12.1f}")
+            ),
+        )
+    if found.resistances:
+        quick = [1e3 * row.ohm for row in found.resistances if row.after_s <= QUICK_S]
+        median = f"; median of {len(quick)} seen within {QUICK_S:g} s: {np.median(quick):.1f} mohm" if quick else ""
+        yield from _table(
+            f"Resistance where the current switches ({len(found.resistances)}{median})",
+            "       time  voltage V  current step A  seen after     mohm",
+            found.resistances,
+            _resistance_line,
+        )
+        if len(quick) < len(found.resistances):
+            yield f"  What is seen after more than {QUICK_S:g} s holds slower processes too."
+    for curve in found.slow:
+        yield ""
+        yield f"Slow {curve.kind}, nearly an open-circuit curve"
+        yield (
+            f"  C/{curve.hours:.3g} from {duration(curve.start_s)} on, {curve.charge_ah:.4f} A.h"
+            f" from {curve.first_v:.3f} to {curve.last_v:.3f} V"
+        )
+    yield from problem_lines(found.problems)
+
+
+def spectrum_lines(found: ImpedanceSpectrum) -> Iterator[str]:
+    """An impedance spectrum: its range, its resistance on the real axis, and what was assumed."""
+    yield found.name
+    yield f"  impedance spectrum, {len(found)} points, {found.frequency[0]:.4g} to {found.frequency[-1]:.4g} Hz"
+    if found.voltage is not None:
+        yield f"  voltage      {found.voltage:.3f} V"
+    if found.temperature_k is not None:
+        yield f"  temperature  {found.temperature_k - 273.15:.1f} degC"
+    ohmic = found.ohmic_resistance
+    if ohmic is not None:
+        yield f"  ohmic        {1e3 * ohmic:.2f} mohm, where the imaginary part is zero"
+    for k in (0, len(found) - 1):
+        z = 1e3 * found.impedance[k]
+        yield f"  at {found.frequency[k]:<10.4g}{z.real:.2f} {z.imag:+.2f}j mohm"
+    yield from problem_lines(found.notes)
+
+
+def problem_lines(problems: Sequence[str]) -> Iterator[str]:
+    """What was assumed, repaired or cannot be trusted; a line if there is nothing."""
+    yield ""
+    yield f"Noted ({len(problems)})" if problems else "Nothing was assumed, repaired or missing."
+    for problem in problems:
+        yield from _wrapped(problem, "  - ")
+
+
+def _table(title: str, header: str, rows: Sequence[_Row], line: Callable[[_Row], str]) -> Iterator[str]:
+    yield ""
+    yield title
+    yield header
+    if len(rows) <= ROWS:
+        yield from map(line, rows)
+        return
+    yield from map(line, rows[: ROWS - 4])
+    yield f"  ... {len(rows) - ROWS:,} more (--json has all) ..."
+    yield from map(line, rows[-4:])
+
+
+def _step_line(row: StepRow) -> str:
+    return (
+        f"  {row.cycle:5d}  {row.kind:12s} {duration(row.start_s):>8s}  {duration(row.duration_s):>9s}"
+        f"  {-row.current_a + 0.0:+9.4g} {-row.charge_ah + 0.0:+9.4f}  {row.first_v:7.3f} {row.last_v:7.3f}"
+    )
+
+
+def _resistance_line(row: ResistanceRow) -> str:
+    return (
+        f"  {duration(row.time_s):>9s}  {row.voltage:9.3f}  {-row.current_change_a:+14.4g}"
+        f"  {duration(row.after_s):>10s}  {1e3 * row.ohm:7.1f}"
+    )
+
+
+def _wrapped(text: str, indent: str) -> Iterable[str]:
+    return textwrap.wrap(text, WIDTH, initial_indent=indent, subsequent_indent=" " * len(indent))

@@ -1,0 +1,55 @@
+"""What a record says is what was put into it: charges, resistances, slow curves and what is missing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bsa.core.reading.summary import summary
+from bsa.core.record import Record
+from bsa.core.segmentation import segment
+from bsa.core.trajectory import Trajectory
+
+OHM = 0.05
+
+
+def record(current: np.ndarray, interval: float = 1.0, warm: bool = False, early: bool = False) -> Record:
+    """A 2 Ah cell of one resistance, and a voltage that falls with its charge."""
+    time = np.arange(len(current)) * interval
+    drawn = np.cumsum(current) * interval / 3600
+    drop = OHM * (np.concatenate([current[1:], current[-1:]]) if early else current)
+    temperature = 298.15 + 0.5 * drawn if warm else None
+    return Record("a", segment(Trajectory(time, current, 4.1 - 0.4 * drawn - drop, temperature)), ("noted",))
+
+
+def test_steps_and_cycles_carry_the_charge_that_was_drawn():
+    once = np.repeat([0.0, 2.0, 0.0, -2.0, 0.0], [60, 1800, 600, 1800, 600])
+    found = summary(record(np.tile(once, 3), warm=True))
+    assert [row.kind for row in found.steps[:4]] == ["rest", "CC discharge", "rest", "CC charge"]
+    assert [row.charge_ah for row in found.steps[:4]] == pytest.approx([0.0, 1.0, 0.0, -1.0], abs=1e-3)
+    assert [row.discharged_ah for row in found.cycles] == pytest.approx([1.0] * 3, abs=1e-3)
+    assert [row.charged_ah for row in found.cycles] == pytest.approx([1.0] * 3, abs=1e-3)
+    assert found.cycles[0].warmest_c == pytest.approx(25.5, abs=0.01)
+    assert found.problems == ("noted",)
+
+
+@pytest.mark.parametrize("early", [False, True])
+def test_a_resistance_is_found_even_where_the_voltage_was_logged_before_the_current(early):
+    current = np.repeat([0.0, 4.0, 0.0], [60, 10, 60])
+    found = summary(record(current, early=early)).resistances
+    assert [row.ohm for row in found] == pytest.approx([OHM, OHM], rel=0.05)
+    assert [row.current_change_a for row in found] == [4.0, -4.0]
+    assert all(row.after_s <= 2.0 for row in found)
+
+
+def test_a_slow_step_is_an_open_circuit_curve_and_a_quick_one_is_none():
+    slow = summary(record(np.full(1200, 0.1), interval=60.0))
+    assert len(slow.slow) == 1
+    assert slow.slow[0].hours == pytest.approx(20.0, rel=0.01)
+    assert slow.slow[0].charge_ah == pytest.approx(2.0, rel=0.01)
+    assert not summary(record(np.full(1200, 2.0), interval=3.0)).slow
+
+
+def test_what_is_missing_is_said():
+    said = " ".join(summary(record(np.full(100, 2.0))).problems)
+    assert "starts under load (-2 A, positive on charge)" in said
+    assert "there is no temperature of the cell" in said

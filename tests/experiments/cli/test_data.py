@@ -1,0 +1,99 @@
+"""``bsa data``: words, JSON, a picture and an export of the same files, and one line for what cannot be done."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bsa.core.errors import BsaError
+from bsa.core.reading.reading import read_record
+from bsa.experiments.cli.main import app
+from typer.testing import CliRunner
+
+ROWS = [
+    (10.0 * k, 4.1 - 0.001 * k - (0.1 if 20 <= k < 180 else 0.0), -5.0 if 20 <= k < 180 else 0.0) for k in range(200)
+]
+RECORD = "Time [s],U[V],I[A]\n" + "\n".join(",".join(map(repr, row)) for row in ROWS)
+SPECTRUM = "Frequency [Hz],Zreal [ohm],Zimag [ohm]\n" + "\n".join(
+    f"{f},{0.02 + 0.01 / f},{1e-5 * f - 0.01 / f}" for f in np.logspace(3, -1, 20)
+)
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.csv").write_text(RECORD)
+    (tmp_path / "b_2020-01-02.csv").write_text(RECORD)
+    (tmp_path / "z.csv").write_text(SPECTRUM)
+    return tmp_path
+
+
+def said(*arguments: str) -> str:
+    result = CliRunner().invoke(app(), ["data", *arguments])
+    if result.exception is not None:
+        raise result.exception
+    return result.stdout
+
+
+def test_a_record_and_a_spectrum_in_words():
+    text = said("a.csv", "z.csv")
+    assert "200 samples over 33.17 min, one in 10 s" in text
+    assert "CC discharge" in text
+    assert "impedance spectrum, 20 points" in text
+
+
+def test_the_same_as_json():
+    found = json.loads(said("a.csv", "--json"))
+    assert found["kind"] == "record"
+    assert [step["kind"] for step in found["steps"]] == ["rest", "CC discharge", "rest"]
+    assert found["resistances"][0]["ohm"] == pytest.approx(0.02, rel=0.02)
+    both = json.loads(said("a.csv", "z.csv", "--json"))
+    assert [one["kind"] for one in both] == ["record", "impedance spectrum"]
+
+
+@pytest.mark.parametrize("name", ["a.csv", "z.csv"])
+@pytest.mark.parametrize("suffix", ["png", "svg"])
+def test_a_picture(folder, name, suffix):
+    assert f"written: out.{suffix}" in said(name, "--plot", f"out.{suffix}")
+    start = (folder / f"out.{suffix}").read_bytes()[:60]
+    assert start.startswith(b"\x89PNG" if suffix == "png" else b"<?xml")
+
+
+@pytest.mark.parametrize("out", ["out.csv", "out.parquet"])
+def test_an_export_is_read_back_as_it_was(out):
+    pytest.importorskip("pyarrow")
+    said("a.csv", "--export", "bdf", "--out", out)
+    one, two = read_record("a.csv").trajectory, read_record(out).trajectory
+    assert one.steps == two.steps
+    for signal in one.signals:
+        np.testing.assert_array_equal(one.values(signal), two.values(signal))
+
+
+def test_files_of_one_cell_are_joined():
+    found = json.loads(said("a.csv", "b_2020-01-02.csv", "--join", "--json"))
+    assert found["name"] == "a.csv and 1 more"
+    assert found["samples"] == 400
+    assert any("2 parts were joined" in problem for problem in found["problems"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["nope.csv"], "there is no file nope.csv"),
+        (["a.csv", "--export", "csv", "--out", "x.csv"], 'no export "csv"'),
+        (["a.csv", "--export", "bdf"], "--export and --out belong together"),
+        (["a.csv", "--out", "x.csv"], "--export and --out belong together"),
+        (["a.csv", "z.csv", "--plot", "x.png"], "2 files were given"),
+        (["a.csv", "--plot", "x.pdf"], "x.pdf is not the name of a picture"),
+        (["z.csv", "--export", "bdf", "--out", "x.csv"], "holds records over time"),
+        (["a.csv", "z.csv", "--join"], "1 of 2 files to be joined are impedance spectra"),
+    ],
+)
+def test_what_cannot_be_done(folder, arguments, message):
+    before = sorted(folder.iterdir())
+    with pytest.raises(BsaError, match=message) as raised:
+        said(*arguments)
+    assert raised.value.hint
+    assert sorted(folder.iterdir()) == before
