@@ -70,7 +70,7 @@ class OcpShape:
     electrode : str
         ``"Negative"`` or ``"Positive"``.
     stoichiometry : float
-        Where the bump has its height, 0 to 1.
+        Where the bump has its height, between 0 and 1.
     """
 
     electrode: str
@@ -138,7 +138,7 @@ def target_named(name: str, known: Iterable[str] = ()) -> Target:
     if name == CYCLABLE_LITHIUM:
         return CyclableLithium()
     shape = _OCP_SHAPE.fullmatch(name)
-    if shape is not None and float(shape[2]) <= 1.0:
+    if shape is not None and 0.0 < float(shape[2]) < 1.0:
         return OcpShape(shape[1], float(shape[2]))
     if name.endswith(_FACTOR) and name not in known:
         return Factor(name.removesuffix(_FACTOR))

@@ -34,11 +34,11 @@ def test_functions_are_searched_as_factors() -> None:
 
 
 def test_priors_come_from_the_preset_and_a_person_can_give_one() -> None:
-    name = "Positive electrode OCP correction at stoichiometry 0.3 [V]"
+    name = "Positive electrode OCP correction at stoichiometry 0.5 [V]"
     own = preset_space("Chen2020", "cell")[name]
-    assert (own.initial, own.deviation, own.prior, own.unit) == (0.0, 0.015, True, "V")
-    given = resolve_space("Chen2020", {name: {"deviation": 0.03}, "Separator porosity": {"factors": [0.8, 1.2]}})
-    assert (given[name].deviation, given[name].upper) == (0.03, own.upper)
+    assert (own.initial, own.deviation, own.prior, own.unit) == (0.0, 0.03, True, "V")
+    given = resolve_space("Chen2020", {name: {"deviation": 0.01}, "Separator porosity": {"factors": [0.8, 1.2]}})
+    assert (given[name].deviation, given[name].upper) == (0.01, own.upper)
     assert not given["Separator porosity"].prior
 
 
