@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .ageing.residuals import table_residuals
 from .alignment import StepPair, pair_steps
@@ -224,3 +225,55 @@ def tolerance_at(signal: Signal, size: Any, experiment: Experiment) -> Any:
 
 def _points(signal: Signal, usual: int) -> int:
     return max(usual, _OSCILLATING_POINTS) if signal.oscillates else usual
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualRows:
+    """What each residual of a task is about; arrays of shape (m,), see `residuals`.
+
+    Attributes
+    ----------
+    record, step : ndarray of int
+        The experiment's place in the task and the step's place in its record.
+    signal : ndarray of str
+        Name of the signal; empty for the duration of a step.
+    since_s : ndarray
+        Time since the step began, s.
+    scale : ndarray
+        The residual of a mismatch of one tolerance.
+    """
+
+    record: NDArray[np.intp]
+    step: NDArray[np.intp]
+    signal: NDArray[np.str_]
+    since_s: FloatArray
+    scale: FloatArray
+
+
+def rows_of(task: Task) -> ResidualRows:
+    """What each residual of a task is about."""
+    found: list[tuple[int, int, str, float]] = []
+    scales: list[FloatArray] = []
+    for number, experiment in enumerate(task.experiments):
+        record = experiment.target
+        off = {signal.name: record.values(signal.name) + _tolerated(signal, record) for signal in task.signals}
+        # A simulation that equals the record but for one tolerance: its residuals are the scales.
+        scales += _by_step(task, pair_steps(record.changed(**off), experiment), experiment)
+        for pair in pair_steps(record, experiment):
+            place = record.steps.index(pair.step)
+            for signal in task.compared(pair.step.kind, experiment):
+                points = _points(signal, _DRIVEN_POINTS if experiment.protocol is None else _POINTS)
+                times = pair.measured.duration * (np.arange(points) + 0.5) / points
+                found += [(number, place, signal.name, float(time)) for time in times]
+            if experiment.protocol is not None:
+                found.append((number, place, "", pair.measured.duration))
+    columns = [np.array(column) for column in zip(*found, strict=True)]
+    return ResidualRows(*columns, np.abs(np.concatenate(scales)))
+
+
+def _tolerated(signal: Signal, record: Trajectory) -> FloatArray:
+    """A mismatch that counts as one, at each sample."""
+    values = np.abs(record.values(signal.name))
+    if not signal.relative:
+        return np.full_like(values, signal.tolerance)
+    return signal.tolerance * (values + _ZERO_SHARE * (float(np.max(values)) or 1.0))

@@ -67,6 +67,7 @@ def bsa_proposers() -> Iterable[Entry]:
     from .proposers.hybrid.proposer import HybridOptions, HybridProposer
     from .proposers.least_squares import LeastSquaresProposer
     from .proposers.random import RandomOptions, RandomProposer
+    from .proposers.staged import StagedOptions, StagedProposer
 
     yield Entry("agent", AgentProposer, "Asks the backend for a hypothesis and a change.", AgentOptions, api=1)
     yield Entry(
@@ -74,6 +75,9 @@ def bsa_proposers() -> Iterable[Entry]:
     )
     yield Entry(
         "least-squares", LeastSquaresProposer, "Levenberg-Marquardt on step-aligned residuals.", DescentOptions, api=1
+    )
+    yield Entry(
+        "staged", StagedProposer, "Least squares in stages, each on the data that inform it.", StagedOptions, api=1
     )
     yield Entry("default", DefaultProposer, "No fit: the parameter set as it is.", api=1)
     yield Entry("random", RandomProposer, "Random search over the whole space.", RandomOptions, api=1)

@@ -21,10 +21,10 @@ BUMP_WIDTH = 0.9
 """Standard deviation of a bump in ``ln(x / (1 - x))``: in stoichiometry 0.01 at 0.01, 0.15 at 0.2 and 0.22 at 0.5.
 
 Potentials bend in the logarithm of the stoichiometry towards both ends, where the knee of a discharge is made, and
-slowly in between. Bumps at 0.01, 0.05, 0.2, 0.5, 0.8, 0.95 and 0.99 stand 1.4 to 1.7 apart and add up to an even line."""
+slowly in between. Bumps at 0.01, 0.05, 0.2, 0.5, 0.8, 0.95 and 0.99, 1.4 to 1.7 apart, add up to an even line."""
 
 _CHECKED: FloatArray = 1.0 / (1.0 + np.exp(-np.linspace(-6.0, 6.0, 401)))
-"""Where the slope is looked at: from 0.0025 to 0.9975, every 0.0075 in the middle, for potentials have narrow steps."""
+"""Where the slope is looked at: from 0.0025 to 0.9975, every 0.0075 in the middle, for potentials have steps."""
 
 _LEAST_SLOPE = 0.1
 """Share of its own slope that a potential keeps: one that is flat would not tell the state of charge any more."""
