@@ -267,8 +267,8 @@ def rows_of(task: Task) -> ResidualRows:
                 found += [(number, place, signal.name, float(time)) for time in times]
             if experiment.protocol is not None:
                 found.append((number, place, "", pair.measured.duration))
-    columns = [np.array(column) for column in zip(*found, strict=True)]
-    return ResidualRows(*columns, np.abs(np.concatenate(scales)))
+    records, steps, names, seconds = (np.array(column) for column in zip(*found, strict=True))
+    return ResidualRows(records, steps, names, seconds, np.abs(np.concatenate(scales)))
 
 
 def _tolerated(signal: Signal, record: Trajectory) -> FloatArray:
