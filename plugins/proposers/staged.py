@@ -11,7 +11,7 @@ from pydantic import BaseModel, Field, model_validator
 from ...core.errors import did_you_mean
 from ...core.hooks import ProposeContext, RunContext, hookimpl
 from ...core.identifiability import effective_noise
-from ...core.least_squares import LeastSquares, Settings
+from ...core.least_squares import Box, LeastSquares, Settings
 from ...core.parameters import Candidate, ParameterSpace
 from ...core.proposal import Proposal
 from ...core.task import Task
@@ -27,6 +27,13 @@ _NOISE_FLOOR = 1.0
 _USUAL_NOISE = 10.0
 """Standard deviation that is assumed at most, in tolerances: physical models of measured cells end at 5 to 15 mV. The
 misfit of a start says how wrong the start is, and priors that are weighed against it would hold it there."""
+
+_SETTINGS = Settings(radius=2.0, largest_radius=8.0, smallest_radius=1e-3, noise=1.0, tolerance=5e-3)
+"""Coordinates are in standard deviations of the priors, residuals in standard deviations of the misfit: beyond two of
+the former a linear picture of a cell is a guess, and a gain of one of the latter says nothing."""
+
+_SHARE_OF_RANGE = 0.007
+"""Finite difference of a parameter that has no deviation, as a share of its range."""
 
 _SETTLED = 0.7
 """Share of the assumed noise below which a fit has left it behind: the priors then weigh too much."""
@@ -196,20 +203,18 @@ class _StageFit:
         self._free = free
         self._here = start
         self._left = budget
-        self._prior = task.space.prior_weights * free
         self._search = self._from_here()
 
     def _from_here(self) -> LeastSquares:
         self._noise = self._misfit_noise()
-        point = self._space.to_unit(self._here.candidate)
-        return LeastSquares(point, self._weighed(self._here), Settings(), self._free)
+        point = np.array([p.coordinate(self._here.candidate[p.name]) for p in self._space])
+        steps = [p.difference if p.deviation is not None else _SHARE_OF_RANGE for p in self._space]
+        box = Box(self._space.lowest, self._space.highest, self._space.prior_weights, np.array(steps))
+        return LeastSquares(point, self._weighed(self._here), _SETTINGS, self._free, box=box)
 
     def _weighed(self, trial: Trial) -> FloatArray | None:
-        """The view's residuals in standard deviations, and how far each parameter has left its prior."""
-        if trial.residuals is None:
-            return None
-        departures = [p.coordinate(trial.candidate[p.name]) for p in self._space]
-        return np.concatenate([self._view(trial.residuals) / self._noise, self._prior * np.array(departures)])
+        """The view's residuals in standard deviations."""
+        return None if trial.residuals is None else self._view(trial.residuals) / self._noise
 
     @property
     def takes_slopes(self) -> bool:
@@ -223,7 +228,7 @@ class _StageFit:
         if not points and self._improved():
             self._search = self._from_here()
             points = self._search.ask(limit) if limit > np.count_nonzero(self._free) else []
-        return [self._space.from_unit(point) for point in points] if len(points) <= limit else []
+        return [self._space.at(point) for point in points] if len(points) <= limit else []
 
     def _improved(self) -> bool:
         """Whether the misfit is now so much smaller than was assumed that the priors weigh too much."""

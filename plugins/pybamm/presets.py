@@ -222,10 +222,10 @@ def _from_preset(parameter_set: str, name: str, entry: Range, overrides: Mapping
     if value and name not in overrides and is_function(parameter_set, name):
         name = factor_name(name)
     initial = initial_value(parameter_set, name, overrides)
+    unit = 1.0 if entry.volts_at_1c is None else 1.0 / _one_c_current(parameter_set, overrides)
     if entry.factors is not None:
         lower, upper = (initial * factor for factor in entry.factors)
     else:
-        unit = 1.0 if entry.volts_at_1c is None else 1.0 / _one_c_current(parameter_set, overrides)
         lower, upper = (unit * bound for bound in (entry.bounds or entry.volts_at_1c or ()))
         if initial == 0.0 and entry.start is not None:
             initial = unit * entry.start
@@ -233,7 +233,8 @@ def _from_preset(parameter_set: str, name: str, entry: Range, overrides: Mapping
         upper = min(upper, entry.at_most)
     target = _target(parameter_set, name, overrides)
     lower, upper = min(lower, initial), max(upper, initial)
-    return Parameter(name, initial, lower, upper, entry.scale, target, entry.deviation, entry.deviation is not None)
+    deviation = None if entry.deviation is None else unit * entry.deviation
+    return Parameter(name, initial, lower, upper, entry.scale, target, deviation, deviation is not None)
 
 
 def _target(parameter_set: str, name: str, overrides: Mapping[str, float]) -> Target:

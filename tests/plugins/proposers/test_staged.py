@@ -1,0 +1,172 @@
+"""Stages: what each looks at, which are skipped and why, and where they end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from bsa.core.errors import BsaError
+from bsa.core.journal import read_events
+from bsa.core.loop import RunResult
+from bsa.core.residuals import residuals, rows_of
+from bsa.core.scaffold import Scaffold, load_scaffold
+from bsa.core.simulation import ExperimentRun, Outcome
+from bsa.core.task import Experiment, Task
+from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.plugins.proposers.stage_data import view_of
+from bsa.plugins.proposers.staged import StagedOptions
+from bsa_toy_cell import CAPACITY, HIDDEN, POLARISATION, RELAXATION, SERIES, toy_scaffold, toy_task
+
+RunToy = Callable[..., RunResult]
+
+STAGES = [
+    {"name": "ohmic", "data": "current-steps", "fits": ["Series", "Polarisation"], "share": 0.4},
+    {"name": "slow", "data": "open-circuit", "fits": ["Capacity"]},
+    {"name": "fast", "data": "rates", "fits": ["Relaxation"], "after": "slow"},
+    {"name": "all", "data": "everything"},
+]
+
+
+def staged(**options: Any) -> Scaffold:
+    return toy_scaffold("staged", proposer={"use": "staged", "options": {"stages": STAGES, **options}})
+
+
+def stages_of(folder: Path) -> list[str]:
+    found = [event["details"].get("stage") for event in read_events(folder) if event["event"] == "proposal"]
+    return list(dict.fromkeys(name for name in found if name))
+
+
+def skipped_in(folder: Path) -> dict[str, str]:
+    events = [event for event in read_events(folder) if event["event"] == "proposal"]
+    return {name: why for event in events for name, why in event["details"].get("skipped", {}).items()}
+
+
+def test_stages_follow_each_other_and_end_at_the_hidden_cell(run_toy: RunToy, tmp_path: Path) -> None:
+    result = run_toy(tmp_path / "run", scaffold=staged(), simulations=100)
+    assert stages_of(tmp_path / "run") == ["ohmic", "all"]
+    assert result.status == "finished"
+    for name, value in HIDDEN.items():
+        assert result.best.candidate[name] == pytest.approx(value, rel=0.02), name
+
+
+def test_a_stage_without_data_is_skipped_with_the_reason(run_toy: RunToy, tmp_path: Path) -> None:
+    run_toy(tmp_path / "run", scaffold=staged(), simulations=60)
+    why = skipped_in(tmp_path / "run")
+    assert set(why) == {"slow", "fast"}
+    assert "cover less than half of the charge" in why["slow"]
+    assert why["fast"] == 'the stage "slow" was skipped'
+
+
+def test_a_stage_moves_its_own_parameters_only(run_toy: RunToy, tmp_path: Path) -> None:
+    result = run_toy(tmp_path / "run", scaffold=staged(order=["ohmic"]), simulations=60)
+    start = toy_task().space.initial
+    for trial in result.trials:
+        assert trial.candidate[CAPACITY] == pytest.approx(start[CAPACITY])
+        assert trial.candidate[RELAXATION] == pytest.approx(start[RELAXATION])
+    assert result.best.candidate[SERIES] == pytest.approx(HIDDEN[SERIES], rel=0.2)
+    assert result.best.candidate[POLARISATION] != start[POLARISATION]
+
+
+def test_stages_can_be_repeated_and_left_out(run_toy: RunToy, tmp_path: Path) -> None:
+    run_toy(tmp_path / "run", scaffold=staged(order=["all", "ohmic", "all"]), simulations=100)
+    assert stages_of(tmp_path / "run") == ["all", "ohmic"]
+
+
+def test_the_budget_is_kept(run_toy: RunToy, tmp_path: Path) -> None:
+    for budget in (1, 4, 7, 12):
+        result = run_toy(tmp_path / str(budget), scaffold=staged(), simulations=budget)
+        assert len(result.trials) <= budget
+
+
+def test_a_run_that_was_cut_takes_the_same_path(run_toy: RunToy, tmp_path: Path) -> None:
+    whole = run_toy(tmp_path / "whole", scaffold=staged(), simulations=40)
+    lines = (tmp_path / "whole" / "journal.jsonl").read_bytes().splitlines(keepends=True)
+    (tmp_path / "cut").mkdir()
+    (tmp_path / "cut" / "journal.jsonl").write_bytes(b"".join(lines[: len(lines) // 2]))
+    resumed = run_toy(tmp_path / "cut", scaffold=staged(), simulations=40)
+    assert [trial.candidate for trial in resumed.trials] == [trial.candidate for trial in whole.trials]
+
+
+def test_an_unknown_stage_is_refused_by_name() -> None:
+    with pytest.raises(ValueError, match='no stage "ohmig"'):
+        StagedOptions.model_validate({"stages": STAGES, "order": ["ohmig"]})
+
+
+def test_the_built_in_stages_are_valid() -> None:
+    options = StagedOptions.model_validate(load_scaffold("staged").proposer.options)
+    assert [stage.name for stage in options.plan] == ["equilibrium", "kinetics", "transport", "thermal", "joint"]
+
+
+def measured(current: list[float], hours: list[float]) -> Trajectory:
+    """Steps of constant current, 25 samples each; the voltage falls with the charge."""
+    times, amperes, steps = [], [], []
+    begin = 0.0
+    for place, (i, duration) in enumerate(zip(current, hours, strict=True)):
+        times.append(begin + 1e-3 * (place > 0) + np.linspace(0.0, 3600.0 * duration, 25))
+        amperes.append(np.full(25, i))
+        kind = StepKind.REST if i == 0 else StepKind.CC_DISCHARGE
+        steps.append(Step(kind, 25 * place, 25 * place + 25, position=place))
+        begin = times[-1][-1]
+    time, amps = np.concatenate(times), np.concatenate(amperes)
+    charge = np.concatenate([[0.0], np.cumsum(0.5 * (amps[1:] + amps[:-1]) * np.diff(time))]) / 3600.0
+    return Trajectory(time, amps, 4.1 - 0.5 * charge, None, tuple(steps))
+
+
+@pytest.fixture
+def task() -> Task:
+    slow = Experiment("slow", measured([0.0, 0.05], [0.5, 20.0]))
+    fast = Experiment("fast", measured([0.0, 1.0, 0.0], [0.5, 0.9, 1.0]))
+    return replace(toy_task(), experiments=(slow, fast))
+
+
+def test_rows_say_which_residual_is_about_what(task: Task) -> None:
+    rows = rows_of(task)
+    offset = Outcome(
+        tuple(ExperimentRun(e.target.changed(voltage=e.target.voltage + 2e-3)) for e in task.experiments), 0.0
+    )
+    found = residuals(task, offset)
+    assert found is not None
+    assert found == pytest.approx(2.0 * rows.scale)
+    assert set(zip(rows.record.tolist(), rows.step.tolist(), strict=True)) == {(0, 0), (0, 1), (1, 0), (1, 1), (1, 2)}
+
+
+def test_each_stage_sees_the_part_that_informs_it(task: Task) -> None:
+    rows = rows_of(task)
+    slow = view_of(task, "open-circuit").rows
+    assert (0, 1) in set(zip(rows.record[slow].tolist(), rows.step[slow].tolist(), strict=True))
+    assert not np.any((rows.record[slow] == 1) & (rows.step[slow] == 1))
+    assert np.all((rows.step[slow] == 1) | (rows.since_s[slow] >= 600.0))
+    fast = view_of(task, "rates").rows
+    assert set(rows.step[fast]) == {1}
+    assert set(rows.record[fast]) == {1}
+    assert view_of(task, "temperature").lacking
+    assert len(view_of(task, "everything").rows) == len(rows.record)
+
+
+def test_an_offset_before_a_current_step_is_not_held_against_the_kinetics(task: Task) -> None:
+    view = view_of(task, "current-steps")
+    rows = rows_of(task)
+    assert not view.lacking
+    assert view(3.0 * rows.scale) == pytest.approx(0.0, abs=1e-9)
+    jump = np.where(rows.step == 1, 3.0, 0.0) * rows.scale
+    assert np.any(np.abs(view(jump)) > 1.0)
+
+
+def test_a_record_without_current_has_no_stage(task: Task) -> None:
+    resting = replace(task, experiments=(Experiment("rest", measured([0.0], [1.0])),))
+    assert "no charge" in view_of(resting, "open-circuit").lacking
+
+
+def test_a_wrong_option_names_the_stage(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text("name: mine\nproposer: {use: staged, options: {stages: [{name: a}]}}\n", encoding="utf-8")
+    from bsa.core.hooks import RunContext
+    from bsa.core.registry import installed
+    from bsa.core.run_plugins import RunPlugins
+
+    with pytest.raises(BsaError, match="data"):
+        RunPlugins(load_scaffold(str(path)), RunContext(toy_task(), 1, tmp_path), installed(), print)
