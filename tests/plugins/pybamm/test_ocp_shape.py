@@ -7,10 +7,11 @@ import pytest
 from bsa.core.target import CellChange, OcpShape, change_of, ocp_shape_name, targets_named
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Trajectory
-from bsa.plugins.pybamm.compiled import CompiledExperiment, solve_reference
+from bsa.plugins.pybamm.compiled import CompiledExperiment
 from bsa.plugins.pybamm.export import script
 from bsa.plugins.pybamm.ocp_shape import ELECTRODES, GRID, OcpCurves, bump
 from bsa.plugins.pybamm.parameter_sets import bake, load, pybamm
+from bsa.plugins.pybamm.solving import solve_reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
