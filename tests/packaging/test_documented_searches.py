@@ -30,11 +30,12 @@ def test_every_preset_is_named() -> None:
 
 def test_the_example_of_a_search_is_a_search_space(files: dict[str, str]) -> None:
     space = resolve_space("Chen2020", files["my_search.yaml"])
-    radius, porosity, thickness, exchange, charge = space
+    radius, porosity, thickness, exchange, shape, charge = space
     assert (radius.lower, radius.upper, radius.scale) == (radius.initial / 2, radius.initial * 2, "log")
     assert (porosity.lower, porosity.upper, porosity.scale) == (0.2, 0.5, "linear")
     assert (thickness.initial, thickness.scale) == (80e-6, "log")
     assert exchange.initial == 1.0
+    assert (shape.initial, shape.deviation, shape.prior) == (0.0, 0.01, True)
     assert (charge.lower, charge.upper) == (0.0, 1.0)
 
 
