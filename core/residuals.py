@@ -15,7 +15,7 @@ from .noise import noise_of
 from .signals import Signal
 from .simulation import ExperimentRun, Outcome
 from .task import Experiment, Task
-from .trajectory import FloatArray, Trajectory
+from .trajectory import FloatArray
 
 DURATION_TOLERANCE = 1e-3
 DURATION = "duration"
@@ -236,7 +236,7 @@ class ResidualRows:
     record, step : ndarray of int
         The experiment's place in the task and the step's place in its record.
     signal : ndarray of str
-        Name of the signal; empty for the duration of a step.
+        Name of the signal; empty for the duration of a step and for a row of a table of cycles.
     since_s : ndarray
         Time since the step began, s.
     scale : ndarray
@@ -256,7 +256,10 @@ def rows_of(task: Task) -> ResidualRows:
     scales: list[FloatArray] = []
     for number, experiment in enumerate(task.experiments):
         record = experiment.target
-        off = {signal.name: record.values(signal.name) + _tolerated(signal, record) for signal in task.signals}
+        off = {
+            signal.name: values + tolerance_at(signal, np.abs(values), experiment)
+            for signal, values in ((signal, record.values(signal.name)) for signal in task.signals)
+        }
         # A simulation that equals the record but for one tolerance: its residuals are the scales.
         scales += _by_step(task, pair_steps(record.changed(**off), experiment), experiment)
         for pair in pair_steps(record, experiment):
@@ -267,13 +270,8 @@ def rows_of(task: Task) -> ResidualRows:
                 found += [(number, place, signal.name, float(time)) for time in times]
             if experiment.protocol is not None:
                 found.append((number, place, "", pair.measured.duration))
+        if record.cycle_table is not None:
+            scales.append(np.ones(len(table_residuals(record, record.cycle_table))))
+            found += [(number, len(record.steps) - 1, "", 0.0)] * len(scales[-1])
     records, steps, names, seconds = (np.array(column) for column in zip(*found, strict=True))
     return ResidualRows(records, steps, names, seconds, np.abs(np.concatenate(scales)))
-
-
-def _tolerated(signal: Signal, record: Trajectory) -> FloatArray:
-    """A mismatch that counts as one, at each sample."""
-    values = np.abs(record.values(signal.name))
-    if not signal.relative:
-        return np.full_like(values, signal.tolerance)
-    return signal.tolerance * (values + _ZERO_SHARE * (float(np.max(values)) or 1.0))
