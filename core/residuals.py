@@ -15,7 +15,7 @@ from .noise import noise_of
 from .signals import Signal
 from .simulation import ExperimentRun, Outcome
 from .task import Experiment, Task
-from .trajectory import FloatArray
+from .trajectory import FloatArray, Trajectory
 
 DURATION_TOLERANCE = 1e-3
 DURATION = "duration"
