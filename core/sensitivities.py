@@ -26,6 +26,9 @@ _RESOLVED = 1e-4
 _ALL = 400
 """Decimals that leave every number as it is."""
 
+_DAMPING = 0.02
+"""Share of the mismatch, in tolerances, that a change by one typical step must remove to be worth it."""
+
 _FIXED = ("parameter", "points", "misprediction_pct")
 
 
@@ -121,6 +124,9 @@ def linear_change(
 ) -> FloatArray:
     """The change that removes most of the mismatch if all acts linearly, in typical steps, shape (p,).
 
+    Levenberg's damping in proportion to the mismatch (Fan & Yuan, Computing 74 (2005) 23): far away, where the linear
+    picture errs by more than weak parameters can do, they are left alone; near by nothing holds them.
+
     Parameters
     ----------
     slopes : ndarray of shape (f, p)
@@ -132,9 +138,10 @@ def linear_change(
     radius : float
         Length of the longest change, in typical steps.
     """
-    return bounded_step(
-        slopes / tolerance[:, None], mismatch / tolerance, np.minimum(lower, 0.0), np.maximum(upper, 0.0), radius
-    )
+    residual, count = mismatch / tolerance, slopes.shape[1]
+    damping = _DAMPING * float(np.linalg.norm(residual)) * np.eye(count)
+    stacked, target = np.vstack([slopes / tolerance[:, None], damping]), np.append(residual, np.zeros(count))
+    return bounded_step(stacked, target, np.minimum(lower, 0.0), np.maximum(upper, 0.0), radius)
 
 
 def _rounded(value: float | None, digits: int, decimals: int) -> float | None:

@@ -47,11 +47,13 @@ class AgentProposer:
         self._backend = require_backend(context)
         self._clipped: tuple[str, ...] = ()
         self._look_at: tuple[int, ...] = ()
+        self._measured = False
 
     @hookimpl
     def propose(self, context: ProposeContext) -> Proposal:
         """See `RunHooks.propose`."""
-        last = context.trials[-1] if context.trials[-1].phase == "search" else None
+        # Finite differences are no attempts.
+        last = context.trials[-1] if context.trials[-1].phase == "search" and not self._measured else None
         situation = Situation.of(context, self._options.memory_budget, last, self._clipped, self._look_at)
         offer = self._offer(situation)
         answer, free = converse(
@@ -63,6 +65,7 @@ class AgentProposer:
         )
         self._clipped = answer.value.projected if answer.value is not None else ()
         self._look_at = answer.value.look_at if answer.value is not None else self._look_at
+        self._measured = answer.value is not None and answer.value.kind == "jacobian"
         return _proposal(answer, free, situation)
 
     def _offer(self, situation: Situation) -> Offer:

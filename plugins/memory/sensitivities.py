@@ -25,7 +25,7 @@ to weigh against a single far trial."""
 _NEAR = 1.5
 """Changes made farther from here than this many typical steps say little about the slopes here."""
 
-_ROUNDING = 0.1
+_ROUNDING = 0.02
 """Typical steps below which a difference between trials is lost in the rounding of the features."""
 
 _MOVED = 1e-6
@@ -140,7 +140,10 @@ class SensitivityMemory:
             f"{len(self._secants)} simulations, those near trial {now.index} counting most",
             rounded(self._remarks(features, now), digits=3),
             points=dict(zip(self._space.names, slopes.points, strict=True)),
-            misprediction_pct=dict(zip(self._space.names, map(float, slopes.misprediction_pct), strict=True)),
+            misprediction_pct={
+                name: round(float(share), 1)
+                for name, share in zip(self._space.names, slopes.misprediction_pct, strict=True)
+            },
         )
         content = learnt.content(budget)
         alike = {"move_the_features_alike": _alike(slopes.matrix, self._space.names)}
@@ -207,18 +210,25 @@ def _regressed(changes: FloatArray, response: FloatArray, weights: FloatArray) -
 
 
 def _alike(effects: FloatArray, names: tuple[str, ...]) -> list[list[str]]:
-    """Pairs of parameters that do the same to all features, which no feedback can tell apart.
+    """Groups of parameters that do the same to all features, which no feedback can tell apart.
 
-    Each feature counts by the size of its own strongest effect, and nothing is said of effects that are NaN.
+    Each feature counts by the size of its own strongest effect, and nothing is said of effects that are NaN. Of a
+    group each is like the first.
     """
     effects = np.nan_to_num(effects)
     strength = np.maximum(np.max(np.abs(effects), axis=1, keepdims=True), 1e-12)
     columns = effects / strength
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0, keepdims=True), 1e-12)
-    cosines = np.abs(columns.T @ columns)
-    return [
-        [names[first], names[second]]
-        for first in range(len(names))
-        for second in range(first + 1, len(names))
-        if cosines[first, second] > _ALIKE
-    ]
+    alike = np.abs(columns.T @ columns) > _ALIKE
+    groups: list[list[str]] = []
+    taken: set[int] = set()
+    for first in range(len(names)):
+        group = [
+            place
+            for place in range(first, len(names))
+            if place not in taken and (place == first or alike[first, place])
+        ]
+        if first not in taken and len(group) > 1:
+            groups.append([names[place] for place in group])
+            taken.update(group)
+    return groups
