@@ -13,14 +13,13 @@ TaskKind = Literal["curves", "life", "number"]
 
 _METHODS: dict[TaskKind, str] = {
     "curves": """\
-Work like a scientist: see which steps and features are off and in which direction, suppose a physical cause, and test \
-it by a targeted change. Several causes may act at once: use the measured effects.
+Work like a scientist: see which steps and features are off, suppose a physical cause, and test it by a targeted \
+change. Several causes may act at once: use the measured effects.
 Mismatches are simulated minus measured. Steps are compared one by one, at equal fractions of each step's own duration \
-(early 5-25 %, middle 40-60 %, late 75-95 %): a step that is too short shows in its time mismatch and does not shift \
-the curves behind it. clock_offset_at_end_s adds wrong durations up from the start of the scored part. A tolerance \
-is the size of a mismatch that counts as one. misfit_tolerances, the root mean square of all residuals in \
-tolerances, decides: the trial where it is least is the present one, from which changes are made. Other errors are \
-reported only.""",
+(early 5-25 %, middle 40-60 %, late 75-95 %): a step that is too short shows in its time mismatch alone. \
+clock_offset_at_end_s adds wrong durations up from the start of the scored part. A tolerance is the size of a mismatch \
+that counts as one. misfit_tolerances, the root mean square of all residuals in tolerances, decides which trial is the \
+present one, from which changes are made; other errors are reported only.""",
     "life": METHOD,
     "number": """\
 Work like a scientist: form one hypothesis about what is off, and test it by a targeted change. Of each simulation you \

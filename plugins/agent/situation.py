@@ -141,12 +141,16 @@ class Situation:
         steps = space.steps_between(self.base.candidate, trial.candidate)
         changes = {name: round(float(step), 3) for name, step in zip(space.names, steps, strict=True) if step}
         content = trial.feedback.content
+        told = {key: content[key] for key in ("residuals", "events") if content.get(key)}
+        now, then = self.base.feedback.numbers, trial.feedback.numbers
+        if content.get("features"):
+            told["features_in_the_order_of_the_feedback"] = [then.get(name) for name in now]
         return {
             "trial": trial.index,
             **self._misfit(trial),
             "changed_by_steps": changes,
             **({"clipped_at_their_bounds": list(self.clipped)} if self.clipped else {}),
-            **{key: content[key] for key in ("residuals", "features", "events") if content.get(key)},
+            **told,
         }
 
     def _task_section(self) -> str:

@@ -13,15 +13,15 @@ from ...core.proposal import Proposal
 from ...core.trial import Trial, closest
 from ..feedback.rounding import rounded
 
-_NOTE_CHARS = 60
+_NOTE_CHARS = 48
 _STEP_DECIMALS = 2
 
 
 class HistoryOptions(BaseModel, extra="forbid"):
     """What the per-round memory shows."""
 
-    rounds: int = Field(9, ge=1, description="Trials shown at most: the closest ones and the latest ones.")
-    with_features: int = Field(2, ge=0, description="So many of the latest of them are shown with all their features.")
+    rounds: int = Field(8, ge=1, description="Trials shown at most: the closest ones and the latest ones.")
+    with_features: int = Field(1, ge=0, description="So many of the latest of them are shown with all their features.")
 
 
 class HistoryMemory:

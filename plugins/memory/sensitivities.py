@@ -138,7 +138,7 @@ class SensitivityMemory:
         learnt = Sensitivities(
             effects,
             f"{len(self._secants)} simulations, those near trial {now.index} counting most",
-            rounded(self._remarks(features, now), digits=3),
+            rounded(self._remarks(features), digits=3),
             points=dict(zip(self._space.names, slopes.points, strict=True)),
             misprediction_pct={
                 name: round(float(share), 1)
@@ -146,7 +146,8 @@ class SensitivityMemory:
             },
         )
         content = learnt.content(budget)
-        alike = {"move_the_features_alike": _alike(slopes.matrix, self._space.names)}
+        # By one number nothing could be told apart.
+        alike = {"move_the_features_alike": _alike(slopes.matrix, self._space.names) if len(features) > 1 else []}
         if alike["move_the_features_alike"] and len(json.dumps(content | alike)) <= budget:
             content |= alike
         return Recollection(SENSITIVITIES, content, priority=3)
@@ -167,7 +168,7 @@ class SensitivityMemory:
     def _distance(self, one: Trial, other: Trial) -> float:
         return float(np.linalg.norm(self._space.steps_between(one.candidate, other.candidate)))
 
-    def _remarks(self, features: Sequence[str], now: Trial) -> dict[str, Any]:
+    def _remarks(self, features: Sequence[str]) -> dict[str, Any]:
         remarks: dict[str, Any] = {}
         last = self._secants[-1]
         before = self._secants[:-1]
@@ -178,10 +179,8 @@ class SensitivityMemory:
             matrix = np.nan_to_num(self._slopes(before, last.parent, features).matrix)
             start = np.array([last.parent.feedback.numbers.get(name, np.nan) for name in features])
             expected = start + matrix @ last.change(self._space)
-            told = {"was_predicted": expected.tolist()}
-            if last.trial is not now:
-                told["is"] = [last.trial.feedback.numbers.get(name) for name in features]
-            remarks[f"trial_{last.trial.index}_in_the_order_of_the_feedback"] = told
+            # What it then was stands in the feedback, or with the latest attempt.
+            remarks[f"predicted_of_trial_{last.trial.index}_in_the_order_of_the_feedback"] = expected.tolist()
         if self._failed:
             remarks["made_the_simulation_fail"] = [self._describe(trial) for trial in self._failed[-_MOST_FAILURES:]]
         return remarks

@@ -141,6 +141,7 @@ def test_parameters_that_do_the_same_are_named(context: RunContext) -> None:
 
     effects = np.array([[10.0, 5.0, 1.0], [-2.0, -1.0, 0.4], [0.3, 0.15, -0.9]])
     assert _alike(effects, ("a", "b", "c")) == [["a", "b"]]
+    assert _alike(effects[:, [0, 1, 0, 2]], ("a", "b", "c", "d")) == [["a", "b", "c"]]
     assert _alike(np.zeros((3, 2)), ("a", "b")) == []
 
 
@@ -176,8 +177,8 @@ def test_every_search_trial_corrects_the_effects_along_its_own_direction(context
     told = {row[0]: dict(zip(columns, row, strict=True)) for row in table_rows}
     assert told[CAPACITY]["points"] == 3
     assert told[CAPACITY]["misprediction_pct"] > told["Relaxation time [s]"]["misprediction_pct"] >= 0.0
-    (predicted,) = [value for key, value in content.items() if key.startswith("trial_10")]
-    assert len(predicted["was_predicted"]) == len(columns) - 3
+    predicted = content["predicted_of_trial_10_in_the_order_of_the_feedback"]
+    assert len(predicted) == len(columns) - 3
 
 
 def test_a_reduced_simulation_teaches_nothing_of_the_task(context: RunContext) -> None:

@@ -1,0 +1,119 @@
+"""Rounds of the agent: free questions first, then one action."""
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from bsa.core.journal import read_events
+from bsa.core.loop import RunResult
+from bsa.core.messages import JsonSchema, Message, Reply
+from bsa.core.scaffold import load_scaffold
+from bsa_toy_cell import CAPACITY, SERIES, space, toy_scaffold
+
+RunToy = Callable[..., RunResult]
+
+
+class Scripted:
+    """Gives answers in turn, and then the last one again."""
+
+    name, sees_images = "scripted", False
+
+    def __init__(self, *answers: dict[str, Any]) -> None:
+        self._answers = list(answers)
+        self.schemas: list[JsonSchema] = []
+        self.prompts: list[list[Message]] = []
+
+    def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
+        self.schemas.append(schema)
+        self.prompts.append(list(messages))
+        answer = self._answers.pop(0) if len(self._answers) > 1 else self._answers[0]
+        return Reply(json.dumps({"analysis": "a", "hypothesis": "h", "rationale": "r", **answer}))
+
+    def close(self) -> None:
+        pass
+
+
+def proposals(folder: Path) -> list[dict[str, Any]]:
+    return [event for event in read_events(folder) if event["event"] == "proposal" and event["phase"] == "search"]
+
+
+SET = {"action": "set", "updated_params": {CAPACITY: "*1.1"}}
+
+
+def without_warm_up(name: str = "full") -> Any:
+    return toy_scaffold(name).model_copy(update={"warm_up": None})
+
+
+def test_free_questions_are_answered_in_the_same_round(run_toy: RunToy, tmp_path: Path) -> None:
+    backend = Scripted(SET, {"action": "predict"}, {"action": "look", "step": "cc_discharge"}, SET)
+    run_toy(tmp_path, scaffold=without_warm_up(), backend=backend, rounds=2, simulations=4)
+    first, second = proposals(tmp_path)
+    assert "free_actions" not in first["details"]
+    assert second["details"]["free_actions"] == ["predict", "look"]
+    assert [message.role for message in backend.prompts[3]] == ["system", *["user", "assistant"] * 2, "user"]
+    assert "## Suggested change" in backend.prompts[2][-1].text
+
+
+def test_there_is_an_end_to_free_questions(run_toy: RunToy, tmp_path: Path) -> None:
+    backend = Scripted({"action": "look", "step": "cc_discharge"})
+    run_toy(tmp_path, scaffold=without_warm_up(), backend=backend, rounds=1, simulations=4)
+    assert proposals(tmp_path)[0]["lost"]
+    assert "look" not in backend.schemas[-1]["properties"]["action"]["enum"]
+
+
+def test_what_was_asked_is_simulated_as_it_is(run_toy: RunToy, tmp_path: Path) -> None:
+    worse = {"action": "set", "updated_params": {CAPACITY: "*0.9"}}
+    result = run_toy(tmp_path, scaffold=without_warm_up(), backend=Scripted(worse), rounds=3, simulations=4)
+    assert [trial.candidate[CAPACITY] for trial in result.trials[1:]] == pytest.approx([0.9] * 3)
+
+
+def test_several_changes_and_differences_are_simulated_at_once(run_toy: RunToy, tmp_path: Path) -> None:
+    several = {"action": "simulate", "candidates": [{CAPACITY: "*1.1"}, {CAPACITY: "*1.2"}]}
+    backend = Scripted(several, {"action": "jacobian", "params": [SERIES]}, {"action": "jacobian"})
+    result = run_toy(tmp_path, scaffold=without_warm_up(), backend=backend, rounds=3, simulations=20)
+    assert [event["candidates"] for event in proposals(tmp_path)] == [2, 1, len(space())]
+    moved = result.trials[3].candidate
+    assert [name for name in moved if moved[name] != result.trials[2].candidate[name]] == [SERIES]
+    assert "Last attempt" not in backend.prompts[-1][1].text
+
+
+@pytest.mark.parametrize(
+    ("name", "absent"),
+    [
+        ("no-history", ["Memory: trials so far"]),
+        ("no-sensitivities", ["Memory: learnt sensitivities", '"predict"']),
+        ("no-memory", ["## Memory", '"predict"', '"jacobian"']),
+        ("digest", ["## Memory", "## Priors"]),
+        ("no-reasoning", ["Think first"]),
+    ],
+)
+def test_a_scaffold_leaves_out_what_its_name_says(
+    run_toy: RunToy, tmp_path: Path, name: str, absent: list[str]
+) -> None:
+    backend = Scripted(SET)
+    run_toy(tmp_path, scaffold=without_warm_up(name), backend=backend, rounds=3, simulations=6)
+    text = "\n".join(message.text for message in backend.prompts[-1])
+    assert not [word for word in absent if word in text]
+    whole = Scripted(SET)
+    run_toy(tmp_path / "full", scaffold=without_warm_up(), backend=whole, rounds=3, simulations=6)
+    text = "\n".join(message.text for message in whole.prompts[-1])
+    assert not [word for word in absent if word not in text]
+
+
+def test_the_vision_scaffold_explains_its_pictures(run_toy: RunToy, tmp_path: Path) -> None:
+    backend = Scripted(SET)
+    scaffold = without_warm_up("vision")
+    assert load_scaffold("vision").feedback.use == "overlay"
+    run_toy(tmp_path, scaffold=scaffold, backend=backend, rounds=1, simulations=3)
+    system, user = backend.prompts[-1]
+    assert "measured in orange" in system.text
+    assert len(user.images) == 1
+
+
+def test_without_reasons_an_action_is_enough(run_toy: RunToy, tmp_path: Path) -> None:
+    backend = Scripted(SET)
+    result = run_toy(tmp_path, scaffold=without_warm_up("no-reasoning"), backend=backend, rounds=1, simulations=3)
+    assert backend.schemas[-1]["required"] == ["action"]
+    assert len(result.trials) == 2

@@ -1,0 +1,71 @@
+from typing import Any
+
+from bsa.core.prompt_sections import (
+    FEEDBACK,
+    LAST_ATTEMPT,
+    PRIORS,
+    SENSITIVITIES,
+    TASK,
+    TRIALS,
+    read_sections,
+    read_table,
+)
+from bsa.plugins.agent.situation import Situation
+from bsa_toy_cell import CAPACITY, SERIES, space
+
+from .conftest import MakeSituation
+
+
+def told(situation: Situation, memories: bool = True) -> dict[str, Any]:
+    return dict(read_sections("\n\n".join(situation.sections(memories))))
+
+
+def test_each_parameter_stands_once_with_value_step_and_bounds(make_situation: MakeSituation) -> None:
+    situation = make_situation()
+    columns, rows = read_table(told(situation)[TASK]["parameters"])
+    assert columns == ["parameter", "now", "step", "lower", "upper"]
+    assert [row[0] for row in rows] == list(space().names)
+    assert "bounds" not in told(situation)[PRIORS]
+
+
+def test_the_present_trial_has_the_least_misfit_step_by_step(make_situation: MakeSituation) -> None:
+    situation = make_situation()
+    assert situation.base.misfit == min(trial.misfit for trial in situation.context.trials)
+    feedback = told(situation)[FEEDBACK]
+    assert feedback["misfit_tolerances"] == float(f"{situation.base.misfit:.4g}")
+    assert feedback["simulations_left"] == 9
+
+
+def test_the_score_is_seen_step_by_step(make_situation: MakeSituation) -> None:
+    feedback = told(make_situation())[FEEDBACK]
+    columns, rows = read_table(feedback["steps"])
+    discharge = dict(zip(columns, next(row for row in rows if row[0] == "cc_discharge"), strict=True))
+    assert discharge["simulated_s"] - discharge["measured_s"] == discharge["clock_offset_at_end_s"]
+    shares = [row[place] for row in rows for place, name in enumerate(columns) if "share" in name]
+    assert 95.0 < sum(shares) < 105.0
+    columns, rows = read_table(feedback["residuals_along_step"])
+    assert 8 <= len(columns) - 2 <= 10
+    assert rows[0][:2] == ["cc_discharge", "voltage_mv"]
+
+
+def test_the_latest_attempt_says_what_was_clipped(make_situation: MakeSituation) -> None:
+    attempt = told(make_situation(clipped=(SERIES,)))[LAST_ATTEMPT]
+    assert attempt["clipped_at_their_bounds"] == [SERIES]
+    assert set(attempt["changed_by_steps"]) >= {CAPACITY, SERIES}
+    assert len(attempt["features_in_the_order_of_the_feedback"]) > 3
+
+
+def test_without_memory_there_are_neither_trials_nor_effects(make_situation: MakeSituation) -> None:
+    situation = make_situation(memories=False)
+    assert not situation.remembers
+    assert not situation.sensitivities.effects
+    assert not {TRIALS, SENSITIVITIES} & set(told(situation))
+
+
+def test_one_number_as_feedback_is_all_that_is_told(make_situation: MakeSituation) -> None:
+    situation = make_situation("scalar")
+    assert situation.base is situation.context.best
+    text = "\n".join(situation.sections())
+    for word in ("misfit", "measured_s", "simulated_s", "clock", "cc_discharge", "duration", "features"):
+        assert word not in text, word
+    assert set(told(situation)[FEEDBACK]) == {"trial", "simulations_left", "residuals", "events"}
