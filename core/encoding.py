@@ -127,13 +127,8 @@ def decode_trajectory(record: Mapping[str, Any]) -> Trajectory:
     if not all(0 <= step.start <= step.stop <= len(time) for step in steps):
         raise ValueError(f"a step outside the {len(time)} samples")
     signals = {name: decode_array(text) for name, text in record.items() if name not in _NO_SIGNALS}
-    table = record.get("cycle_table")
-    return Trajectory(
-        time,
-        steps=steps,
-        signals=signals,
-        cycle_table=None if table is None else CycleTable(*(decode_array(table[name]) for name in _TABLE)),
-    )
+    table = {name: decode_array(text) for name, text in record.get("cycle_table", {}).items() if name in _TABLE}
+    return Trajectory(time, steps=steps, signals=signals, cycle_table=CycleTable(**table) if table else None)
 
 
 _TARGETS: dict[str, type[Target]] = {

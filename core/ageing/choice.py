@@ -29,14 +29,15 @@ def levelling(table: CycleTable) -> int | None:
 
 
 def _furthest(table: CycleTable, above: bool) -> int | None:
-    capacity = _smooth(table.capacity_ah)
-    fade = float(np.ptp(capacity))
-    if len(table) < 5 or fade <= 0:
+    # The first cycle starts from another state than all others: what sets it apart is no bend.
+    cycles, capacity = table.cycle[1:], _smooth(table.capacity_ah[1:])
+    fade = float(np.ptp(capacity)) if len(capacity) else 0.0
+    if len(cycles) < 5 or fade <= 0:
         return None
-    chord = np.interp(table.cycle, table.cycle[[0, -1]], capacity[[0, -1]])
+    chord = np.interp(cycles, cycles[[0, -1]], capacity[[0, -1]])
     height = (capacity - chord) * (1.0 if above else -1.0)
     place = int(np.argmax(height))
-    return int(table.cycle[place]) if height[place] > _LEAST_BEND * fade else None
+    return int(cycles[place]) if height[place] > _LEAST_BEND * fade else None
 
 
 def _smooth(values: np.ndarray) -> np.ndarray:

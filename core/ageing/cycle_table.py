@@ -11,7 +11,9 @@ from ..errors import BsaError
 
 FloatArray = NDArray[np.float64]
 
-COLUMNS = ("capacity_ah", "resistance_ohm", "rested_voltage_v")
+MEASURED = ("capacity_ah", "resistance_ohm", "rested_voltage_v")
+LOSSES = ("lithium_lost_pct", "negative_material_lost_pct", "positive_material_lost_pct")
+COLUMNS = (*MEASURED, *LOSSES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,14 +30,24 @@ class CycleTable:
         Voltage drop over current at the start of the discharge, ohm; NaN where it is not known.
     rested_voltage_v : ndarray of shape (n,)
         Voltage at the end of the charge, after the rest that follows it, V; NaN where it is not known.
+    lithium_lost_pct : ndarray of shape (n,)
+        Cyclable lithium lost since the start, in percent; known of simulations alone, NaN elsewhere.
+    negative_material_lost_pct, positive_material_lost_pct : ndarray of shape (n,)
+        Active material lost in each electrode, likewise.
     """
 
     cycle: FloatArray
     capacity_ah: FloatArray
     resistance_ohm: FloatArray
     rested_voltage_v: FloatArray
+    lithium_lost_pct: FloatArray | None = None
+    negative_material_lost_pct: FloatArray | None = None
+    positive_material_lost_pct: FloatArray | None = None
 
     def __post_init__(self) -> None:
+        for name in LOSSES:
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, np.full(np.shape(self.cycle), np.nan))
         for name in ("cycle", *COLUMNS):
             object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=np.float64))
             if getattr(self, name).shape != self.cycle.shape or self.cycle.ndim != 1:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ..trajectory import FloatArray, Step, StepKind, Trajectory
-from .cycle_table import COLUMNS, CycleTable
+from .cycle_table import COLUMNS, LOSSES, CycleTable
 
 _DISCHARGES = (StepKind.CC_DISCHARGE, StepKind.DRIVE)
 _CHARGES = (StepKind.CC_CHARGE, StepKind.CV_HOLD)
@@ -48,15 +48,16 @@ def rested_voltage_v(record: Trajectory) -> float:
     return float(record.voltage[last.stop - 1])
 
 
-def line_of(number: int, record: Trajectory) -> tuple[float, ...]:
-    """A cycle's line of a `CycleTable`, given its curves."""
-    return number, discharged_ah(record), resistance_ohm(record), rested_voltage_v(record)
+def line_of(number: int, record: Trajectory, losses: Sequence[float] = ()) -> tuple[float, ...]:
+    """A cycle's line of a `CycleTable`, given its curves and, of a simulation, what was lost (`LOSSES`)."""
+    lost = tuple(losses) or (float("nan"),) * len(LOSSES)
+    return number, discharged_ah(record), resistance_ohm(record), rested_voltage_v(record), *lost
 
 
 def table_of(lines: Sequence[tuple[float, ...]]) -> CycleTable | None:
     """The table of lines in order; cycles without a discharge are left out. None if no cycle has one."""
-    kept = np.array([line for line in lines if line[1] > 0]).reshape(-1, 1 + len(COLUMNS))
-    return CycleTable(*kept.T) if len(kept) else None
+    kept = [line for line in lines if line[1] > 0]
+    return CycleTable(*np.array(kept).T) if kept else None
 
 
 def filled(table: CycleTable) -> CycleTable:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -15,6 +15,7 @@ from ...core.signals import Signal
 from ...core.task import Experiment, Task
 from ...core.trajectory import FloatArray, StepKind, Trajectory
 from ...core.trial import Trial
+from ...plugins.feedback.ageing import told_cycles
 from ..story import RunRecord
 from .chart import BOTTOM, GAP, TOP, Axis, Band, Chart, Key, Mark, Panel, horizontal, padded, vertical
 from .wording import number, time_unit, unit
@@ -88,8 +89,20 @@ class _Curve:
 
 
 def overlays(run: RunRecord) -> list[Overlay]:
-    """One figure for each record of the task."""
-    return [_overlay(run, place, experiment) for place, experiment in enumerate(run.task.experiments)]
+    """One figure for each record of the task; of a long record, one for each of the cycles that bend its fade."""
+    return [
+        _overlay(run, place, shown)
+        for place, experiment in enumerate(run.task.experiments)
+        for shown in (_cycles(experiment) if experiment.long else [experiment])
+    ]
+
+
+def _cycles(experiment: Experiment) -> list[Experiment]:
+    """Cycles of a long record, each as a record of its own."""
+    return [
+        replace(experiment, name=f"{experiment.name}, cycle {cycle}", scored_cycle=cycle, detailed_cycles=())
+        for cycle in told_cycles(experiment)
+    ]
 
 
 def prediction_overlays(task: Task, predictions: Sequence[Prediction]) -> list[Overlay]:
@@ -170,7 +183,7 @@ def _overlay(run: RunRecord, place: int, experiment: Experiment) -> Overlay:
     return Overlay(
         name=experiment.name,
         chart=Chart(
-            name=f"overlay-{place}",
+            name=f"overlay-{place}" + (f"-{experiment.scored_cycle}" if experiment.scored_cycle else ""),
             title=f"{', '.join(names).capitalize()} and residuals over time",
             description="Measured record against the initial and the best simulation. "
             + _fit(run.task, "", initial, focus, measured),

@@ -18,6 +18,7 @@ from ...core.parameters import Parameter
 from ...core.reply_parsing import strip_control
 from ..own_pages import check_page
 from ..story import UNFINISHED, RunRecord, read_run
+from .ageing import lives
 from .failures import failures
 from .figures import convergence, overlays, prediction_overlays
 from .identifiability import section
@@ -126,6 +127,7 @@ def render(run: RunRecord) -> str:
         gain=change(objective.shown(run.initial_metrics), objective.shown(run.best_metrics)),
         headline=[_figure(run, quantity) for quantity in headline_of(run.task)],
         metrics=[_figure(run, quantity) for quantity in errors_of(run.task)],
+        lives=lives(run),
         overlays=overlays(run),
         rows=error_rows(run.task, run.records, run.held_out),
         most_steps=MOST_STEPS,

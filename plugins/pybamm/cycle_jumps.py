@@ -60,6 +60,8 @@ class SolvedCycle:
         Charge drawn in its discharge; 0 without one.
     record : Trajectory
         Its curves, from its own start.
+    losses : tuple of float
+        What was lost up to its end, as in a `CycleTable`; empty where the model cannot tell.
     """
 
     number: int
@@ -67,6 +69,7 @@ class SolvedCycle:
     vector: FloatArray
     capacity_ah: float
     record: Trajectory
+    losses: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,6 +27,13 @@ _COMPILED_REPEATS = 2
 """Of equal cycles so many are compiled, so that the way from the last step of one to the first of the next is there."""
 
 
+_LOSS_VARIABLES = (
+    "Loss of lithium inventory [%]",
+    "Loss of active material in negative electrode [%]",
+    "Loss of active material in positive electrode [%]",
+)
+
+
 @dataclass(frozen=True)
 class _OneCycle:
     """What `to_trajectory` reads of a cycle."""
@@ -122,7 +129,7 @@ class _Life:
 
     def add(self, cycle: SolvedCycle) -> None:
         """Take note of a simulated cycle."""
-        self._run.append(line_of(cycle.number, cycle.record))
+        self._run.append(line_of(cycle.number, cycle.record, cycle.losses))
         before = self._run[-2][0] if len(self._run) > 1 else cycle.number - 1
         self.seconds += cycle.record.duration * (cycle.number - before)
         if cycle.number in self._kept:
@@ -187,7 +194,7 @@ class _Steps:
         record = self._record(parts, None)
         if record is None:
             raise self._stopped("every step of the cycle ends before it begins", number, 0, parts, "", None)
-        return SolvedCycle(number, state, _vector(state), discharged_ah(record), record)
+        return SolvedCycle(number, state, _vector(state), discharged_ah(record), record, _losses(state))
 
     def _step(self, step: Any, state: Any) -> Any:
         simulation = self._compiled.simulation
@@ -241,6 +248,11 @@ class _Steps:
 
     def _record(self, parts: list[Any], unfinished: Unfinished | None) -> Trajectory | None:
         return to_trajectory(_Solved([_OneCycle(parts)]), [self._recipe], self._compiled.heats, unfinished)
+
+
+def _losses(state: Any) -> tuple[float, ...]:
+    """Lithium and active material lost, in the order of `LOSSES`."""
+    return tuple(float(state[name].entries[-1]) for name in _LOSS_VARIABLES)
 
 
 def _vector(state: Any) -> FloatArray:

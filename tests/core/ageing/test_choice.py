@@ -24,6 +24,12 @@ def test_bends_of_a_fade_are_where_they_were_put() -> None:
     assert levelling(LEVELLING) == pytest.approx(125, abs=20)
 
 
+def test_a_first_cycle_that_starts_from_elsewhere_is_no_bend() -> None:
+    capacity = STRAIGHT.capacity_ah.copy()
+    capacity[0] += 0.03
+    assert levelling(table(capacity)) is None
+
+
 def test_one_odd_cycle_is_no_knee() -> None:
     capacity = STRAIGHT.capacity_ah.copy()
     capacity[100] += 0.1

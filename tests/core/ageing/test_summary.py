@@ -29,7 +29,7 @@ def test_a_cycle_keeps_its_number_and_its_own_curves_in_a_sequence(record: Recor
 def test_without_a_rest_before_it_a_discharge_tells_no_resistance(record: Record) -> None:
     cycle = record(fade=0.0, kept=(1,)).cycle(1)
     [alone] = [piece for step, piece in cycle.pieces() if step.kind is StepKind.CC_DISCHARGE]
-    _, capacity, resistance, voltage = line_of(1, alone)
+    _, capacity, resistance, voltage, *_ = line_of(1, alone)
     assert capacity == pytest.approx(1.0)
     assert np.isnan(resistance)
     assert np.isnan(voltage)

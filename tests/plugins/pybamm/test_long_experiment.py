@@ -123,3 +123,10 @@ def test_a_candidate_that_cannot_start_is_a_failure_in_a_line() -> None:
 
 def test_the_tolerance_leaves_room_below_what_is_promised() -> None:
     assert 3 * TOLERANCE < 2e-4
+
+
+def test_what_was_lost_is_told_for_every_cycle() -> None:
+    table = solve_reference(CELL, life(6, (1, 6)), CellChange(values=FAST)).trajectory.cycle_table  # type: ignore[union-attr]
+    assert table is not None
+    assert np.all(np.diff(table.lithium_lost_pct) > 0)
+    np.testing.assert_allclose(table.negative_material_lost_pct, 0.0, atol=1e-9)
