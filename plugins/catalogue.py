@@ -103,10 +103,13 @@ def bsa_readers() -> Iterable[Entry]:
     """Files of cyclers."""
     from .readers.arbin_xlsx import ArbinXlsx
     from .readers.bdf import BdfCsv, BdfParquet
+    from .readers.biologic import BioLogicMpr
     from .readers.digatron_csv import DigatronCsv
     from .readers.generic_csv import GenericCsv
     from .readers.impedance import ImpedanceCsv, ImpedanceOptions
+    from .readers.maccor import MaccorText
     from .readers.matlab import MatlabMat
+    from .readers.neware import Neware
 
     yield Entry(
         "bdf-csv", lambda options: BdfCsv(), "Battery Data Format: Test Time / s, Voltage / V, Current / A.", api=1
@@ -121,6 +124,9 @@ def bsa_readers() -> Iterable[Entry]:
         ImpedanceOptions,
         api=1,
     )
+    yield Entry("neware", lambda options: Neware(), "Neware .nda and .ndax (extra: readers).", api=1)
+    yield Entry("biologic-mpr", lambda options: BioLogicMpr(), "BioLogic .mpr (extra: biologic).", api=1)
+    yield Entry("maccor-text", lambda options: MaccorText(), "Maccor exports: Rec#, Amps, Volts, State.", api=1)
     yield Entry("matlab", lambda options: MatlabMat(), "MATLAB .mat: structs of columns, at any depth.", api=1)
     yield Entry(
         "generic-csv", lambda options: GenericCsv(), "Any text table (.csv, .txt, .gz), with column mapping.", api=1

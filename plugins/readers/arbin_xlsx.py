@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
@@ -18,17 +17,13 @@ from ...core.reading.samples import Samples
 from ...core.record import ReadOptions
 from .assembly import read_table
 from .columns import signal_of
+from .source import decoding, refuse_zip_bomb
 from .table import Table
 
 SUFFIXES = (".xlsx", ".xlsm", ".xls")
 
 MAX_UNPACKED_BYTES = 2 * 2**30
 """Largest workbook that is read, unpacked."""
-
-MAX_RATIO = 300
-"""A part of a workbook that grows by more than this when unpacked is refused (from `RATIO_BYTES` on)."""
-
-RATIO_BYTES = 64 * 2**20
 
 _HEADER_ROWS = 20
 
@@ -46,52 +41,22 @@ class ArbinXlsx:
     def read(self, path: Path, options: ReadOptions) -> Samples:
         """Read the workbook; see `Reader.read`."""
         name = shown(path.name)
-        _refuse_bomb(path, name)
+        # The kind before 2007 (.xls) is no archive and cannot grow.
+        if path.suffix.lower() != ".xls":
+            refuse_zip_bomb(path, name, "an Excel workbook of today's kind (.xlsx)", MAX_UNPACKED_BYTES)
         import python_calamine
 
-        try:
-            with python_calamine.CalamineWorkbook.from_path(path) as book:
-                tables = _tables(book, name, options)
-                parts = [replace(read_table(table, options), source=table.place[:-2]) for table in tables]
-        except (BsaError, MemoryError):
-            raise
-        except Exception as error:  # whatever a damaged workbook provokes
-            raise BsaError(
-                f"{name} is a damaged workbook ({type(error).__name__}: {shown(error)}).",
-                "open it in a spreadsheet and save it again, or export CSV.",
-            ) from None
+        with (
+            decoding(name, "workbook", "open it in a spreadsheet and save it as .xlsx, or export CSV."),
+            python_calamine.CalamineWorkbook.from_path(path) as book,
+        ):
+            tables = _tables(book, name, options)
+            parts = [replace(read_table(table, options), source=table.place[:-2]) for table in tables]
         if len(parts) > 1:
             return joined(parts, path.name)
         return replace(
             parts[0], source=path.name, sheets=(parts[0].source,), sheet=np.zeros(len(parts[0]), dtype=np.int64)
         )
-
-
-def _refuse_bomb(path: Path, name: str) -> None:
-    """Look at the sizes that the parts declare, which is all that is unpacked of them."""
-    try:
-        with zipfile.ZipFile(path) as package:
-            parts = package.infolist()
-    except OSError as error:
-        raise BsaError(f"{name} cannot be read: {shown(error.strerror)}.", "check the path and its rights.") from None
-    except (zipfile.BadZipFile, ValueError, NotImplementedError):
-        raise BsaError(
-            f"{name} is not an Excel workbook of today's kind (.xlsx).",
-            "open it in a spreadsheet and save it as .xlsx, or give a CSV file its own name.",
-        ) from None
-    unpacked = sum(part.file_size for part in parts)
-    if unpacked > MAX_UNPACKED_BYTES:
-        raise BsaError(
-            f"{name} unpacks to {unpacked / 2**30:.1f} GiB, more than the limit of {MAX_UNPACKED_BYTES // 2**30} GiB.",
-            "export the record as CSV.",
-        )
-    for part in parts:
-        if part.file_size > RATIO_BYTES and part.file_size > MAX_RATIO * max(part.compress_size, 1):
-            raise BsaError(
-                f'{name}: the part "{shown(part.filename)}" unpacks to {part.file_size // max(part.compress_size, 1)} '
-                f"times its size; the limit is {MAX_RATIO}.",
-                "export the record as CSV.",
-            )
 
 
 def _tables(book: Any, name: str, options: ReadOptions) -> list[Table]:

@@ -18,7 +18,7 @@ from ...core.trajectory import FloatArray, Trajectory
 from .arrays import ArrayTable
 from .assembly import read_table
 from .generic_csv import first_lines, is_text_table, read_text_table
-from .source import MAX_BYTES
+from .source import MAX_BYTES, decoding
 
 _LABELS = re.compile(r"^(test time|voltage|current) / \S+$")
 _MACHINE = re.compile(r"^(test_time_(second|hour|minute)|voltage_(milli)?volt|current_(milli)?ampere)$")
@@ -52,20 +52,13 @@ class BdfParquet:
         """Read the file; see `Reader.read`."""
         source = shown(path.name)
         parquet = require("pyarrow.parquet", "readers", f"{source} (Parquet)")
-        try:
-            with parquet.ParquetFile(path) as file:
-                groups = (file.metadata.row_group(k) for k in range(file.metadata.num_row_groups))
-                if sum(group.total_byte_size for group in groups) > MAX_BYTES:
-                    raise BsaError(f"{source} holds more than {MAX_BYTES // 2**20} MiB.", "write fewer columns.")
-                table = file.read()
-                header = tuple(str(name) for name in table.column_names)
-                columns = [column.to_numpy() for column in table.columns]
-        except (BsaError, MemoryError):
-            raise
-        except Exception as error:  # whatever a damaged file provokes
-            raise BsaError(
-                f"{source} is no Parquet file, or a damaged one ({type(error).__name__}).", "write it again."
-            ) from None
+        with decoding(source, "Parquet file", "write it again."), parquet.ParquetFile(path) as file:
+            groups = (file.metadata.row_group(k) for k in range(file.metadata.num_row_groups))
+            if sum(group.total_byte_size for group in groups) > MAX_BYTES:
+                raise BsaError(f"{source} holds more than {MAX_BYTES // 2**20} MiB.", "write fewer columns.")
+            table = file.read()
+            header = tuple(str(name) for name in table.column_names)
+            columns = [column.to_numpy() for column in table.columns]
         if not header:
             raise BsaError(f"{source} has no columns.", "write it again.")
         return read_table(ArrayTable(source, header, columns), options)

@@ -12,7 +12,7 @@ from .assembly import read_table
 from .source import head, load_text
 from .table import find_table
 
-SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".bdf")
+SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".bdf", ".mpt")
 
 
 class GenericCsv:

@@ -10,8 +10,7 @@ import numpy as np
 
 from ...core.errors import BsaError
 from ...core.extras import require
-from ...core.files import file_error
-from .source import MAX_BYTES
+from .source import MAX_BYTES, decoding
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _HDF5_OFFSETS = (0, 512)
@@ -42,21 +41,11 @@ def load(path: Path, source: str) -> dict[str, Any]:
     BsaError
         If the file is damaged or too large, or h5py is needed and absent.
     """
-    try:
+    with decoding(source, "MATLAB file", "save it again in MATLAB, or download it again."):
         with open(path, "rb") as file:
             head = file.read(1024)
-    except OSError as error:
-        raise file_error(error) from None
-    newer = any(head[k:].startswith(_HDF5) for k in _HDF5_OFFSETS)
-    try:
+        newer = any(head[k:].startswith(_HDF5) for k in _HDF5_OFFSETS)
         return _from_hdf5(path, source) if newer else _from_scipy(path, source)
-    except (BsaError, MemoryError):
-        raise
-    except Exception as error:  # whatever a damaged file provokes in the libraries
-        raise BsaError(
-            f"{source} is no MATLAB file, or a damaged one ({type(error).__name__}).",
-            "save it again in MATLAB, or download it again.",
-        ) from None
 
 
 def _from_scipy(path: Path, source: str) -> dict[str, Any]:

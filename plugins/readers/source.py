@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import gzip
+import zipfile
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, cast
 
 from ...core.errors import BsaError
+from ...core.files import file_error
 from ...core.printable import shown
 
 MAX_BYTES = 512 * 2**20
@@ -17,6 +21,74 @@ MAX_SAMPLES = 5_000_000
 """Largest number of rows that is read."""
 
 _HEAD_BYTES = 65536
+
+
+MAX_RATIO = 300
+"""A part of a zip archive that grows by more than this when unpacked is refused (from `RATIO_BYTES` on)."""
+
+RATIO_BYTES = 64 * 2**20
+
+
+@contextmanager
+def decoding(source: str, kind: str, hint: str) -> Iterator[None]:
+    """Say in one line that a file is damaged, whatever it provokes in the library that decodes it.
+
+    Parameters
+    ----------
+    source : str
+        Printable name of the file.
+    kind : str
+        What it should be: ``"MATLAB file"``.
+    hint : str
+        What can be done.
+    """
+    try:
+        yield
+    except (BsaError, MemoryError):
+        raise
+    except OSError as error:
+        if error.errno is not None:
+            raise file_error(error) from None
+        raise _damaged(source, kind, hint, error) from None
+    except Exception as error:
+        raise _damaged(source, kind, hint, error) from None
+
+
+def _damaged(source: str, kind: str, hint: str, error: Exception) -> BsaError:
+    said = shown(error, 100)
+    return BsaError(f"{source} is no {kind}, or a damaged one ({type(error).__name__}{': ' * bool(said)}{said}).", hint)
+
+
+def refuse_zip_bomb(path: Path, source: str, kind: str, most: int) -> None:
+    """Look at the sizes that the parts of a zip archive declare, which is all that is unpacked of them.
+
+    Raises
+    ------
+    BsaError
+        If it is no zip archive, or unpacks to more than ``most`` bytes or `MAX_RATIO` times its size.
+    """
+    try:
+        with zipfile.ZipFile(path) as package:
+            parts = package.infolist()
+    except OSError as error:
+        raise BsaError(f"{source} cannot be read: {shown(error.strerror)}.", "check the path and its rights.") from None
+    except (zipfile.BadZipFile, ValueError, NotImplementedError):
+        raise BsaError(
+            f"{source} is not {kind}.", f"save or export it as {path.suffix} again, or give a CSV file its own name."
+        ) from None
+    unpacked = sum(part.file_size for part in parts)
+    if unpacked > most:
+        raise BsaError(
+            f"{source} unpacks to {unpacked / 2**30:.1f} GiB, more than the limit of {most // 2**30} GiB.",
+            "export the record as CSV.",
+        )
+    for part in parts:
+        if part.file_size > RATIO_BYTES and part.file_size > MAX_RATIO * max(part.compress_size, 1):
+            raise BsaError(
+                f'{source}: the part "{shown(part.filename)}" unpacks to '
+                f"{part.file_size // max(part.compress_size, 1)} times its size; the limit is {MAX_RATIO}.",
+                "export the record as CSV.",
+            )
 
 
 def head(path: Path) -> bytes:

@@ -1,0 +1,96 @@
+"""Maccor text exports: a current without a sign, which the state of each row gives, and times in words."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from ...core.printable import shown
+from ...core.reading.samples import Samples
+from ...core.record import ReadOptions
+from .assembly import read_table
+from .generic_csv import first_lines
+from .source import load_text
+from .table import Table, find_table
+
+_HEAD_LINES = 40
+_SUFFIX = re.compile(r"\.(txt|csv|\d{3})", re.IGNORECASE)
+
+_STATES = ("state", "md")
+_NAMES = {
+    **dict.fromkeys(["testtime", "test time"], "Test Time / s"),
+    **{f"test ({unit})": f"Test Time / {unit}" for unit in ("sec", "min", "hr")},
+    **{f"test time ({unit})": f"Test Time / {unit}" for unit in ("sec", "min", "hr")},
+    **dict.fromkeys(["amps", "current"], "Current / A"),
+    **dict.fromkeys(["volts", "voltage"], "Voltage / V"),
+    **dict.fromkeys(["cyc#", "cycle", "cycle c"], "Cycle Count / 1"),
+    "step": "Step Index / 1",
+    **dict.fromkeys(["dpt time", "dpt"], "Date Time"),
+    **dict.fromkeys(["temp 1", "temp1", "temperature 1"], "Temperature T1 / degC"),
+}
+"""Maccor's names, as other readers know them."""
+
+_DAYS = re.compile(r"(?:(?P<days>\d+)\s*d\s*)?(?P<h>\d+):(?P<m>\d\d):(?P<s>\d\d(?:\.\d*)?)")
+
+
+class MaccorText:
+    """Reads ``Rec#``, ``Test (Sec)``, ``Amps``, ``Volts`` and ``State``, and times such as ``0d 01:10:00``."""
+
+    def matches(self, path: Path) -> bool:
+        """Whether a line near the top names a record number, a state, a current and a voltage."""
+        if not _SUFFIX.fullmatch(path.suffix) or not path.is_file():
+            return False
+        return any(_is_header(re.split("[,\t]", line)) for line in first_lines(path, _HEAD_LINES))
+
+    def read(self, path: Path, options: ReadOptions) -> Samples:
+        """Read the file; see `Reader.read`."""
+        text, notes = load_text(path)
+        table = find_table(text, shown(path.name))
+        if not options.columns:
+            table = _translated(table)
+        return read_table(table, options, [*notes, "the current has the sign of the state of each row (D: discharge)."])
+
+
+def _is_header(names: Sequence[str]) -> bool:
+    folded = {_plain(name) for name in names}
+    signals = folded & {"amps", "current"} and folded & {"volts", "voltage"}
+    return bool(signals) and bool(folded & set(_STATES)) and bool(folded & {"rec#", "rec"})
+
+
+def _plain(name: str) -> str:
+    """The name in small letters, without a unit in square brackets."""
+    return re.sub(r"\s*\[.*?\]", "", name.strip().strip('"')).casefold()
+
+
+def _translated(table: Table) -> Table:
+    plain = [_plain(name) for name in table.header]
+    header = tuple(_NAMES.get(name, shown(original)) for name, original in zip(plain, table.header, strict=True))
+    state = next((k for k, name in enumerate(plain) if name in _STATES), None)
+    current = header.index("Current / A") if "Current / A" in header else None
+    times = [k for k, name in enumerate(header) if name.startswith("Test Time")]
+
+    def cells() -> Iterator[tuple[int, list[str]]]:
+        for number, row in table.cells():
+            for k in times:
+                if k < len(row):
+                    row[k] = _seconds(row[k])
+            if current is not None and state is not None and max(current, state) < len(row):
+                row[current] = _signed(row[current], row[state])
+            yield number, row
+
+    return replace(table, header=header, cells=cells)
+
+
+def _seconds(text: str) -> str:
+    found = _DAYS.fullmatch(text.strip())
+    if found is None:
+        return text
+    days, hours, minutes = (int(found[key] or 0) for key in ("days", "h", "m"))
+    return repr(days * 86400.0 + hours * 3600.0 + minutes * 60.0 + float(found["s"]))
+
+
+def _signed(current: str, state: str) -> str:
+    current = current.strip()
+    return f"-{current}" if state.strip().casefold().startswith("d") and current[:1] not in ("-", "") else current

@@ -1,0 +1,100 @@
+"""BioLogic files, binary and text: records and spectra."""
+
+from __future__ import annotations
+
+import struct
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bsa.core.errors import BsaError
+from bsa.core.reading.reading import read_record, read_spectrum
+from bsa.core.trajectory import StepKind
+
+N = 120
+TIME = 10.0 * np.arange(N)
+AMPERES = np.where((TIME >= 200) & (TIME < 900), -1.5, 0.0)
+VOLTS = 3.9 + 0.05 * AMPERES + 0.3 * np.cumsum(AMPERES) * 10 / 3600
+FREQUENCY = np.logspace(4, -1, 26)
+IMPEDANCE = 0.03 + 0.02 / (1 + 1j * FREQUENCY) + 1e-7j * FREQUENCY
+
+
+def mpr(path: Path, columns: dict[int, tuple[str, np.ndarray]]) -> None:
+    """One data module of version 0: the numbers of the columns with a zero byte before each, then the rows."""
+
+    def module(name: bytes, data: bytes) -> bytes:
+        header = name.ljust(10) + name.ljust(25) + struct.pack("<II", len(data), 0) + b"05/01/24"
+        return b"MODULE" + header + data
+
+    rows = np.empty(len(next(iter(columns.values()))[1]), dtype=[(str(k), kind) for k, (kind, _) in columns.items()])
+    for number, (_, values) in columns.items():
+        rows[str(number)] = values
+    numbers = b"".join(bytes([0, number]) for number in columns)
+    data = (struct.pack("<IB", len(rows), len(columns)) + numbers).ljust(1007, b"\0") + rows.tobytes()
+    magic = b"BIO-LOGIC MODULAR FILE\x1a".ljust(48) + bytes(4)
+    path.write_bytes(magic + module(b"VMP Set", b"\0") + module(b"VMP data", data))
+
+
+def test_a_binary_record(tmp_path):
+    pytest.importorskip("galvani")
+    path = tmp_path / "a.mpr"
+    mpr(path, {4: ("<f8", TIME), 6: ("<f4", VOLTS), 8: ("<f4", 1000 * AMPERES)})
+    record = read_record(path)
+    kinds = [StepKind.REST, StepKind.CC_DISCHARGE, StepKind.REST]
+    assert [step.kind for step in record.trajectory.steps] == kinds
+    np.testing.assert_allclose(record.trajectory.voltage, VOLTS, rtol=1e-6)
+    assert record.trajectory.current.max() == 1.5
+
+
+def test_a_binary_spectrum(tmp_path):
+    pytest.importorskip("galvani")
+    path = tmp_path / "a.mpr"
+    parts = {32: ("<f4", FREQUENCY), 37: ("<f4", IMPEDANCE.real), 38: ("<f4", -IMPEDANCE.imag)}
+    mpr(path, parts)
+    spectrum = read_spectrum(path)
+    np.testing.assert_allclose(spectrum.impedance, IMPEDANCE, rtol=1e-5, atol=1e-8)
+
+
+@pytest.mark.parametrize("content", [b"", b"hello" * 50, b"BIO-LOGIC MODULAR FILE\x1a".ljust(48) + bytes(4)])
+def test_damaged_files(tmp_path, content):
+    pytest.importorskip("galvani")
+    path = tmp_path / "a.mpr"
+    path.write_bytes(content)
+    with pytest.raises(BsaError, match=r"a\.mpr is no BioLogic file"):
+        read_record(path)
+
+
+def test_without_the_library(tmp_path, monkeypatch):
+    path = tmp_path / "a.mpr"
+    path.write_bytes(b"x")
+    monkeypatch.setitem(sys.modules, "galvani", None)
+    with pytest.raises(BsaError, match="needs galvani") as raised:
+        read_record(path)
+    assert raised.value.hint == 'pip install "battery-sim-agent[biologic]"'
+
+
+@pytest.mark.parametrize("comma", [False, True])
+def test_a_text_export(tmp_path, comma):
+    head = ["EC-Lab ASCII FILE", "Nb header lines : 7", "", "Galvanostatic Cycling", "Ns                  0     1", "µ"]
+    lines = [*head, "mode\tox/red\tNs\ttime/s\tcontrol/V/mA\tEcell/V\t<I>/mA\tcycle number\t"]
+    for t, v, i in zip(TIME, VOLTS, 1000 * AMPERES, strict=True):
+        lines.append(f"1\t0\t{int(t >= 200) + int(t >= 900)}\t{t:.4f}\t0\t{v:.6f}\t{i:.3f}\t0\t")
+    text = "\r\n".join(lines)
+    path = tmp_path / "a.mpt"
+    path.write_bytes((text.replace(".", ",") if comma else text).encode("latin-1"))
+    record = read_record(path)
+    kinds = [StepKind.REST, StepKind.CC_DISCHARGE, StepKind.REST]
+    assert [step.kind for step in record.trajectory.steps] == kinds
+    assert record.trajectory.current.max() == 1.5
+
+
+def test_a_text_export_of_a_spectrum(tmp_path):
+    lines = ["EC-Lab ASCII FILE", "Nb header lines : 3", "freq/Hz\tRe(Z)/Ohm\t-Im(Z)/Ohm\t|Z|/Ohm\ttime/s\t<Ewe>/V"]
+    for f, z in zip(FREQUENCY, IMPEDANCE, strict=True):
+        lines.append(f"{f:.6E}\t{z.real:.6E}\t{-z.imag:.6E}\t{abs(z):.6E}\t1.0\t3.7")
+    path = tmp_path / "a.mpt"
+    path.write_text("\n".join(lines))
+    spectrum = read_spectrum(path)
+    np.testing.assert_allclose(spectrum.impedance, IMPEDANCE, rtol=1e-4, atol=1e-8)
+    assert spectrum.voltage == 3.7

@@ -1,0 +1,55 @@
+"""Maccor exports, old and new: the sign comes from the state, times are understood."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bsa.core.reading.reading import read_record
+from bsa.core.trajectory import StepKind
+
+STATES = ["R"] * 20 + ["D"] * 60 + ["R"] * 20 + ["C"] * 60
+AMPERES = {"R": 0.0, "D": 2.0, "C": 1.0}
+
+
+def old(seconds: bool) -> str:
+    head = "Today's Date 03/05/2024\tDate of Test: 03/01/2024\tFilename: a.000\n"
+    lines = ["Rec#\tCyc#\tStep\tTestTime\tStepTime\tAmp-hr\tWatt-hr\tAmps\tVolts\tState\tES\tDPt Time\tTemp 1"]
+    if seconds:
+        lines[0] = lines[0].replace("TestTime", "Test (Sec)")
+    for k, (state, volts) in enumerate(zip(STATES, voltages(), strict=True)):
+        t = 10 * k + 86400
+        words = str(t) if seconds else f"  {t // 86400}d {t % 86400 // 3600:02d}:{t % 3600 // 60:02d}:{t % 60:02d}.00"
+        stamp = f"03/01/2024 {12 + k // 360}:{k // 6 % 60:02d}:{k % 6 * 10:02d}"
+        cells = [str(k + 1), "0", str(1 + k // 20), words, "0", "0.1", "0.1", f"{AMPERES[state]}", f"{volts:.6f}"]
+        lines.append("\t".join([*cells, state, "1", stamp, "25.5"]))
+    return head + "\n".join(lines)
+
+
+def new() -> str:
+    lines = ["Rec,Cycle P,Cycle C,Step,Test Time (Hr),Cap. [Ah],Current [A],Voltage [V],Md,DPT Time"]
+    for k, (state, volts) in enumerate(zip(STATES, voltages(), strict=True)):
+        lines.append(f"{k + 1},0,1,{1 + k // 20},{k / 360:.8f},0.1,{AMPERES[state]},{volts:.6f},{state},3/1/2024")
+    return "\n".join(lines)
+
+
+def voltages() -> np.ndarray:
+    amperes = np.array([AMPERES[state] * (-1 if state == "D" else 1) for state in STATES])
+    return 3.8 + 0.05 * amperes + 0.3 * np.cumsum(amperes) * 10 / 3600
+
+
+@pytest.mark.parametrize(
+    ("name", "text"), [("a.txt", old(seconds=False)), ("a.001", old(seconds=True)), ("a.csv", new())]
+)
+def test_what_is_drawn_is_negative_and_what_is_charged_positive(tmp_path, name, text):
+    path = tmp_path / name
+    path.write_text(text)
+    record = read_record(path)
+    kinds = [StepKind.REST, StepKind.CC_DISCHARGE, StepKind.REST, StepKind.CC_CHARGE]
+    found = [step.kind for step in record.trajectory.steps]
+    assert [kind for k, kind in enumerate(found) if k == 0 or kind != found[k - 1]] == kinds
+    assert record.trajectory.duration == pytest.approx(1590.0, abs=0.01)
+    assert record.trajectory.current.max() == 2.0
+    assert record.trajectory.current.min() == -1.0
+    assert any("sign of the state of each row" in note for note in record.notes)
+    if name != "a.csv":
+        assert record.trajectory.temperature[0] == 298.65
