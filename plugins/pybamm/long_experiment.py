@@ -183,6 +183,8 @@ class _Steps:
             if isinstance(part, pybamm.EmptySolution):
                 continue
             state = part.last_state
+            # A state that ended by an event would be handed back unsolved, as if the cell were at its limit.
+            state.termination = "final time"
             if part.termination == "final time" and step.uses_default_duration:
                 cause = "the step did not reach its end condition within its longest duration"
             elif part.termination != "final time" and "[experiment]" not in part.termination:

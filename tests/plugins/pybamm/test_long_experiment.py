@@ -130,3 +130,11 @@ def test_what_was_lost_is_told_for_every_cycle() -> None:
     assert table is not None
     assert np.all(np.diff(table.lithium_lost_pct) > 0)
     np.testing.assert_allclose(table.negative_material_lost_pct, 0.0, atol=1e-9)
+
+
+def test_a_hold_that_ends_at_a_current_leads_on_to_the_next_step() -> None:
+    cycle = ("Charge at 1 A until 4.2 V", "Hold at 4.2 V until 50 mA", "Rest for 5 minutes", CYCLE[3])
+    run = LongExperiment(CELL, replace(life(), protocol=(cycle,) * 3, detailed_cycles=(3,)), {}).solve({})
+    assert run.failure is None
+    assert run.trajectory is not None
+    assert len(run.trajectory.steps) == 4
