@@ -31,6 +31,7 @@ def app() -> typer.Typer:
     from .catalogue import doctor, list_app
     from .data import data
     from .discover import discover
+    from .mcp import mcp
     from .new_plugin import new_plugin
     from .predict import predict
     from .run import run
@@ -53,6 +54,7 @@ def app() -> typer.Typer:
     result.add_typer(list_app, name="list")
     result.command("doctor")(doctor)
     result.command("new-plugin")(new_plugin)
+    result.command("mcp")(mcp)
     return result
 
 

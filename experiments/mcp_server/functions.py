@@ -1,0 +1,204 @@
+"""What the tools do, as JSON in and out; each function runs in a process of its own."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from ...core.errors import BsaError, did_you_mean
+from ...core.hooks import RunContext
+from ...core.metrics import errors_of, evaluate
+from ...core.parameters import Candidate
+from ...core.printable import shown
+from ...core.proposal import apply_change
+from ...core.registry import installed
+from ...core.run_plugins import RunPlugins
+from ...core.scaffold import load_scaffold
+from ...core.simulation import Outcome
+from ...core.task import Task
+from ...core.trajectory import Trajectory
+from ..api import calibration, discovery, measured
+from ..api.calibration_result import CalibrationResult
+from ..api.discovery_result import DiscoveryResult
+from ..discover import RESULT as DISCOVERY_RESULT
+from ..report.page import FILE_NAME as REPORT
+from ..request import task_of_records
+from ..tasks.find import find_task
+
+Json = dict[str, Any]
+
+_MOST_STEPS, _MOST_SAMPLES = 200, 200
+"""Rows of a table that an assistant is shown: what it can still read."""
+
+
+def read_record(path: Path, options: Mapping[str, Any]) -> Json:
+    """A record's steps, and what was assumed or repaired."""
+    record = measured.read_record(path, **options)
+    trajectory = record.trajectory
+    return {
+        "name": record.name,
+        "samples": len(trajectory),
+        "duration_s": trajectory.duration,
+        "cycles": list(trajectory.cycles),
+        "steps": [_step(trajectory, place) for place in range(min(len(trajectory.steps), _MOST_STEPS))],
+        "steps_in_all": len(trajectory.steps),
+        "ambient_c": None if record.ambient_k is None else round(record.ambient_k - 273.15, 2),
+        "notes": list(record.notes),
+        "sign": "current is positive on discharge",
+    }
+
+
+def _step(trajectory: Trajectory, place: int) -> Json:
+    step = trajectory.steps[place]
+    time, current, voltage = (
+        values[step.start : step.stop] for values in (trajectory.time, trajectory.current, trajectory.voltage)
+    )
+    return {
+        "kind": str(step.kind),
+        "cycle": step.cycle,
+        "start_s": float(time[0]),
+        "duration_s": float(time[-1] - time[0]),
+        "mean_current_a": round(float(current.mean()), 5),
+        "voltage_v": [round(float(voltage[0]), 4), round(float(voltage[-1]), 4)],
+    }
+
+
+def simulate(
+    data: str | list[Path], options: Mapping[str, Any], cell: Mapping[str, Any], values: Mapping[str, float]
+) -> Json:
+    """A task at given parameter values, scored with reference accuracy."""
+    task = _task(data, options, cell)
+    candidate = _candidate(task, values)
+    with _plugins(task) as plugins:
+        (outcome,) = _outcomes(plugins, [candidate], exact=True)
+        metrics = evaluate(task, outcome)
+        told = plugins.build_feedback(outcome, metrics, 0).content
+    return {
+        "values": candidate,
+        "failure": None if outcome.failure is None else outcome.failure.cause,
+        "errors": {f"{one.label} [{one.unit}]": one.shown(metrics) for one in errors_of(task)},
+        "feedback": dict(told),
+        "curves": [_curve(run.trajectory) for run in outcome.runs],
+    }
+
+
+def _curve(trajectory: Trajectory | None) -> Json | None:
+    if trajectory is None:
+        return None
+    stride = -(-len(trajectory) // _MOST_SAMPLES)
+    signals = {"time_s": trajectory.time, **trajectory.signals}
+    return {name: [float(f"{value:.6g}") for value in values[::stride]] for name, values in signals.items()}
+
+
+def sensitivities(
+    data: str | list[Path], options: Mapping[str, Any], cell: Mapping[str, Any], values: Mapping[str, float]
+) -> Json:
+    """What a typical step of each parameter does to each feature of the match."""
+    task = _task(data, options, cell)
+    base = _candidate(task, values)
+    moved = {
+        one.name: {**base, one.name: one.project(apply_change(base[one.name], one.typical_step))} for one in task.space
+    }
+    with _plugins(task) as plugins:
+        outcomes = _outcomes(plugins, [base, *moved.values()], exact=False)
+        start, *ends = (
+            plugins.build_feedback(outcome, evaluate(task, outcome), place).numbers
+            for place, outcome in enumerate(outcomes)
+        )
+    effects = {
+        name: {feature: float(f"{end[feature] - start[feature]:.3g}") for feature in start if feature in end}
+        for name, end in zip(moved, ends, strict=True)
+    }
+    return {
+        "values": base,
+        "steps": {one.name: one.typical_step for one in task.space},
+        "features": start,
+        "changes": effects,
+        "failed": {name: o.failure.cause for name, o in zip(moved, outcomes[1:], strict=True) if o.failure},
+    }
+
+
+def calibrate(options: Mapping[str, Any]) -> Json:
+    """A calibration; see `bsa.calibrate`."""
+    return _calibrated(calibration.calibrate(**options, progress=False))
+
+
+def discover(options: Mapping[str, Any]) -> Json:
+    """A discovery; see `bsa.discover`."""
+    return _discovered(discovery.discover(**options, progress=False))
+
+
+def report(folder: Path) -> Json:
+    """What came of a calibration or a discovery, from its folder."""
+    found = folder / DISCOVERY_RESULT
+    if not found.is_file():
+        return _calibrated(CalibrationResult.of(folder))
+    try:
+        content: Json = json.loads(found.read_text(encoding="utf-8"))
+    except ValueError:
+        raise BsaError(f"{shown(found, 200)} is not valid JSON.", "discover again, into another folder.") from None
+    return {**content, "folder": str(folder), "report": str(folder / REPORT)}
+
+
+def _task(data: str | list[Path], options: Mapping[str, Any], cell: Mapping[str, Any]) -> Task:
+    """The task of that name, or of matching records."""
+    if isinstance(data, str):
+        return find_task(data)
+    read = measured.reading(**{name: options[name] for name in measured.READING})
+    said = {"parameters": None, "model": "DFN", "options": {}, "search": "cell", "scale": True, **cell}
+    how = (said[name] for name in ("parameters", "model", "options", "search", "scale"))
+    return task_of_records(data, read, options["reader"], {}, *how)
+
+
+def _calibrated(found: CalibrationResult) -> Json:
+    return {
+        "status": found.status,
+        "errors": found.errors,
+        "parameters": found.parameters,
+        "intervals_95": found.intervals,
+        "notes": list(found.notes),
+        "folder": str(found.folder),
+        "report": str(found.report),
+    }
+
+
+def _discovered(found: DiscoveryResult) -> Json:
+    return {
+        "verdict": found.verdict,
+        "effects": list(found.effects),
+        "errors": found.errors,
+        "parameters": found.parameters,
+        "intervals_95": found.intervals,
+        "notes": list(found.notes),
+        "folder": str(found.folder),
+        "report": str(found.report),
+    }
+
+
+def _candidate(task: Task, values: Mapping[str, float]) -> Candidate:
+    unknown = [name for name in values if name not in task.space]
+    if unknown:
+        hint = did_you_mean(unknown[0], task.space.names) or f"searched are {', '.join(task.space.names)}."
+        raise BsaError(f'"{unknown[0]}" is not searched in this task.', hint)
+    return task.space.project({**task.space.initial, **values})
+
+
+@contextmanager
+def _plugins(task: Task) -> Iterator[RunPlugins]:
+    """The simulator of a task, and a feedback builder."""
+    scaffold = load_scaffold("default").made_for(task.simulator)
+    with tempfile.TemporaryDirectory() as folder:
+        plugins = RunPlugins(scaffold, RunContext(task, 1, Path(folder)), installed())
+        try:
+            yield plugins
+        finally:
+            plugins.close()
+
+
+def _outcomes(plugins: RunPlugins, candidates: Sequence[Candidate], exact: bool) -> list[Outcome]:
+    found = dict(plugins.simulate(candidates, exact))
+    return [found[place] for place in range(len(candidates))]

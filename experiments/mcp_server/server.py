@@ -1,0 +1,199 @@
+"""The server: tools with their descriptions, confined to folders, over standard input and output."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from functools import wraps
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any, ParamSpec
+
+import anyio.to_thread
+from mcp.server.mcpserver import Context, MCPServer
+from mcp.server.mcpserver.exceptions import ToolError
+from pydantic import Field
+
+from ...core.errors import BsaError
+from ...core.printable import shown
+from ...core.redaction import redact
+from ..request import named_after, numbered_folder
+from ..tasks.task_file import SUFFIXES
+from . import functions
+from .arguments import Cell, Reading
+from .folders import Folders
+from .work import Json, carried_out
+
+INSTRUCTIONS = """\
+Parameterises physics-based lithium-ion battery models (PyBaMM) against cycler records, and finds physical effects that
+a model lacks. Look at a record first (read_record). Try values by hand (simulate, sensitivities), or have them fitted
+(calibrate). A model that still does not fit may lack an effect (discover). Currents are positive on discharge in
+results, and positive on charge in files. Paths are relative to the first folder of the server."""
+
+Data = Annotated[
+    str | list[str],
+    Field(description='Path of a record, or several; or the name of a task, "demo" or "regular-134" (without `cell`).'),
+]
+Values = Annotated[
+    dict[str, float], Field(description="Values of searched parameters by name; the others keep their initial ones.")
+]
+Out = Annotated[str | None, Field(description="New folder for the run; by default one under runs/.")]
+Resume = Annotated[str | None, Field(description="Go on with the stopped run in this folder; its options are its own.")]
+
+P = ParamSpec("P")
+
+
+def told(tool: Callable[P, Awaitable[Json]]) -> Callable[P, Awaitable[Json]]:
+    """The tool with its `BsaError` as an error that the assistant reads: message and hint."""
+
+    @wraps(tool)
+    async def with_errors(*args: P.args, **kwargs: P.kwargs) -> Json:
+        try:
+            return await tool(*args, **kwargs)
+        except BsaError as error:
+            raise ToolError(redact(str(error))) from None
+
+    return with_errors
+
+
+class Tools:
+    """The tools of one server.
+
+    Parameters
+    ----------
+    folders : Folders
+        What they may read and write.
+    """
+
+    def __init__(self, folders: Folders) -> None:
+        self._folders = folders
+
+    @told
+    async def read_record(self, path: str, reading: Reading = Reading()) -> Json:  # noqa: B008
+        """Read a cycler's file: its steps with durations, currents and voltages, and what was assumed or repaired."""
+        return await anyio.to_thread.run_sync(functions.read_record, self._folders.inside(path), reading.options())
+
+    @told
+    async def simulate(
+        self,
+        context: Context,
+        data: Data,
+        values: Values,
+        cell: Cell = Cell(),  # noqa: B008
+        reading: Reading = Reading(),  # noqa: B008
+    ) -> Json:
+        """Simulate a record or task at given parameter values: errors, features by step and curves."""
+        return await carried_out(context, functions.simulate, self._asked(data, values, cell, reading))
+
+    @told
+    async def sensitivities(
+        self,
+        context: Context,
+        data: Data,
+        values: Values,
+        cell: Cell = Cell(),  # noqa: B008
+        reading: Reading = Reading(),  # noqa: B008
+    ) -> Json:
+        """Find what a small step of each searched parameter changes about the match, around given values."""
+        return await carried_out(context, functions.sensitivities, self._asked(data, values, cell, reading))
+
+    @told
+    async def calibrate(
+        self,
+        context: Context,
+        data: Data = "demo",
+        cell: Cell = Cell(),  # noqa: B008
+        reading: Reading = Reading(),  # noqa: B008
+        simulations: Annotated[int, Field(ge=1, description="Simulations at most.")] = 100,
+        scaffold: Annotated[str, Field(description="Method: hybrid, least-squares, cma-es, bo, ...")] = "hybrid",
+        seed: int = 1234,
+        out: Out = None,
+        resume: Resume = None,
+    ) -> Json:
+        """Fit the searched parameters to records or a task; gives values, intervals, errors and a report."""
+        if not scaffold.replace("-", "_").isidentifier():
+            raise BsaError(f"scaffold is {shown(repr(scaffold))}, which is no name.", "name one that is built in.")
+        method = {"scaffold": scaffold, "simulations": simulations, "seed": seed}
+        return await self._run(context, functions.calibrate, data, cell, reading, method, out, resume, simulations)
+
+    @told
+    async def discover(
+        self,
+        context: Context,
+        data: Data,
+        cell: Cell,
+        reading: Reading = Reading(),  # noqa: B008
+        effect: Annotated[
+            list[str] | None, Field(description="Effects to consider, by name; all, if left out.")
+        ] = None,
+        seed: int = 0,
+        out: Out = None,
+        resume: Resume = None,
+    ) -> Json:
+        """Find which physical effect the model lacks, if any: verdict, effects with intervals, errors and a report."""
+        method = {"effect": effect, "seed": seed}
+        return await self._run(context, functions.discover, data, cell, reading, method, out, resume, None)
+
+    @told
+    async def report(self, folder: str) -> Json:
+        """Read what came of an earlier calibration or discovery, from its folder."""
+        return await anyio.to_thread.run_sync(functions.report, self._folders.inside(folder))
+
+    async def _run(
+        self,
+        context: Context,
+        function: Callable[..., Json],
+        data: str | list[str],
+        cell: Cell,
+        reading: Reading,
+        method: Mapping[str, Any],
+        out: str | None,
+        resume: str | None,
+        simulations: int | None,
+    ) -> Json:
+        if resume is not None:
+            folder = self._folders.inside(resume)
+            options: Json = {"resume": folder}
+        else:
+            found = self._data(data)
+            name = found if isinstance(found, str) else named_after(found)
+            place = self._folders.inside("runs") if out is None else self._folders.inside(out)
+            folder = numbered_folder(place, name) if out is None else place
+            given = {"data": found, "out": folder, **cell.given(self._folders), **method}
+            options = {**given, **({} if isinstance(found, str) else reading.options())}
+        return await carried_out(context, function, {"options": options}, folder, simulations)
+
+    def _asked(self, data: str | list[str], values: Mapping[str, float], cell: Cell, reading: Reading) -> Json:
+        said = {"data": self._data(data), "cell": cell.given(self._folders), "options": reading.options()}
+        return {**said, "values": dict(values)}
+
+    def _data(self, data: str | list[str]) -> str | list[Path]:
+        """Files inside the folders, or the name of a task; a task file may name files elsewhere, and is not read."""
+        names = [data] if isinstance(data, str) else data
+        wrong = [name for name in names if Path(name).suffix in SUFFIXES]
+        if wrong:
+            raise BsaError(f"{shown(wrong[0], 200)} is a task file.", "give its records and the cell instead.")
+        if (
+            isinstance(data, str)
+            and data.replace("-", "_").isidentifier()
+            and not (self._folders.first / data).exists()
+        ):
+            return data
+        return [self._folders.inside(name) for name in names]
+
+
+def server(folders: Sequence[Path]) -> MCPServer[Any]:
+    """A server whose tools are confined to these folders."""
+    made: MCPServer[Any] = MCPServer(
+        "battery-sim-agent", instructions=INSTRUCTIONS, version=version("battery-sim-agent"), log_level="WARNING"
+    )
+    tools = Tools(Folders(folders))
+    for tool in (
+        tools.read_record,
+        tools.simulate,
+        tools.sensitivities,
+        tools.calibrate,
+        tools.discover,
+        tools.report,
+    ):
+        made.add_tool(tool)
+    return made

@@ -1,0 +1,112 @@
+"""Long work in a process of its own, which reports how far it is and ends when it is cancelled."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Mapping
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import Any
+
+import anyio
+import anyio.to_thread
+from mcp.server.mcpserver import Context
+
+from ...core.errors import BsaError
+from ...core.journal import FILE_NAME
+from ...core.messages import RunStopped
+
+_LOOK_EVERY_S = 0.25
+_ENDS_WITHIN_S = 30.0
+"""A run that is interrupted waits for its simulation and writes its results; what takes longer is ended."""
+
+Json = dict[str, Any]
+
+
+async def carried_out(
+    context: Context,
+    function: Callable[..., Json],
+    arguments: Mapping[str, Any],
+    folder: Path | None = None,
+    simulations: int | None = None,
+) -> Json:
+    """What a function returns that is called in a process of its own.
+
+    Parameters
+    ----------
+    context : Context
+        The request; it is told of the progress. When it is cancelled, the process is interrupted as by Ctrl-C.
+    function, arguments
+        What to call; a function of a module, and arguments that can be pickled.
+    folder : Path, optional
+        Folder of the run, whose journal tells the progress; without it, the seconds do.
+    simulations : int, optional
+        Simulations at most.
+
+    Raises
+    ------
+    BsaError
+        What the function raised.
+    RuntimeError
+        If the process ended without an answer.
+    """
+    spawning = multiprocessing.get_context("spawn")
+    receiver, sender = spawning.Pipe(duplex=False)
+    process = spawning.Process(target=_answer, args=(sender, function, dict(arguments)))
+    process.start()
+    sender.close()
+    started, answered = time.monotonic(), False
+    try:
+        while not receiver.poll():
+            await context.report_progress(*_progress(folder, simulations, time.monotonic() - started))
+            await anyio.sleep(_LOOK_EVERY_S)
+        kind, *content = receiver.recv()
+        answered = True
+    except EOFError:
+        raise RuntimeError(f"the process ended with exit code {process.exitcode} and no answer") from None
+    finally:
+        with anyio.CancelScope(shield=True):
+            await anyio.to_thread.run_sync(_end, process, answered)
+        receiver.close()
+    if kind == "refused":
+        raise BsaError(*content)
+    result: Json = content[0]
+    return result
+
+
+def _progress(folder: Path | None, simulations: int | None, seconds: float) -> tuple[float, float | None, str]:
+    if folder is None:
+        return seconds, None, f"{seconds:.0f} s"
+    try:
+        journal = (folder / FILE_NAME).read_bytes()
+    except OSError:
+        return 0.0, simulations, "starting"
+    done = journal.count(b'\n{"event":"trial"') if simulations else journal.count(b"\n")
+    return done, simulations, f"{done} {'simulations' if simulations else 'steps'} in {seconds:.0f} s"
+
+
+def _end(process: BaseProcess, answered: bool) -> None:
+    if not answered and process.pid is not None and process.is_alive():
+        os.kill(process.pid, signal.SIGINT)
+    process.join(_ENDS_WITHIN_S)
+    if process.is_alive():
+        process.terminate()
+        process.join()
+
+
+def _answer(sender: Connection, function: Callable[..., Json], arguments: Json) -> None:
+    """The process: its input and output are not the protocol's."""
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    os.dup2(sys.stderr.fileno(), 1)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        sender.send(("done", function(**arguments)))
+    except BsaError as error:
+        sender.send(("refused", error.message, error.hint))
+    except (KeyboardInterrupt, RunStopped) as stopped:
+        sender.send(("refused", f"stopped: {stopped or 'interrupted'}.", "the same call goes on with `resume`."))
