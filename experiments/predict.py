@@ -16,7 +16,7 @@ from ..core.registry import installed
 from ..core.run_plugins import RunPlugins
 from ..core.scaffold import Scaffold
 from ..core.watched_simulations import NOT_FITTED, WatchedSimulations
-from .story import RunRecord, read_run
+from .run_record import RunRecord, read_run
 from .tasks.records import RecordRequest, holding_out
 
 RESULT, PAGE = "prediction.json", "prediction.html"

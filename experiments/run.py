@@ -24,7 +24,7 @@ from ..core.run_config import RunConfig
 from ..core.run_plugins import RunPlugins
 from ..core.shape import decoding, shaped
 from ..core.task import Task
-from .story import read_run
+from .run_record import read_run
 
 _VERSIONED = ("battery-sim-agent", "pybamm", "numpy", "scipy")
 

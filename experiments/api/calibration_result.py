@@ -14,7 +14,7 @@ from ...core.files import file_error
 from ...core.metrics import errors_of, headline_of
 from ..report.page import FILE_NAME as REPORT
 from ..report.wording import number, quantity
-from ..story import RunRecord, read_run
+from ..run_record import RunRecord, read_run
 from .measured import READING, Data, given_socs, listed, reading, source
 from .notebook import picture_of, render
 from .scripts import namespace_of

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...core.reply_parsing import strip_control
-from ..story import RunRecord
+from ..run_record import RunRecord
 
 if TYPE_CHECKING:
     import jinja2

@@ -1,9 +1,9 @@
 "use strict";
-/* Rows, filters, order and the open story all stand in the address, so that a view can be sent to someone. */
+/* Rows, filters, order and the open run all stand in the address, so that a view can be sent to someone. */
 (() => {
   const read = (id) => JSON.parse(document.getElementById(id).textContent);
   const { columns, rows } = read("data");
-  const stories = read("stories");
+  const runs = read("runs");
   const at = Object.fromEntries(columns.map(({ name }, place) => [name, place]));
   const titles = Object.fromEntries(columns.filter(({ title }) => title).map(({ name, title }) => [name, title]));
   const numeric = new Set(columns.filter((column) => column.numeric).map(({ name }) => name));
@@ -79,14 +79,14 @@
       const identity = row[at.identity], open = () => change({ cell: identity });
       return make("tr", { "data-cell": identity, on: { click: open } }, ...shown.map((name, place) => {
         const content = digits(row[at[name]]);
-        const inner = place === 0 && stories[identity]
+        const inner = place === 0 && runs[identity]
           ? make("button", { type: "button", on: { click: (event) => { event.stopPropagation(); open(); } } }, content) : content;
         return make("td", { class: numeric.has(name) ? "n" : name === "reason" ? "reason" : null }, inner);
       }));
     });
     document.getElementById("table").replaceChildren(make("thead", {}, head), make("tbody", {}, ...body));
     document.getElementById("more").hidden = chosen.length <= limit;
-    story(view.get("cell"));
+    opened(view.get("cell"));
   };
   document.getElementById("more").addEventListener("click", () => { limit += page; draw(); });
 
@@ -111,21 +111,21 @@
         (value, place) => make("td", { class: place ? "n" : null }, digits(value)))))));
   };
 
-  const dialog = document.getElementById("story");
+  const dialog = document.getElementById("run");
   dialog.addEventListener("close", () => change({ cell: "" }));
-  const story = (identity) => {
+  const opened = (identity) => {
     const row = identity && rows.find((candidate) => candidate[at.identity] === identity);
     if (!row) { if (dialog.open) dialog.close(); return; }
     if (dialog.open && dialog.dataset.cell === identity) return;
-    const told = stories[identity] || {};
+    const told = runs[identity] || {};
     dialog.dataset.cell = identity;
     dialog.replaceChildren(
       make("button", { type: "button", class: "close", on: { click: () => dialog.close() } }, "Close"),
-      make("h2", { id: "story-title" }, `${row[at.task]} · ${row[at.method]} · seed ${row[at.seed]}`),
+      make("h2", { id: "run-title" }, `${row[at.task]} · ${row[at.method]} · seed ${row[at.seed]}`),
       make("p", { class: "meta" }, `${row[at.state]} (${row[at.status] || row[at.reason] || "not run"}), ` +
         `MAPE ${digits(row[at.initial_mape])} → ${digits(row[at.mape])} %, ${digits(row[at.simulations])} simulations; ${identity}`),
       ...(told.report ? [make("p", {}, make("a", { href: told.report }, "The run's full report, with its curves"))] : []),
-      ...(told.trace ? [trace(told.trace)] : [make("p", {}, told.report ? "" : "The page holds no story of this cell.")]),
+      ...(told.trace ? [trace(told.trace)] : [make("p", {}, told.report ? "" : "The page holds no rounds of this cell.")]),
       ...(told.notes || []).map((note) => make("p", { class: "meta" }, note)),
       make("ol", {}, ...(told.rounds || []).map((round) => make("li", {},
         make("p", { class: "meta" }, `${round.phase} ${round.number}, ${round.simulations} simulation${round.simulations === 1 ? "" : "s"}: ` +

@@ -20,7 +20,7 @@ from ...core.reply_parsing import strip_control
 from ..own_pages import check_page
 from ..report import build_report
 from ..report.wording import clipped, number, quantity, short_name
-from ..story import Round, read_run
+from ..run_record import Round, read_run
 from .columns import COLUMNS
 from .figures import draw_all
 from .store import Store
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
 FILE_NAME = "index.html"
 
-MOST_STORIES = 1500
-"""Stories are part of the page up to so many cells (about 5 kB each); beyond, it only links to reports."""
+MOST_RUNS = 1500
+"""Runs are part of the page up to so many cells (about 5 kB each); beyond, it only links to reports."""
 
 _IDENTITY = next(column for column in COLUMNS if column.name == "identity")
 """It has no head: the page needs it to open a run."""
@@ -52,7 +52,7 @@ def build_page(
 ) -> Path:
     """Write the page of a campaign: ``bsa report GRID``.
 
-    Each run's story (hypotheses, changes, errors) is part of the page. The run's own report with its curves is
+    The rounds of each run (hypotheses, changes, errors) are part of the page. The run's own report with its curves is
     a file beside its journal: the page links to those that exist.
 
     Parameters
@@ -95,7 +95,7 @@ def build_page(
         effort_heads=list(EFFORT.values()),
         figures=[(_CAPTIONS[name], Markup(svg)) for name, svg in figures.items()],
         data=_json(_shown(rows)),
-        stories=_json(_stories(rows, place, path.parent)),
+        runs=_json(_runs(rows, place, path.parent)),
         script=Markup(_script()),
         script_hash=_hash(_script()),
         grid=json.dumps(campaign.about, indent=2, ensure_ascii=False),
@@ -113,23 +113,23 @@ def _shown(rows: Sequence[Row]) -> dict[str, Any]:
     }
 
 
-def _stories(rows: Sequence[Row], store: Store, here: Path) -> dict[str, Any]:
-    told = [row for row in rows if row["identity"] and row["state"] in ("done", "stopped")]
-    embed = len(told) <= MOST_STORIES
-    stories: dict[str, Any] = {}
-    for row in told:
+def _runs(rows: Sequence[Row], store: Store, here: Path) -> dict[str, Any]:
+    ran = [row for row in rows if row["identity"] and row["state"] in ("done", "stopped")]
+    embed = len(ran) <= MOST_RUNS
+    runs: dict[str, Any] = {}
+    for row in ran:
         folder = store.cell(row["identity"])
-        story: dict[str, Any] = {}
+        content: dict[str, Any] = {}
         with suppress(BsaError):  # a run without a single simulation tells nothing, and a discovery has no rounds
-            story = _story(folder) if embed else {}
+            content = _run_record(folder) if embed else {}
         if (folder / "report.html").is_file():
-            story["report"] = Path(os.path.relpath(folder / "report.html", here)).as_posix()
-        if story:
-            stories[row["identity"]] = story
-    return stories
+            content["report"] = Path(os.path.relpath(folder / "report.html", here)).as_posix()
+        if content:
+            runs[row["identity"]] = content
+    return runs
 
 
-def _story(folder: Path) -> dict[str, Any]:
+def _run_record(folder: Path) -> dict[str, Any]:
     run = read_run(folder)
     best, initial = run.best, run.initial
     return {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, TextIO
@@ -36,42 +37,51 @@ class Tally:
     best: float = math.inf
 
 
-class Counter:
-    """Counts cells by scaffold and backend, and guesses the time left from the pace so far."""
+class _Counting(ABC):
+    """Counts cells by scaffold and backend, guesses the time left from the pace so far, and tells what went wrong."""
 
-    def __init__(self, cells: Sequence[Cell], workers: int) -> None:
+    def __init__(self, cells: Sequence[Cell]) -> None:
         self.tallies: dict[str, Tally] = {}
         self.total = Tally()
-        self._workers = max(workers, 1)
+        self.found = 0
         self._started = time.monotonic()
         self._ran = 0
         for cell in {cell.identity: cell for cell in cells if cell.identity}.values():
-            self._tally(cell).total += 1
-            self.total.total += 1
+            self._count(cell, "total")
 
-    def _tally(self, cell: Cell) -> Tally:
-        return self.tallies.setdefault(_method(cell), Tally())
+    def _count(self, cell: Cell, what: str, by: int = 1) -> None:
+        for tally in (self.tallies.setdefault(_method(cell), Tally()), self.total):
+            setattr(tally, what, getattr(tally, what) + by)
+
+    @abstractmethod
+    def say(self, line: str) -> None:
+        """Show a line for good."""
 
     def begun(self, cell: Cell) -> None:
-        """A cell was handed out."""
-        for tally in (self._tally(cell), self.total):
-            tally.running += 1
-
-    def back(self, cell: Cell) -> None:
-        """A cell was handed back unfinished."""
-        for tally in (self._tally(cell), self.total):
-            tally.running = max(tally.running - 1, 0)
+        """See `Watcher.begun`."""
+        self._count(cell, "running")
 
     def ended(self, cell: Cell, report: Report, found: bool) -> None:
-        """A cell came to an end."""
-        if not found:
-            self.back(cell)
+        """See `Watcher.ended`."""
+        if found:
+            self.found += 1
+        else:
             self._ran += 1
-        objective = objective_of(report)
-        for tally in (self._tally(cell), self.total):
-            tally.done += report.state == "done"
-            tally.failed += report.state != "done"
-            tally.best = min(tally.best, objective)
+            self._count(cell, "running", -1)
+        self._count(cell, "done" if report.state == "done" else "failed")
+        for tally in (self.tallies[_method(cell)], self.total):
+            tally.best = min(tally.best, objective_of(report))
+        if report.state in ("failed", "stopped", "lost"):
+            self.say(f"{named(cell)}: {report.state}: {printable(report.reason or 'interrupted', 300)}")
+
+    def lost(self, cell: Cell, reason: str) -> None:
+        """See `Watcher.lost`."""
+        self._count(cell, "running", -1)
+        self.say(f"{named(cell)}: {printable(reason, 200)}; run again")
+
+    def noted(self, text: str) -> None:
+        """See `Watcher.noted`."""
+        self.say(f"note: {text}")
 
     @property
     def seconds(self) -> float:
@@ -100,87 +110,62 @@ def named(cell: Cell) -> str:
     return f"{cell.axes['task']} · {_method(cell)} · seed {cell.axes['seed']}"
 
 
-class PlainCampaign:
+class PlainCampaign(_Counting):
     """A line for every cell; where they come thick and fast, a line every few seconds.
 
     Parameters
     ----------
     cells : sequence of Cell
         The campaign.
-    workers : int
-        Cells side by side.
     stream : TextIO, optional
         Where to write; standard error by default.
     """
 
-    def __init__(self, cells: Sequence[Cell], workers: int, stream: TextIO | None = None) -> None:
-        self._count = Counter(cells, workers)
+    def __init__(self, cells: Sequence[Cell], stream: TextIO | None = None) -> None:
+        super().__init__(cells)
         self._stream = stream or sys.stderr
         self._last = -math.inf
         self._unsaid = 0
-        self._found = 0
-
-    def begun(self, cell: Cell) -> None:
-        """See `Watcher.begun`."""
-        self._count.begun(cell)
 
     def ended(self, cell: Cell, report: Report, found: bool) -> None:
         """See `Watcher.ended`."""
-        self._count.ended(cell, report, found)
-        if found:
-            self._found += 1
+        super().ended(cell, report, found)
+        if found or report.state != "done":
             return
-        if report.state in ("failed", "stopped", "lost"):
-            self._say(f"{named(cell)}: {report.state}: {printable(report.reason or 'interrupted', 300)}")
-        elif time.monotonic() - self._last < _LINE_EVERY_S and self._unsaid < 1000:
+        if time.monotonic() - self._last < _LINE_EVERY_S and self._unsaid < 1000:
             self._unsaid += 1
-        else:
-            self._say(self._line(cell, report))
-
-    def _line(self, cell: Cell, report: Report) -> str:
-        total = self._count.total
+            return
         more = f" (and {self._unsaid} more)" if self._unsaid else ""
+        failed = f", {self.total.failed} failed" * bool(self.total.failed)
+        count = f"[{self.total.done + self.total.failed}/{self.total.total}]"
+        self.say(f"{count} {named(cell)}: {_outcome(report)}{more}; {duration(self.left_s)} left{failed}")
         self._last, self._unsaid = time.monotonic(), 0
-        return (
-            f"[{total.done + total.failed}/{total.total}] {named(cell)}: {_outcome(report)}{more}"
-            f"; {duration(self._count.left_s)} left" + f", {total.failed} failed" * bool(total.failed)
-        )
 
-    def lost(self, cell: Cell, reason: str) -> None:
-        """See `Watcher.lost`."""
-        self._count.back(cell)
-        self._say(f"{named(cell)}: {printable(reason, 200)}; run again")
-
-    def noted(self, text: str) -> None:
-        """See `Watcher.noted`."""
-        self._say(f"note: {text}")
+    def say(self, line: str) -> None:
+        """Print a line."""
+        print(line, file=self._stream, flush=True)
 
     def tick(self, running: int, waiting: int, elsewhere: int) -> None:
         """See `Watcher.tick`."""
-
-    def _say(self, line: str) -> None:
-        print(line, file=self._stream, flush=True)
 
     def __enter__(self) -> PlainCampaign:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        total = self._count.total
-        self._say(
-            f"{total.done} of {total.total} cells done ({self._found} were already), {total.failed} failed, "
-            f"{duration(self._count.seconds)}"
-        )
+        done, total = self.total.done, self.total.total
+        already = f"{self.found} were already"
+        self.say(f"{done} of {total} cells done ({already}), {self.total.failed} failed, {duration(self.seconds)}")
 
 
-class LiveCampaign:
+class LiveCampaign(_Counting):
     """A table that is redrawn in place, a row a method."""
 
-    def __init__(self, title: str, cells: Sequence[Cell], workers: int) -> None:
+    def __init__(self, title: str, cells: Sequence[Cell]) -> None:
         from rich.console import Console
         from rich.live import Live
 
+        super().__init__(cells)
         self._title = title
-        self._count = Counter(cells, workers)
         self._elsewhere = 0
         self._live = Live(console=Console(stderr=True), refresh_per_second=4, get_renderable=self._table)
 
@@ -191,33 +176,15 @@ class LiveCampaign:
     def __exit__(self, *exception: object) -> None:
         self._live.stop()
 
-    def begun(self, cell: Cell) -> None:
-        """See `Watcher.begun`."""
-        self._count.begun(cell)
-
-    def ended(self, cell: Cell, report: Report, found: bool) -> None:
-        """See `Watcher.ended`."""
-        self._count.ended(cell, report, found)
-        if report.state in ("failed", "stopped", "lost"):
-            self._note(f"{named(cell)}: {report.state}: {printable(report.reason or 'interrupted', 300)}")
-
-    def lost(self, cell: Cell, reason: str) -> None:
-        """See `Watcher.lost`."""
-        self._count.back(cell)
-        self._note(f"{named(cell)}: {printable(reason, 200)}; run again")
-
-    def noted(self, text: str) -> None:
-        """See `Watcher.noted`."""
-        self._note(f"note: {text}")
-
     def tick(self, running: int, waiting: int, elsewhere: int) -> None:
         """See `Watcher.tick`."""
         self._elsewhere = elsewhere
 
-    def _note(self, text: str) -> None:
+    def say(self, line: str) -> None:
+        """Print a line above the table."""
         from rich.text import Text
 
-        self._live.console.print(Text(text, style="yellow"))
+        self._live.console.print(Text(line, style="yellow"))
 
     def _table(self) -> Any:
         from rich.table import Table
@@ -226,15 +193,15 @@ class LiveCampaign:
         table.add_column("method")
         for column in ("cells", "done", "running", "failed", "best error"):
             table.add_column(column, justify="right")
-        rows = list(self._count.tallies.items())
+        rows = list(self.tallies.items())
         for name, tally in rows[:_MOST_ROWS]:
             table.add_row(name, *_columns(tally))
         if len(rows) > _MOST_ROWS:
             table.add_row(f"… {len(rows) - _MOST_ROWS} more", "", "", "", "", "")
         table.add_section()
-        table.add_row("all", *_columns(self._count.total))
+        table.add_row("all", *_columns(self.total))
         held = f", {self._elsewhere} held by other processes" if self._elsewhere else ""
-        table.caption = f"{duration(self._count.seconds)} gone, {duration(self._count.left_s)} left{held}"
+        table.caption = f"{duration(self.seconds)} gone, {duration(self.left_s)} left{held}"
         return table
 
 

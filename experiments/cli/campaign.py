@@ -212,8 +212,8 @@ def _watcher(plan: Plan[Cell], pool: Pool) -> WatcherContext:
     from ..campaign.progress import LiveCampaign, PlainCampaign
 
     if sys.stderr.isatty():
-        return LiveCampaign(plan.name, plan.cells, pool.workers)
-    return PlainCampaign(plan.cells, pool.workers)
+        return LiveCampaign(plan.name, plan.cells)
+    return PlainCampaign(plan.cells)
 
 
 def say(line: str) -> None:

@@ -13,6 +13,7 @@ from ...core.errors import BsaError
 from ...core.printable import shown
 from ...core.reply_parsing import strip_control
 from . import shared_options as shared
+from .option_groups import with_options
 
 if TYPE_CHECKING:
     from ...core.record import Record
@@ -21,21 +22,14 @@ if TYPE_CHECKING:
 EXPORTS = ("bdf",)
 
 
+@with_options(shared.Reading)
 def data(
     files: Annotated[
         list[Path], typer.Argument(metavar="FILE...", help="Records, spectra, or folders of the files of one cell.")
     ],
     join: shared.Join = False,
-    column: shared.Column = None,
-    unit: shared.Unit = None,
-    where: shared.Where = None,
-    current_sign: shared.CurrentSign = "charge-positive",
-    constant_current: shared.ConstantCurrent = None,
-    cycles: shared.Cycles = None,
-    sheet: shared.Sheet = None,
-    reader: shared.Reader = None,
-    reader_option: shared.ReaderOption = None,
-    temperature: shared.Temperature = None,
+    *,
+    reading: shared.Reading,
     plot: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Draw the record (.png or .svg).", rich_help_panel=shared.OUTPUT),
@@ -56,14 +50,12 @@ def data(
 ) -> None:
     """Say what files hold: signals, steps, cycles, resistances, slow curves and every problem."""
     from ...core.reading.reading import read_file
-    from ..request import key_values
 
     _check_outputs(files, join, plot, export, out)
-    options = shared.reading(column, unit, where, current_sign, constant_current, cycles, sheet, temperature, join)
+    options = reading.options(join)
     sources: list[Any] = [files] if join else list(files)
     found = [
-        read_file(source, options, reader=reader, reader_options=key_values(reader_option, "--reader-option"))
-        for source in sources
+        read_file(source, options, reader=reading.reader, reader_options=reading.reader_options) for source in sources
     ]
     if plot is not None:
         from ..data.picture import draw

@@ -15,12 +15,14 @@ from ...core.errors import BsaError
 from . import completion
 from . import shared_options as shared
 from .exit_codes import STOPPED
+from .option_groups import with_options
 from .progress import printable
 
 if TYPE_CHECKING:
     from ..discovery_case import DiscoverOptions
 
 
+@with_options(shared.Reading)
 def discover(
     *,
     data: Annotated[
@@ -28,16 +30,7 @@ def discover(
         typer.Option("--data", metavar="FILE...", help="Records to explain.", rich_help_panel=shared.RECORDS),
     ] = None,
     holdout: shared.Holdout = None,
-    column: shared.Column = None,
-    unit: shared.Unit = None,
-    where: shared.Where = None,
-    current_sign: shared.CurrentSign = "charge-positive",
-    constant_current: shared.ConstantCurrent = None,
-    cycles: shared.Cycles = None,
-    sheet: shared.Sheet = None,
-    reader: shared.Reader = None,
-    reader_option: shared.ReaderOption = None,
-    temperature: shared.Temperature = None,
+    reading: shared.Reading,
     parameters: Annotated[
         str | None,
         typer.Option(
@@ -129,10 +122,10 @@ def discover(
     if not data or parameters is None:
         missing = "--data" if not data else "--parameters"
         raise BsaError(f"{missing} is missing.", "bsa discover --data RECORD.csv --parameters Chen2020, for example.")
-    read = shared.reading(column, unit, where, current_sign, constant_current, cycles, sheet, temperature)
+    read = reading.options()
 
     def files(paths: list[Path] | None) -> list[dict[str, Any]]:
-        chosen = {"reader": reader, "reader_options": key_values(reader_option, "--reader-option")}
+        chosen = {"reader": reading.reader, "reader_options": reading.reader_options}
         return [{"path": path, "read": read, **chosen} for path in paths or ()]
 
     try:
@@ -145,7 +138,7 @@ def discover(
                 "options": key_values(options, "--options"),
                 "overrides": key_values(override, "--override"),
                 "scale": scale,
-                "ambient_c": temperature,
+                "ambient_c": reading.temperature,
                 "search": search,
                 "effects": effect,
                 "effect_options": key_values(effect_option, "--effect-option"),

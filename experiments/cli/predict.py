@@ -9,24 +9,18 @@ from typing import Annotated
 import typer
 
 from . import shared_options as shared
+from .option_groups import with_options
 
 
+@with_options(shared.Reading)
 def predict(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a finished run.")],
     data: Annotated[
         list[Path],
         typer.Option("--data", metavar="FILE...", help="Records to predict.", rich_help_panel=shared.RECORDS),
     ],
-    column: shared.Column = None,
-    unit: shared.Unit = None,
-    current_sign: shared.CurrentSign = "charge-positive",
-    constant_current: shared.ConstantCurrent = None,
-    where: shared.Where = None,
-    cycles: shared.Cycles = None,
-    sheet: shared.Sheet = None,
-    reader: shared.Reader = None,
-    reader_option: shared.ReaderOption = None,
-    temperature: shared.Temperature = None,
+    *,
+    reading: shared.Reading,
     initial_soc: shared.InitialSocs = None,
     workers: shared.SimulationWorkers = 0,
     out: Annotated[
@@ -44,11 +38,10 @@ def predict(
     """Score records that a run did not fit, with the band that its parameters' intervals predict."""
     from ..predict import predict_records, write_scores
     from ..report.records import error_rows
-    from ..request import key_values, named_after, numbered_folder, requests_of, simulation_workers
+    from ..request import named_after, numbered_folder, requests_of, simulation_workers
     from .progress import PlainProgress, printable
 
-    read = shared.reading(column, unit, where, current_sign, constant_current, cycles, sheet, temperature)
-    requests = requests_of(data, read, reader, key_values(reader_option, "--reader-option"), initial_soc or ())
+    requests = requests_of(data, reading.options(), reading.reader, reading.reader_options, initial_soc or ())
     scored = predict_records(run, requests, simulation_workers(workers), PlainProgress(""))
     page = write_scores(scored, out or numbered_folder(run / "predictions", named_after(data)))
     if as_json:

@@ -16,6 +16,7 @@ from ...core.journal import check_run_folder
 from . import completion
 from . import shared_options as shared
 from .exit_codes import STOPPED
+from .option_groups import with_options
 
 if TYPE_CHECKING:
     from ...core.loop import RunResult
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 DEMO = "demo"
 
 
+@with_options(shared.Reading)
 def run(
     task: Annotated[
         str | None,
@@ -40,16 +42,8 @@ def run(
     ] = None,
     holdout: shared.Holdout = None,
     join: shared.Join = False,
-    column: shared.Column = None,
-    unit: shared.Unit = None,
-    current_sign: shared.CurrentSign = "charge-positive",
-    constant_current: shared.ConstantCurrent = None,
-    where: shared.Where = None,
-    cycles: shared.Cycles = None,
-    sheet: shared.Sheet = None,
-    reader: shared.Reader = None,
-    reader_option: shared.ReaderOption = None,
-    temperature: shared.Temperature = None,
+    *,
+    reading: shared.Reading,
     initial_soc: shared.InitialSocs = None,
     parameters: Annotated[
         str | None,
@@ -198,14 +192,14 @@ def run(
         simulator="" if named is None else named.simulator,
     )
     to_discover = ""
-    read = shared.reading(column, unit, where, current_sign, constant_current, cycles, sheet, temperature, join)
-    reader_options = key_values(reader_option, "--reader-option")
+    read = reading.options(join)
+    reader_options = reading.reader_options
     if data:
         model_options = key_values(options, "--options")
         chosen = task_of_records(
             data,
             read,
-            reader,
+            reading.reader,
             reader_options,
             parameters,
             model,
@@ -223,21 +217,14 @@ def run(
                 "--model": model if model != "DFN" else None,
                 "--options": options,
                 "--no-scale": not scale,
-                "--column": column,
-                "--unit": unit,
-                "--where": where,
-                "--current-sign": current_sign if current_sign != "charge-positive" else None,
-                "--constant-current": constant_current,
-                "--cycles": cycles,
-                "--sheet": sheet,
-                "--reader": reader,
-                "--reader-option": reader_option,
-                "--temperature": temperature,
+                **reading.typed,
             },
         )
     else:
         assert named is not None
-        chosen = holding_out(named, [RecordRequest(path, read, reader, reader_options) for path in holdout or ()])
+        chosen = holding_out(
+            named, [RecordRequest(path, read, reading.reader, reader_options) for path in holdout or ()]
+        )
     folder = out or numbered_folder(Path("runs"), f"{chosen.name}-{config.scaffold.name}")
     _execute(RunRequest(chosen, config, folder), resources, as_json, identifiability, to_discover)
 

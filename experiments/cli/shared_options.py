@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -38,67 +38,11 @@ InitialSocs = Annotated[
         rich_help_panel=RECORDS,
     ),
 ]
-Column = Annotated[
-    list[str] | None,
-    typer.Option(metavar="KEY=NAME", help="Column of a signal, voltage='Ecell/V'; repeat.", rich_help_panel=RECORDS),
-]
-Unit = Annotated[
-    list[str] | None,
-    typer.Option(metavar="KEY=UNIT", help="Unit of a signal, current=mA; repeat.", rich_help_panel=RECORDS),
-]
-Where = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="KEY=VALUE", help="Keep only rows with this value, test_id=1; repeat.", rich_help_panel=RECORDS
-    ),
-]
-CurrentSign = Annotated[
-    str,
-    typer.Option(
-        metavar="SIGN",
-        help="charge-positive (as cyclers write), discharge-positive or auto.",
-        autocompletion=completion.current_signs,
-        rich_help_panel=RECORDS,
-    ),
-]
-ConstantCurrent = Annotated[
-    float | None,
-    typer.Option(
-        metavar="A",
-        help="Current of a file without a current column, signed as --current-sign.",
-        rich_help_panel=RECORDS,
-    ),
-]
-Cycles = Annotated[
-    str | None,
-    typer.Option(metavar="N-M", help='Cycles of the records to use, "1" or "2-4".', rich_help_panel=RECORDS),
-]
-Sheet = Annotated[
-    str | None,
-    typer.Option(metavar="NAME", help="Sheet of a workbook, or test inside a file.", rich_help_panel=RECORDS),
-]
 Join = Annotated[
     bool,
     typer.Option(
         "--join", help="The files are of one cell: join them in the order of their dates.", rich_help_panel=RECORDS
     ),
-]
-Reader = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME",
-        help="Reader to use; left out, the one that fits.",
-        autocompletion=completion.readers,
-        rich_help_panel=RECORDS,
-    ),
-]
-ReaderOption = Annotated[
-    list[str] | None,
-    typer.Option("--reader-option", metavar="KEY=VALUE", help="Option of the reader; repeat.", rich_help_panel=RECORDS),
-]
-Temperature = Annotated[
-    float | None,
-    typer.Option(metavar="DEGC", help="Ambient temperature where records lack it.", rich_help_panel=RECORDS),
 ]
 Scale = Annotated[
     bool,
@@ -173,31 +117,101 @@ Version = Annotated[
 ]
 
 
-def reading(
-    column: list[str] | None,
-    unit: list[str] | None,
-    where: list[str] | None,
-    current_sign: str,
-    constant_current: float | None,
-    cycles: str | None,
-    sheet: str | None,
-    temperature: float | None,
-    join: bool = False,
-) -> ReadOptions:
-    """What the command line says about the records."""
-    from ..request import key_texts, read_options
+@dataclass(frozen=True)
+class Reading:
+    """How records are read, where they do not say it themselves."""
 
-    return read_options(
-        columns=key_texts(column, "--column"),
-        units=key_texts(unit, "--unit"),
-        where=key_texts(where, "--where"),
-        cycles=cycles,
-        current_sign=current_sign,
-        constant_current_a=constant_current,
-        sheet=sheet,
-        ambient_c=temperature,
-        join=join,
-    )
+    column: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=NAME", help="Column of a signal, voltage='Ecell/V'; repeat.", rich_help_panel=RECORDS
+        ),
+    ] = None
+    unit: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY=UNIT", help="Unit of a signal, current=mA; repeat.", rich_help_panel=RECORDS),
+    ] = None
+    where: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=VALUE", help="Keep only rows with this value, test_id=1; repeat.", rich_help_panel=RECORDS
+        ),
+    ] = None
+    current_sign: Annotated[
+        str,
+        typer.Option(
+            metavar="SIGN",
+            help="charge-positive (as cyclers write), discharge-positive or auto.",
+            autocompletion=completion.current_signs,
+            rich_help_panel=RECORDS,
+        ),
+    ] = "charge-positive"
+    constant_current: Annotated[
+        float | None,
+        typer.Option(
+            metavar="A",
+            help="Current of a file without a current column, signed as --current-sign.",
+            rich_help_panel=RECORDS,
+        ),
+    ] = None
+    cycles: Annotated[
+        str | None,
+        typer.Option(metavar="N-M", help='Cycles of the records to use, "1" or "2-4".', rich_help_panel=RECORDS),
+    ] = None
+    sheet: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Sheet of a workbook, or test inside a file.", rich_help_panel=RECORDS),
+    ] = None
+    reader: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Reader to use; left out, the one that fits.",
+            autocompletion=completion.readers,
+            rich_help_panel=RECORDS,
+        ),
+    ] = None
+    reader_option: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--reader-option", metavar="KEY=VALUE", help="Option of the reader; repeat.", rich_help_panel=RECORDS
+        ),
+    ] = None
+    temperature: Annotated[
+        float | None,
+        typer.Option(metavar="DEGC", help="Ambient temperature where records lack it.", rich_help_panel=RECORDS),
+    ] = None
+
+    def options(self, join: bool = False) -> ReadOptions:
+        """What a header does not say, and whether the files are of one cell."""
+        from ..request import key_texts, read_options
+
+        return read_options(
+            columns=key_texts(self.column, "--column"),
+            units=key_texts(self.unit, "--unit"),
+            where=key_texts(self.where, "--where"),
+            cycles=self.cycles,
+            current_sign=self.current_sign,
+            constant_current_a=self.constant_current,
+            sheet=self.sheet,
+            ambient_c=self.temperature,
+            join=join,
+        )
+
+    @property
+    def reader_options(self) -> dict[str, Any]:
+        """The reader's own options."""
+        from ..request import key_values
+
+        return key_values(self.reader_option, "--reader-option")
+
+    @property
+    def typed(self) -> dict[str, Any]:
+        """What was set, by the option's name."""
+        values = {
+            f"--{field.name.replace('_', '-')}": (getattr(self, field.name), field.default) for field in fields(self)
+        }
+        return {name: value for name, (value, unset) in values.items() if value != unset}
 
 
 def reaching(via: str | None, base_url: str | None, backend_option: list[str] | None, **more: Any) -> dict[str, Any]:

@@ -15,6 +15,7 @@ import numpy as np
 from ...core.errors import BsaError
 from ...core.files import write_json
 from ...core.messages import Outage
+from ...core.shape import decoding
 from ..campaign.cell import Axis
 from ..campaign.identity import versions_of, without_placement
 from ..campaign.results import check_grid_folder
@@ -166,15 +167,16 @@ def _cell(case: Path, kind: Kind, asked: Mapping[str, Any]) -> BlindCell:
 
 def options_of(folder: Path, **asked: Any) -> DiscoverOptions:
     """What is asked of a case: its last record is held out; ``asked`` are other options."""
-    description = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
-    records = [{"path": folder / r["file"], "read": {"ambient_c": r["ambient_c"]}} for r in description["records"]]
-    return DiscoverOptions.model_validate(
-        {
-            "data": records[:-1],
-            "holdout": records[-1:],
-            "parameters": description["parameters"],
-            "model": description["model"],
-            "points": POINTS,
-            **asked,
-        }
-    )
+    with decoding(folder / DESCRIPTION, "a blind case", "make the cases anew."):
+        description = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
+        records = [{"path": folder / r["file"], "read": {"ambient_c": r["ambient_c"]}} for r in description["records"]]
+        return DiscoverOptions.model_validate(
+            {
+                "data": records[:-1],
+                "holdout": records[-1:],
+                "parameters": description["parameters"],
+                "model": description["model"],
+                "points": POINTS,
+                **asked,
+            }
+        )

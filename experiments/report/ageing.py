@@ -11,7 +11,7 @@ from ...core.ageing.cycle_table import LOSSES, CycleTable
 from ...core.task import Experiment
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial
-from ..story import RunRecord
+from ..run_record import RunRecord
 from .chart import BOTTOM, GAP, TOP, Axis, Chart, Key, Mark, Panel, horizontal, padded, vertical
 from .wording import number
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from ...core.metrics import objective_of
 from ...core.trial import Trial
-from ..story import Round, RunRecord
+from ..run_record import Round, RunRecord
 from .wording import clipped, duration, number
 
 _MOST_ROWS = 40

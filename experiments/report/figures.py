@@ -16,7 +16,7 @@ from ...core.task import Experiment, Task
 from ...core.trajectory import FloatArray, StepKind, Trajectory
 from ...core.trial import Trial
 from ...plugins.feedback.ageing import told_cycles
-from ..story import RunRecord
+from ..run_record import RunRecord
 from .chart import BOTTOM, GAP, TOP, Axis, Band, Chart, Key, Mark, Panel, horizontal, padded, vertical
 from .wording import number, time_unit, unit
 

@@ -16,7 +16,7 @@ from ..post_fit_words import (
     tolerance_words,
     verdict_line,
 )
-from ..story import RunRecord
+from ..run_record import RunRecord
 from .wording import number, short_name, unit
 
 

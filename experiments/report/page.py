@@ -17,7 +17,7 @@ from ...core.metrics import Quantity, errors_of, headline_of, objective_of
 from ...core.parameters import Parameter
 from ...core.reply_parsing import strip_control
 from ..own_pages import check_page
-from ..story import UNFINISHED, RunRecord, read_run
+from ..run_record import UNFINISHED, RunRecord, read_run
 from .ageing import lives
 from .failures import failures
 from .figures import convergence, overlays, prediction_overlays

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..story import RunRecord
+from ..run_record import RunRecord
 from .figures import prediction_overlays
 from .page import MOST_STEPS, template
 from .records import error_rows

@@ -1,4 +1,4 @@
-"""The story round by round: hypothesis, change, effect."""
+"""What was tried round by round: hypothesis, change, effect."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from markupsafe import escape
 from ...core.parameters import ParameterSpace
 from ...core.reply_parsing import strip_control
 from ...core.trial import Trial
-from ..story import Exchange, Round, RunRecord
+from ..run_record import Exchange, Round, RunRecord
 from .failures import failure_words
 from .wording import change, clipped, factor, number, quantity, short_name
 

@@ -12,15 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from ...backends.rules.backend import RulesBackend
-from ...core.messages import Usage
 from ...core.parameters import Candidate
-from ...core.proposal import Proposal
 from ...core.run_config import RunConfig
 from ...core.scaffold import load_scaffold
-from ...core.trial import Phase, Trial
 from ...plugins.pybamm.compiled import CompiledExperiment
 from ...plugins.pybamm.solving import solve_reference
 from ...plugins.pybamm.worker import Assignment, WorkerPool
+from ..campaign.stopwatch import Stopwatch
 from ..run import execute_run
 from ..tasks.find import find_task
 
@@ -128,34 +126,15 @@ def _medians(repeats: int, *actions: Callable[[], object]) -> list[float]:
     return [float(np.median(found)) for found in times]
 
 
-class _RoundTimer:
-    """Times a run's rounds, less what the simulator and the backend took."""
-
-    def __init__(self) -> None:
-        self.own_s: list[float] = []
-        self._last = time.perf_counter()
-        self._backend_s = 0.0
-
-    def proposed(self, proposal: Proposal, phase: Phase, number: int) -> None:
-        """See `Listener.proposed`."""
-
-    def tried(self, trial: Trial, best: Trial, usage: Usage) -> None:
-        """See `Listener.tried`."""
-        now = time.perf_counter()
-        if trial.phase == "search":
-            self.own_s.append(now - self._last - trial.seconds - (usage.seconds - self._backend_s))
-        self._last, self._backend_s = now, usage.seconds
-
-    def counted(self, purpose: str, done: int, total: int) -> None:
-        """See `Listener.counted`."""
-
-    def noted(self, text: str) -> None:
-        """See `Listener.noted`."""
-
-
 def _loop_cost(task_name: str) -> float:
-    timer = _RoundTimer()
+    """Median over the rounds of a run, less what the simulator and the backend took, s."""
+    stopwatch = Stopwatch()
     config = RunConfig(scaffold=load_scaffold("full"), rounds=20, warm_up=10, simulations=31, patience=20)
     with tempfile.TemporaryDirectory() as folder:
-        execute_run(find_task(task_name), config, Path(folder) / "run", RulesBackend(), listener=timer)
-    return float(np.median(timer.own_s))
+        result = execute_run(find_task(task_name), config, Path(folder) / "run", RulesBackend(), listener=stopwatch)
+    searched = [trial for trial in result.trials if trial.phase == "search"]
+    own_s = [
+        timed.round_s - timed.backend_s - sum(trial.seconds for trial in searched if trial.round == number)
+        for number, timed in enumerate(stopwatch.rounds, start=1)
+    ]
+    return float(np.median(own_s))

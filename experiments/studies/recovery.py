@@ -19,7 +19,7 @@ from ...core.task import Task
 from ..campaign.store import Store
 from ..campaign.summary import Row, grouped, mean_of
 from ..campaign.text_tables import markdown_table
-from ..story import RunRecord, read_run
+from ..run_record import RunRecord, read_run
 from ..suite.case import Noise, SuiteCase
 from ..suite.target import cell_of, experiment_of, reference_run
 from .grids import with_results

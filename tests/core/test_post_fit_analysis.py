@@ -12,7 +12,7 @@ from bsa.core.identifiability import effective_noise, unsettled
 from bsa.core.journal import FILE_NAME, read_events
 from bsa.core.loop import RunResult
 from bsa.core.post_fit_analysis import PostFitAnalysis
-from bsa.experiments.story import read_run
+from bsa.experiments.run_record import read_run
 from bsa_toy_cell import (
     CAPACITY,
     CURRENT_A,

@@ -14,7 +14,7 @@ from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.run import summary
-from bsa.experiments.story import read_run
+from bsa.experiments.run_record import read_run
 from bsa_toy_cell import HIDDEN, record, space, toy_task
 
 RunToy = Callable[..., RunResult]

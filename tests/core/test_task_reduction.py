@@ -14,7 +14,7 @@ from bsa.core.simulation import ExperimentRun, Outcome, SimulationFailure
 from bsa.core.task import Experiment, Task
 from bsa.core.task_reduction import TaskReduction, shortened
 from bsa.core.trajectory import Trajectory
-from bsa.experiments.story import read_run
+from bsa.experiments.run_record import read_run
 from bsa_toy_cell import HIDDEN, record, space, toy_scaffold, toy_task
 
 RunToy = Callable[..., RunResult]
@@ -108,9 +108,9 @@ def test_eased_simulations_count_are_kept_and_come_back_on_resume(run_toy: RunTo
     assert result.best.reduction is None
     assert result.best.objective < 0.1
     assert len(result.trials) <= 40
-    story = read_run(tmp_path / "whole")
-    assert [trial.reduction for trial in story.trials] == [trial.reduction for trial in result.trials]
-    assert story.failed == sum(trial.failed for trial in result.trials)
+    kept = read_run(tmp_path / "whole")
+    assert [trial.reduction for trial in kept.trials] == [trial.reduction for trial in result.trials]
+    assert kept.failed == sum(trial.failed for trial in result.trials)
     page = (tmp_path / "whole" / "report.html").read_text()
     assert "at 50 % of the currents" in page
     assert "were of a reduced task" in page

@@ -1,4 +1,4 @@
-"""The report and the story behind it, from journals written here."""
+"""The report and the run record behind it, from journals written here."""
 
 import json
 import re
@@ -22,7 +22,7 @@ from bsa.core.trial import Trial
 from bsa.experiments.report.page import build_report
 from bsa.experiments.report.thinning import thin_curve
 from bsa.experiments.report.wording import change, clipped, factor, number, quantity, unit
-from bsa.experiments.story import UNFINISHED, read_run
+from bsa.experiments.run_record import UNFINISHED, read_run
 
 RADIUS, POROSITY = "Negative particle radius [m]", "Positive electrode porosity"
 HOSTILE = "<script>alert(1)</script><img src=x onerror=y>\"' {{ 7*7 }} \u202e\x1b[31mred\x00 ]]>--></style></title>"
@@ -122,7 +122,7 @@ def folder(tmp_path):
     return writer.folder
 
 
-class TestStory:
+class TestRunRecord:
     def test_rounds_know_their_trials_replies_and_starting_point(self, folder):
         run = read_run(folder)
         assert [(r.phase, r.number, len(r.trials), len(r.exchanges)) for r in run.rounds] == [

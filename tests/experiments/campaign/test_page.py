@@ -43,17 +43,17 @@ def block(html: str, name: str):
     return json.loads(re.search(rf'<script type="application/json" id="{name}">(.*?)</script>', html, re.S)[1])
 
 
-def test_every_cell_and_its_story_are_on_the_page(finished):
+def test_every_cell_and_its_rounds_are_on_the_page(finished):
     path = build_page("toys", finished.store.root)
     html = path.read_text()
-    data, stories = block(html, "data"), block(html, "stories")
+    data, runs = block(html, "data"), block(html, "runs")
     assert len(data["rows"]) == 5
-    assert set(stories) == {cell.identity for cell in finished.cells}
-    story = stories[finished.cells[0].identity]
-    assert len(story["trace"]) == 5
-    assert [entry["phase"] for entry in story["rounds"]] == ["warm-up", "search", "search"]
-    assert story["rounds"][1]["words"]
-    assert story["parameters"][0][0] == "Capacity"
+    assert set(runs) == {cell.identity for cell in finished.cells}
+    told = runs[finished.cells[0].identity]
+    assert len(told["trace"]) == 5
+    assert [entry["phase"] for entry in told["rounds"]] == ["warm-up", "search", "search"]
+    assert told["rounds"][1]["words"]
+    assert told["parameters"][0][0] == "Capacity"
     assert "What &lt;b&gt;is&lt;/b&gt; it worth?" in html
 
 
@@ -67,17 +67,17 @@ def test_the_page_asks_for_nothing(finished):
 
 
 def test_reports_are_built_on_demand_and_linked(finished):
-    first = block(build_page("toys", finished.store.root).read_text(), "stories")
-    assert not any("report" in story for story in first.values())
+    first = block(build_page("toys", finished.store.root).read_text(), "runs")
+    assert not any("report" in told for told in first.values())
     path = build_page("toys", finished.store.root, full=True)
-    for story in block(path.read_text(), "stories").values():
-        assert (path.parent / story["report"]).is_file()
+    for told in block(path.read_text(), "runs").values():
+        assert (path.parent / told["report"]).is_file()
 
 
 def test_large_grids_link_instead_of_embedding(finished, monkeypatch):
-    monkeypatch.setattr(page, "MOST_STORIES", 2)
+    monkeypatch.setattr(page, "MOST_RUNS", 2)
     html = build_page("toys", finished.store.root, full=True).read_text()
-    assert all(set(story) == {"report"} for story in block(html, "stories").values())
+    assert all(set(told) == {"report"} for told in block(html, "runs").values())
 
 
 def hostile(finished) -> str:
@@ -102,7 +102,7 @@ def test_what_a_model_said_cannot_leave_its_place(finished):
     assert html.count("<script") == 3
     assert "<img" not in html
     assert "\u202e" not in html
-    assert "alert(1)" in block(html, "stories")[identity]["rounds"][1]["words"]
+    assert "alert(1)" in block(html, "runs")[identity]["rounds"][1]["words"]
 
 
 def dumped(path: Path, address: str, tmp_path: Path) -> str:

@@ -5,7 +5,7 @@ import io
 import pytest
 from bsa.experiments.campaign.cell import Report
 from bsa.experiments.campaign.execution import run_cells
-from bsa.experiments.campaign.progress import Counter, LiveCampaign, PlainCampaign
+from bsa.experiments.campaign.progress import LiveCampaign, PlainCampaign
 
 from .conftest import Here
 
@@ -28,7 +28,7 @@ def failing(plan):
 def test_plain_lines(make_plan):
     plan = make_plan()
     stream = io.StringIO()
-    with PlainCampaign(plan.cells, 1, stream) as watcher:
+    with PlainCampaign(plan.cells, stream) as watcher:
         run_cells(plan.cells, plan.store, failing(plan), watcher)
     lines = stream.getvalue().splitlines()
     assert lines[0] == "toy-0 · full · rules · seed 1: failed: no such server at all"
@@ -39,7 +39,7 @@ def test_plain_lines(make_plan):
 
 def test_a_live_table(make_plan, capsys):
     plan = make_plan()
-    with LiveCampaign("toys", plan.cells, 1) as watcher:
+    with LiveCampaign("toys", plan.cells) as watcher:
         run_cells(plan.cells, plan.store, failing(plan), watcher)
     shown = capsys.readouterr().err
     assert "no such server at all" in shown
@@ -48,7 +48,7 @@ def test_a_live_table(make_plan, capsys):
 
 def test_counts_by_method_and_time_left(make_plan):
     plan = make_plan()
-    count = Counter(plan.cells, 2)
+    count = PlainCampaign(plan.cells, io.StringIO())
     assert str(count.left_s) == "nan"
     cell = plan.cells[0]
     count.begun(cell)

@@ -8,7 +8,7 @@ import pytest
 from bsa.core.journal import FILE_NAME
 from bsa.core.reading.reading import read_record
 from bsa.experiments.cli.main import main, run_main
-from bsa.experiments.cli.shared_options import reading
+from bsa.experiments.cli.shared_options import Reading
 from bsa.experiments.request import Overrides, key_values
 
 GOOD_CSV = "Test Time / s,Voltage / V,Current / A\n" + "\n".join(
@@ -179,7 +179,7 @@ def test_help_is_quick_and_needs_no_heavy_library() -> None:
 
 
 def test_options_about_the_record_are_text() -> None:
-    read = reading(["time=1e3"], ["current=off"], ["Step=010", "On=yes"], "charge-positive", None, None, None, None)
+    read = Reading(column=["time=1e3"], unit=["current=off"], where=["Step=010", "On=yes"]).options()
     assert read.columns == {"time": "1e3"}
     assert read.units == {"current": "off"}
     assert read.where == {"Step": "010", "On": "yes"}
@@ -189,7 +189,7 @@ def test_where_takes_the_rows_that_say_the_same(folder: Path) -> None:
     lines = GOOD_CSV.splitlines()
     steps = ["Step", *("010" if k < 40 else "8" for k in range(60))]
     (folder / "steps.csv").write_text("\n".join(f"{line},{step}" for line, step in zip(lines, steps, strict=True)))
-    read = reading(None, None, ["Step=010"], "charge-positive", None, None, None, None)
+    read = Reading(where=["Step=010"]).options()
     assert len(read_record(folder / "steps.csv", read).trajectory) == 40
 
 

@@ -114,7 +114,7 @@ def test_a_bad_option_leaves_nothing(option: tuple[str, ...], refused: Call) -> 
 
 def test_a_grid_of_another_making(refused: Call) -> None:
     folder_with("results/grids/toys", "cells.csv", "index.html")
-    assert "not a grid" in refused("grid", "toys.yaml")
+    assert "not a campaign" in refused("grid", "toys.yaml")
 
 
 def test_pages_and_tables_of_another_making(
@@ -138,10 +138,18 @@ def test_pages_and_tables_of_another_making(
 
 @pytest.mark.parametrize("name", ["../outside", "/tmp/outside", "thesis", "linked"])
 def test_results_of_blind_cases_stay_in_their_folder(name: str, refused: Call) -> None:
-    folder_with("blind", "thesis")
-    folder_with("blind/case_01", "case.json", content='{"parameters": "Chen2020", "model": "SPM", "records": []}')
-    Path("blind", "linked").symlink_to("thesis")
+    folder_with("blind/grids/thesis", "note")
+    records = '[{"file": "slow.csv", "ambient_c": 25}, {"file": "holdout.csv", "ambient_c": 25}]'
+    content = f'{{"parameters": "Chen2020", "model": "SPM", "records": {records}}}'
+    folder_with("blind/case_01", "case.json", "slow.csv", "holdout.csv", content=content)
+    Path("blind", "grids", "linked").symlink_to("thesis")
     assert name in refused("bench", "discovery", "run", "blind", "--results", name)
+
+
+@pytest.mark.parametrize("content", ["", "[]", '{"parameters": "Chen2020", "model": "SPM", "records": []}'])
+def test_a_blind_case_of_another_making(content: str, refused: Call) -> None:
+    folder_with("blind/case_01", "case.json", content=content)
+    assert "does not read as a blind case" in refused("bench", "discovery", "run", "blind")
 
 
 def test_control_codes_in_a_name_do_not_reach_the_terminal(refused: Call) -> None:

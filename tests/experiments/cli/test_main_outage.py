@@ -12,12 +12,12 @@ import pytest
 import typer
 from bsa.core.messages import Outage
 from bsa.core.run_config import RunConfig
+from bsa.experiments.campaign import running
 from bsa.experiments.cli.exit_codes import OUTAGE
 from bsa.experiments.cli.main import main
 from bsa.experiments.cli.run import _execute
 from bsa.experiments.request import RunRequest
 from bsa.experiments.run import Resources
-from bsa.experiments.studies import suite
 from bsa_toy_cell import toy_scaffold, toy_task
 
 
@@ -49,14 +49,14 @@ def test_a_run_without_a_server_is_no_result(tmp_path: Path, capsys: pytest.Capt
             assert f"{attempt} of {attempt} model calls lost" in shown.out
 
 
-def test_a_study_stops_and_says_so(
+def test_a_command_that_a_model_stops_says_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def stopped(*_: object, **__: object) -> None:
         raise Outage("the language model gave no reply: nothing listens")
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(suite, "suite_study", stopped)
+    monkeypatch.setattr(running, "plan_campaign", stopped)
     monkeypatch.setattr(sys, "argv", ["bsa", "bench", "suite", "--suite", "generated", "--cases", "1"])
     with pytest.raises(SystemExit) as ended:
         main()

@@ -6,6 +6,7 @@ from typing import Annotated
 import pytest
 import typer
 from bsa.experiments.cli.option_groups import with_options
+from bsa.experiments.cli.shared_options import Reading
 from typer.testing import CliRunner
 
 
@@ -48,3 +49,9 @@ def test_options_keep_their_limits_and_help():
 def test_a_command_may_have_a_default_of_its_own_and_is_called_as_a_function(capsys):
     made(red=4)[1](wall="west")
     assert capsys.readouterr().out.strip() == "west Colours(red=4, blue=False) 2"
+
+
+def test_what_was_typed_of_a_record_is_told_by_its_options():
+    assert Reading().typed == {}
+    typed = Reading(constant_current=-2.0, current_sign="auto", where=["Step=010"]).typed
+    assert typed == {"--where": ["Step=010"], "--current-sign": "auto", "--constant-current": -2.0}

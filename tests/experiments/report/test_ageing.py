@@ -16,7 +16,7 @@ from bsa.core.trajectory import Trajectory
 from bsa.core.trial import Trial
 from bsa.experiments.report.ageing import lives
 from bsa.experiments.report.page import build_report
-from bsa.experiments.story import read_run
+from bsa.experiments.run_record import read_run
 from bsa_toy_life import life, life_task
 
 

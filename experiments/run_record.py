@@ -1,4 +1,4 @@
-"""A run as a story: what a journal tells, in plain data that reports, grids and the command line share."""
+"""A run record: what a journal tells, in plain data that reports, campaigns and the command line share."""
 
 from __future__ import annotations
 
