@@ -108,7 +108,7 @@ def bsa_readers() -> Iterable[Entry]:
     from .readers.generic_csv import GenericCsv
     from .readers.impedance import ImpedanceCsv, ImpedanceOptions
     from .readers.maccor import MaccorText
-    from .readers.matlab import MatlabMat
+    from .readers.matlab import MatlabMat, MatlabOptions
     from .readers.neware import Neware
 
     yield Entry(
@@ -127,7 +127,7 @@ def bsa_readers() -> Iterable[Entry]:
     yield Entry("neware", lambda options: Neware(), "Neware .nda and .ndax (extra: readers).", api=1)
     yield Entry("biologic-mpr", lambda options: BioLogicMpr(), "BioLogic .mpr (extra: biologic).", api=1)
     yield Entry("maccor-text", lambda options: MaccorText(), "Maccor exports: Rec#, Amps, Volts, State.", api=1)
-    yield Entry("matlab", lambda options: MatlabMat(), "MATLAB .mat: structs of columns, at any depth.", api=1)
+    yield Entry("matlab", MatlabMat, "MATLAB .mat: structs of columns, at any depth.", MatlabOptions, api=1)
     yield Entry(
         "generic-csv", lambda options: GenericCsv(), "Any text table (.csv, .txt, .gz), with column mapping.", api=1
     )

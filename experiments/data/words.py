@@ -79,8 +79,9 @@ def record_lines(found: RecordSummary) -> Iterator[str]:
     for curve in found.slow:
         yield ""
         yield f"Slow {curve.kind}, nearly an open-circuit curve"
+        rate = f"{curve.hours:.0f}" if curve.hours > 100 else f"{curve.hours:.3g}"
         yield (
-            f"  C/{curve.hours:.3g} from {duration(curve.start_s)} on, {curve.charge_ah:.4f} A.h"
+            f"  C/{rate} from {duration(curve.start_s)} on, {curve.charge_ah:.4f} A.h"
             f" from {curve.first_v:.3f} to {curve.last_v:.3f} V"
         )
     yield from problem_lines(found.problems)

@@ -3,24 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, Field
 
 from ...core.errors import BsaError
 from ...core.printable import listed, shown
+from ...core.reading.joining import joined
 from ...core.reading.samples import Samples
 from ...core.record import ReadOptions
 from .arrays import ArrayTable
 from .assembly import read_table
 from .columns import AMBIENT, named, signal_of
+from .dates import YEARS_S
 from .matlab_files import load
 
 _MIN_ROWS = 2
+_SOC = ("refsoc", "soc", "stateofcharge")
+_OCV = ("meanocv", "ocv", "ocvavg", "opencircuitvoltage")
+_SLOW_HOURS = 1000.0
+"""At C/1000 the overpotential of any cell is lost in the noise of its voltage."""
+
 _KINDS = "fiubUO"
 _VALUES = 8
 """A field with more values than this numbers the tests, and chooses none of them."""
@@ -38,15 +47,26 @@ class _Test:
         Its columns.
     fields : dict of str to str
         Single values in it and in the structs around it.
+    start : float or None
+        When it began, in s since 1970, where a struct around it has a date vector.
     """
 
     path: tuple[str, ...]
     columns: dict[str, NDArray[Any]]
     fields: dict[str, str]
+    start: float | None = None
 
     @property
     def name(self) -> str:
         return "/".join(self.path)
+
+
+class MatlabOptions(BaseModel, extra="forbid", frozen=True):
+    """What a file does not say."""
+
+    capacity: float | None = Field(
+        default=None, gt=0, description="Capacity in A.h; reads an open-circuit curve as a discharge at C/1000."
+    )
 
 
 class MatlabMat:
@@ -55,6 +75,9 @@ class MatlabMat:
     A file of several tests needs ``--sheet T25/cRate_1C`` (names on the way to the test, in order; patterns such as
     ``T25/*`` are allowed) or ``--where type=discharge`` (a field in the structs around it).
     """
+
+    def __init__(self, options: MatlabOptions) -> None:
+        self._capacity = options.capacity
 
     def matches(self, path: Path) -> bool:
         """Whether the name ends in ``.mat``."""
@@ -67,17 +90,26 @@ class MatlabMat:
         everything = list(_tests(content, (), {}))
         tests = [test for test in everything if _is_record(test, options)]
         if not tests:
+            tests = [_slow_discharge(test, self._capacity, source) for test in everything if _is_ocv(test)]
+        if not tests:
             raise _no_test(source, everything)
-        return _read(_chosen(tests, options, source), source, options)
+        found = _chosen(tests, options, source)
+        parts = [_read(test, source, options) for test in found]
+        if len(parts) > 1:
+            parts = [replace(part, source=test.name) for part, test in zip(parts, found, strict=True)]
+        return joined(parts, source)
 
 
-def _tests(content: Any, path: tuple[str, ...], fields: Mapping[str, str]) -> Iterator[_Test]:
+def _tests(
+    content: Any, path: tuple[str, ...], fields: Mapping[str, str], start: float | None = None
+) -> Iterator[_Test]:
     """Every struct that has columns, in the order of the file."""
     if isinstance(content, Mapping):
+        start = next(filter(None, map(_date_vector, content.values())), start)
         inside = {**fields, **{name: str(value) for name, value in content.items() if _is_single(value)}}
         columns = _columns(content)
         if columns:
-            yield _Test(path, columns, inside)
+            yield _Test(path, columns, inside, start)
         children = list(content.items())
     elif isinstance(content, Sequence | np.ndarray) and not isinstance(content, str):
         inside = dict(fields)
@@ -85,7 +117,19 @@ def _tests(content: Any, path: tuple[str, ...], fields: Mapping[str, str]) -> It
     else:
         return
     for name, child in children:
-        yield from _tests(child, (*path, shown(name)), inside)
+        yield from _tests(child, (*path, shown(name)), inside, start)
+
+
+def _date_vector(value: Any) -> float | None:
+    """What MATLAB's ``clock`` gives, year to second, in s since 1970."""
+    if not isinstance(value, np.ndarray) or value.shape != (6,) or value.dtype.kind not in "fiu":
+        return None
+    try:
+        year, month, day, hour, minute = (int(part) for part in value[:5])
+        date = datetime(year, month, day, hour, minute, tzinfo=UTC).timestamp() + float(value[5])
+    except (ValueError, OverflowError):
+        return None
+    return date if YEARS_S[0] < date < YEARS_S[1] else None
 
 
 def _is_single(value: Any) -> bool:
@@ -119,7 +163,34 @@ def _is_record(test: _Test, options: ReadOptions) -> bool:
     return said <= set(test.columns) and {"time", "voltage"} <= signals
 
 
-def _chosen(tests: Sequence[_Test], options: ReadOptions, source: str) -> _Test:
+def _is_ocv(test: _Test) -> bool:
+    return None not in (named(tuple(test.columns), _SOC), named(tuple(test.columns), _OCV))
+
+
+def _slow_discharge(test: _Test, capacity: float | None, source: str) -> _Test:
+    """An open-circuit curve as the record of a discharge so slow that it makes no difference."""
+    if capacity is None:
+        raise BsaError(
+            f"{source} holds an open-circuit curve over the state of charge, not a record over time.",
+            "say the capacity of the cell in A.h to read it as a discharge at C/1000: --reader-option capacity=5.",
+        )
+    names = tuple(test.columns)
+    soc, ocv = (
+        np.asarray(test.columns[names[place]], dtype=np.float64)
+        for place in (named(names, _SOC), named(names, _OCV))
+        if place is not None
+    )
+    order = np.argsort(-soc, kind="stable")
+    share = (soc[order[0]] - soc[order]) / (100.0 if soc.max() > 1.5 else 1.0)
+    columns = {
+        "Time [h]": share * _SLOW_HOURS,
+        "Voltage [V]": ocv[order],
+        "Current [A]": np.full(len(soc), -capacity / _SLOW_HOURS),
+    }
+    return replace(test, columns=columns)
+
+
+def _chosen(tests: Sequence[_Test], options: ReadOptions, source: str) -> list[_Test]:
     fields = {name for test in tests for name in test.fields} & set(options.where)
     found = [
         test
@@ -127,8 +198,8 @@ def _chosen(tests: Sequence[_Test], options: ReadOptions, source: str) -> _Test:
         if (options.sheet is None or _lies_at(test, options.sheet))
         and all(test.fields.get(name) == options.where[name] for name in fields)
     ]
-    if len(found) == 1:
-        return found[0]
+    if len(found) == 1 or (found and options.join):
+        return found
     if not found:
         wanted = [f'--sheet "{shown(options.sheet)}"'] * (options.sheet is not None)
         wanted += [f"--where {shown(name)}={shown(options.where[name])}" for name in sorted(fields)]
@@ -137,7 +208,7 @@ def _chosen(tests: Sequence[_Test], options: ReadOptions, source: str) -> _Test:
         )
     raise BsaError(
         f"{source} holds {len(found)} tests" + " that fit." * (len(found) < len(tests)) + "." * (found == tests),
-        f"choose one with --sheet {shown(_example(found))}; there are {_overview(found)}.",
+        f"choose one with --sheet {shown(_example(found))} (or --join all); there are {_overview(found)}.",
     )
 
 
@@ -206,4 +277,8 @@ def _read(test: _Test, source: str, options: ReadOptions) -> Samples:
     where = {name: value for name, value in options.where.items() if name not in test.fields}
     label = f"{source}: {test.name}" if len(test.path) > 1 else source
     table = ArrayTable(label, tuple(columns), tuple(columns.values()))
-    return read_table(table, options.model_copy(update={"where": where, "sheet": None}))
+    samples = read_table(table, options.model_copy(update={"where": where, "sheet": None}))
+    if test.start is not None and "date" not in samples.extra:
+        date = test.start + samples.time - samples.time[0]
+        samples = replace(samples, extra={**samples.extra, "date": date})
+    return samples

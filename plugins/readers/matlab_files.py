@@ -10,6 +10,7 @@ import numpy as np
 
 from ...core.errors import BsaError
 from ...core.extras import require
+from .matlab_depth import MOST, too_deep
 from .source import MAX_BYTES, decoding
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -51,37 +52,34 @@ def load(path: Path, source: str) -> dict[str, Any]:
 def _from_scipy(path: Path, source: str) -> dict[str, Any]:
     from scipy.io import loadmat
 
-    _refuse_large(path, source)
+    _refuse_hostile(path, source)
     variables = loadmat(path, simplify_cells=True)
     return {name: value for name, value in variables.items() if not name.startswith("__")}
 
 
-def _refuse_large(path: Path, source: str) -> None:
-    """Unpack the compressed variables piece by piece, and count: a small file may hold any number of zeros."""
+def _refuse_hostile(path: Path, source: str) -> None:
+    """Unpack the variables within limits, and look how deep they are: what SciPy would not survive is refused."""
     size = path.stat().st_size
     with open(path, "rb") as file:
         head = file.read(128)
-        # Version 4 has no such header and is not compressed; a file of version 5 says its byte order in it.
+        # Version 4 has no such header, no packing and no structs; a file of version 5 says its byte order in it.
         order: Literal["little", "big"] = "little" if head[126:128] == b"IM" else "big"
         while head[126:128] in (b"IM", b"MI") and size <= MAX_BYTES:
             tag = file.read(8)
             if len(tag) < 8:
                 break
             kind, length = (int.from_bytes(part, order) for part in (tag[:4], tag[4:]))
-            if kind == _COMPRESSED:
-                size += _unpacked(file.read(min(length, MAX_BYTES)))
-            else:
-                file.seek(length, 1)
+            content = file.read(min(length, MAX_BYTES))
+            variable = _unpacked(content) if kind == _COMPRESSED else tag + content
+            size += len(variable)
+            if too_deep(variable, order):
+                raise BsaError(f"{source} nests structs more than {MOST} deep.", "save the structs with the columns.")
     if size > MAX_BYTES:
         raise BsaError(f"{source} unpacks to more than {MAX_BYTES // 2**20} MiB.", "save fewer variables in it.")
 
 
-def _unpacked(data: bytes) -> int:
-    stream, size = zlib.decompressobj(), 0
-    while data and size <= MAX_BYTES:
-        size += len(stream.decompress(data, 2**20))
-        data = stream.unconsumed_tail
-    return size
+def _unpacked(data: bytes) -> bytes:
+    return zlib.decompressobj().decompress(data, MAX_BYTES + 1)
 
 
 def _from_hdf5(path: Path, source: str) -> dict[str, Any]:

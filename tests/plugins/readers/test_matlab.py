@@ -79,16 +79,52 @@ def test_a_test_chosen_by_a_field_around_it(tmp_path):
     assert len(read_record(path, ReadOptions(sheet="1", where={"type": "charge"})).trajectory) == 200
 
 
+def test_all_tests_that_fit_are_joined_when_asked_for(tmp_path):
+    record = read_record(saved(tmp_path / "a.mat", rate_test()), ReadOptions(sheet="T25", join=True))
+    assert len(record.trajectory) == 400
+    assert record.trajectory.current.max() == 2.0
+    assert any('"RateTest/T25/cRate_1C", "RateTest/T25/cRate_2C"' in note for note in record.notes)
+
+
+def test_tests_are_joined_by_the_date_vectors_around_them(tmp_path):
+    content = nasa()
+    later = [(*row, np.array([2008.0, 4, 2 - k, 13, 8, 17.9])) for k, row in enumerate(content["B0005"]["cycle"])]
+    types = [("type", "O"), ("ambient_temperature", "O"), ("data", "O"), ("time", "O")]
+    path = saved(tmp_path / "a.mat", {"B0005": {"cycle": np.array(later, dtype=types)}})
+    record = read_record(path, ReadOptions(join=True))
+    assert record.trajectory.current[:200].max() == 2.0
+    assert record.trajectory.current[200:].max() == 1.0
+    assert record.trajectory.time[200] == pytest.approx(86400.0)
+    assert any("joined by date" in note for note in record.notes)
+
+
+@pytest.mark.parametrize("full", [1.0, 100.0])
+def test_an_open_circuit_curve_is_a_very_slow_discharge(tmp_path, full):
+    soc = np.linspace(0.0, full, 21)
+    path = saved(tmp_path / "a.mat", {"ocv": {"refSoC": soc, "meanOCV": 3.0 + soc / full}})
+    with pytest.raises(BsaError, match="holds an open-circuit curve") as raised:
+        read_record(path)
+    assert "--reader-option capacity=5" in raised.value.hint
+    trajectory = read_record(path, reader_options={"capacity": 5.0}).trajectory
+    assert trajectory.discharge_capacity[-1] == pytest.approx(5.0)
+    np.testing.assert_allclose(trajectory.voltage, 4.0 - np.linspace(0, 1, 21))
+
+
 @pytest.mark.parametrize(
     ("content", "options", "message", "hint"),
     [
-        (rate_test(), {}, "a.mat holds 4 tests.", "--sheet T0/cRate_1C; there are T0, T25 / cRate_1C, cRate_2C."),
+        (
+            rate_test(),
+            {},
+            "a.mat holds 4 tests.",
+            "--sheet T0/cRate_1C (or --join all); there are T0, T25 / cRate_1C, cRate_2C.",
+        ),
         (rate_test(), {"sheet": "T25"}, "a.mat holds 2 tests that fit.", "cRate_1C, cRate_2C"),
         (rate_test(), {"sheet": "T25/x"}, 'no test for --sheet "T25/x"', "it has cRate_1C, cRate_2C."),
         (nasa(), {}, "a.mat holds 2 tests.", "--where type= charge, discharge"),
         (nasa(), {"where": {"type": "rest"}}, "no test for --where type=rest", "charge, discharge"),
         (nasa(), {"where": {"kind": "rest"}, "sheet": "1"}, '"kind" is not a column', '"Time"'),
-        ({"ocv": {"soc": np.arange(9.0), "v": np.ones(9)}}, {}, 'ocv has "soc", "v"', "--column time=NAME"),
+        ({"ocv": {"x": np.arange(9.0), "v": np.ones(9)}}, {}, 'ocv has "x", "v"', "--column time=NAME"),
         ({"x": 3.0}, {}, "holds no columns of numbers", "struct of arrays"),
     ],
 )
