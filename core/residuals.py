@@ -20,7 +20,7 @@ from .trajectory import FloatArray, Trajectory
 DURATION_TOLERANCE = 1e-3
 DURATION = "duration"
 
-_POINTS = 16
+POINTS = 16
 """Points of a signal in a step under a protocol."""
 
 _DRIVEN_POINTS = 40
@@ -63,7 +63,7 @@ def misfits(task: Task, outcome: Outcome) -> list[StepMisfit]:
         pairs = [pair for pair in pair_steps(run.trajectory, experiment) if pair.reached]
         for pair, part in zip(pairs, _by_step(task, pairs, experiment), strict=True):
             signals = task.compared(pair.step.kind, experiment)
-            usual = _DRIVEN_POINTS if experiment.protocol is None else _POINTS
+            usual = _DRIVEN_POINTS if experiment.protocol is None else POINTS
             names = [signal.name for signal in signals] + [DURATION] * (experiment.protocol is not None)
             split = np.split(part, np.cumsum([_points(signal, usual) for signal in signals]))
             squares = {name: float(values @ values) for name, values in zip(names, split, strict=False)}
@@ -184,7 +184,7 @@ def _protocol(task: Task, pairs: list[StepPair], experiment: Experiment) -> list
     parts: list[FloatArray] = []
     for pair in pairs:
         curves = [
-            _mismatch(pair, signal, experiment, np.linspace(0.0, 1.0, _points(signal, _POINTS)))
+            _mismatch(pair, signal, experiment, np.linspace(0.0, 1.0, _points(signal, POINTS)))
             # A rest of a second says what its neighbours say; let it not count 16 times.
             * (1.0 if signal.relative else min(1.0, pair.measured.duration / brief_s) ** 0.5)
             for signal in task.compared(pair.step.kind, experiment)
@@ -265,7 +265,7 @@ def rows_of(task: Task) -> ResidualRows:
         for pair in pair_steps(record, experiment):
             place = record.steps.index(pair.step)
             for signal in task.compared(pair.step.kind, experiment):
-                points = _points(signal, _DRIVEN_POINTS if experiment.protocol is None else _POINTS)
+                points = _points(signal, _DRIVEN_POINTS if experiment.protocol is None else POINTS)
                 times = pair.measured.duration * (np.arange(points) + 0.5) / points
                 found += [(number, place, signal.name, float(time)) for time in times]
             if experiment.protocol is not None:

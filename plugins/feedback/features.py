@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.alignment import StepPair, pair_steps
-from ...core.residuals import DURATION_TOLERANCE, tolerance_at
+from ...core.residuals import DURATION_TOLERANCE, POINTS, tolerance_at
 from ...core.signals import Signal, slug
 from ...core.simulation import Outcome
 from ...core.task import Experiment, Task
@@ -17,6 +17,10 @@ from .ageing import fade_features, told_cycles
 _PARTS = {"early": (0.05, 0.25), "middle": (0.40, 0.60), "late": (0.75, 0.95)}
 _POINTS, _SWING_POINTS = 9, 100
 """Points of a part of a step by which a level is judged, and a swing of some ten periods."""
+
+_AS_ONE = (3.0 / POINTS) ** 0.5
+"""Share of a signal's tolerance by which a third of a step must lie off to weigh as much as one tolerance of a duration:
+in the misfit it stands for a third of the step's points."""
 
 FEW = 12
 """Steps described in detail; of longer records the longest steps stand for all."""
@@ -43,7 +47,7 @@ def mismatches(task: Task, outcome: Outcome) -> dict[str, Mismatch]:
     ``free_decay_late_displacement_shift_mm``. A signal that oscillates has, for a shift, the mismatch of its
     amplitude and its delay: ``..._amplitude_shift_mm``, ``..._lag_s``, positive where the simulation is late.
     The names depend on the task alone, except that steps a failed simulation never reached are missing.
-    Tolerances are those of the residuals: of a duration, of a signal, of a signal's slope for a delay.
+    Tolerances are those of the residuals, so that each feature weighs as it does in the misfit.
 
     Returns
     -------
@@ -96,11 +100,10 @@ def _signal_features(
     if signal.relative:
         scale = float(np.mean(np.abs(measured))) or 1.0
         shift = 100.0 * float(np.mean(np.abs(simulated) - np.abs(measured))) / scale
-        return {
-            f"{name}_{signal.name}_shift_pct": Mismatch(shift, 100.0 * tolerance_at(signal, scale, experiment) / scale)
-        }
+        tolerance = 100.0 * tolerance_at(signal, scale, experiment) / scale
+        return {f"{name}_{signal.name}_shift_pct": Mismatch(shift, _AS_ONE * tolerance)}
     shift = signal.shown_scale * float(np.mean(simulated - measured))
-    return {f"{name}_{_shift(task, signal)}": Mismatch(shift, signal.shown_scale * signal.tolerance)}
+    return {f"{name}_{_shift(task, signal)}": Mismatch(shift, _AS_ONE * signal.shown_scale * signal.tolerance)}
 
 
 def _shift(task: Task, signal: Signal) -> str:
