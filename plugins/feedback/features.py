@@ -19,8 +19,8 @@ _POINTS, _SWING_POINTS = 9, 100
 """Points of a part of a step by which a level is judged, and a swing of some ten periods."""
 
 _AS_ONE = (3.0 / POINTS) ** 0.5
-"""Share of a signal's tolerance by which a third of a step must lie off to weigh as much as one tolerance of a duration:
-in the misfit it stands for a third of the step's points."""
+"""Share of a signal's tolerance by which a third of a step must lie off to weigh as one tolerance of a duration: in the
+misfit it stands for a third of the step's points."""
 
 FEW = 12
 """Steps described in detail; of longer records the longest steps stand for all."""
