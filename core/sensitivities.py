@@ -78,7 +78,7 @@ class Sensitivities:
             if any(feature in effects for feature in features)
         ]
         return {
-            "meaning": "change of each feature when one parameter rises by its step; null or absent: not measured",
+            "meaning": "change of a feature when a parameter rises by its step; null or absent: not measured",
             "unit": self.unit,
             "learnt_from": self.learnt_from,
             "effects": table([*_FIXED, *features], rows),

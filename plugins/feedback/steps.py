@@ -39,8 +39,8 @@ def by_step(task: Task, outcome: Outcome) -> dict[str, Any]:
     if not told:
         return {}
     protocol = any(experiment.protocol is not None for experiment in task.experiments)
-    columns = ["step", "measured_s", "curve_share_of_misfit_pct"]
-    columns += ["simulated_s", "off_pct", "clock_offset_at_end_s", "duration_share_of_misfit_pct"] * protocol
+    columns = ["step", "measured_s", "curve_misfit_share_pct"]
+    columns += ["simulated_s", "off_pct", "clock_offset_at_end_s", "duration_misfit_share_pct"] * protocol
     steps: list[list[Any]] = []
     along: list[list[Any]] = []
     for name, step, offset in told:

@@ -13,14 +13,14 @@ from ...core.proposal import Proposal
 from ...core.trial import Trial, closest
 from ..feedback.rounding import rounded
 
-_NOTE_CHARS = 48
+_NOTE_CHARS = 40
 _STEP_DECIMALS = 2
 
 
 class HistoryOptions(BaseModel, extra="forbid"):
     """What the per-round memory shows."""
 
-    rounds: int = Field(8, ge=1, description="Trials shown at most: the closest ones and the latest ones.")
+    rounds: int = Field(7, ge=1, description="Trials shown at most: the closest ones and the latest ones.")
     with_features: int = Field(1, ge=0, description="So many of the latest of them are shown with all their features.")
 
 

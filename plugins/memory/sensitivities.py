@@ -137,7 +137,7 @@ class SensitivityMemory:
         effects = {name: rows for name, rows in zip(self._space.names, known, strict=True) if rows}
         learnt = Sensitivities(
             effects,
-            f"{len(self._secants)} simulations, those near trial {now.index} counting most",
+            f"{len(self._secants)} simulations, near ones most",
             rounded(self._remarks(features), digits=3),
             points=dict(zip(self._space.names, slopes.points, strict=True)),
             misprediction_pct={

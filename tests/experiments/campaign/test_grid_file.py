@@ -69,9 +69,9 @@ def test_shipped_grids_expand(name, tmp_path, monkeypatch):
     runs = {
         "main-table": len(cases) * (2 * 4 + 8),
         "qwen-scaling": 8 * 3 * 3,
-        "rules-ablation": 8 * 4 * 3,
-        "rules-ablation-cases": 10 * 4,
-        "scaffold-ablation": 8 * 4 * 3,
+        "rules-ablation": 8 * 6 * 3,
+        "rules-ablation-cases": 10 * 6,
+        "scaffold-ablation": 8 * 9 * 3,
     }
     assert grid.name == name
     assert len(cells) == runs[name]
