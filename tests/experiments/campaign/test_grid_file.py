@@ -72,6 +72,7 @@ def test_shipped_grids_expand(name, tmp_path, monkeypatch):
         "rules-ablation": 8 * 6 * 3,
         "rules-ablation-cases": 10 * 6,
         "scaffold-ablation": 8 * 9 * 3,
+        "ageing": 5 * 3,
     }
     assert grid.name == name
     assert len(cells) == runs[name]
