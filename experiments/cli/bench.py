@@ -24,16 +24,13 @@ if TYPE_CHECKING:
 bench_app = typer.Typer(help="Run the studies: one command each, seeded, resumable.", no_args_is_help=True)
 
 
-Suite = Annotated[
-    str, typer.Option(metavar="NAME", help="published, generated or random.", rich_help_panel=shared.RECORDS)
-]
+Suite = Annotated[str, shared.records_option(metavar="NAME", help="published, generated or random.")]
 Published = Annotated[
     Path | None,
-    typer.Option(
+    shared.records_option(
         envvar="BSA_PUBLISHED_SUITE",
         metavar="FOLDER",
         help="Where the published task files are (they are not shipped).",
-        rich_help_panel=shared.RECORDS,
     ),
 ]
 
@@ -45,16 +42,11 @@ class Cases:
     suite: Suite = "published"
     cases: Annotated[
         str | None,
-        typer.Option(
-            metavar="N|NAMES",
-            help='How many cases, or which: "10", "regular-134", "extreme-*".',
-            rich_help_panel=shared.RECORDS,
-        ),
+        shared.records_option(metavar="N|NAMES", help='How many cases, or which: "10", "regular-134", "extreme-*".'),
     ] = None
     published: Published = None
     noise_mv: Annotated[
-        float,
-        typer.Option(min=0.0, metavar="MV", help="Noise put on the targets' voltage.", rich_help_panel=shared.RECORDS),
+        float, shared.records_option(min=0.0, metavar="MV", help="Noise put on the targets' voltage.")
     ] = 0.0
 
     def filter(self, seed: int) -> SuiteFilter:
@@ -72,19 +64,11 @@ class Cases:
         )
 
 
-Scaffolds = Annotated[
-    str, typer.Option(metavar="NAMES", help="Scaffolds, joined by commas.", rich_help_panel=shared.SEARCH)
-]
-Simulations = Annotated[
-    int, typer.Option(min=1, metavar="N", help="Simulations a run at most.", rich_help_panel=shared.SEARCH)
-]
+Scaffolds = Annotated[str, shared.search_option(metavar="NAMES", help="Scaffolds, joined by commas.")]
+Simulations = Annotated[int, shared.search_option(min=1, metavar="N", help="Simulations a run at most.")]
 Out = Annotated[
     Path | None,
-    typer.Option(
-        metavar="FOLDER",
-        help="For tables and figures; default: a folder of the store, grids/STUDY.",
-        rich_help_panel=shared.OUTPUT,
-    ),
+    shared.output_option(metavar="FOLDER", help="For tables and figures; default: a folder of the store, grids/STUDY."),
 ]
 
 Analysis = Callable[["list[Row]", "Store", Path], Any]
@@ -124,11 +108,7 @@ def suite_command(
     seed: shared.Seed = 1234,
     own_budget: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="NAME=N",
-            help="Simulations of one base cell's cases, ORegan2022=50; repeat.",
-            rich_help_panel=shared.SEARCH,
-        ),
+        shared.search_option(metavar="NAME=N", help="Simulations of one base cell's cases, ORegan2022=50; repeat."),
     ] = None,
     execution: Execution,
     model: shared.LanguageModel,
@@ -159,15 +139,11 @@ def _own_budgets(pairs: list[str] | None) -> dict[str, int]:
 @with_options(shared.LanguageModel, backend="rules")
 def runtime_command(
     *,
-    case: Annotated[
-        str, typer.Option(metavar="NAME", help="The case to time.", rich_help_panel=shared.RECORDS)
-    ] = "regular-60",
+    case: Annotated[str, shared.records_option(metavar="NAME", help="The case to time.")] = "regular-60",
     suite: Suite = "generated",
     published: Published = None,
     scaffolds: Scaffolds = "full,hybrid,cma-es",
-    steps: Annotated[
-        int, typer.Option(min=10, metavar="N", help="Steps of the outer loop.", rich_help_panel=shared.SEARCH)
-    ] = 20,
+    steps: Annotated[int, shared.search_option(min=10, metavar="N", help="Steps of the outer loop.")] = 20,
     seed: shared.Seed = 1234,
     model: shared.LanguageModel,
     store: StoreOption = RESULTS,
@@ -217,8 +193,7 @@ def warmup_command(
     cases: Cases,
     *,
     scaffold: Annotated[
-        str,
-        typer.Option(metavar="NAME", help="Scaffold whose warm-up is exchanged.", rich_help_panel=shared.SEARCH),
+        str, shared.search_option(metavar="NAME", help="Scaffold whose warm-up is exchanged.")
     ] = "full",
     simulations: Simulations = 100,
     seed: shared.Seed = 1234,
@@ -244,11 +219,8 @@ def no_harm_command(
     *,
     simulations: Annotated[
         int,
-        typer.Option(
-            min=1,
-            metavar="N",
-            help="Simulations of least squares at most; hybrid gets a quarter more.",
-            rich_help_panel=shared.SEARCH,
+        shared.search_option(
+            min=1, metavar="N", help="Simulations of least squares at most; hybrid gets a quarter more."
         ),
     ] = 100,
     seed: shared.Seed = 1234,
@@ -266,12 +238,10 @@ def evaluation_command(
     task: Annotated[
         str, typer.Argument(metavar="TASK", help="Task to evaluate.", autocompletion=completion.tasks)
     ] = "demo",
-    repeats: Annotated[
-        int, typer.Option(min=3, metavar="N", help="Evaluations a median is over.", rich_help_panel=shared.SEARCH)
-    ] = 15,
-    out: Annotated[
-        Path, typer.Option(metavar="FOLDER", help="For evaluation.csv.", rich_help_panel=shared.OUTPUT)
-    ] = RESULTS / "grids" / "evaluation",
+    repeats: Annotated[int, shared.search_option(min=3, metavar="N", help="Evaluations a median is over.")] = 15,
+    out: Annotated[Path, shared.output_option(metavar="FOLDER", help="For evaluation.csv.")] = RESULTS
+    / "grids"
+    / "evaluation",
 ) -> None:
     """What one evaluation costs against PyBaMM by itself, and what the loop adds to a round."""
     from dataclasses import asdict
@@ -293,11 +263,7 @@ def docs_command(
     ] = Path(),
     check: Annotated[
         bool,
-        typer.Option(
-            "--check",
-            help="Change nothing; exit code 1 where a table is not what its rows say.",
-            rich_help_panel=shared.OUTPUT,
-        ),
+        shared.output_option("--check", help="Change nothing; exit code 1 where a table is not what its rows say."),
     ] = False,
 ) -> None:
     """Rebuild every table of README.md and docs/*.md from the rows in docs/results."""
@@ -315,10 +281,7 @@ def tables_command(
     grid: Annotated[str, typer.Argument(metavar="GRID", help="A grid that was run, by name, file or folder.")],
     store: StoreOption = RESULTS,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER", help="Where to write; default: the grid's folder.", rich_help_panel=shared.OUTPUT
-        ),
+        Path | None, shared.output_option(metavar="FOLDER", help="Where to write; default: the grid's folder.")
     ] = None,
     metric: Metric = "mape",
 ) -> None:

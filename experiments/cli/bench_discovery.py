@@ -23,11 +23,11 @@ discovery_app = typer.Typer(
 Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the blind cases.")]
 Only = Annotated[
     list[str] | None,
-    typer.Option(metavar="CASE", help="Case to run, case_07; repeat; left out, all.", rich_help_panel=shared.RECORDS),
+    shared.records_option(metavar="CASE", help="Case to run, case_07; repeat; left out, all."),
 ]
 Results = Annotated[
     str,
-    typer.Option(metavar="NAME", help="Name of the results in the folder, under grids.", rich_help_panel=shared.OUTPUT),
+    shared.output_option(metavar="NAME", help="Name of the results in the folder, under grids."),
 ]
 
 
@@ -35,10 +35,7 @@ Results = Annotated[
 def make_command(
     folder: Folder,
     count: Annotated[
-        int,
-        typer.Option(
-            min=1, metavar="N", help="How many cases to make, the seed's first.", rich_help_panel=shared.RECORDS
-        ),
+        int, shared.records_option(min=1, metavar="N", help="How many cases to make, the seed's first.")
     ] = 200,
     seed: shared.Seed = 2026,
 ) -> None:
@@ -58,12 +55,7 @@ def run_command(
     execution: Executors,
     model: shared.LanguageModel,
     hide_names: Annotated[
-        bool,
-        typer.Option(
-            "--hide-names",
-            help="Show the model effects under names without meaning.",
-            rich_help_panel=shared.LANGUAGE_MODEL,
-        ),
+        bool, shared.language_model_option("--hide-names", help="Show the model effects under names without meaning.")
     ] = False,
     results: Results = "discovery",
 ) -> None:

@@ -23,17 +23,11 @@ if TYPE_CHECKING:
 
 StoreOption = Annotated[
     Path,
-    typer.Option(
-        metavar="FOLDER", help="Holds cells and grids; grids share cells in it.", rich_help_panel=shared.OUTPUT
-    ),
+    shared.output_option(metavar="FOLDER", help="Holds cells and grids; grids share cells in it."),
 ]
 Metric = Annotated[
     str,
-    typer.Option(
-        metavar="NAME",
-        help="Error that is compared and drawn: mape, rmse or v_rmse_mv.",
-        rich_help_panel=shared.OUTPUT,
-    ),
+    shared.output_option(metavar="NAME", help="Error that is compared and drawn: mape, rmse or v_rmse_mv."),
 ]
 
 RESULTS = Path("results")
@@ -44,27 +38,16 @@ class Executors:
     """Who carries out a campaign."""
 
     workers: Annotated[
-        int,
-        typer.Option(
-            min=0, metavar="N", help="Cells side by side; 0: as many as cores.", rich_help_panel=shared.SEARCH
-        ),
+        int, shared.search_option(min=0, metavar="N", help="Cells side by side; 0: as many as cores.")
     ] = 0
     cluster: Annotated[
         str | None,
-        typer.Option(
-            metavar="PLACE",
-            help="Dask: tcp://HOST:PORT of a scheduler, or slurm:FILE.yaml (dask-jobqueue).",
-            rich_help_panel=shared.SEARCH,
+        shared.search_option(
+            metavar="PLACE", help="Dask: tcp://HOST:PORT of a scheduler, or slurm:FILE.yaml (dask-jobqueue)."
         ),
     ] = None
     memory_limit: Annotated[
-        float,
-        typer.Option(
-            min=1,
-            metavar="MB",
-            help="Replace a local worker that grows past this.",
-            rich_help_panel=shared.SEARCH,
-        ),
+        float, shared.search_option(min=1, metavar="MB", help="Replace a local worker that grows past this.")
     ] = 1500
 
     def check(self) -> None:
@@ -109,24 +92,13 @@ class Execution(Executors):
     """How a campaign of calibrations is carried out, and what may be spent."""
 
     dry_run: Annotated[
-        bool,
-        typer.Option(
-            "--dry-run",
-            help="Say what would be run and what it would take; run nothing.",
-            rich_help_panel=shared.SEARCH,
-        ),
+        bool, shared.search_option("--dry-run", help="Say what would be run and what it would take; run nothing.")
     ] = False
     max_tokens: Annotated[
-        int | None,
-        typer.Option(
-            min=0, metavar="N", help="Begin no cell after so many tokens.", rich_help_panel=shared.LANGUAGE_MODEL
-        ),
+        int | None, shared.language_model_option(min=0, metavar="N", help="Begin no cell after so many tokens.")
     ] = None
     max_cost: Annotated[
-        float | None,
-        typer.Option(
-            min=0, metavar="USD", help="Begin no cell after so much money.", rich_help_panel=shared.LANGUAGE_MODEL
-        ),
+        float | None, shared.language_model_option(min=0, metavar="USD", help="Begin no cell after so much money.")
     ] = None
     store: StoreOption = RESULTS
 
@@ -157,11 +129,8 @@ def grid(
     *,
     settings: Annotated[
         list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="KEY=VALUE",
-            help="Any key of the grid: rounds=5, seeds=[1,2], tasks.0.cases=2; repeat.",
-            rich_help_panel=shared.SEARCH,
+        shared.search_option(
+            "--set", metavar="KEY=VALUE", help="Any key of the grid: rounds=5, seeds=[1,2], tasks.0.cases=2; repeat."
         ),
     ] = None,
     execution: Execution,
@@ -184,16 +153,10 @@ def report(
     ],
     store: StoreOption = RESULTS,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="The page; default: in the folder of the grid or run.", rich_help_panel=shared.OUTPUT
-        ),
+        Path | None, shared.output_option(metavar="FILE", help="The page; default: in the folder of the grid or run.")
     ] = None,
     full: Annotated[
-        bool,
-        typer.Option(
-            "--full", help="Write the full report of every finished run first.", rich_help_panel=shared.OUTPUT
-        ),
+        bool, shared.output_option("--full", help="Write the full report of every finished run first.")
     ] = False,
     metric: Metric = "mape",
 ) -> None:

@@ -30,23 +30,14 @@ def data(
     join: shared.Join = False,
     *,
     reading: shared.Reading,
-    plot: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Draw the record (.png or .svg).", rich_help_panel=shared.OUTPUT),
-    ] = None,
+    plot: Annotated[Path | None, shared.output_option(metavar="FILE", help="Draw the record (.png or .svg).")] = None,
     export: Annotated[
-        str | None,
-        typer.Option(
-            metavar="bdf", help="Write the record in the Battery Data Format, to --out.", rich_help_panel=shared.OUTPUT
-        ),
+        str | None, shared.output_option(metavar="bdf", help="Write the record in the Battery Data Format, to --out.")
     ] = None,
     out: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Where --export writes (.csv or .parquet).", rich_help_panel=shared.OUTPUT),
+        Path | None, shared.output_option(metavar="FILE", help="Where --export writes (.csv or .parquet).")
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print everything as JSON.", rich_help_panel=shared.OUTPUT)
-    ] = False,
+    as_json: Annotated[bool, shared.output_option("--json", help="Print everything as JSON.")] = False,
 ) -> None:
     """Say what files hold: signals, steps, cycles, resistances, slow curves and every problem."""
     from ...core.reading.reading import read_file

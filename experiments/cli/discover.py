@@ -26,71 +26,51 @@ if TYPE_CHECKING:
 def discover(
     *,
     data: Annotated[
-        list[Path] | None,
-        typer.Option("--data", metavar="FILE...", help="Records to explain.", rich_help_panel=shared.RECORDS),
+        list[Path] | None, shared.records_option("--data", metavar="FILE...", help="Records to explain.")
     ] = None,
     holdout: shared.Holdout = None,
     reading: shared.Reading,
     parameters: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME",
-            help="PyBaMM parameter set to start from.",
-            autocompletion=completion.parameter_sets,
-            rich_help_panel=shared.MODEL,
+        shared.model_option(
+            metavar="NAME", help="PyBaMM parameter set to start from.", autocompletion=completion.parameter_sets
         ),
     ] = None,
     model: shared.Model = "DFN",
     options: shared.ModelOptions = None,
     override: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=VALUE", help="A parameter that is known better; repeat.", rich_help_panel=shared.MODEL
-        ),
+        list[str] | None, shared.model_option(metavar="NAME=VALUE", help="A parameter that is known better; repeat.")
     ] = None,
     search: Annotated[
         str,
-        typer.Option(
+        shared.model_option(
             metavar="NAME|FILE",
             help="What is uncertain about the base model: all, capacity, particles, measured, or a YAML file.",
             autocompletion=completion.uncertain_presets,
-            rich_help_panel=shared.MODEL,
         ),
     ] = "all",
     scale: shared.Scale = True,
     effect: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="NAME",
-            help="Effect to consider; repeat; left out, all.",
-            autocompletion=completion.effects,
-            rich_help_panel=shared.SEARCH,
+        shared.search_option(
+            metavar="NAME", help="Effect to consider; repeat; left out, all.", autocompletion=completion.effects
         ),
     ] = None,
     effect_option: Annotated[
         list[str] | None,
-        typer.Option(
-            "--effect-option",
-            metavar="KEY=VALUE",
-            help="Option of an effect, effect.key=value or key=value; repeat.",
-            rich_help_panel=shared.SEARCH,
+        shared.search_option(
+            "--effect-option", metavar="KEY=VALUE", help="Option of an effect, effect.key=value or key=value; repeat."
         ),
     ] = None,
     max_effects: Annotated[
-        int,
-        typer.Option(
-            min=1, max=2, metavar="N", help="Effects in one explanation at most.", rich_help_panel=shared.SEARCH
-        ),
+        int, shared.search_option(min=1, max=2, metavar="N", help="Effects in one explanation at most.")
     ] = 2,
     seed: shared.Seed = 0,
     workers: shared.SimulationWorkers = 0,
     backend: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Language model that ranks effects too.",
-            autocompletion=completion.backends,
-            rich_help_panel=shared.LANGUAGE_MODEL,
+        shared.language_model_option(
+            metavar="NAME", help="Language model that ranks effects too.", autocompletion=completion.backends
         ),
     ] = None,
     via: shared.Via = None,
@@ -98,16 +78,10 @@ def discover(
     backend_option: shared.BackendOption = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="Folder of the discovery; default: runs/<record>-discover-<n>.",
-            rich_help_panel=shared.OUTPUT,
-        ),
+        shared.output_option(metavar="FOLDER", help="Folder of the discovery; default: runs/<record>-discover-<n>."),
     ] = None,
     resume: shared.Resume = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print discovery.json to standard output.", rich_help_panel=shared.OUTPUT)
-    ] = False,
+    as_json: Annotated[bool, shared.output_option("--json", help="Print discovery.json to standard output.")] = False,
 ) -> None:
     """Find where a model and measured records disagree, name the missing effect, add it, show the gap shrink."""
     from ...core.validation import explain

@@ -17,7 +17,7 @@ def predict(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a finished run.")],
     data: Annotated[
         list[Path],
-        typer.Option("--data", metavar="FILE...", help="Records to predict.", rich_help_panel=shared.RECORDS),
+        shared.records_option("--data", metavar="FILE...", help="Records to predict."),
     ],
     *,
     reading: shared.Reading,
@@ -25,15 +25,9 @@ def predict(
     workers: shared.SimulationWorkers = 0,
     out: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="Folder of the prediction; default: RUN/predictions/<record>-<n>.",
-            rich_help_panel=shared.OUTPUT,
-        ),
+        shared.output_option(metavar="FOLDER", help="Folder of the prediction; default: RUN/predictions/<record>-<n>."),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print prediction.json to standard output.", rich_help_panel=shared.OUTPUT)
-    ] = False,
+    as_json: Annotated[bool, shared.output_option("--json", help="Print prediction.json to standard output.")] = False,
 ) -> None:
     """Score records that a run did not fit, with the band that its parameters' intervals predict."""
     from ..predict import predict_records, write_scores

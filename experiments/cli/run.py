@@ -37,8 +37,7 @@ def run(
         ),
     ] = None,
     data: Annotated[
-        list[Path] | None,
-        typer.Option("--data", metavar="FILE...", help="Cycler records.", rich_help_panel=shared.RECORDS),
+        list[Path] | None, shared.records_option("--data", metavar="FILE...", help="Cycler records.")
     ] = None,
     holdout: shared.Holdout = None,
     join: shared.Join = False,
@@ -47,114 +46,77 @@ def run(
     initial_soc: shared.InitialSocs = None,
     parameters: Annotated[
         str | None,
-        typer.Option(
+        shared.model_option(
             metavar="NAME",
             help="PyBaMM parameter set to start from, for --data.",
             autocompletion=completion.parameter_sets,
-            rich_help_panel=shared.MODEL,
         ),
     ] = None,
     model: shared.Model = "DFN",
     options: shared.ModelOptions = None,
     search: Annotated[
         str,
-        typer.Option(
+        shared.model_option(
             metavar="NAME|FILE",
             help="What is searched, for --data: a preset (cell, geometry, sei) or a YAML file.",
             autocompletion=completion.search_presets,
-            rich_help_panel=shared.MODEL,
         ),
     ] = "cell",
     scale: shared.Scale = True,
     scaffold: Annotated[
         str,
-        typer.Option(
-            metavar="NAME|FILE",
-            help="Scaffold by name, or a YAML file.",
-            autocompletion=completion.scaffolds,
-            rich_help_panel=shared.SEARCH,
+        shared.search_option(
+            metavar="NAME|FILE", help="Scaffold by name, or a YAML file.", autocompletion=completion.scaffolds
         ),
     ] = "hybrid",
-    rounds: Annotated[
-        int, typer.Option(min=0, metavar="N", help="Search rounds at most.", rich_help_panel=shared.SEARCH)
-    ] = 80,
-    warmup: Annotated[
-        int, typer.Option(min=0, metavar="N", help="Warm-up simulations at most.", rich_help_panel=shared.SEARCH)
-    ] = 20,
-    simulations: Annotated[
-        int, typer.Option(min=1, metavar="N", help="Simulations at most, in all.", rich_help_panel=shared.SEARCH)
-    ] = 100,
+    rounds: Annotated[int, shared.search_option(min=0, metavar="N", help="Search rounds at most.")] = 80,
+    warmup: Annotated[int, shared.search_option(min=0, metavar="N", help="Warm-up simulations at most.")] = 20,
+    simulations: Annotated[int, shared.search_option(min=1, metavar="N", help="Simulations at most, in all.")] = 100,
     seed: shared.Seed = 1234,
     workers: shared.SimulationWorkers = 0,
     settings: Annotated[
         list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="KEY=VALUE",
-            help="Any setting, patience=5 or feedback.use=overlay; repeat.",
-            rich_help_panel=shared.SEARCH,
+        shared.search_option(
+            "--set", metavar="KEY=VALUE", help="Any setting, patience=5 or feedback.use=overlay; repeat."
         ),
     ] = None,
     identifiability: Annotated[
         bool,
-        typer.Option(
+        shared.search_option(
             " /--no-identifiability",
             help="Do not simulate, after the search, what the record fixes and what to measure next.",
-            rich_help_panel=shared.SEARCH,
             show_default=False,
         ),
     ] = True,
     backend: Annotated[
         str,
-        typer.Option(
-            metavar="NAME",
-            help="A preset, litellm:PROVIDER/MODEL, ...",
-            autocompletion=completion.backends,
-            rich_help_panel=shared.LANGUAGE_MODEL,
+        shared.language_model_option(
+            metavar="NAME", help="A preset, litellm:PROVIDER/MODEL, ...", autocompletion=completion.backends
         ),
     ] = "rules",
     via: shared.Via = None,
     base_url: shared.BaseUrl = None,
     exchange: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="Where --backend manual puts prompts and finds replies, for another program.",
-            rich_help_panel=shared.LANGUAGE_MODEL,
+        shared.language_model_option(
+            metavar="FOLDER", help="Where --backend manual puts prompts and finds replies, for another program."
         ),
     ] = None,
     backend_option: shared.BackendOption = None,
     votes: Annotated[
-        int,
-        typer.Option(
-            min=1,
-            metavar="N",
-            help="Merge this many independent replies a round.",
-            rich_help_panel=shared.LANGUAGE_MODEL,
-        ),
+        int, shared.language_model_option(min=1, metavar="N", help="Merge this many independent replies a round.")
     ] = 1,
     review: Annotated[
-        bool,
-        typer.Option(
-            "--review",
-            help="Let a person accept, edit or refuse each proposal.",
-            rich_help_panel=shared.LANGUAGE_MODEL,
-        ),
+        bool, shared.language_model_option("--review", help="Let a person accept, edit or refuse each proposal.")
     ] = False,
     max_tokens: shared.MaxTokens = None,
     max_cost: shared.MaxCost = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="Folder of the run; default: runs/<task>-<scaffold>-<n>.",
-            rich_help_panel=shared.OUTPUT,
-        ),
+        shared.output_option(metavar="FOLDER", help="Folder of the run; default: runs/<task>-<scaffold>-<n>."),
     ] = None,
     resume: shared.Resume = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print result.json to standard output.", rich_help_panel=shared.OUTPUT)
-    ] = False,
+    as_json: Annotated[bool, shared.output_option("--json", help="Print result.json to standard output.")] = False,
     version: shared.Version = False,
 ) -> None:
     """Calibrate a model against a target: the packaged demo, a task file, or cycler records."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,94 +15,64 @@ if TYPE_CHECKING:
     from ...core.record import ReadOptions
 
 # Options stand in these groups on the help page, in this order.
-RECORDS, MODEL, SEARCH, LANGUAGE_MODEL, OUTPUT = "Records", "Model", "Search", "Language model", "Output"
+records_option = partial(typer.Option, rich_help_panel="Records")
+model_option = partial(typer.Option, rich_help_panel="Model")
+search_option = partial(typer.Option, rich_help_panel="Search")
+language_model_option = partial(typer.Option, rich_help_panel="Language model")
+output_option = partial(typer.Option, rich_help_panel="Output")
 
-Model = Annotated[str, typer.Option(metavar="NAME", help="SPM, SPMe or DFN.", rich_help_panel=MODEL)]
+Model = Annotated[str, model_option(metavar="NAME", help="SPM, SPMe or DFN.")]
 ModelOptions = Annotated[
-    list[str] | None,
-    typer.Option("--options", metavar="KEY=VALUE", help="PyBaMM model option; repeat.", rich_help_panel=MODEL),
+    list[str] | None, model_option("--options", metavar="KEY=VALUE", help="PyBaMM model option; repeat.")
 ]
 
 Holdout = Annotated[
-    list[Path] | None,
-    typer.Option(
-        "--holdout", metavar="FILE...", help="Records that are predicted, never fitted.", rich_help_panel=RECORDS
-    ),
+    list[Path] | None, records_option("--holdout", metavar="FILE...", help="Records that are predicted, never fitted.")
 ]
 InitialSocs = Annotated[
     list[float] | None,
-    typer.Option(
+    records_option(
         "--initial-soc",
         metavar="SOC",
         help="State of charge at which a record starts, 0 to 1, where its first voltage does not tell; one for all "
         "records, or repeat in their order.",
-        rich_help_panel=RECORDS,
     ),
 ]
 Join = Annotated[
-    bool,
-    typer.Option(
-        "--join", help="The files are of one cell: join them in the order of their dates.", rich_help_panel=RECORDS
-    ),
+    bool, records_option("--join", help="The files are of one cell: join them in the order of their dates.")
 ]
-Scale = Annotated[
-    bool,
-    typer.Option(
-        "--scale/--no-scale", help="Scale the electrode area to the records' capacity.", rich_help_panel=MODEL
-    ),
-]
+Scale = Annotated[bool, model_option("--scale/--no-scale", help="Scale the electrode area to the records' capacity.")]
 
 Via = Annotated[
     str | None,
-    typer.Option(
+    language_model_option(
         metavar="ROUTE",
         help="Route to a preset's model: litellm, openai, ollama, transformers or a plugin's.",
         autocompletion=completion.routes,
-        rich_help_panel=LANGUAGE_MODEL,
     ),
 ]
 BaseUrl = Annotated[
     str | None,
-    typer.Option(
-        metavar="URL",
-        help="OpenAI-compatible or Ollama server, http://127.0.0.1:8000/v1.",
-        rich_help_panel=LANGUAGE_MODEL,
-    ),
+    language_model_option(metavar="URL", help="OpenAI-compatible or Ollama server, http://127.0.0.1:8000/v1."),
 ]
 BackendOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--backend-option",
-        metavar="KEY=VALUE",
-        help="Option of the backend; repeat.",
-        rich_help_panel=LANGUAGE_MODEL,
-    ),
+    language_model_option("--backend-option", metavar="KEY=VALUE", help="Option of the backend; repeat."),
 ]
 MaxTokens = Annotated[
-    int | None,
-    typer.Option(min=0, metavar="N", help="Stop, resumably, after this many tokens.", rich_help_panel=LANGUAGE_MODEL),
+    int | None, language_model_option(min=0, metavar="N", help="Stop, resumably, after this many tokens.")
 ]
 MaxCost = Annotated[
-    float | None,
-    typer.Option(min=0, metavar="USD", help="Stop, resumably, after this much money.", rich_help_panel=LANGUAGE_MODEL),
+    float | None, language_model_option(min=0, metavar="USD", help="Stop, resumably, after this much money.")
 ]
-Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Seed for everything random.", rich_help_panel=SEARCH)]
-Workers = Annotated[int, typer.Option(min=1, metavar="N", help="Runs side by side.", rich_help_panel=SEARCH)]
+Seed = Annotated[int, search_option(min=0, metavar="N", help="Seed for everything random.")]
+Workers = Annotated[int, search_option(min=1, metavar="N", help="Runs side by side.")]
 
 SimulationWorkers = Annotated[
     int,
-    typer.Option(
-        "--workers",
-        min=0,
-        metavar="N",
-        help="Simulations side by side; 0: as many as cores, 4 at most.",
-        rich_help_panel=SEARCH,
-    ),
+    search_option("--workers", min=0, metavar="N", help="Simulations side by side; 0: as many as cores, 4 at most."),
 ]
-Resume = Annotated[
-    Path | None,
-    typer.Option(metavar="FOLDER", help="Go on with the interrupted run in this folder.", rich_help_panel=OUTPUT),
-]
+Resume = Annotated[Path | None, output_option(metavar="FOLDER", help="Go on with the interrupted run in this folder.")]
 
 
 def _show_version(wanted: bool) -> None:
@@ -122,64 +93,43 @@ class Reading:
     """How records are read, where they do not say it themselves."""
 
     column: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="KEY=NAME", help="Column of a signal, voltage='Ecell/V'; repeat.", rich_help_panel=RECORDS
-        ),
+        list[str] | None, records_option(metavar="KEY=NAME", help="Column of a signal, voltage='Ecell/V'; repeat.")
     ] = None
     unit: Annotated[
-        list[str] | None,
-        typer.Option(metavar="KEY=UNIT", help="Unit of a signal, current=mA; repeat.", rich_help_panel=RECORDS),
+        list[str] | None, records_option(metavar="KEY=UNIT", help="Unit of a signal, current=mA; repeat.")
     ] = None
     where: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="KEY=VALUE", help="Keep only rows with this value, test_id=1; repeat.", rich_help_panel=RECORDS
-        ),
+        list[str] | None, records_option(metavar="KEY=VALUE", help="Keep only rows with this value, test_id=1; repeat.")
     ] = None
     current_sign: Annotated[
         str,
-        typer.Option(
+        records_option(
             metavar="SIGN",
             help="charge-positive (as cyclers write), discharge-positive or auto.",
             autocompletion=completion.current_signs,
-            rich_help_panel=RECORDS,
         ),
     ] = "charge-positive"
     constant_current: Annotated[
         float | None,
-        typer.Option(
-            metavar="A",
-            help="Current of a file without a current column, signed as --current-sign.",
-            rich_help_panel=RECORDS,
-        ),
+        records_option(metavar="A", help="Current of a file without a current column, signed as --current-sign."),
     ] = None
-    cycles: Annotated[
-        str | None,
-        typer.Option(metavar="N-M", help='Cycles of the records to use, "1" or "2-4".', rich_help_panel=RECORDS),
-    ] = None
-    sheet: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Sheet of a workbook, or test inside a file.", rich_help_panel=RECORDS),
-    ] = None
+    cycles: Annotated[str | None, records_option(metavar="N-M", help='Cycles of the records to use, "1" or "2-4".')] = (
+        None
+    )
+    sheet: Annotated[str | None, records_option(metavar="NAME", help="Sheet of a workbook, or test inside a file.")] = (
+        None
+    )
     reader: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Reader to use; left out, the one that fits.",
-            autocompletion=completion.readers,
-            rich_help_panel=RECORDS,
+        records_option(
+            metavar="NAME", help="Reader to use; left out, the one that fits.", autocompletion=completion.readers
         ),
     ] = None
     reader_option: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--reader-option", metavar="KEY=VALUE", help="Option of the reader; repeat.", rich_help_panel=RECORDS
-        ),
+        list[str] | None, records_option("--reader-option", metavar="KEY=VALUE", help="Option of the reader; repeat.")
     ] = None
     temperature: Annotated[
-        float | None,
-        typer.Option(metavar="DEGC", help="Ambient temperature where records lack it.", rich_help_panel=RECORDS),
+        float | None, records_option(metavar="DEGC", help="Ambient temperature where records lack it.")
     ] = None
 
     def options(self, join: bool = False) -> ReadOptions:
@@ -227,11 +177,10 @@ class LanguageModel:
 
     backend: Annotated[
         str | None,
-        typer.Option(
+        language_model_option(
             metavar="NAME",
             help="A preset, litellm:PROVIDER/MODEL, ... as bsa run takes it.",
             autocompletion=completion.backends,
-            rich_help_panel=LANGUAGE_MODEL,
         ),
     ] = None
     via: Via = None
