@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from ...backends.opening import on_own_machines
-from ...core.run_config import RunConfig
 from .calibration import Calibration
+from .results import read_table
 from .store import Store
+from .summary import Row, grouped, mean_of
+
+_KIND = ("chemistry", "scaffold", "backend")
+_SPENT = ("wall_s", "tokens", "cost_usd")
 
 _START_S = 12.0
 """Starting a simulator, compiling the model, two scores on the standard mesh; on a core of its own."""
@@ -64,71 +69,38 @@ class Need:
         )
 
 
-@dataclass
-class _Experience:
-    """Sums over finished cells of one kind."""
-
-    cells: int = 0
-    seconds: float = 0.0
-    tokens: float = 0.0
-    cost_usd: float = 0.0
-
-
-Experience = dict[tuple[str, str, str], _Experience]
+Experience = dict[tuple[str, str, str], list[Row]]
+"""Rows of finished cells by chemistry, scaffold and backend."""
 
 
 def experience(store: Store) -> Experience:
-    """What finished cells of every grid in the store took, by chemistry, scaffold and backend."""
-    found: Experience = {}
-    for path in sorted(store.root.glob("grids/*/cells.csv")):
-        with path.open(newline="", encoding="utf-8") as file:
-            for row in csv.DictReader(file):
-                if row.get("state") != "done":
-                    continue
-                kind = found.setdefault((row["chemistry"], row["scaffold"], row["backend"]), _Experience())
-                kind.cells += 1
-                kind.seconds += float(row["wall_s"] or 0.0)
-                kind.tokens += float(row["tokens"] or 0.0)
-                kind.cost_usd += float(row["cost_usd"] or 0.0)
-    return found
+    """What finished cells of every campaign in the store took."""
+    tables = [read_table(path) for path in sorted(store.root.glob("grids/*/cells.csv"))]
+    return grouped([row for table in tables for row in table if row.get("state") == "done"], *_KIND)
 
 
 def need_of(cell: Calibration, past: Experience) -> Need:
     """What one cell takes at most (simulations, calls) and about (the rest)."""
     config = cell.config
-    asks = _asks_a_model(config)
+    asks = config.scaffold.proposer.use in ("agent", "hybrid")
     calls = config.rounds + (1 if config.warm_up and config.scaffold.warm_up else 0) if asks else 0
-    known = past.get((cell.task.chemistry, cell.config.scaffold.name, cell.backend.use))
+    known = past.get((cell.task.chemistry, config.scaffold.name, cell.backend.use))
     if known is not None:
-        count = known.cells
-        tokens = round(known.tokens / count)
-        return Need(
-            1,
-            config.simulations,
-            calls,
-            known.seconds / count,
-            tokens,
-            _cost(cell, tokens, known.cost_usd / count),
-            True,
-        )
+        # Of what is not known nothing was spent.
+        seconds, tokens, cost = (float(np.nan_to_num(mean_of(known, name))) for name in _SPENT)
+        return Need(1, config.simulations, calls, seconds, round(tokens), cost, True)
     simulation_s = _SIMULATION_S.get(cell.task.chemistry, _USUAL_SIMULATION_S)
-    model = asks and config.backend != "rules"
-    tokens = _CALL_TOKENS * calls if model else 0
-    seconds = _START_S + simulation_s * config.simulations + (_CALL_S * calls if model else 0.0)
-    return Need(1, config.simulations, calls, seconds, tokens, _cost(cell, tokens, None))
+    model_calls = calls if config.backend != "rules" else 0
+    seconds = _START_S + simulation_s * config.simulations + _CALL_S * model_calls
+    asked = _CALL_TOKENS * model_calls
+    return Need(1, config.simulations, calls, seconds, asked, _cost(cell, asked))
 
 
-def _cost(cell: Calibration, tokens: int, known: float | None) -> float | None:
-    if known is not None:
-        return known
+def _cost(cell: Calibration, tokens: int) -> float | None:
     if not tokens or on_own_machines(cell.backend.use, cell.backend.options):
         return 0.0
     price = cell.backend.usd_per_million_tokens
     return None if price is None else price * tokens / 1e6
-
-
-def _asks_a_model(config: RunConfig) -> bool:
-    return config.scaffold.proposer.use in ("agent", "hybrid")
 
 
 def estimate(cells: Sequence[Calibration], store: Store) -> dict[str, Need]:

@@ -9,7 +9,7 @@ import numpy as np
 from ..campaign.statistics import compare
 from ..campaign.summary import exact_interval, statistic
 from ..campaign.text_tables import markdown_table
-from ..studies.no_harm import Verdict, summary
+from ..studies.no_harm import summary, verdict_of
 from .layout import bold, short, spread
 from .results import Results
 
@@ -51,10 +51,7 @@ def noise(results: Results) -> str:
 
 def no_harm(results: Results) -> str:
     """Advisers of the hybrid against least squares alone."""
-    found = [
-        Verdict(**{**row, "no_worse": row["no_worse"] == "True", "score_no_worse": row["score_no_worse"] == "True"})
-        for row in results.rows("no_harm")
-    ]
+    found = [verdict_of(row) for row in results.rows("no_harm")]
     lines = []
     for adviser, entry in summary(found).items():
         scores = [

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -53,10 +53,6 @@ class Verdict:
         Lowest total MAPE of the search in percent, of least squares and of the hybrid; NaN if nothing ran.
     alone_score, advised_score : float
         The same with reference accuracy.
-    no_worse : bool
-        Whether the hybrid's search got as low, to 0.001 points: what the construction promises.
-    score_no_worse : bool
-        Whether its final score is no higher either, up to the difference of the meshes.
     """
 
     task: str
@@ -67,8 +63,36 @@ class Verdict:
     advised: float
     alone_score: float
     advised_score: float
-    no_worse: bool
-    score_no_worse: bool
+
+    @property
+    def no_worse(self) -> bool:
+        """Whether the hybrid's search got as low, to 0.001 points: what the construction promises."""
+        return _no_higher(self.advised, self.alone, _SAME)
+
+    @property
+    def score_no_worse(self) -> bool:
+        """Whether its final score is no higher either, up to the difference of the meshes."""
+        return _no_higher(self.advised_score, self.alone_score, _SCORE_TOLERANCE)
+
+    @property
+    def better(self) -> bool:
+        """Whether the hybrid's search got lower."""
+        return self.advised < self.alone - _SAME
+
+    @property
+    def harm(self) -> float:
+        """Percentage points by which the hybrid's search stayed above that of least squares; 0 if it did not."""
+        return max(self.advised - self.alone, 0.0) if not math.isnan(self.alone) else 0.0
+
+    @property
+    def row(self) -> dict[str, Any]:
+        """The pair as a flat row, for CSV."""
+        return {**asdict(self), "no_worse": self.no_worse, "score_no_worse": self.score_no_worse}
+
+
+def verdict_of(row: Row) -> Verdict:
+    """The pair of a row that `Verdict.row` made."""
+    return Verdict(**{field.name: row[field.name] for field in fields(Verdict)})
 
 
 def no_harm_grid(
@@ -103,7 +127,7 @@ def write_no_harm(rows: Sequence[Row], store: Store, out: Path) -> list[Verdict]
     lowest = {row["identity"]: trace_of(row, store).best_after(row["simulations"]) for row in _ran(rows)}
     found = verdicts(rows, lowest)
     write_text(out / "no_harm.md", markdown(found))
-    write_csv(out / "verdicts.csv", [asdict(verdict) for verdict in found])
+    write_csv(out / "verdicts.csv", [verdict.row for verdict in found])
     return found
 
 
@@ -127,23 +151,10 @@ def verdicts(rows: Sequence[Row], lowest: Mapping[str, float | None]) -> list[Ve
     for row in _ran(rows):
         if row["scaffold"] == reference or row["task"] not in references:
             continue
-        other = references[row["task"]]
-        alone, advised = _number(lowest[other["identity"]]), _number(lowest[row["identity"]])
-        alone_score, advised_score = _number(other["mape"]), _number(row["mape"])
-        found.append(
-            Verdict(
-                row["task"],
-                row["chemistry"],
-                row["rates"],
-                row["backend"],
-                alone,
-                advised,
-                alone_score,
-                advised_score,
-                _no_higher(advised, alone, _SAME),
-                _no_higher(advised_score, alone_score, _SCORE_TOLERANCE),
-            )
-        )
+        pair = (references[row["task"]], row)
+        searched = (_number(lowest[one["identity"]]) for one in pair)
+        scored = (_number(one["mape"]) for one in pair)
+        found.append(Verdict(row["task"], row["chemistry"], row["rates"], row["backend"], *searched, *scored))
     return found
 
 
@@ -158,24 +169,25 @@ def _no_higher(value: float, reference: float, tolerance: float) -> bool:
 
 def summary(found: Sequence[Verdict]) -> dict[str, Any]:
     """Counts and means by adviser."""
-    content: dict[str, Any] = {}
-    for adviser in dict.fromkeys(verdict.adviser for verdict in found):
-        mine = [verdict for verdict in found if verdict.adviser == adviser]
-        content[adviser] = {
+    by_adviser: dict[str, list[Verdict]] = {}
+    for verdict in found:
+        by_adviser.setdefault(verdict.adviser, []).append(verdict)
+    return {
+        adviser: {
             "cases": len(mine),
-            "no_worse": sum(verdict.no_worse for verdict in mine),
-            "score_no_worse": sum(verdict.score_no_worse for verdict in mine),
-            "better": sum(verdict.advised < verdict.alone - _SAME for verdict in mine),
-            "largest_harm_points": max((_harm(verdict) for verdict in mine), default=math.nan),
+            **{name: sum(getattr(verdict, name) for verdict in mine) for name in _COUNTED},
+            "largest_harm_points": max(verdict.harm for verdict in mine),
             "alone": statistic([verdict.alone_score for verdict in mine]),
             "advised": statistic([verdict.advised_score for verdict in mine]),
         }
-    return content
+        for adviser, mine in by_adviser.items()
+    }
 
 
-def _harm(verdict: Verdict) -> float:
-    """Percentage points by which the hybrid's search stayed above that of least squares; 0 if it did not."""
-    return max(verdict.advised - verdict.alone, 0.0) if not math.isnan(verdict.alone) else 0.0
+_COUNTED = ("no_worse", "better", "score_no_worse")
+
+_WORDS = {(True, True): "better", (False, True): "equal", (False, False): "**worse**"}
+"""A verdict in words, by whether it is better and no worse."""
 
 
 def markdown(found: Sequence[Verdict]) -> str:
@@ -184,7 +196,7 @@ def markdown(found: Sequence[Verdict]) -> str:
     lines = [
         [
             adviser,
-            *(str(entry[name]) for name in ("cases", "no_worse", "better", "score_no_worse")),
+            *(str(entry[name]) for name in ("cases", *_COUNTED)),
             f"{entry['largest_harm_points']:.3g}",
             str(entry["advised"]),
             str(entry["alone"]),
@@ -193,7 +205,14 @@ def markdown(found: Sequence[Verdict]) -> str:
     ]
     numbers = [[f"{value:.4g}" for value in (v.advised, v.alone, v.advised_score, v.alone_score)] for v in found]
     pairs = [
-        [verdict.task, verdict.chemistry, verdict.rates, verdict.adviser, _word(verdict), *values]
+        [
+            verdict.task,
+            verdict.chemistry,
+            verdict.rates,
+            verdict.adviser,
+            _WORDS[verdict.better, verdict.no_worse],
+            *values,
+        ]
         for verdict, values in zip(found, numbers, strict=True)
     ]
     names = ["hybrid", "least squares"]
@@ -203,7 +222,3 @@ def markdown(found: Sequence[Verdict]) -> str:
         f"decide, and scores are those on the standard mesh (no worse within {_SCORE_TOLERANCE:g} points)."
     )
     return f"{words}\n\n{markdown_table([*heads, *names], lines)}\n\n{markdown_table(each, pairs, 5)}\n"
-
-
-def _word(verdict: Verdict) -> str:
-    return "better" if verdict.advised < verdict.alone - _SAME else "equal" if verdict.no_worse else "**worse**"

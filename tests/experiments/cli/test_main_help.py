@@ -7,10 +7,9 @@ from typing import Any
 import pytest
 import typer
 from bsa.experiments.cli.main import app
-from bsa.experiments.cli.shared_options import LANGUAGE_MODEL, MODEL, OUTPUT, RECORDS, SEARCH
 from typer.testing import CliRunner
 
-GROUPS = [RECORDS, MODEL, SEARCH, LANGUAGE_MODEL, OUTPUT]
+GROUPS = ["Records", "Model", "Search", "Language model", "Output"]
 
 
 def commands(command: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
