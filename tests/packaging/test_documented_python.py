@@ -8,7 +8,9 @@ import bsa
 import pytest
 from bsa.experiments.tasks.find import PACKAGED
 
-PAGE = (Path(__file__).parents[2] / "docs" / "python.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
+PAGES = [*ROOT.glob("*.md"), *sorted((ROOT / "docs").glob("*.md"))]
 EXAMPLES = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 
 
@@ -22,6 +24,12 @@ def test_the_examples_run(tmp_path, monkeypatch, capsys) -> None:
     assert "Voltage RMSE" in capsys.readouterr().out
     assert names["result"].report.is_file()
     assert names["solution"].t[-1] == 600
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_example_of_every_page_compiles(page: Path) -> None:
+    for example in re.findall(r"(?ms)^```python\n(.*?)^```", page.read_text(encoding="utf-8")):
+        compile(example, page.name, "exec")
 
 
 def test_no_example_is_longer_than_six_lines_or_one_step_of_a_try() -> None:
