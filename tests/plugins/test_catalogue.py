@@ -64,9 +64,9 @@ RECORD = sample_task().experiments[0].target
 ROWS = list(zip(RECORD.time.tolist(), RECORD.voltage.tolist(), (-RECORD.current).tolist(), strict=True))
 
 
-def bdf(path: Path) -> Path:
-    write(RECORD, path.with_suffix(".csv"))
-    return path.with_suffix(".csv")
+def bdf(path: Path, suffix: str = ".csv") -> Path:
+    write(RECORD, path.with_suffix(suffix))
+    return path.with_suffix(suffix)
 
 
 def text(path: Path, *header: str, row: str = "{},{},{}") -> Path:
@@ -89,10 +89,23 @@ DIGATRON = ("Step,Status,Prog Time,Voltage,Current,LogTemp001,", "[],[],[ss.xxx]
 
 FILES: dict[str, Callable[[Path], Path]] = {
     "bdf-csv": bdf,
+    "bdf-parquet": lambda path: bdf(path, ".parquet"),
     "arbin-xlsx": arbin,
     "digatron-csv": lambda path: text(path, *DIGATRON, row="5,PAU,{},{},{},24.5,"),
     "generic-csv": lambda path: text(path, "Time [s],U[V],I[A]"),
 }
+
+
+BESIDE_THEIR_FILES = {"neware", "biologic-mpr", "maccor-text", "matlab"}
+"""Readers of files that a test of their own makes byte by byte, and that are held to their promise there."""
+
+OF_SPECTRA = {"impedance-csv"}
+"""Readers of what is no record over time."""
+
+
+def test_no_reader_is_left_out() -> None:
+    readers = {listing.entry.name for listing in installed().listings("reader") if listing.own}
+    assert readers == set(FILES) | BESIDE_THEIR_FILES | OF_SPECTRA
 
 
 class TestReader(ReaderConformance):

@@ -11,6 +11,7 @@ import pytest
 from bsa.core.errors import BsaError
 from bsa.core.reading.reading import read_record, read_spectrum
 from bsa.core.trajectory import StepKind
+from bsa.testing import ReaderConformance
 
 N = 120
 TIME = 10.0 * np.arange(N)
@@ -98,3 +99,15 @@ def test_a_text_export_of_a_spectrum(tmp_path):
     spectrum = read_spectrum(path)
     np.testing.assert_allclose(spectrum.impedance, IMPEDANCE, rtol=1e-4, atol=1e-8)
     assert spectrum.voltage == 3.7
+
+
+class TestBioLogic(ReaderConformance):
+    @pytest.fixture
+    def name(self) -> str:
+        return "biologic-mpr"
+
+    @pytest.fixture
+    def file(self, tmp_path):
+        pytest.importorskip("galvani")
+        mpr(tmp_path / "cell.mpr", {4: ("<f8", TIME), 6: ("<f4", VOLTS), 8: ("<f4", 1000 * AMPERES)})
+        return tmp_path / "cell.mpr"

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from bsa.core.reading.reading import read_record
 from bsa.core.trajectory import StepKind
+from bsa.testing import ReaderConformance
 
 STATES = ["R"] * 20 + ["D"] * 60 + ["R"] * 20 + ["C"] * 60
 AMPERES = {"R": 0.0, "D": 2.0, "C": 1.0}
@@ -53,3 +54,14 @@ def test_what_is_drawn_is_negative_and_what_is_charged_positive(tmp_path, name, 
     assert any("sign of the state of each row" in note for note in record.notes)
     if name != "a.csv":
         assert record.trajectory.temperature[0] == 298.65
+
+
+class TestMaccor(ReaderConformance):
+    @pytest.fixture
+    def name(self) -> str:
+        return "maccor-text"
+
+    @pytest.fixture
+    def file(self, tmp_path):
+        (tmp_path / "cell.txt").write_text(old(seconds=False))
+        return tmp_path / "cell.txt"

@@ -13,6 +13,7 @@ from bsa.core.reading.reading import read_record
 from bsa.core.record import ReadOptions
 from bsa.core.trajectory import StepKind
 from bsa.plugins.readers import matlab_files
+from bsa.testing import ReaderConformance
 from scipy.io import savemat
 
 KINDS = [StepKind.REST, StepKind.CC_DISCHARGE, StepKind.REST]
@@ -205,3 +206,13 @@ def test_version_7_3_without_h5py(tmp_path, monkeypatch):
     with pytest.raises(BsaError, match="needs h5py") as raised:
         read_record(path)
     assert raised.value.hint == 'pip install "battery-sim-agent[readers]"'
+
+
+class TestMatlab(ReaderConformance):
+    @pytest.fixture
+    def name(self) -> str:
+        return "matlab"
+
+    @pytest.fixture
+    def file(self, tmp_path):
+        return saved(tmp_path / "cell.mat", panasonic())

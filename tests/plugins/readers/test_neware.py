@@ -14,6 +14,7 @@ from bsa.core.errors import BsaError
 from bsa.core.reading.reading import read_record
 from bsa.core.trajectory import StepKind
 from bsa.plugins.readers import source
+from bsa.testing import ReaderConformance
 
 pytest.importorskip("NewareNDA")
 
@@ -112,3 +113,14 @@ def test_without_the_library(tmp_path, monkeypatch):
     with pytest.raises(BsaError, match="needs NewareNDA") as raised:
         read_record(path)
     assert raised.value.hint == 'pip install "battery-sim-agent[readers]"'
+
+
+class TestNeware(ReaderConformance):
+    @pytest.fixture
+    def name(self) -> str:
+        return "neware"
+
+    @pytest.fixture
+    def file(self, tmp_path):
+        ndax(tmp_path / "cell.ndax")
+        return tmp_path / "cell.ndax"
