@@ -61,7 +61,11 @@ class StageChoice(BaseModel, extra="forbid"):
 class StagedOptions(BaseModel, extra="forbid"):
     """Which stages there are, and their order."""
 
-    stages: list[StageChoice] = Field(min_length=1, description="The stages, in the order of the rules.")
+    stages: list[StageChoice] = Field(
+        default=[StageChoice(name="joint", data="everything")],
+        min_length=1,
+        description="The stages, in the order of the rules; one fit of everything if left out.",
+    )
     order: list[str] = Field(
         default_factory=list,
         description="Names of the stages that run, in this order; one can be repeated or left out. All if empty.",
