@@ -12,19 +12,17 @@ intervals). Nocedal & Wright, Numerical Optimization, 2nd ed. (2006), Ch. 10.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 from scipy.stats import t as student
 
+from .local_model import BOX_VARIANCE
 from .parameters import Candidate, ParameterSpace
 from .trajectory import FloatArray
 
 Verdict = Literal["fixed", "loose", "open"]
-
-_BOX_VARIANCE = 1.0 / 12.0
-"""Variance of an even distribution over a bounded range: what the bounds alone say of a parameter."""
 
 _FIXED, _LOOSE = 0.05, 0.25
 """Half-width of an interval, as a share of the searched range, up to which a parameter is fixed or loose."""
@@ -257,6 +255,33 @@ def identify(
     )
 
 
+def with_sample(found: Identifiability, draws: FloatArray, space: ParameterSpace) -> Identifiability:
+    """The same with intervals and covariance of a sample of the posterior.
+
+    Parameters
+    ----------
+    found : Identifiability
+        By linear approximation.
+    draws : ndarray of shape (n, p)
+        In the unit box.
+    space : ParameterSpace
+        The fitted parameters.
+    """
+    ends = np.quantile(draws, [0.5 - _CONFIDENCE / 2, 0.5 + _CONFIDENCE / 2], axis=0)
+    intervals = {}
+    for parameter, lower, upper in zip(space, *ends.tolist(), strict=True):
+        half = 0.5 * (upper - lower)
+        intervals[parameter.name] = Interval(
+            value=found.intervals[parameter.name].value,
+            lower=parameter.from_unit(lower),
+            upper=parameter.from_unit(upper),
+            share_of_range=half,
+            verdict=_verdict(half),
+        )
+    covariance = np.atleast_2d(np.cov(draws.T))
+    return replace(found, intervals=intervals, covariance=tuple(tuple(row) for row in covariance.tolist()))
+
+
 def _covariance(jacobian: FloatArray, noise: float) -> FloatArray:
     """Of the estimates in the unit box, shape (p, p); a direction nothing was measured of keeps the box's."""
     singular, rows = _decomposed(jacobian)
@@ -275,7 +300,7 @@ def _decomposed(jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _variances(singular: FloatArray, noise: float) -> FloatArray:
     with np.errstate(divide="ignore"):
         information = np.square(singular / noise) if noise > 0 else np.where(singular > 0, np.inf, 0.0)
-    return np.asarray(1.0 / (information + 1.0 / _BOX_VARIANCE))
+    return np.asarray(1.0 / (information + 1.0 / BOX_VARIANCE))
 
 
 def _combinations(jacobian: FloatArray, noise: float, factor: float, names: tuple[str, ...]) -> tuple[Combination, ...]:

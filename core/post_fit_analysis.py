@@ -20,9 +20,12 @@ from .identifiability import (
     open_directions,
     unsettled,
     what_to_measure_next,
+    with_sample,
 )
+from .local_model import LocalModel
 from .parameters import Candidate
-from .residuals import residuals
+from .posterior import sample
+from .residuals import noise_of_residuals, residuals
 from .simulation import Outcome
 from .task import Experiment, Task
 from .task import Protocol as StepProtocol
@@ -190,7 +193,9 @@ class _Spent:
         return [found[place] for place in range(len(found))]
 
 
-def analyse(task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulating) -> PostFitAnalysis | None:
+def analyse(
+    task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulating, exact: FloatArray | None = None
+) -> PostFitAnalysis | None:
     """Judge the fit that a run ended with.
 
     Parameters
@@ -203,6 +208,9 @@ def analyse(task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulatin
         The fit.
     plugins : Simulating
         Simulates what is missing, side by side where it can.
+    exact : ndarray of shape (m,), optional
+        Residuals of the fit at the simulator's reference accuracy, by which intervals are free of the error of the
+        search's own.
 
     Returns
     -------
@@ -213,14 +221,38 @@ def analyse(task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulatin
         return None
     spent = _Spent()
     jacobian, reused, unknown = _jacobian(task, trials, best, plugins, spent)
-    noise = effective_noise(best.residuals, len(task.space), NOISE_FLOOR)
-    found = identify(jacobian, best.residuals, task.space, best.candidate, noise=noise)
+    residual = best.residuals if exact is None or len(exact) != len(best.residuals) else exact
+    draws, noise = _posterior(task, best, residual, jacobian, plugins, spent)
+    straight = identify(jacobian, residual, task.space, best.candidate, noise=noise)
+    found = with_sample(straight, draws, task.space)
     suggestions = _suggestions(task, best, jacobian, noise, plugins, spent)
     worst = max(found.intervals, key=lambda name: found.intervals[name].share_of_range)
-    moving = unsettled(jacobian, best.residuals, noise, task.space.names)
+    moving = unsettled(jacobian, residual, noise, task.space.names)
     return PostFitAnalysis(
         best.index, found, unknown, moving, worst, suggestions, spent.simulations, reused, spent.seconds
     )
+
+
+def _posterior(
+    task: Task, best: Trial, residual: FloatArray, jacobian: FloatArray, plugins: Simulating, spent: _Spent
+) -> tuple[FloatArray, float]:
+    """Draws from the posterior in the unit box, and the noise that they stand on, in tolerances."""
+    assert best.residuals is not None
+    deviation = np.sqrt(noise_of_residuals(task) ** 2 + NOISE_FLOOR**2)
+    centre = task.space.to_unit(best.candidate)
+    model = LocalModel.straight(centre, residual / deviation, jacobian / deviation[:, None])
+    probes = model.probes()
+    if probes:
+        candidates = [task.space.from_unit(centre + step * direction) for direction, step in probes]
+        seen = [residuals(task, outcome) for outcome in spent.counted(plugins.simulate(candidates, False), 1)]
+        model = model.bent(probes, [None if r is None else (r - best.residuals) / deviation for r in seen])
+    draws = sample(model)
+    nearest = draws[int(np.argmin(model.cost_function()(draws)))]
+    # Where the model does not come down to the noise, and where neighbours err alike, the residuals say less.
+    excess = effective_noise(model.residual_at(nearest), len(centre), 1.0)
+    if excess > 1.0:
+        draws = sample(model, excess**2)
+    return draws, excess * float(np.sqrt(np.mean(deviation**2)))
 
 
 def _jacobian(

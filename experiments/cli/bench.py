@@ -256,6 +256,26 @@ def evaluation_command(
     print("\n".join(cost.lines()))
 
 
+@bench_app.command("coverage")
+def coverage_command(
+    tasks: Annotated[
+        int, typer.Option(min=1, metavar="N", help="How many tasks.", rich_help_panel=shared.RECORDS)
+    ] = 100,
+    model: Annotated[
+        str, typer.Option(metavar="NAME", help="SPM, SPMe or DFN.", rich_help_panel=shared.RECORDS)
+    ] = "SPMe",
+    simulations: Simulations = 100,
+    seed: shared.Seed = 1234,
+    out: Annotated[
+        Path, typer.Option(metavar="FOLDER", help="For rows and tables.", rich_help_panel=shared.OUTPUT)
+    ] = RESULTS / "coverage",
+) -> None:
+    """How often 95 % intervals contain the truth, on noisy synthetic tasks; the same command goes on after a stop."""
+    from ..studies.coverage import coverage_table, run_coverage
+
+    print(coverage_table(run_coverage(out, tasks, seed, model, simulations, say)))
+
+
 @bench_app.command("docs")
 def docs_command(
     root: Annotated[

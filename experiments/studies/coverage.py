@@ -1,0 +1,383 @@
+"""``bsa bench coverage``: how often 95 % intervals contain the truth, on noisy tasks that no fit has seen.
+
+A task is a cell whose parameters were changed, cycled once and sampled as a cycler does. Its record is simulated on a
+finer mesh and at tighter tolerances than any fit uses, and noise is added. Least squares fits it; what is said of each
+parameter, and of the voltage at a rate that was not measured, is compared with the truth.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.feedback import Feedback
+from ...core.files import write_csv
+from ...core.metrics import evaluate
+from ...core.parameters import Candidate
+from ...core.post_fit_analysis import PostFitAnalysis, Simulating, analyse
+from ...core.residuals import noise_of_residuals, partial_residuals, residuals
+from ...core.simulation import ExperimentRun, Outcome
+from ...core.target import CellChange
+from ...core.task import CellModel, Experiment, Protocol, Task
+from ...core.trajectory import FloatArray, Trajectory
+from ...core.trial import Trial
+from ...plugins.proposers.descent import Descent, DescentOptions
+from ..campaign.summary import exact_interval, grouped
+from ..campaign.text_tables import markdown_table
+
+BASES = ("Chen2020", "OKane2022", "Marquis2019", "Mohtat2020", "Ai2020")
+"""Base cells, taken in turn."""
+
+NOISE_V = (3e-4, 1e-3, 3e-3)
+"""From a good cycler's noise to a poor one's."""
+
+SAMPLING_S = (5.0, 10.0, 20.0, 30.0)
+RATES = (0.5, 1.0)
+"""Of the charge and of the discharge that are fitted."""
+
+UNSEEN_RATE = 2.0
+"""C-rate of the discharge at which the voltage is predicted."""
+
+_SHARES = (0.2, 0.5, 0.8)
+"""Of the unseen discharge, where its voltage is compared."""
+
+_REACH, _WITHIN = 0.25, (0.1, 0.9)
+"""How far a true value lies from the base cell's at most, and where, in the units of the searched range."""
+
+_FINE_POINTS = 30
+"""Mesh points of the truth in every domain; a fit has 20."""
+
+_DIFFERENCE = 0.01
+"""Step of the derivatives of the unseen voltage, as a share of each range."""
+
+_ATTEMPTS = 20
+_RESULTS = "coverage.jsonl"
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """A task with its truth.
+
+    Attributes
+    ----------
+    number : int
+        Of the task.
+    task : Task
+        What is fitted.
+    truth : mapping of str to float
+        The true value of every searched parameter.
+    noise_v : float
+        Standard deviation of the voltage's noise, V.
+    sampling_s : float
+        Between samples, s.
+    changes : int
+        Parameters that differ from the base cell's.
+    unseen : Experiment
+        A discharge that was not measured.
+    unseen_v : FloatArray
+        Its true voltage at `_SHARES` of its duration, V.
+    unseen_s : FloatArray
+        When that is, s.
+    """
+
+    number: int
+    task: Task
+    truth: Candidate
+    noise_v: float
+    sampling_s: float
+    changes: int
+    unseen: Experiment
+    unseen_v: FloatArray
+    unseen_s: FloatArray
+
+
+def draw(seed: int, number: int, model: str) -> Drawn:
+    """The task of a number; it depends on nothing but its arguments.
+
+    Raises
+    ------
+    RuntimeError
+        If no drawn cell could be simulated.
+    """
+    from ...plugins.pybamm.presets import preset_space
+
+    rng = np.random.default_rng([seed, number])
+    cell = CellModel(BASES[number % len(BASES)], model)
+    space = preset_space(cell.parameter_set, "geometry")
+    noise_v = NOISE_V[(number // len(BASES)) % len(NOISE_V)]
+    sampling_s = float(rng.choice(SAMPLING_S))
+    for _ in range(_ATTEMPTS):
+        changed = rng.permutation(len(space))[: int(rng.integers(1, len(space) + 1))]
+        place = space.to_unit(space.initial)
+        place[changed] = np.clip(place[changed] + rng.uniform(-_REACH, _REACH, len(changed)), *_WITHIN)
+        truth = space.from_unit(place)
+        experiment, unseen = _experiments(cell, rng)
+        runs = [_true_run(cell, one, space.change(truth)) for one in (experiment, unseen)]
+        if all(run.failure is None for run in runs):
+            break
+    else:
+        raise RuntimeError(f"task {number}: no drawn cell runs")
+    clean, unseen_run = (run.trajectory for run in runs)
+    assert clean is not None
+    assert unseen_run is not None
+    record = sampled(clean, sampling_s)
+    noisy = record.changed(voltage=record.voltage + rng.normal(0.0, noise_v, len(record)))
+    task = Task(f"coverage-{number}", cell, space, (replace(experiment, target=noisy),))
+    seconds = np.array(_SHARES) * unseen_run.duration
+    return Drawn(
+        number, task, truth, noise_v, sampling_s, len(changed), unseen, _voltage_at(unseen_run, seconds), seconds
+    )
+
+
+def _experiments(cell: CellModel, rng: np.random.Generator) -> tuple[Experiment, Experiment]:
+    """What is measured, and what is not."""
+    from ...plugins.pybamm.parameter_sets import load
+
+    values = load(cell.parameter_set)
+    high, low = (float(values[f"{which} voltage cut-off [V]"]) for which in ("Upper", "Lower"))
+    charge, discharge = rng.choice(RATES, 2)
+    cycle = (
+        f"Charge at {charge:g}C until {high:g} V",
+        f"Hold at {high:g} V until C/20",
+        "Rest for 30 minutes",
+        f"Discharge at {discharge:g}C until {low:g} V",
+        "Rest for 30 minutes",
+    )
+    nothing = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
+
+    def experiment(name: str, protocol: Protocol, soc: float) -> Experiment:
+        return Experiment(name, nothing, protocol, initial_soc=soc)
+
+    unseen = ((f"Discharge at {UNSEEN_RATE:g}C until {low:g} V",),)
+    return experiment("measured", (cycle,), 0.05), experiment("unseen", unseen, 1.0)
+
+
+def _true_run(cell: CellModel, experiment: Experiment, change: CellChange) -> ExperimentRun:
+    from ...plugins.pybamm.compiled import Accuracy, CompiledExperiment
+
+    fine = Accuracy(rtol=1e-7, atol=1e-7, points=_FINE_POINTS, standard_mesh=True)
+    return CompiledExperiment(cell, experiment, {}, fine, baked=change).solve({})
+
+
+def sampled(clean: Trajectory, sampling_s: float) -> Trajectory:
+    """A simulation as a cycler logs it: at even times from the start of each step, and where a step ends."""
+    times, steps = [], []
+    count = 0
+    for step, piece in clean.pieces():
+        time = np.append(np.arange(piece.time[0], piece.time[-1], sampling_s), piece.time[-1])
+        steps.append(replace(step, start=count, stop=count + len(time)))
+        times.append(np.stack([time, *(np.interp(time, piece.time, values) for values in piece.signals.values())]))
+        count += len(time)
+    rows = np.concatenate(times, axis=1)
+    return Trajectory(rows[0], steps=tuple(steps), signals=dict(zip(clean.signals, rows[1:], strict=True)))
+
+
+def _voltage_at(run: Trajectory | None, seconds: FloatArray) -> FloatArray:
+    """Voltage at some times; NaN after the end."""
+    if run is None:
+        return np.full(len(seconds), np.nan)
+    return np.interp(seconds, run.time, run.voltage, right=np.nan)
+
+
+class _Simulator(Simulating):
+    """A task's candidates, simulated in this process."""
+
+    def __init__(self, task: Task) -> None:
+        from ...plugins.pybamm.worker import Assignment, CandidateService
+
+        self._service = CandidateService(Assignment(task.cell, task.experiments, task.space.targets))
+        self._service.prepare()
+
+    def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
+        """See `RunHooks.simulate`."""
+        for place, candidate in enumerate(candidates):
+            yield place, self._service.work((candidate, exact), lambda progress: None)
+
+    def simulate_variant(
+        self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...], exact: bool = False
+    ) -> None:
+        """See `RunHooks.simulate_variant`: nothing else is simulated."""
+
+    def next_protocols(self) -> Mapping[str, Protocol]:
+        """See `RunHooks.next_protocols`: none."""
+        return {}
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A drawn task and what a fit says of it."""
+
+    drawn: Drawn
+    best: Trial
+    analysis: PostFitAnalysis
+    cost: float
+    true_cost: float
+    simulations: int
+    ending: str
+
+
+def fit(drawn: Drawn, simulations: int) -> Fitted | None:
+    """Least squares on a drawn task, as ``bsa run --scaffold least-squares`` does it; None if nothing simulates."""
+    task, simulator = drawn.task, _Simulator(drawn.task)
+    trials: list[Trial] = []
+
+    def tried(candidates: Sequence[Candidate]) -> list[Trial]:
+        new = [
+            _trial(task, len(trials) + place, candidates[place], outcome)
+            for place, outcome in simulator.simulate(candidates, False)
+        ]
+        trials.extend(new)
+        return new
+
+    descent = Descent(task, DescentOptions(), 0, tried([task.space.initial])[0])
+    while asked := descent.ask(simulations - len(trials)):
+        descent.tell(tried(asked))
+    best = min(trials, key=lambda trial: trial.objective)
+    truth = next(simulator.simulate([drawn.truth], False))[1]
+    exact = next(simulator.simulate([best.candidate], True))[1]
+    analysis = analyse(task, trials, best, simulator, residuals(task, exact))
+    if analysis is None or best.residuals is None:
+        return None
+    true = residuals(task, truth)
+    cost = min(float(trial.residuals @ trial.residuals) for trial in trials if trial.residuals is not None)
+    true_cost = float("nan") if true is None else float(true @ true)
+    return Fitted(drawn, best, analysis, cost, true_cost, len(trials), descent.ending)
+
+
+def _trial(task: Task, index: int, candidate: Candidate, outcome: Outcome) -> Trial:
+    return Trial(
+        index=index,
+        phase="search",
+        round=index,
+        candidate=candidate,
+        metrics=evaluate(task, outcome),
+        failure=outcome.failure,
+        residuals=residuals(task, outcome),
+        feedback=Feedback({}),
+        curves=(),
+        seconds=outcome.seconds,
+        partial=None if outcome.ok else partial_residuals(task, outcome),
+    )
+
+
+def rows_of(fitted: Fitted) -> list[Row]:
+    """One row for every interval."""
+    drawn = fitted.drawn
+    shared: Row = {
+        "task": drawn.number,
+        "base": drawn.task.cell.parameter_set,
+        "model": drawn.task.cell.model,
+        "noise_mv": 1e3 * drawn.noise_v,
+        "sampling_s": drawn.sampling_s,
+        "changes": drawn.changes,
+        "simulations": fitted.simulations,
+        "cost": fitted.cost,
+        "true_cost": fitted.true_cost,
+        "noise_tolerances": float(np.sqrt(np.mean(noise_of_residuals(drawn.task) ** 2))),
+    }
+    intervals = fitted.analysis.identifiability.intervals
+    rows = [
+        {**shared, "grade": i.verdict, "of": name, **_contained(drawn.truth[name], i.value, i.lower, i.upper)}
+        for name, i in intervals.items()
+    ]
+    for second, true, (value, half) in zip(drawn.unseen_s, drawn.unseen_v, _predicted(fitted), strict=True):
+        if np.isfinite(value) and np.isfinite(half):
+            of = f"voltage after {second:.0f} s at {UNSEEN_RATE:g}C"
+            rows.append({**shared, "grade": "voltage", "of": of, **_contained(true, value, value - half, value + half)})
+    return rows
+
+
+def _contained(true: float, value: float, lower: float, upper: float) -> Row:
+    return {"true": true, "value": value, "lower": lower, "upper": upper, "contained": int(lower <= true <= upper)}
+
+
+def _predicted(fitted: Fitted) -> list[tuple[float, float]]:
+    """Voltages at the unseen rate with half their 95 % bands: the intervals' covariance, propagated linearly."""
+    drawn, space = fitted.drawn, fitted.drawn.task.space
+    alone = _Simulator(replace(drawn.task, experiments=(drawn.unseen,)))
+    centre = space.to_unit(fitted.best.candidate)
+    steps = np.where(centre <= 0.5, _DIFFERENCE, -_DIFFERENCE)
+    points = [centre, *(centre + step for step in np.diag(steps))]
+
+    def voltages(candidates: Sequence[Candidate], exact: bool) -> list[FloatArray]:
+        outcomes = [outcome for _, outcome in alone.simulate(candidates, exact)]
+        return [_voltage_at(outcome.runs[0].trajectory, drawn.unseen_s) for outcome in outcomes]
+
+    here, *around = voltages([space.from_unit(point) for point in points], False)
+    slopes = (np.array(around) - here).T / steps
+    covariance = np.array(fitted.analysis.identifiability.covariance)
+    half = 1.96 * np.sqrt(np.einsum("ij,jk,ik->i", slopes, covariance, slopes))
+    return list(zip(voltages([fitted.best.candidate], True)[0].tolist(), half.tolist(), strict=True))
+
+
+def one_task(seed: int, number: int, model: str, simulations: int) -> Row:
+    """Draw a task, fit it, and compare; what is kept of it."""
+    try:
+        fitted = fit(draw(seed, number, model), simulations)
+    except RuntimeError as error:
+        return {"task": number, "rows": [], "note": str(error)}
+    if fitted is None:
+        return {"task": number, "rows": [], "note": "nothing simulates"}
+    return {"task": number, "rows": rows_of(fitted), "note": fitted.ending}
+
+
+def run_coverage(
+    out: Path,
+    count: int,
+    seed: int,
+    model: str,
+    simulations: int,
+    say: Callable[[str], None],
+) -> list[Row]:
+    """Every task that has no result yet; each is kept when it is done, and the same command goes on after a stop.
+
+    Writes ``coverage.jsonl`` (a task a line), ``coverage.csv`` (an interval a row) and ``coverage.md``.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    path = out / _RESULTS
+    done = {entry["task"]: entry for entry in _entries(path)}
+    for number in range(count):
+        if number in done:
+            continue
+        done[number] = one_task(seed, number, model, simulations)
+        with path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(done[number]) + "\n")
+        found = [row["contained"] for row in done[number]["rows"]]
+        say(f"task {number}: {sum(found)} of {len(found)} intervals contain the truth. {done[number]['note']}")
+    rows = [row for number in sorted(done) if number < count for row in done[number]["rows"]]
+    if rows:
+        write_csv(out / "coverage.csv", rows)
+        (out / "coverage.md").write_text(coverage_table(rows) + "\n", encoding="utf-8")
+    return rows
+
+
+def _entries(path: Path) -> list[Row]:
+    if not path.exists():
+        return []
+    lines = path.read_text(encoding="utf-8").splitlines()
+    # A line that a crash has torn is a task to be done again.
+    return [json.loads(line) for line in lines if line.endswith("}")]
+
+
+def coverage_table(rows: Sequence[Row]) -> str:
+    """The share of intervals that contain the truth, by grade, with its exact bounds."""
+    groups = grouped(rows, "grade")
+    lines = []
+    for grade in ("fixed", "loose", "open", "voltage"):
+        found = [int(row["contained"]) for row in groups.get(grade, [])]
+        if found:
+            share = f"{100 * sum(found) / len(found):.0f} %"
+            lines.append([grade, str(len(found)), share, exact_interval(sum(found), len(found))])
+    return markdown_table(["grade", "intervals", "contain the truth", "bounds"], lines)
+
+
+def excesses(rows: Sequence[Row]) -> list[float]:
+    """By task: cost of the fit over that of the truth, less one."""
+    return [found[0]["cost"] / found[0]["true_cost"] - 1.0 for found in grouped(rows, "task").values()]
