@@ -83,7 +83,6 @@ class _Score:
     index: int
     metrics: dict[str, float] | None
     records: list[RecordErrors] = field(default_factory=list)
-    residuals: str | None = None
 
 
 @dataclass(frozen=True)

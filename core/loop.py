@@ -14,7 +14,7 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from .encoding import decode_array, decode_trial, encode_array, encode_proposal, encode_trial
+from .encoding import decode_trial, encode_proposal, encode_trial
 from .errors import BsaError
 from .feedback import Feedback
 from .hooks import ProposeContext
@@ -23,7 +23,7 @@ from .journalled_simulations import JournalledSimulations
 from .messages import Outage, RunStopped, Usage
 from .metrics import Metrics, decode_metrics, evaluate
 from .parameters import Candidate
-from .post_fit_analysis import PostFitAnalysis, analyse
+from .post_fit_analysis import PostFitAnalysis, analyse, closest
 from .prediction import HELD_OUT, Prediction, decode_prediction, encode_prediction, predict
 from .proposal import Proposal
 from .record_errors import RecordErrors, errors_by_record
@@ -164,7 +164,6 @@ class Run:
         self._analysis_simulations = WatchedSimulations(JournalledSimulations(plugins, journal, earlier), self._watch)
         self._earlier_analyses = {event["appraisal"]["base"]: event for event in earlier if event["event"] == APPRAISAL}
         self._earlier_predictions = {event["base"]: event for event in earlier if event["event"] == HELD_OUT}
-        self._exact_residuals: FloatArray | None = None
         self._record_errors: tuple[RecordErrors, ...] = ()
         self._trials: list[Trial] = []
 
@@ -393,14 +392,15 @@ class Run:
         return result
 
     def _analyse(self, best: Trial) -> PostFitAnalysis | None:
-        """What the records fix at the best candidate; from the journal if it was found out before."""
-        known = self._earlier_analyses.get(best.index)
+        """What the records fix where the fit came closest to them; from the journal if it was found out before."""
+        fitted = closest(self._trials) or best
+        known = self._earlier_analyses.get(fitted.index)
         if known is not None:
             return PostFitAnalysis.from_json(known["appraisal"])
         if self._listener and best.ok:
             self._listener.noted("The search has ended; now what the record fixes, and what to measure next.")
         try:
-            found = analyse(self._task, self._trials, best, self._analysis_simulations, self._exact_residuals)
+            found = analyse(self._task, self._trials, fitted, self._analysis_simulations)
         except KeyboardInterrupt:
             self._note("Stopped before it was known what the record fixes. Resume the run to find out.")
             return None
@@ -431,8 +431,6 @@ class Run:
             if known is not None and known["index"] == trial.index:
                 scores[which] = decode_metrics(known["metrics"])
                 if which == "best":
-                    told = known.get("residuals")
-                    self._exact_residuals = None if told is None else decode_array(told)
                     self._record_errors = tuple(RecordErrors.from_json(content) for content in known.get("records", ()))
         missing = [which for which in ("initial", "best") if which not in scores]
         chosen = {"initial": self._trials[0], "best": best}
@@ -456,16 +454,12 @@ class Run:
             metrics = trial.metrics
         errors = errors_by_record(self._task, outcome) if which == "best" and outcome.ok else ()
         self._record_errors = errors or self._record_errors
-        exact = residuals(self._task, outcome) if which == "best" else None
-        if which == "best":
-            self._exact_residuals = exact
         self._journal.append(
             "score",
             which=which,
             index=trial.index,
             metrics=None if metrics is None else metrics.as_json(),
             **({"records": [record.as_json() for record in errors]} if errors else {}),
-            **({"residuals": encode_array(exact)} if exact is not None else {}),
         )
         return metrics
 

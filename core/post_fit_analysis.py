@@ -193,9 +193,21 @@ class _Spent:
         return [found[place] for place in range(len(found))]
 
 
-def analyse(
-    task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulating, exact: FloatArray | None = None
-) -> PostFitAnalysis | None:
+def closest(trials: Sequence[Trial]) -> Trial | None:
+    """The trial with the smallest sum of squares, about which intervals stand; None if every simulation failed.
+
+    The score may prefer another: it weighs what a noisy record says of each error in another way than likelihood does.
+    """
+    simulated = [trial for trial in trials if trial.residuals is not None]
+    return min(simulated, key=_cost, default=None)
+
+
+def _cost(trial: Trial) -> float:
+    assert trial.residuals is not None
+    return float(trial.residuals @ trial.residuals)
+
+
+def analyse(task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulating) -> PostFitAnalysis | None:
     """Judge the fit that a run ended with.
 
     Parameters
@@ -205,12 +217,9 @@ def analyse(
     trials : sequence of Trial
         Everything that was tried: finite differences near the best candidate are not simulated again.
     best : Trial
-        The fit.
+        The fit; see `closest`.
     plugins : Simulating
         Simulates what is missing, side by side where it can.
-    exact : ndarray of shape (m,), optional
-        Residuals of the fit at the simulator's reference accuracy, by which intervals are free of the error of the
-        search's own.
 
     Returns
     -------
@@ -221,7 +230,7 @@ def analyse(
         return None
     spent = _Spent()
     jacobian, reused, unknown = _jacobian(task, trials, best, plugins, spent)
-    residual = best.residuals if exact is None or len(exact) != len(best.residuals) else exact
+    residual = _corrected(task, best, plugins, spent)
     draws, noise = _posterior(task, best, residual, jacobian, plugins, spent)
     straight = identify(jacobian, residual, task.space, best.candidate, noise=noise)
     found = with_sample(straight, draws, task.space)
@@ -231,6 +240,19 @@ def analyse(
     return PostFitAnalysis(
         best.index, found, unknown, moving, worst, suggestions, spent.simulations, reused, spent.seconds
     )
+
+
+def _corrected(task: Task, best: Trial, plugins: Simulating, spent: _Spent) -> FloatArray:
+    """The residuals at the simulator's reference accuracy, so that intervals do not stand on the search mesh's error.
+
+    Where the two differ by more than the misfit, one of them is no approximation of the other, and the search's stand.
+    """
+    assert best.residuals is not None
+    (outcome,) = spent.counted(plugins.simulate([best.candidate], True), 1)
+    exact = residuals(task, outcome)
+    if exact is None or np.sum((exact - best.residuals) ** 2) > _cost(best):
+        return best.residuals
+    return exact
 
 
 def _posterior(

@@ -13,23 +13,23 @@ from ..core.discovery.closure import fit_closure
 from ..core.discovery.discovery import Discovery, temperature_errors
 from ..core.discovery.explanation import Explanation
 from ..core.discovery.findings import Listener, Nomination, Settings
-from ..core.discovery.laboratory import Laboratory
 from ..core.discovery.localisation import in_words, localise
 from ..core.discovery.next_experiment import propose
 from ..core.discovery.problem import Problem
 from ..core.discovery.ranking import Ranking, ask
-from ..core.discovery.recorded import RecordedLaboratory
+from ..core.discovery.recorded import RecordedSimulator
+from ..core.discovery.simulator import Simulator
 from ..core.files import write_text
 from ..core.messages import Backend
 from ..core.parameters import ParameterSpace
 from ..core.recording import Recorder
 from ..core.task import CellModel
 from ..core.trajectory import FloatArray
-from ..plugins.pybamm.laboratory_pool import LaboratoryPool
+from ..plugins.pybamm.effect_simulator_pool import EffectSimulatorPool
 from ..plugins.pybamm.radial_mesh import RadialMesh
 from .discovery_case import DiscoverOptions, read_case
 from .discovery_journal import opened
-from .discovery_workbench import Workbench, set_up
+from .discovery_setup import DiscoverySetup, set_up
 
 RESULT = "discovery.json"
 
@@ -62,20 +62,20 @@ def discover(options: DiscoverOptions, listener: Listener = lambda text: None, w
     with opened(options) as journal, ExitStack() as held:
         recorder = Recorder(journal.file, journal.earlier, say=listener)
 
-        def make_laboratory(cell: CellModel, space: ParameterSpace, mesh: RadialMesh) -> Laboratory:
-            pool = LaboratoryPool(cell, space.targets, mesh.usual, mesh.fine, workers)
-            return RecordedLaboratory(held.enter_context(closing(pool)), journal.file, journal.earlier)
+        def make_simulator(cell: CellModel, space: ParameterSpace, mesh: RadialMesh) -> Simulator:
+            pool = EffectSimulatorPool(cell, space.targets, mesh.usual, mesh.fine, workers)
+            return RecordedSimulator(held.enter_context(closing(pool)), journal.file, journal.earlier)
 
         case = read_case(options)
         backend = held.enter_context(backend_or_none(options))
-        bench = set_up(case, options, listener, make_laboratory)
+        setup = set_up(case, options, listener, make_simulator)
         asked = None if backend is None else recorder.around(backend)
-        discovery = discover_on(bench, options, listener, asked)
+        discovery = discover_on(setup, options, listener, asked)
         # Said before it is written: a disk that is full by now must not cost the answer.
         listener(f"{discovery.verdict}: {', '.join(discovery.names) or discovery.findings.reason}")
         write_text(options.out / RESULT, json.dumps(discovery.to_json(), indent=1, allow_nan=False))
         write_text(options.out / "augmented_model.py", discovery.script)
-        write_page(options.out / "report.html", discovery, bench.problem)
+        write_page(options.out / "report.html", discovery, setup.problem)
         journal.file.append("end", status=discovery.verdict)
     return discovery
 
@@ -93,7 +93,7 @@ def backend_or_none(options: DiscoverOptions) -> Iterator[Backend | None]:
 
 
 def discover_on(
-    bench: Workbench,
+    setup: DiscoverySetup,
     options: DiscoverOptions,
     listener: Listener = lambda text: None,
     backend: Backend | None = None,
@@ -102,11 +102,11 @@ def discover_on(
     """Find what is missing with all that was set up for it; writes nothing."""
     from ..plugins.pybamm.augmented_script import augmented_script
 
-    problem, case = bench.problem, bench.case
+    problem, case = setup.problem, setup.case
     asked: list[Ranking] = []
 
     def preferred(base: Explanation, nominations: Sequence[Nomination]) -> Sequence[str]:
-        words = None if backend is None else bench.discrepancy(base)
+        words = None if backend is None else setup.discrepancy(base)
         if backend is None or words is None:
             return ()
         possible = [n.effect for n in nominations if not n.lacks]
@@ -114,35 +114,35 @@ def discover_on(
         listener("backend: " + (", ".join(r.key for r in asked[-1].ranked) or asked[-1].note))
         return [r.key for r in asked[-1].ranked[:3]]
 
-    findings = bench.engine(settings or options.settings, listener, preferred).run()
+    findings = setup.engine(settings or options.settings, listener, preferred).run()
     before = _errors(problem, findings.nearest_base)
     after = _errors(problem, findings.best)
     noise = problem.noise_v
-    places = localise(problem.observations, before, bench.capacity_ah)
+    places = localise(problem.observations, before, setup.capacity_ah)
     discovery = Discovery(
         findings,
         noise,
         problem.held_noise_v,
         places,
-        localise(problem.observations, after, bench.capacity_ah),
+        localise(problem.observations, after, setup.capacity_ah),
         in_words(places, noise),
         ranking=asked[-1] if asked else None,
-        notes=[*bench.notes, *(f"not built: {name}: {why}" for name, why in bench.laboratory.refused.items())],
+        notes=[*setup.notes, *(f"not built: {name}: {why}" for name, why in setup.simulator.refused.items())],
     )
     rival = findings.rivals[0] if findings.rivals else _second(findings.explanations, findings.best)
     if findings.verdict == "ambiguous" and rival is not None:
         listener("looking for an experiment that separates them")
-        ambient = case.specimens[0].ambient_k
-        discovery.next_experiment = propose(bench.laboratory, findings.best, rival, bench.capacity_ah, noise, ambient)
+        ambient = case.measured_records[0].ambient_k
+        discovery.next_experiment = propose(setup.simulator, findings.best, rival, setup.capacity_ah, noise, ambient)
     if findings.verdict == "unexplained":
-        discovery.closure = fit_closure(problem.observations, before, bench.capacity_ah)
+        discovery.closure = fit_closure(problem.observations, before, setup.capacity_ah)
     discovery.temperature_rms_k = _temperatures(problem, findings.best)
     found = findings.best
     discovery.script = augmented_script(
-        case.cell, found.effects, found.fit.candidate, bench.space.targets, case.specimens, bench.mesh.fine
+        case.cell, found.effects, found.fit.candidate, setup.space.targets, case.measured_records, setup.mesh.fine
     )
-    discovery.simulations = bench.laboratory.simulations
-    discovery.wall_s = time.perf_counter() - bench.began
+    discovery.simulations = setup.simulator.simulations
+    discovery.wall_s = time.perf_counter() - setup.began
     return discovery
 
 

@@ -10,8 +10,8 @@ from typing import Any
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from ..core.discovery.findings import Settings
-from ..core.discovery.laboratory import Specimen
 from ..core.discovery.observations import FLOOR_V
+from ..core.discovery.simulator import MeasuredRecord
 from ..core.errors import BsaError, did_you_mean
 from ..core.record import ReadOptions
 from ..core.target import CyclableLithium, Factor, Value, factor_name, target_named
@@ -95,7 +95,7 @@ class Case:
     ----------
     cell : CellModel
         The base model.
-    specimens, held : tuple of Specimen
+    measured_records, held : tuple of MeasuredRecord
         Records to fit and to predict.
     initial_soc : mapping of str to float
         By record, where the search for its initial state of charge starts.
@@ -104,8 +104,8 @@ class Case:
     """
 
     cell: CellModel
-    specimens: tuple[Specimen, ...]
-    held: tuple[Specimen, ...] = ()
+    measured_records: tuple[MeasuredRecord, ...]
+    held: tuple[MeasuredRecord, ...] = ()
     initial_soc: Mapping[str, float] | None = None
     notes: tuple[str, ...] = ()
 
@@ -128,11 +128,11 @@ def read_case(options: DiscoverOptions) -> Case:
         search={"Negative particle radius [m]": {"factors": [0.5, 2.0]}},  # a task must search something; not used
         scale_to_capacity=options.scale,
     )
-    specimens = []
+    measured_records = []
     for number, (file, experiment) in enumerate(zip(files, task.experiments, strict=True), start=1):
         name = f"{number} {file.path.stem}"
-        specimens.append(Specimen(name, experiment.target, experiment.temperature_k))
-    starts = {s.name: e.initial_soc for s, e in zip(specimens, task.experiments, strict=True)}
+        measured_records.append(MeasuredRecord(name, experiment.target, experiment.temperature_k))
+    starts = {s.name: e.initial_soc for s, e in zip(measured_records, task.experiments, strict=True)}
     count = len(options.data)
     # A calibration task may add options for what it searches; here the base model is what was asked for.
     fixed = {
@@ -141,8 +141,8 @@ def read_case(options: DiscoverOptions) -> Case:
     cell = CellModel(task.cell.parameter_set, options.model, in_pybamm_spelling(options.options), fixed)
     return Case(
         cell,
-        tuple(specimens[:count]),
-        tuple(specimens[count:]),
+        tuple(measured_records[:count]),
+        tuple(measured_records[count:]),
         {name: soc for name, soc in starts.items() if soc is not None},
         task.notes,
     )

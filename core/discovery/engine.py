@@ -83,7 +83,7 @@ class Engine:
     Parameters
     ----------
     problem : Problem
-        Records and laboratory.
+        Records and simulator.
     space : ParameterSpace
         The uncertain parameters of the base model.
     catalogue : sequence of Effect
@@ -167,7 +167,7 @@ class Engine:
         return findings
 
     def _side_by_side(self, actions: Sequence[Callable[[], T]]) -> list[T]:
-        return side_by_side(actions, self.problem.laboratory.at_once)
+        return side_by_side(actions, self.problem.simulator.at_once)
 
     def _overfitted(self, base: Explanation) -> bool:
         """Whether the base model was fitted with less counted as noise than what it leaves."""

@@ -9,17 +9,17 @@ import numpy as np
 
 from ..effect import Evidence
 from ..trajectory import StepKind
-from .laboratory import Specimen
+from .simulator import MeasuredRecord
 
 
-def gather(model: str, options: Mapping[str, Any], specimens: Sequence[Specimen]) -> Evidence:
+def gather(model: str, options: Mapping[str, Any], measured_records: Sequence[MeasuredRecord]) -> Evidence:
     """Cycles, temperatures and sampling of the records together."""
     temperatures: list[float] = []
     sampling: list[float] = []
-    for specimen in specimens:
-        record = specimen.record
-        if specimen.ambient_k is not None:
-            temperatures.append(specimen.ambient_k)
+    for measured_record in measured_records:
+        record = measured_record.record
+        if measured_record.ambient_k is not None:
+            temperatures.append(measured_record.ambient_k)
         if record.temperature is not None:
             temperatures += [float(np.min(record.temperature)), float(np.max(record.temperature))]
         for step in record.steps:
@@ -28,7 +28,7 @@ def gather(model: str, options: Mapping[str, Any], specimens: Sequence[Specimen]
     return Evidence(
         model,
         options,
-        max(full_cycles(specimen) for specimen in specimens),
+        max(full_cycles(measured_record) for measured_record in measured_records),
         max(temperatures) - min(temperatures) if temperatures else 0.0,
         min(sampling) if sampling else float("inf"),
     )
@@ -38,15 +38,15 @@ _MANY = 6
 """Cycles from which a record may show a cell that ages."""
 
 
-def is_long(specimen: Specimen) -> bool:
+def is_long(measured_record: MeasuredRecord) -> bool:
     """Whether a record has so many cycles that the cell may have aged on the way."""
-    return full_cycles(specimen) >= _MANY
+    return full_cycles(measured_record) >= _MANY
 
 
-def full_cycles(specimen: Specimen) -> int:
+def full_cycles(measured_record: MeasuredRecord) -> int:
     """Cycles that contain both a charge and a discharge of some length; pulses and drives make no cycle."""
     kinds: dict[int, set[str]] = {}
-    for step in specimen.record.steps:
+    for step in measured_record.record.steps:
         kinds.setdefault(step.cycle, set()).add(step.kind)
     both = {StepKind.CC_CHARGE, StepKind.CC_DISCHARGE}
     return sum(both <= found for found in kinds.values())

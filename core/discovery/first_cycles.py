@@ -9,9 +9,9 @@ import numpy as np
 
 from ..trajectory import FloatArray
 from .evidence import is_long
-from .laboratory import Specimen
 from .observations import Observations, subset
 from .problem import Problem
+from .simulator import MeasuredRecord
 
 _NEW = 1
 """Cycles in which a cell is as good as new: a strong SEI costs a percent in each."""
@@ -30,7 +30,7 @@ def first_cycle(problem: Problem) -> Problem | None:
     cell is still the cell that the base model describes, and it is simulated in a fraction of the time. Parameters
     found there are where a fit of the whole record starts, and what ageing is added to.
     """
-    long = [is_long(specimen) for specimen in problem.specimens]
+    long = [is_long(measured_record) for measured_record in problem.measured_records]
     return _cut(problem, [_NEW if there else None for there in long]) if any(long) else None
 
 
@@ -53,8 +53,8 @@ def longer(problem: Problem, near: Problem) -> Iterator[Problem]:
 
     A fit that is right to a twentieth on three cycles is off by a knee on twenty, and near enough on six.
     """
-    whole = [len(specimen.record.cycles) for specimen in problem.specimens]
-    counts = [2 * len(specimen.record.cycles) for specimen in near.specimens]
+    whole = [len(measured_record.record.cycles) for measured_record in problem.measured_records]
+    counts = [2 * len(measured_record.record.cycles) for measured_record in near.measured_records]
     while any(count < total for count, total in zip(counts, whole, strict=True)):
         yield _cut(problem, counts)
         counts = [2 * count for count in counts]
@@ -68,14 +68,14 @@ def _undrifted(observed: Observations, error: FloatArray) -> int | None:
 
 
 def _cut(problem: Problem, counts: Sequence[int | None]) -> Problem:
-    pairs = zip(problem.specimens, problem.observations, counts, strict=True)
-    specimens, observations = zip(*(_first(*pair) for pair in pairs), strict=True)
+    pairs = zip(problem.measured_records, problem.observations, counts, strict=True)
+    measured_records, observations = zip(*(_first(*pair) for pair in pairs), strict=True)
     sizes = {observed.name: len(observed) for observed in (*observations, *problem.held_observations)}
     return Problem(
-        problem.laboratory,
-        specimens,
+        problem.simulator,
+        measured_records,
         observations,
-        problem.held_specimens,
+        problem.held_records,
         problem.held_observations,
         {name: change[: sizes[name]] for name, change in problem.corrections.items()},
         {name: sigma[: sizes[name]] for name, sigma in problem.mesh_sigma.items()},
@@ -83,11 +83,13 @@ def _cut(problem: Problem, counts: Sequence[int | None]) -> Problem:
     )
 
 
-def _first(specimen: Specimen, observed: Observations, count: int | None) -> tuple[Specimen, Observations]:
+def _first(
+    measured_record: MeasuredRecord, observed: Observations, count: int | None
+) -> tuple[MeasuredRecord, Observations]:
     """One record and its averages, cut after so many cycles."""
-    record = specimen.record
+    record = measured_record.record
     if count is None or count >= len(record.cycles):
-        return specimen, observed
+        return measured_record, observed
     last = record.cycles[count - 1]
     stop = max(step.stop for step in record.steps if step.cycle <= last)
-    return replace(specimen, record=record.slice(0, stop)), subset(observed, observed.cycle <= last)
+    return replace(measured_record, record=record.slice(0, stop)), subset(observed, observed.cycle <= last)

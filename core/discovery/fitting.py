@@ -17,12 +17,12 @@ from .adequacy import judge
 from .explanation import Explanation, estimates_of, temperature_misfit
 from .findings import Listener, Settings
 from .first_cycles import first_cycle, longer, near_cycles
-from .laboratory import Prediction
 from .problem import Problem
 from .refit import Refit, Residuals, refit, slopes_at
 from .rules import CLEAR_BIC, bic_difference
 from .score import Score
 from .side_by_side import side_by_side
+from .simulator import Prediction
 
 T = TypeVar("T")
 
@@ -57,7 +57,7 @@ class Fitter:
     Parameters
     ----------
     problem : Problem
-        Records and laboratory; its ``misfit_v`` is what the present fits count as noise.
+        Records and simulator; its ``misfit_v`` is what the present fits count as noise.
     space : ParameterSpace
         The uncertain parameters of the base model.
     settings : Settings
@@ -194,7 +194,7 @@ class Fitter:
         return min(fits, key=lambda fit: fit.cost)
 
     def _side_by_side(self, actions: Sequence[Callable[[], T]]) -> list[T]:
-        return side_by_side(actions, self.problem.laboratory.at_once)
+        return side_by_side(actions, self.problem.simulator.at_once)
 
     def _roomier(self, start: FloatArray, ease: float, soc_shift: float) -> FloatArray:
         shift: FloatArray = np.array([ease if parameter.prior else soc_shift for parameter in self.space])

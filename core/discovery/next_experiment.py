@@ -9,7 +9,7 @@ import numpy as np
 
 from ..trajectory import Step, StepKind, Trajectory
 from .explanation import Explanation
-from .laboratory import Laboratory, Moments, Request, Specimen
+from .simulator import MeasuredRecord, Moments, Request, Simulator
 
 Phase = tuple[float, float]
 """C-rate (positive on discharge) and seconds."""
@@ -99,7 +99,7 @@ PROTOCOLS = (
 
 
 def propose(
-    laboratory: Laboratory,
+    simulator: Simulator,
     first: Explanation,
     second: Explanation,
     capacity_ah: float,
@@ -112,10 +112,10 @@ def propose(
     """
     best: NextExperiment | None = None
     for protocol in PROTOCOLS:
-        specimen = _specimen(protocol, capacity_ah, ambient_k)
-        moments = Moments.single(specimen.record.time, specimen.record.current)
-        found = laboratory.predict(
-            [Request(e.effects, e.fit.candidate, specimen, moments, soc=protocol.soc) for e in (first, second)]
+        measured_record = _record(protocol, capacity_ah, ambient_k)
+        moments = Moments.single(measured_record.record.time, measured_record.record.current)
+        found = simulator.predict(
+            [Request(e.effects, e.fit.candidate, measured_record, moments, soc=protocol.soc) for e in (first, second)]
         )
         voltages = [prediction.voltage for prediction in found if prediction is not None]
         if len(voltages) < 2:
@@ -131,7 +131,7 @@ def propose(
     return best
 
 
-def _specimen(protocol: Protocol, capacity_ah: float, ambient_k: float | None) -> Specimen:
+def _record(protocol: Protocol, capacity_ah: float, ambient_k: float | None) -> MeasuredRecord:
     times: list[np.ndarray] = []
     currents: list[np.ndarray] = []
     steps: list[Step] = []
@@ -146,4 +146,4 @@ def _specimen(protocol: Protocol, capacity_ah: float, ambient_k: float | None) -
         start += seconds
     time = np.concatenate(times)
     record = Trajectory(time, np.concatenate(currents), np.full(len(time), 3.7), None, tuple(steps))
-    return Specimen(protocol.title, record, ambient_k)
+    return MeasuredRecord(protocol.title, record, ambient_k)

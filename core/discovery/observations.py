@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..noise import noise_of, resolution
 from ..trajectory import FloatArray, StepKind, Trajectory
-from .laboratory import Moments
+from .simulator import Moments
 
 FLOOR_V = 3e-4
 """Voltage differences below this are not physics: discretisation, interpolation of the current, the converter."""

@@ -13,9 +13,9 @@ from ..effect import Effect
 from ..parameters import Candidate
 from ..trajectory import FloatArray
 from .evidence import is_long
-from .laboratory import Laboratory, Prediction, Request, Specimen
 from .observations import Observations, subset
 from .robust_loss import robust
+from .simulator import MeasuredRecord, Prediction, Request, Simulator
 
 _BLOCK = 6
 """Stretches that are held out together, where no whole record is."""
@@ -42,13 +42,13 @@ class Problem:
 
     Attributes
     ----------
-    laboratory : Laboratory
+    simulator : Simulator
         Simulates.
-    specimens : list of Specimen
+    measured_records : list of MeasuredRecord
         The fitted records.
     observations : list of Observations
         Their averages, in the same order.
-    held_specimens, held_observations : list
+    held_records, held_observations : list
         The hold-out records, never fitted but for their initial state of charge.
     corrections : dict of str to ndarray
         By record: what the finer mesh adds to the prediction, V. Applied to every prediction.
@@ -59,10 +59,10 @@ class Problem:
         many cycles every fifth block is held out in any case: a hold-out record of a cycle or two shows no ageing.
     """
 
-    laboratory: Laboratory
-    specimens: Sequence[Specimen]
+    simulator: Simulator
+    measured_records: Sequence[MeasuredRecord]
     observations: Sequence[Observations]
-    held_specimens: Sequence[Specimen] = ()
+    held_records: Sequence[MeasuredRecord] = ()
     held_observations: Sequence[Observations] = ()
     corrections: dict[str, FloatArray] = field(default_factory=dict)
     mesh_sigma: dict[str, FloatArray] = field(default_factory=dict)
@@ -73,13 +73,13 @@ class Problem:
     parameters, and the flat parts of a record beside its steep ones, must count against the misfit, not the noise."""
 
     def __post_init__(self) -> None:
-        pairs = zip(self.specimens, self.observations, strict=True)
+        pairs = zip(self.measured_records, self.observations, strict=True)
         self.fitted = list(self.masks) if self.masks is not None else [self._fitted_mask(*pair) for pair in pairs]
         """By record: which stretches are fitted."""
         self._held_soc: dict[tuple[str, str], float] = {}
 
-    def _fitted_mask(self, specimen: Specimen, observed: Observations) -> NDArray[np.bool_]:
-        if self.held_specimens and not is_long(specimen):
+    def _fitted_mask(self, measured_record: MeasuredRecord, observed: Observations) -> NDArray[np.bool_]:
+        if self.held_records and not is_long(measured_record):
             return np.ones(len(observed), dtype=bool)
         place = np.arange(len(observed)) // _BLOCK
         return np.asarray(place % _EVERY != 2, dtype=np.bool_)
@@ -102,7 +102,7 @@ class Problem:
     def predict_all(self, wanted: Sequence[tuple[Sequence[Effect], Candidate]]) -> list[list[Prediction] | None]:
         """Predictions as by `predict` for several candidates, each with its effects, side by side."""
         self.simulations += len(wanted)
-        rows = list(zip(self.specimens, self.observations, strict=True))
+        rows = list(zip(self.measured_records, self.observations, strict=True))
         found = iter(self._ask([(*one, *row) for one in wanted for row in rows]))
         results = [[next(found) for _ in rows] for _ in wanted]
         return [None if None in result else [p for p in result if p is not None] for result in results]
@@ -111,27 +111,34 @@ class Problem:
         self,
         effects: Sequence[Effect],
         candidate: Candidate,
-        specimen: Specimen,
+        measured_record: MeasuredRecord,
         observed: Observations,
         fine: bool = False,
     ) -> Prediction | None:
-        return self._ask([(effects, candidate, specimen, observed)], fine)[0]
+        return self._ask([(effects, candidate, measured_record, observed)], fine)[0]
 
     def _ask(
-        self, wanted: Sequence[tuple[Sequence[Effect], Candidate, Specimen, Observations]], fine: bool = False
+        self, wanted: Sequence[tuple[Sequence[Effect], Candidate, MeasuredRecord, Observations]], fine: bool = False
     ) -> list[Prediction | None]:
-        found = self.laboratory.predict(
+        found = self.simulator.predict(
             [
-                Request(tuple(effects), candidate, specimen, observed.moments, fine, candidate.get(specimen.soc_name))
-                for effects, candidate, specimen, observed in wanted
+                Request(
+                    tuple(effects),
+                    candidate,
+                    measured_record,
+                    observed.moments,
+                    fine,
+                    candidate.get(measured_record.soc_name),
+                )
+                for effects, candidate, measured_record, observed in wanted
             ]
         )
         if fine:
             return found
         return [self._corrected(one[2], prediction) for one, prediction in zip(wanted, found, strict=True)]
 
-    def _corrected(self, specimen: Specimen, prediction: Prediction | None) -> Prediction | None:
-        correction = self.corrections.get(specimen.name)
+    def _corrected(self, measured_record: MeasuredRecord, prediction: Prediction | None) -> Prediction | None:
+        correction = self.corrections.get(measured_record.name)
         if prediction is None or correction is None:
             return prediction
         return Prediction(prediction.voltage + correction, prediction.temperature)
@@ -176,34 +183,34 @@ class Problem:
             Root mean square of the correction, V.
         """
         usual_all: list[FloatArray] = []
-        specimens = [*self.specimens, *self.held_specimens]
+        measured_records = [*self.measured_records, *self.held_records]
         observations = [*self.observations, *self.held_observations]
-        for specimen, observed in zip(specimens, observations, strict=True):
-            known = self.corrections.pop(specimen.name, None)
+        for measured_record, observed in zip(measured_records, observations, strict=True):
+            known = self.corrections.pop(measured_record.name, None)
             own = dict(candidate)
-            if specimen.soc_name not in own:
-                own[specimen.soc_name] = self._first_soc(candidate)
-            usual = self._one(effects, own, specimen, observed)
-            fine = self._one(effects, own, specimen, observed, fine=True)
+            if measured_record.soc_name not in own:
+                own[measured_record.soc_name] = self._first_soc(candidate)
+            usual = self._one(effects, own, measured_record, observed)
+            fine = self._one(effects, own, measured_record, observed, fine=True)
             self.simulations += 2
             if usual is None or fine is None:
                 if known is not None:
-                    self.corrections[specimen.name] = known
+                    self.corrections[measured_record.name] = known
                 continue
             change = fine.voltage - usual.voltage
             # Where cells of a mesh are emptied one by one the voltage falls in stairs, those of two meshes cross, and
             # a difference that is small by chance says nothing: what counts is the largest one near.
             near = maximum_filter1d(np.abs(change), _NEAR)
             # Where the two meshes disagree on when the cell is empty, the difference is no correction.
-            self.mesh_sigma[specimen.name] = np.where(near > _LARGEST_V, near, 0.25 * near)
+            self.mesh_sigma[measured_record.name] = np.where(near > _LARGEST_V, near, 0.25 * near)
             change = np.where(near > _LARGEST_V, 0.0, change)
             # Around a knee the difference is a shift in time; there it is an uncertainty more than a correction.
-            self.corrections[specimen.name] = change
+            self.corrections[measured_record.name] = change
             usual_all.append(change)
         return float(np.sqrt(np.mean(np.concatenate(usual_all) ** 2))) if usual_all else 0.0
 
     def _first_soc(self, candidate: Candidate) -> float:
-        names = [specimen.soc_name for specimen in self.specimens]
+        names = [measured_record.soc_name for measured_record in self.measured_records]
         return next((candidate[name] for name in names if name in candidate), _UNKNOWN_SOC)
 
     def held_out(self, effects: Sequence[Effect], candidate: Candidate) -> list[tuple[Observations, FloatArray]] | None:
@@ -215,8 +222,8 @@ class Problem:
         result = self._kept_back(effects, candidate)
         if result is None:
             return None
-        for specimen, observed in zip(self.held_specimens, self.held_observations, strict=True):
-            error = self._held_error(effects, candidate, specimen, observed)
+        for measured_record, observed in zip(self.held_records, self.held_observations, strict=True):
+            error = self._held_error(effects, candidate, measured_record, observed)
             if error is None:
                 return None
             result.append((observed, error))
@@ -235,17 +242,17 @@ class Problem:
         return [(subset(observed, ~mask), error[~mask]) for observed, mask, error in rows if not np.all(mask)]
 
     def _held_error(
-        self, effects: Sequence[Effect], candidate: Candidate, specimen: Specimen, observed: Observations
+        self, effects: Sequence[Effect], candidate: Candidate, measured_record: MeasuredRecord, observed: Observations
     ) -> FloatArray | None:
         weight = 1 / np.sqrt(observed.sigma**2 + self.misfit_v**2)
 
         def error_at(soc: float) -> FloatArray | None:
             self.simulations += 1
-            prediction = self._one(effects, {**candidate, specimen.soc_name: soc}, specimen, observed)
+            prediction = self._one(effects, {**candidate, measured_record.soc_name: soc}, measured_record, observed)
             return None if prediction is None else observed.voltage - prediction.voltage
 
-        key = (specimen.name, " + ".join(effect.key for effect in effects))
-        soc = self._held_soc.get(key, self._held_soc.get((specimen.name, ""), self._first_soc(candidate)))
+        key = (measured_record.name, " + ".join(effect.key for effect in effects))
+        soc = self._held_soc.get(key, self._held_soc.get((measured_record.name, ""), self._first_soc(candidate)))
         error = error_at(soc)
         if error is None:
             soc = 0.9

@@ -1,4 +1,4 @@
-"""A laboratory that writes every prediction into the journal, and on resume answers from it first."""
+"""A simulator that writes every prediction into the journal, and on resume answers from it first."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from typing import Any
 
 from ..encoding import decode_array, encode_array
 from ..journal import Journal
-from .laboratory import Laboratory, Prediction, Request
+from .simulator import Prediction, Request, Simulator
 
 SIMULATION, REFUSED = "simulation", "refused"
 
 
-class RecordedLaboratory:
-    """Stands between a discovery and what simulates for it; see `Laboratory`.
+class RecordedSimulator:
+    """Stands between a discovery and what simulates for it; see `Simulator`.
 
     A discovery is a function of its predictions. One that is carried out anew with those of the journal comes to the
     place where it was stopped without a simulation, and goes on from there.
 
     Parameters
     ----------
-    inner : Laboratory
+    inner : Simulator
         Simulates.
     journal : Journal
         Where every prediction is kept.
@@ -38,7 +38,7 @@ class RecordedLaboratory:
         Effects that could not be built, and why.
     """
 
-    def __init__(self, inner: Laboratory, journal: Journal, earlier: Iterable[Mapping[str, Any]] = ()) -> None:
+    def __init__(self, inner: Simulator, journal: Journal, earlier: Iterable[Mapping[str, Any]] = ()) -> None:
         self._inner = inner
         self._journal = journal
         earlier = list(earlier)
@@ -71,7 +71,7 @@ def _key(request: Request) -> str:
     told = {
         "effects": [effect.key for effect in request.effects],
         "candidate": {name: float(value) for name, value in request.candidate.items()},
-        "record": [request.specimen.name, len(request.specimen.record)],
+        "record": [request.measured_record.name, len(request.measured_record.record)],
         "moments": [len(request.moments.time), float(request.moments.time.sum())],
         "fine": request.fine,
         "soc": None if request.soc is None else float(request.soc),

@@ -11,7 +11,7 @@ from ...core.discovery.ranking import ask
 from ...core.messages import Outage
 from ..discover import backend_or_none
 from ..discovery_case import DiscoverOptions, read_case
-from ..discovery_workbench import set_up
+from ..discovery_setup import set_up
 from .results import read_results
 
 SHORTLISTS = "shortlists"
@@ -40,8 +40,8 @@ def shortlist(options: DiscoverOptions) -> dict[str, Any]:
         ``statistics``: keys of effects, the best first, none where the base model leaves noise only; ``named`` and
         ``nameless``: the backend's, where there is one and something to rank.
     """
-    bench = set_up(read_case(options), options)
-    known = bench.engine(options.settings).shortlist()
+    setup = set_up(read_case(options), options)
+    known = setup.engine(options.settings).shortlist()
     possible = [n for n in known.nominations if not n.lacks]
     found: dict[str, Any] = {
         "effects": len(possible),
@@ -49,7 +49,7 @@ def shortlist(options: DiscoverOptions) -> dict[str, Any]:
     }
     # Where nothing is to be ranked no model is loaded.
     with backend_or_none(options) if possible else nullcontext() as backend:
-        words = None if backend is None else bench.discrepancy(known.refitted)
+        words = None if backend is None else setup.discrepancy(known.refitted)
         for how, hidden in (("named", False), ("nameless", True)):
             if backend is not None and words:
                 ranking = ask(backend, words, [n.effect for n in possible], options.seed, hidden)

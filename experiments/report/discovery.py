@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from ...core.discovery.discovery import Discovery
-from ...core.discovery.laboratory import Prediction
 from ...core.discovery.observations import Observations
 from ...core.discovery.problem import Problem
+from ...core.discovery.simulator import Prediction
 from ...core.files import write_text
 from ...core.trajectory import FloatArray
 from .chart import BOTTOM, GAP, TOP, Chart, Key, Panel, horizontal, padded, vertical

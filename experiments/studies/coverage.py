@@ -19,7 +19,7 @@ from ...core.feedback import Feedback
 from ...core.files import write_csv
 from ...core.metrics import evaluate
 from ...core.parameters import Candidate
-from ...core.post_fit_analysis import PostFitAnalysis, Simulating, analyse
+from ...core.post_fit_analysis import PostFitAnalysis, Simulating, analyse, closest
 from ...core.residuals import noise_of_residuals, partial_residuals, residuals
 from ...core.simulation import ExperimentRun, Outcome
 from ...core.target import CellChange
@@ -239,16 +239,13 @@ def fit(drawn: Drawn, simulations: int) -> Fitted | None:
     descent = Descent(task, DescentOptions(), 0, tried([task.space.initial])[0])
     while asked := descent.ask(simulations - len(trials)):
         descent.tell(tried(asked))
-    best = min(trials, key=lambda trial: trial.objective)
-    truth = next(simulator.simulate([drawn.truth], False))[1]
-    exact = next(simulator.simulate([best.candidate], True))[1]
-    analysis = analyse(task, trials, best, simulator, residuals(task, exact))
-    if analysis is None or best.residuals is None:
+    best = closest(trials)
+    analysis = None if best is None else analyse(task, trials, best, simulator)
+    if best is None or best.residuals is None or analysis is None:
         return None
-    true = residuals(task, truth)
-    cost = min(float(trial.residuals @ trial.residuals) for trial in trials if trial.residuals is not None)
+    true = residuals(task, next(simulator.simulate([drawn.truth], False))[1])
     true_cost = float("nan") if true is None else float(true @ true)
-    return Fitted(drawn, best, analysis, cost, true_cost, len(trials), descent.ending)
+    return Fitted(drawn, best, analysis, float(best.residuals @ best.residuals), true_cost, len(trials), descent.ending)
 
 
 def _trial(task: Task, index: int, candidate: Candidate, outcome: Outcome) -> Trial:
@@ -280,6 +277,7 @@ def rows_of(fitted: Fitted) -> list[Row]:
         "simulations": fitted.simulations,
         "cost": fitted.cost,
         "true_cost": fitted.true_cost,
+        "ended": int(bool(fitted.ending)),
         "noise_tolerances": float(np.sqrt(np.mean(noise_of_residuals(drawn.task) ** 2))),
     }
     intervals = fitted.analysis.identifiability.intervals

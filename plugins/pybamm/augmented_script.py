@@ -11,8 +11,8 @@ from typing import Any
 
 import jinja2
 
-from ...core.discovery.laboratory import Specimen
 from ...core.discovery.observations import after_jumps, evenly
+from ...core.discovery.simulator import MeasuredRecord
 from ...core.effect import Effect
 from ...core.parameters import Candidate
 from ...core.printable import shown
@@ -34,7 +34,7 @@ def augmented_script(
     effects: Sequence[Effect],
     candidate: Candidate,
     targets: Mapping[str, Target],
-    specimens: Sequence[Specimen],
+    measured_records: Sequence[MeasuredRecord],
     resolution: Resolution = FINE,
 ) -> str:
     """Source text of ``augmented_model.py``.
@@ -49,7 +49,7 @@ def augmented_script(
         Fitted parameters, base and effects'.
     targets : mapping of str to Target
         What the base parameters act on, by their names.
-    specimens : sequence of Specimen
+    measured_records : sequence of MeasuredRecord
         The fitted records; their currents are written into the script.
     resolution : Resolution
         Mesh and tolerance: those that the discovery measured its discretisation with, so that the script's curve is
@@ -64,21 +64,21 @@ def augmented_script(
     state = InitialState(load(cell.parameter_set, cell.overrides))
     change = change_of(targets, candidate)
     records = []
-    for specimen in specimens:
-        drive = current_function(specimen.record)
-        start = state.concentrations(change, change.soc_of(specimen.name))
-        kept = evenly(len(specimen.record.time), _LONGEST)
+    for measured_record in measured_records:
+        drive = current_function(measured_record.record)
+        start = state.concentrations(change, change.soc_of(measured_record.name))
+        kept = evenly(len(measured_record.record.time), _LONGEST)
         records.append(
             {
-                "name": shown(specimen.name),
-                "ambient_k": specimen.ambient_k,
+                "name": shown(measured_record.name),
+                "ambient_k": measured_record.ambient_k,
                 "negative": start[initial_concentration("Negative")],
                 "positive": start[initial_concentration("Positive")],
                 "time": [round(float(t), 4) for t in drive.time],
                 "current": [round(float(i), 6) for i in drive.current],
                 "stops": [round(float(t), 4) for t in drive.stops],
-                "sample": [round(float(t), 4) for t in after_jumps(specimen.record)[kept]],
-                "measured": [round(float(v), 5) for v in specimen.record.voltage[kept]],
+                "sample": [round(float(t), 4) for t in after_jumps(measured_record.record)[kept]],
+                "measured": [round(float(v), 5) for v in measured_record.record.voltage[kept]],
             }
         )
     environment = jinja2.Environment(

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...core.discovery.laboratory import Specimen
 from ...core.discovery.observations import after_jumps, evenly
+from ...core.discovery.simulator import MeasuredRecord
 from ...core.task import CellModel
 from ...core.trajectory import FloatArray
 from .driven_cell import FINE, SEARCH, DrivenCell, Resolution, within_limits
@@ -54,7 +54,9 @@ class RadialMesh:
         return f"{self.usual.radial_points} mesh points resolve each particle: {moved}"
 
 
-def radial_mesh(cell: CellModel, specimens: Sequence[Specimen], soc: Mapping[str, float] | None = None) -> RadialMesh:
+def radial_mesh(
+    cell: CellModel, measured_records: Sequence[MeasuredRecord], soc: Mapping[str, float] | None = None
+) -> RadialMesh:
     """Measure how many points the particles need.
 
     The record with the strongest current is driven on the base model as it is believed, with twice as many radial
@@ -64,12 +66,12 @@ def radial_mesh(cell: CellModel, specimens: Sequence[Specimen], soc: Mapping[str
     ----------
     cell : CellModel
         The base model.
-    specimens : sequence of Specimen
+    measured_records : sequence of MeasuredRecord
         The records.
     soc : mapping of str to float, optional
         By record, its initial state of charge; 0.9 for those not named.
     """
-    hardest = max(specimens, key=lambda specimen: float(np.max(np.abs(specimen.record.current))))
+    hardest = max(measured_records, key=lambda measured_record: float(np.max(np.abs(measured_record.record.current))))
     kept = evenly(len(hardest.record.time), _SAMPLES)
     times, current = after_jumps(hardest.record)[kept], hardest.record.current[kept]
     start = (soc or {}).get(hardest.name, _UNKNOWN_SOC)

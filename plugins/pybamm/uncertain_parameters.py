@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from ...core.discovery.laboratory import Specimen
+from ...core.discovery.simulator import MeasuredRecord
 from ...core.errors import BsaError, did_you_mean
 from ...core.parameters import Parameter, ParameterSpace
 from ...core.target import CYCLABLE_LITHIUM, InitialSoc, target_named
@@ -23,7 +23,7 @@ _SPREADS = {
 """Standard deviation of the logarithm, lower and upper bound of each factor.
 
 Active material and lithium are known to the few percent to which capacity is; diffusivities and exchange currents,
-from one laboratory to the next, to a factor of two; the electrolyte's bulk properties are measured to 20 %. Particle
+from one simulator to the next, to a factor of two; the electrolyte's bulk properties are measured to 20 %. Particle
 radii and thicknesses are left out: in these models a radius acts through ``D / R^2`` and ``j0 / R`` only, and a
 thickness through the capacity and the electrolyte's resistance, all of which are here.
 """
@@ -63,7 +63,7 @@ def default_spread(name: str) -> tuple[float, float, float]:
 
 def uncertain_parameters(
     model: str,
-    specimens: Sequence[Specimen],
+    measured_records: Sequence[MeasuredRecord],
     soc: Mapping[str, float] | None = None,
     spreads: Mapping[str, tuple[float, float, float]] | None = None,
 ) -> ParameterSpace:
@@ -73,7 +73,7 @@ def uncertain_parameters(
     ----------
     model : {'SPM', 'SPMe', 'DFN'}
         SPM has no electrolyte to be uncertain about.
-    specimens : sequence of Specimen
+    measured_records : sequence of MeasuredRecord
         The fitted records.
     soc : mapping of str to float, optional
         By record, where the search for its initial state of charge starts; 0.9 for those not named.
@@ -90,6 +90,6 @@ def uncertain_parameters(
     starts = soc or {}
     states = [
         Parameter(s.soc_name, starts.get(s.name, 0.9), 0.0, 1.08, target=InitialSoc(s.name), deviation=0.02)
-        for s in specimens
+        for s in measured_records
     ]
     return ParameterSpace((*factors, *states))

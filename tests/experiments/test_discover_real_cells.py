@@ -75,7 +75,7 @@ def test_heat_is_not_all_that_the_lgm50_at_2c_lacks(tmp_path):
     options = DiscoverOptions(
         data=[LGM50 / "Cell796_2C_25degC.csv"], parameters="ORegan2022", model="SPMe", ambient_c=25.0, out=tmp_path
     )
-    record = read_case(options).specimens[0].record
+    record = read_case(options).measured_records[0].record
     drawn = np.flatnonzero(record.current > 5.0)
     part = slice(drawn[0], drawn[-1] + 1)
     time = record.time[part] - record.time[drawn[0]]

@@ -53,7 +53,7 @@ def test_an_effect_of_no_catalogue_stays_unexplained():
 
 
 def test_twins_are_ambiguous():
-    class Twins(toy.ToyLaboratory):
+    class Twins(toy.ToySimulator):
         pass
 
     twin = toy.effect("sign-twin")

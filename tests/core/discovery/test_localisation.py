@@ -9,8 +9,8 @@ from bsa.core.trajectory import Step, StepKind, Trajectory
 
 def observed():
     rng = np.random.default_rng(0)
-    specimen = toy.specimen("a", rng, {})
-    return observe("a", specimen.record, 298.15, 150)
+    measured_record = toy.measured_record("a", rng, {})
+    return observe("a", measured_record.record, 298.15, 150)
 
 
 def test_an_error_under_load_is_found_under_load():
@@ -37,7 +37,7 @@ def test_a_closure_describes_a_resistance():
 def test_averages_keep_every_sample_and_the_noise():
     o = observed()
     rng = np.random.default_rng(0)
-    record = toy.specimen("a", rng, {}).record
+    record = toy.measured_record("a", rng, {}).record
     assert o.count.sum() == len(record)
     assert np.all(np.diff(o.time) > 0)
     assert o.noise == pytest.approx(1e-3, rel=0.25)

@@ -1,12 +1,12 @@
 import discovery_toy as toy
 import numpy as np
 import pytest
-from bsa.core.discovery.laboratory import Prediction
 from bsa.core.discovery.observations import observe
 from bsa.core.discovery.problem import Problem
+from bsa.core.discovery.simulator import Prediction
 
 
-class Stairs(toy.ToyLaboratory):
+class Stairs(toy.ToySimulator):
     """Two meshes that fall in stairs from some moment on, and cross again and again."""
 
     def __init__(self, begin, height):
@@ -20,7 +20,7 @@ class Stairs(toy.ToyLaboratory):
 
 @pytest.mark.parametrize("height", [0.002, 0.1])
 def test_a_mesh_is_trusted_no_more_where_two_of_them_happen_to_cross(height):
-    whole = toy.specimen("a", np.random.default_rng(0), {})
+    whole = toy.measured_record("a", np.random.default_rng(0), {})
     observed = observe("a", whole.record, points=10_000)
     problem = Problem(Stairs(1800.0, height), [whole], [observed])
     problem.correct_mesh((), {"resistance factor": 1.0, whole.soc_name: 0.9})

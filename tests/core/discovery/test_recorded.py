@@ -4,14 +4,14 @@ import discovery_toy as toy
 import numpy as np
 import pytest
 from bsa.core.discovery.engine import Engine
-from bsa.core.discovery.laboratory import Moments, Request
-from bsa.core.discovery.recorded import RecordedLaboratory
+from bsa.core.discovery.recorded import RecordedSimulator
+from bsa.core.discovery.simulator import Moments, Request
 from bsa.core.journal import Journal, read_events
 
 CATALOGUE = (toy.QUADRATIC, toy.HYSTERESIS)
 
 
-class Counting(toy.ToyLaboratory):
+class Counting(toy.ToySimulator):
     """Stops after so many simulations, as Ctrl-C would."""
 
     def __init__(self, most=10**9):
@@ -31,7 +31,7 @@ def discover(folder, inner):
         if not earlier:
             journal.append("run", format=1, kind="discovery")
         problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
-        problem.laboratory = RecordedLaboratory(inner, journal, earlier)
+        problem.simulator = RecordedSimulator(inner, journal, earlier)
         return Engine(problem, space, CATALOGUE, toy.EVIDENCE).run()
     finally:
         journal.close()
@@ -66,15 +66,17 @@ def test_what_fails_and_what_is_refused_stands_in_the_journal(tmp_path):
             return [None for _ in requests]
 
     time = np.arange(3.0)
-    request = Request((), {"a": 1.0}, toy.specimen("x", np.random.default_rng(0), {}), Moments.single(time, time))
+    request = Request(
+        (), {"a": 1.0}, toy.measured_record("x", np.random.default_rng(0), {}), Moments.single(time, time)
+    )
     for number in range(2):
         journal = Journal(tmp_path)
         earlier = list(read_events(tmp_path))
         if not earlier:
             journal.append("run", format=1, kind="discovery")
-        laboratory = RecordedLaboratory(Failing() if number == 0 else Counting(most=0), journal, earlier)
-        assert laboratory.predict([request, request]) == [None, None]
-        assert laboratory.refused == {"slow": "no such parameter"}
+        simulator = RecordedSimulator(Failing() if number == 0 else Counting(most=0), journal, earlier)
+        assert simulator.predict([request, request]) == [None, None]
+        assert simulator.refused == {"slow": "no such parameter"}
         journal.close()
     kinds = [json.loads(line)["event"] for line in (tmp_path / "journal.jsonl").read_text().splitlines()]
     assert kinds == ["run", "simulation", "refused"]
@@ -83,18 +85,18 @@ def test_what_fails_and_what_is_refused_stands_in_the_journal(tmp_path):
 @pytest.mark.parametrize("change", ["candidate", "soc", "fine", "effects"])
 def test_requests_that_differ_are_not_taken_for_one_another(tmp_path, change):
     time = np.arange(3.0)
-    specimen, moments = toy.specimen("x", np.random.default_rng(0), {}), Moments.single(time, time)
-    first = Request((), {"resistance factor": 1.0, "sign: size [V]": 0.1}, specimen, moments)
+    measured_record, moments = toy.measured_record("x", np.random.default_rng(0), {}), Moments.single(time, time)
+    first = Request((), {"resistance factor": 1.0, "sign: size [V]": 0.1}, measured_record, moments)
     other = {
-        "candidate": Request((), {"resistance factor": 2.0, "sign: size [V]": 0.1}, specimen, moments),
-        "soc": Request((), first.candidate, specimen, moments, soc=0.3),
-        "fine": Request((), first.candidate, specimen, moments, fine=True),
-        "effects": Request((toy.HYSTERESIS,), first.candidate, specimen, moments),
+        "candidate": Request((), {"resistance factor": 2.0, "sign: size [V]": 0.1}, measured_record, moments),
+        "soc": Request((), first.candidate, measured_record, moments, soc=0.3),
+        "fine": Request((), first.candidate, measured_record, moments, fine=True),
+        "effects": Request((toy.HYSTERESIS,), first.candidate, measured_record, moments),
     }[change]
     journal = Journal(tmp_path)
     inner = Counting()
-    laboratory = RecordedLaboratory(inner, journal)
-    laboratory.predict([first, other, first])
+    simulator = RecordedSimulator(inner, journal)
+    simulator.predict([first, other, first])
     assert inner.asked == 2
-    assert laboratory.simulations == 3
+    assert simulator.simulations == 3
     journal.close()

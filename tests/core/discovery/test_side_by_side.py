@@ -37,7 +37,7 @@ def test_the_first_failure_is_raised_and_those_not_begun_are_left_out():
 def test_a_discovery_finds_the_same_with_threads():
     def run(at_once):
         problem, space = toy.problem(np.random.default_rng(0), {"quadratic": 0.01, "sign": 0.015})
-        problem.laboratory.at_once = at_once
+        problem.simulator.at_once = at_once
         findings = Engine(problem, space, (toy.QUADRATIC, toy.HYSTERESIS, toy.SLOW), toy.EVIDENCE).run()
         return findings.verdict, [(e.label, tuple(e.fit.u), e.held_rmse_v) for e in findings.explanations]
 

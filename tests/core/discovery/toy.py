@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from bsa.core.discovery.laboratory import Prediction, Specimen
 from bsa.core.discovery.observations import observe
 from bsa.core.discovery.problem import Problem
+from bsa.core.discovery.simulator import MeasuredRecord, Prediction
 from bsa.core.effect import Effect, EffectParameter, Evidence
 from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.trajectory import Step, StepKind, Trajectory
@@ -40,7 +40,7 @@ def marks(current, time):
     }
 
 
-class ToyLaboratory:
+class ToySimulator:
     """V = 3.8 - 0.2 q + offset - R I + the effects' marks."""
 
     at_once = 1
@@ -51,7 +51,7 @@ class ToyLaboratory:
     def one(self, request):
         candidate, record, times, current = (
             request.candidate,
-            request.specimen.record,
+            request.measured_record.record,
             request.moments.time,
             request.moments.current,
         )
@@ -69,7 +69,9 @@ CHECK = ((0, 60), (1, 600), (0, 400), (2.5, 300), (0, 400), (-1, 500), (0, 300),
 CYCLE = ((1, 600), (0, 200), (-1, 600), (0, 200))
 
 
-def specimen(name: str, rng, truth: dict[str, float], resistance=1.2, noise=1e-3, program=CHECK, cycles=1) -> Specimen:
+def measured_record(
+    name: str, rng, truth: dict[str, float], resistance=1.2, noise=1e-3, program=CHECK, cycles=1
+) -> MeasuredRecord:
     time, current, steps = [], [], []
     start = count = 0
     for number in range(1, cycles + 1):
@@ -87,19 +89,19 @@ def specimen(name: str, rng, truth: dict[str, float], resistance=1.2, noise=1e-3
     for key, size in truth.items():
         voltage = voltage + size * marks(current, time)[key]
     voltage = voltage + rng.normal(0.0, noise, len(time))
-    return Specimen(name, Trajectory(time, current, voltage, None, tuple(steps)))
+    return MeasuredRecord(name, Trajectory(time, current, voltage, None, tuple(steps)))
 
 
 def problem(rng, truth: dict[str, float], held: bool = True, noise=1e-3) -> tuple[Problem, ParameterSpace]:
-    fitted = [specimen("a", rng, truth, noise=noise), specimen("b", rng, truth, noise=noise)]
-    return problem_of(fitted, [specimen("held", rng, truth, noise=noise)] if held else [])
+    fitted = [measured_record("a", rng, truth, noise=noise), measured_record("b", rng, truth, noise=noise)]
+    return problem_of(fitted, [measured_record("held", rng, truth, noise=noise)] if held else [])
 
 
-def problem_of(fitted: list[Specimen], kept: list[Specimen]) -> tuple[Problem, ParameterSpace]:
+def problem_of(fitted: list[MeasuredRecord], kept: list[MeasuredRecord]) -> tuple[Problem, ParameterSpace]:
     resistance = Parameter("resistance factor", 1.0, 0.2, 5.0, "log", deviation=0.5, prior=True)
     states = [Parameter(s.soc_name, 0.8, 0.0, 1.0, deviation=0.02) for s in fitted]
     made = Problem(
-        ToyLaboratory(),
+        ToySimulator(),
         fitted,
         [observe(s.name, s.record, points=150) for s in fitted],
         kept,

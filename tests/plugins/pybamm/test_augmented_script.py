@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bsa.core.discovery.laboratory import Specimen
+from bsa.core.discovery.simulator import MeasuredRecord
 from bsa.core.target import targets_named
 from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory
@@ -29,15 +29,15 @@ def record():
 def test_the_script_needs_pybamm_alone_and_gives_the_same_curve(tmp_path, keys):
     effects = tuple(e for e in EFFECTS if e.key in keys)
     driven = record()
-    specimen = Specimen("a", driven, 298.15)
+    measured_record = MeasuredRecord("a", driven, 298.15)
     name = "Positive particle diffusivity [m2.s-1] factor"
-    candidate = {specimen.soc_name: 0.9, name: 0.8}
+    candidate = {measured_record.soc_name: 0.9, name: 0.8}
     for effect in effects:
         candidate |= {effect.full_name(p): p.probe for p in effect.parameters}
     cell = CellModel("Chen2020", "SPMe")
     path = tmp_path / "augmented_model.py"
-    targets = targets_named([name, specimen.soc_name])
-    path.write_text(augmented_script(cell, effects, candidate, targets, [specimen]), encoding="utf-8")
+    targets = targets_named([name, measured_record.soc_name])
+    path.write_text(augmented_script(cell, effects, candidate, targets, [measured_record]), encoding="utf-8")
     code = (
         "import sys; sys.modules['bsa'] = None\n"
         "import augmented_model as m, numpy as np\n"
@@ -56,16 +56,16 @@ def test_words_of_other_people_stay_comments_and_texts():
     effect = next(e for e in EFFECTS if e.key == "contact-resistance")
     breakout = 'x\nimport os; raise SystemExit("broken out")\r#\u2028"""\x1b[31m\u202e'
     strange = replace(effect, title=breakout, equation=breakout, citation=breakout)
-    specimen = Specimen(breakout, record(), 298.15)
-    candidate = {strange.full_name(p): p.probe for p in strange.parameters} | {specimen.soc_name: 0.9}
+    measured_record = MeasuredRecord(breakout, record(), 298.15)
+    candidate = {strange.full_name(p): p.probe for p in strange.parameters} | {measured_record.soc_name: 0.9}
     cell = CellModel("Chen2020", "SPM")
-    text = augmented_script(cell, (strange,), candidate, targets_named([specimen.soc_name]), [specimen])
+    text = augmented_script(cell, (strange,), candidate, targets_named([measured_record.soc_name]), [measured_record])
     plain = augmented_script(
         cell,
         (effect,),
-        {effect.full_name(p): p.probe for p in effect.parameters} | {Specimen("a", record()).soc_name: 0.9},
-        targets_named([Specimen("a", record()).soc_name]),
-        [Specimen("a", record(), 298.15)],
+        {effect.full_name(p): p.probe for p in effect.parameters} | {MeasuredRecord("a", record()).soc_name: 0.9},
+        targets_named([MeasuredRecord("a", record()).soc_name]),
+        [MeasuredRecord("a", record(), 298.15)],
     )
     assert {"\x1b", "\u202e", "\u2028", "\r"}.isdisjoint(text)
     assert "broken out" in text

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from bsa.core.discovery.laboratory import Specimen
+from bsa.core.discovery.simulator import MeasuredRecord
 from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.pybamm.driven_cell import FINE, SEARCH, DrivenCell, Resolution
@@ -11,12 +11,14 @@ def discharge(current, duration):
     time = np.concatenate([np.arange(0.0, 60, 10), 60 + np.linspace(0, duration, 100)])
     amperes = np.concatenate([np.zeros(6), np.full(100, current)])
     steps = (Step(StepKind.REST, 0, 6), Step(StepKind.CC_DISCHARGE, 6, 106))
-    return Specimen("a", Trajectory(time, amperes, np.full(106, 4.0), None, steps), 298.15)
+    return MeasuredRecord("a", Trajectory(time, amperes, np.full(106, 4.0), None, steps), 298.15)
 
 
-def voltage(cell, specimen, points):
-    driven = DrivenCell(cell, (), specimen.record, {}, specimen.ambient_k, Resolution(radial_points=points))
-    curve = driven.solve({}, specimen.record.time, specimen.record.current, 0.95)
+def voltage(cell, measured_record, points):
+    driven = DrivenCell(
+        cell, (), measured_record.record, {}, measured_record.ambient_k, Resolution(radial_points=points)
+    )
+    curve = driven.solve({}, measured_record.record.time, measured_record.record.current, 0.95)
     assert curve is not None
     return curve.voltage
 
@@ -33,18 +35,18 @@ def hindered():
 
 
 def test_where_it_varies_by_decades_particles_get_the_points_they_need(hindered):
-    cell, specimen = hindered
-    mesh = radial_mesh(cell, [specimen], {"a": 0.95})
+    cell, measured_record = hindered
+    mesh = radial_mesh(cell, [measured_record], {"a": 0.95})
     points = mesh.usual.radial_points
     assert points > 20
     assert mesh.fine.radial_points == 2 * points
     assert mesh.fine.rtol == FINE.rtol
     assert f"{points} mesh points resolve each particle" in mesh.note
     assert f"{1e3 * mesh.shift_v:.0f} mV" in mesh.note
-    best = voltage(cell, specimen, 320)
+    best = voltage(cell, measured_record, 320)
     # The point of it all: 20 points are tenths of a volt off, and nothing would say so.
-    assert np.max(np.abs(voltage(cell, specimen, 20) - best)) > 0.1
-    assert np.sqrt(np.mean((voltage(cell, specimen, points) - best) ** 2)) < 0.02
+    assert np.max(np.abs(voltage(cell, measured_record, 20) - best)) > 0.1
+    assert np.sqrt(np.mean((voltage(cell, measured_record, points) - best) ** 2)) < 0.02
 
 
 def test_the_record_with_the_strongest_current_decides(hindered):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bsa.core.discovery.laboratory import Moments, Request, Specimen
+from bsa.core.discovery.simulator import MeasuredRecord, Moments, Request
 from bsa.core.effect import Effect
 from bsa.core.errors import BsaError
 from bsa.core.target import targets_named
@@ -11,8 +11,8 @@ from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.effects.catalogue import EFFECTS
 from bsa.plugins.pybamm.augmentation import PyBaMMPart
 from bsa.plugins.pybamm.driven_cell import FINE, SEARCH
-from bsa.plugins.pybamm.laboratory import PyBaMMLaboratory
-from bsa.plugins.pybamm.laboratory_pool import LaboratoryPool
+from bsa.plugins.pybamm.effect_simulator import EffectSimulator
+from bsa.plugins.pybamm.effect_simulator_pool import EffectSimulatorPool
 
 pytestmark = pytest.mark.slow
 
@@ -26,21 +26,21 @@ def requests():
     time = np.arange(0.0, 600.0, 10.0)
     steps = (Step(StepKind.CC_DISCHARGE, 0, len(time)),)
     record = Trajectory(time, np.full(len(time), 5.0), np.full(len(time), 3.8), None, steps)
-    specimen, moments = Specimen("a", record, 298.15), Moments.single(time, record.current)
+    measured_record, moments = MeasuredRecord("a", record, 298.15), Moments.single(time, record.current)
     strength = RESISTANCE.full_name(RESISTANCE.strength)
     candidates = [{NAME: factor, strength: 0.01 * factor} for factor in (0.5, 1.0, 2.0)]
-    return [Request((RESISTANCE,), candidate, specimen, moments, soc=0.9) for candidate in candidates]
+    return [Request((RESISTANCE,), candidate, measured_record, moments, soc=0.9) for candidate in candidates]
 
 
 @pytest.fixture(scope="module")
 def pool():
-    pool = LaboratoryPool(CELL, targets_named([NAME]), SEARCH, FINE, 2)
+    pool = EffectSimulatorPool(CELL, targets_named([NAME]), SEARCH, FINE, 2)
     yield pool
     pool.close()
 
 
-def test_workers_answer_what_a_laboratory_in_this_process_answers(pool, requests):
-    here = PyBaMMLaboratory(CELL, targets_named([NAME])).predict(requests)
+def test_workers_answer_what_a_simulator_in_this_process_answers(pool, requests):
+    here = EffectSimulator(CELL, targets_named([NAME])).predict(requests)
     there = pool.predict(requests)
     for ours, theirs in zip(here, there, strict=True):
         np.testing.assert_allclose(theirs.voltage, ours.voltage, atol=1e-9)
@@ -58,7 +58,7 @@ def test_a_worker_that_dies_costs_one_simulation(pool, requests):
 def test_an_effect_that_cannot_be_sent_is_the_authors_error(pool, requests):
     part = PyBaMMPart(voltage=lambda model, p: 0.0)
     lambdas = Effect("own", "own", "", RESISTANCE.parameters, "", "", physics=part)
-    request = Request((lambdas,), requests[0].candidate, requests[0].specimen, requests[0].moments)
+    request = Request((lambdas,), requests[0].candidate, requests[0].measured_record, requests[0].moments)
     with pytest.raises(BsaError, match="own cannot be sent") as caught:
         pool.predict([request])
     assert "top level of a module" in caught.value.hint

@@ -1,4 +1,4 @@
-"""The laboratory of a discovery, run by PyBaMM."""
+"""The simulator of a discovery, run by PyBaMM."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...core.discovery.evidence import is_long
-from ...core.discovery.laboratory import Prediction, Request, Specimen
+from ...core.discovery.simulator import MeasuredRecord, Prediction, Request
 from ...core.effect import Effect
 from ...core.errors import BsaError
 from ...core.parameters import Candidate
@@ -30,7 +30,7 @@ _RTOL_OF_MANY_CYCLES = 3e-6
 discharge jumps by ten millivolts from one candidate to the next, and no slope can be taken."""
 
 
-class PyBaMMLaboratory:
+class EffectSimulator:
     """Keeps compiled models of a cell with its effects and solves them.
 
     Parameters
@@ -52,24 +52,24 @@ class PyBaMMLaboratory:
         self._targets = dict(targets)
         self._resolutions = {False: usual, True: fine}
         self._compiled: OrderedDict[tuple[tuple[str, ...], int, bool], DrivenCell | None] = OrderedDict()
-        self._specimens: list[Specimen] = []
+        self._records: list[MeasuredRecord] = []
         self._recent: OrderedDict[Any, Curve | None] = OrderedDict()
         self.simulations = 0
         self.refused: dict[str, str] = {}
 
     def predict(self, requests: Sequence[Request]) -> list[Prediction | None]:
-        """Simulate one after the other; see `Laboratory.predict`."""
+        """Simulate one after the other; see `Simulator.predict`."""
         return [self._predict(request) for request in requests]
 
     def _predict(self, request: Request) -> Prediction | None:
-        candidate, specimen, moments = request.candidate, request.specimen, request.moments
+        candidate, measured_record, moments = request.candidate, request.measured_record, request.moments
         present = tuple(effect for effect in request.effects if not _is_absent(effect, candidate))
-        driven = self._driven(present, specimen, request.fine)
+        driven = self._driven(present, measured_record, request.fine)
         if driven is None:
             return None
         own = (*(candidate.get(name) for name in self._targets), *(effect.values(candidate) for effect in present))
         # Not the identity of the compiled cell: once it is let go, another may have the same.
-        of = (tuple(effect.key for effect in present), id(specimen), request.fine)
+        of = (tuple(effect.key for effect in present), id(measured_record), request.fine)
         key = (of, repr(own), request.soc, len(moments.time), float(np.sum(moments.time)))
         if key not in self._recent:
             self.simulations += 1
@@ -81,18 +81,20 @@ class PyBaMMLaboratory:
             return None
         return Prediction(moments.averaged(curve.voltage), moments.averaged(curve.temperature))
 
-    def _driven(self, effects: tuple[Effect, ...], specimen: Specimen, fine: bool) -> DrivenCell | None:
-        # The specimen itself is kept, so that its identity stays its own.
-        if not any(specimen is known for known in self._specimens):
-            self._specimens.append(specimen)
-        key = (tuple(effect.key for effect in effects), id(specimen), fine)
+    def _driven(self, effects: tuple[Effect, ...], measured_record: MeasuredRecord, fine: bool) -> DrivenCell | None:
+        # The record itself is kept, so that its identity stays its own.
+        if not any(measured_record is known for known in self._records):
+            self._records.append(measured_record)
+        key = (tuple(effect.key for effect in effects), id(measured_record), fine)
         if key in self._compiled:
             self._compiled.move_to_end(key)
             return self._compiled[key]
         driven: DrivenCell | None
         try:
-            resolution = self._resolution(specimen, fine)
-            driven = DrivenCell(self._cell, effects, specimen.record, self._targets, specimen.ambient_k, resolution)
+            resolution = self._resolution(measured_record, fine)
+            driven = DrivenCell(
+                self._cell, effects, measured_record.record, self._targets, measured_record.ambient_k, resolution
+            )
         except BsaError as error:
             if not effects:
                 raise
@@ -103,9 +105,9 @@ class PyBaMMLaboratory:
             self._compiled.popitem(last=False)
         return driven
 
-    def _resolution(self, specimen: Specimen, fine: bool) -> Resolution:
+    def _resolution(self, measured_record: MeasuredRecord, fine: bool) -> Resolution:
         chosen = self._resolutions[fine]
-        return replace(chosen, rtol=min(chosen.rtol, _RTOL_OF_MANY_CYCLES)) if is_long(specimen) else chosen
+        return replace(chosen, rtol=min(chosen.rtol, _RTOL_OF_MANY_CYCLES)) if is_long(measured_record) else chosen
 
 
 def _is_absent(effect: Effect, candidate: Candidate) -> bool:

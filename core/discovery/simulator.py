@@ -16,8 +16,8 @@ from ..trajectory import FloatArray, Trajectory
 
 
 @dataclass(frozen=True, eq=False)
-class Specimen:
-    """One record as the laboratory runs it.
+class MeasuredRecord:
+    """One record as the simulator runs it.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class Moments:
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """One simulation: a specimen on the base model with effects added, driven by its measured current.
+    """One simulation: a measured record on the base model with effects added, driven by its measured current.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class Request:
         What is added to the base model.
     candidate : mapping of str to float
         Base parameters and the effects' parameters; what else it holds is left out.
-    specimen : Specimen
+    measured_record : MeasuredRecord
         What is driven.
     moments : Moments
         When voltage and temperature are wanted, and how they are averaged.
@@ -109,19 +109,19 @@ class Request:
 
     effects: tuple[Effect, ...]
     candidate: Candidate
-    specimen: Specimen
+    measured_record: MeasuredRecord
     moments: Moments
     fine: bool = False
     soc: float | None = None
 
 
-class Laboratory(Protocol):
+class Simulator(Protocol):
     """Simulates; several requests at once may run side by side.
 
     Attributes
     ----------
     at_once : int
-        How many requests run side by side; threads may share a laboratory with more than one.
+        How many requests run side by side; threads may share a simulator with more than one.
     simulations : int
         Requests answered.
     refused : dict of str to str

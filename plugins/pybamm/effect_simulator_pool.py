@@ -1,4 +1,4 @@
-"""A laboratory in worker processes: requests that do not depend on one another are simulated side by side."""
+"""A simulator in worker processes: requests that do not depend on one another are simulated side by side."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ...core.discovery.laboratory import Prediction, Request
+from ...core.discovery.simulator import Prediction, Request
 from ...core.effect import Effect
 from ...core.errors import BsaError
 from ...core.parameters import Candidate
@@ -29,7 +29,7 @@ class _Job:
 
     effects: tuple[Effect, ...]
     candidate: Candidate
-    specimen: Path
+    measured_record: Path
     moments: Path
     fine: bool
     soc: float | None
@@ -37,40 +37,40 @@ class _Job:
 
 @dataclass(frozen=True)
 class _Answer:
-    """A prediction, and what the worker's laboratory refused to build, by the effects' names."""
+    """A prediction, and what the worker's simulator refused to build, by the effects' names."""
 
     prediction: Prediction | None
     refused: Mapping[str, str]
 
 
 class RequestService:
-    """Answers requests with a laboratory of its own; see `Service`.
+    """Answers requests with a simulator of its own; see `Service`.
 
     Parameters
     ----------
     cell, targets, usual, fine
-        As for `PyBaMMLaboratory`.
+        As for `EffectSimulator`.
     """
 
     def __init__(self, cell: CellModel, targets: Mapping[str, Target], usual: Resolution, fine: Resolution) -> None:
         self._arguments = (cell, dict(targets), usual, fine)
-        self._laboratory: Any = None
+        self._simulator: Any = None
         self._read: dict[Path, Any] = {}
 
     def prepare(self) -> None:
         """Import PyBaMM; models are compiled when they are first asked for."""
-        from .laboratory import PyBaMMLaboratory
+        from .effect_simulator import EffectSimulator
         from .parameter_sets import pybamm
 
         pybamm.set_logging_level("CRITICAL")
-        self._laboratory = PyBaMMLaboratory(*self._arguments)
+        self._simulator = EffectSimulator(*self._arguments)
 
     def work(self, job: _Job, report: Report) -> _Answer:
         """Answer a request."""
-        specimen, moments = self._thing(job.specimen), self._thing(job.moments)
-        request = Request(job.effects, job.candidate, specimen, moments, job.fine, job.soc)
-        (prediction,) = self._laboratory.predict([request])
-        return _Answer(prediction, dict(self._laboratory.refused))
+        measured_record, moments = self._thing(job.measured_record), self._thing(job.moments)
+        request = Request(job.effects, job.candidate, measured_record, moments, job.fine, job.soc)
+        (prediction,) = self._simulator.predict([request])
+        return _Answer(prediction, dict(self._simulator.refused))
 
     def _thing(self, path: Path) -> Any:
         # What is asked for twice must be one object, or its model would be compiled twice.
@@ -83,13 +83,13 @@ class RequestService:
         return _Answer(None, {})
 
 
-class LaboratoryPool:
-    """Simulates in worker processes with a time limit; see `Laboratory`.
+class EffectSimulatorPool:
+    """Simulates in worker processes with a time limit; see `Simulator`.
 
     Parameters
     ----------
     cell, targets, usual, fine
-        As for `PyBaMMLaboratory`.
+        As for `EffectSimulator`.
     workers : int
         Processes side by side.
 
@@ -115,7 +115,7 @@ class LaboratoryPool:
         self.simulations = 0
 
     def predict(self, requests: Sequence[Request]) -> list[Prediction | None]:
-        """Simulate side by side; see `Laboratory.predict`.
+        """Simulate side by side; see `Simulator.predict`.
 
         Raises
         ------
@@ -139,10 +139,10 @@ class LaboratoryPool:
         return [answers[place].prediction for place in range(len(jobs))]
 
     def _job(self, request: Request) -> _Job:
-        specimen, moments = self._file(request.specimen), self._file(request.moments)
+        measured_record, moments = self._file(request.measured_record), self._file(request.moments)
         # Whether records can show an effect was asked before; the function that says so need not be sent.
         effects = tuple(replace(effect, lacks=None) for effect in request.effects)
-        return _Job(effects, dict(request.candidate), specimen, moments, request.fine, request.soc)
+        return _Job(effects, dict(request.candidate), measured_record, moments, request.fine, request.soc)
 
     def _file(self, thing: Any) -> Path:
         """The file of an object, which is kept so that its identity stays its own."""

@@ -10,14 +10,14 @@ from ..core.discovery.engine import Engine
 from ..core.discovery.evidence import gather
 from ..core.discovery.explanation import Explanation
 from ..core.discovery.findings import Listener, Nomination, Settings
-from ..core.discovery.laboratory import Laboratory
 from ..core.discovery.localisation import in_words, localise
 from ..core.discovery.observations import observe
 from ..core.discovery.problem import Problem
+from ..core.discovery.simulator import Simulator
 from ..core.effect import Effect
 from ..core.parameters import ParameterSpace
 from ..core.task import CellModel
-from ..plugins.pybamm.laboratory import PyBaMMLaboratory
+from ..plugins.pybamm.effect_simulator import EffectSimulator
 from ..plugins.pybamm.parameter_sets import load, pybamm
 from ..plugins.pybamm.radial_mesh import RadialMesh, radial_mesh
 from ..plugins.pybamm.uncertain_parameters import uncertain_parameters
@@ -26,20 +26,20 @@ from .effect_choice import effects_of
 
 
 @dataclass(frozen=True, eq=False)
-class Workbench:
-    """Records, laboratory and catalogue.
+class DiscoverySetup:
+    """Records, simulator and catalogue.
 
     Attributes
     ----------
     case : Case
         What was asked.
     problem : Problem
-        The records, condensed, and the laboratory.
+        The records, condensed, and the simulator.
     space : ParameterSpace
         The uncertain parameters of the base model.
     catalogue : tuple of Effect
         What may be missing.
-    laboratory : Laboratory
+    simulator : Simulator
         The problem's, with what it refused to build.
     mesh : RadialMesh
         How finely the particles are resolved.
@@ -55,7 +55,7 @@ class Workbench:
     problem: Problem
     space: ParameterSpace
     catalogue: tuple[Effect, ...]
-    laboratory: Laboratory
+    simulator: Simulator
     mesh: RadialMesh
     capacity_ah: float
     began: float
@@ -74,7 +74,7 @@ class Workbench:
     ) -> Engine:
         """The workflow on it; see `Engine`."""
         cell = self.case.cell
-        evidence = gather(cell.model, cell.options, [*self.case.specimens, *self.case.held])
+        evidence = gather(cell.model, cell.options, [*self.case.measured_records, *self.case.held])
         return Engine(self.problem, self.space, self.catalogue, evidence, settings, listener, preferred)
 
     def discrepancy(self, base: Explanation) -> list[str] | None:
@@ -87,34 +87,34 @@ class Workbench:
         return in_words(places, problem.observations[0].noise)
 
 
-MakeLaboratory = Callable[[CellModel, ParameterSpace, RadialMesh], Laboratory]
+MakeSimulator = Callable[[CellModel, ParameterSpace, RadialMesh], Simulator]
 
 
-def in_this_process(cell: CellModel, space: ParameterSpace, mesh: RadialMesh) -> Laboratory:
-    """A laboratory that simulates one request after the other, here."""
-    return PyBaMMLaboratory(cell, space.targets, mesh.usual, mesh.fine)
+def in_this_process(cell: CellModel, space: ParameterSpace, mesh: RadialMesh) -> Simulator:
+    """A simulator that simulates one request after the other, here."""
+    return EffectSimulator(cell, space.targets, mesh.usual, mesh.fine)
 
 
 def set_up(
     case: Case,
     options: DiscoverOptions,
     listener: Listener = lambda text: None,
-    make_laboratory: MakeLaboratory = in_this_process,
-) -> Workbench:
+    make_simulator: MakeSimulator = in_this_process,
+) -> DiscoverySetup:
     """Settle the mesh, choose what is uncertain, and condense the records of a case."""
     pybamm.set_logging_level("CRITICAL")
     began = time.perf_counter()
     cell = case.cell
-    mesh = radial_mesh(cell, [*case.specimens, *case.held], case.initial_soc)
+    mesh = radial_mesh(cell, [*case.measured_records, *case.held], case.initial_soc)
     if mesh.note:
         listener(mesh.note)
-    space = uncertain_parameters(cell.model, case.specimens, case.initial_soc, spreads_of(options.search, cell))
-    laboratory = make_laboratory(cell, space, mesh)
+    space = uncertain_parameters(cell.model, case.measured_records, case.initial_soc, spreads_of(options.search, cell))
+    simulator = make_simulator(cell, space, mesh)
     floor = 1e-3 * options.floor_mv
     problem = Problem(
-        laboratory,
-        case.specimens,
-        [observe(s.name, s.record, s.ambient_k, options.points, floor) for s in case.specimens],
+        simulator,
+        case.measured_records,
+        [observe(s.name, s.record, s.ambient_k, options.points, floor) for s in case.measured_records],
         case.held,
         [observe(s.name, s.record, s.ambient_k, options.points, floor) for s in case.held],
     )
@@ -123,4 +123,4 @@ def set_up(
     catalogue = effects_of(options.effects, None, options.effect_options, passed_over.append)
     for text in passed_over:
         listener(text)
-    return Workbench(case, problem, space, catalogue, laboratory, mesh, capacity, began, tuple(passed_over))
+    return DiscoverySetup(case, problem, space, catalogue, simulator, mesh, capacity, began, tuple(passed_over))
