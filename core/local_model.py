@@ -72,8 +72,9 @@ class LocalModel:
     def linear_estimate(self, dispersion: float = 1.0) -> tuple[FloatArray, FloatArray]:
         """Mean and covariance of the posterior without bends or bounds, the box counting by its variance."""
         information = self.jacobian.T @ self.jacobian / dispersion + np.eye(len(self.centre)) / BOX_VARIANCE
-        covariance = np.linalg.inv(information)
-        return self.centre - covariance @ self.jacobian.T @ self.residual / dispersion, covariance
+        covariance: FloatArray = np.asarray(np.linalg.inv(information), dtype=np.float64)
+        mean: FloatArray = self.centre - covariance @ self.jacobian.T @ self.residual / dispersion
+        return mean, covariance
 
     def probes(self) -> list[tuple[FloatArray, float]]:
         """Where the residuals are wanted to tell whether they bend: unit vectors of weak directions, and step lengths.

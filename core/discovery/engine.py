@@ -12,8 +12,9 @@ from ..parameters import ParameterSpace
 from .explanation import Explanation
 from .findings import Findings, Listener, Nomination, Settings
 from .fitting import LAG, Fitter
-from .nomination import nominate, nominate_second, screen, screen_afresh
+from .nomination import most_simulations, nominate, nominate_second, screen, screen_afresh
 from .problem import Problem
+from .progress import Progress
 from .rules import (
     CLEAR_BIC,
     CLEAR_HELD,
@@ -114,6 +115,7 @@ class Engine:
         self.settings = settings or Settings()
         self._fitter = Fitter(problem, space, self.settings, listener)
         self._say = listener
+        self._progress = Progress(listener)
         self._preferred = preferred
 
     def shortlist(self) -> Shortlist:
@@ -188,9 +190,13 @@ class Engine:
         scored = [n for n in nominations if n.gain > 0]
         chosen = scored[: self.settings.screened]
         chosen += [n for n in scored[self.settings.screened :] if n.effect.key in keys]
-        self._say(f"screening {len(chosen)} effects")
         as_new = early_fitter is not self._fitter
-        self._side_by_side([partial(screen, early_fitter, refitted, nomination, as_new) for nomination in chosen])
+        short = len(chosen) * most_simulations(base.fit.space)
+        # Before the last level of a contest, which gets the whole budget, there may be three of a third.
+        whole = 2 * min(len(chosen), self.settings.confirmed) * self.settings.refit_budget
+        self._say(f"screening {len(chosen)} effects")
+        self._progress.estimate(self.problem.simulations, short + whole)
+        self._refit(partial(screen, early_fitter, refitted, as_new=as_new), chosen, refitted.cost)
         misfit_v = early_fitter.problem.misfit_v
         found = self._settle(base, chosen, early_fitter)
         if early_fitter is not self._fitter or (found and self._explains(base, found[0])):
@@ -200,10 +206,20 @@ class Engine:
             return found
         self._say(f"none of them explains half of it; refitting {len(misjudged)} effects with fresh Jacobians")
         early_fitter.problem.misfit_v = misfit_v  # the scores were taken with it
-        self._side_by_side([partial(screen_afresh, early_fitter, refitted, nomination) for nomination in misjudged])
+        self._refit(partial(screen_afresh, early_fitter, refitted), misjudged, refitted.cost)
         known = {explanation.label for explanation in found}
         fresh = self._settle(base, [n for n in nominations if n.effect.key not in known], early_fitter)
         return _sorted([*found, *fresh])
+
+    def _refit(self, action: Callable[[Nomination], None], nominations: Sequence[Nomination], base_cost: float) -> None:
+        """Give each nomination a short refit, side by side, and tell of each as it ends."""
+        self._progress.begin(len(nominations))
+
+        def one(nomination: Nomination) -> None:
+            action(nomination)
+            self._progress.refitted(nomination, base_cost)
+
+        self._side_by_side([partial(one, nomination) for nomination in nominations])
 
     def _explains(self, base: Explanation, best: Explanation) -> bool:
         share = closed(base.rmse_v, best.rmse_v, self.problem.noise_v)

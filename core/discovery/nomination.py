@@ -101,6 +101,11 @@ def score_of(explanation: Explanation, effect: Effect, mark: FloatArray) -> Scor
     return score_effect(fit.residual, fit.jacobian, mark, fit.space, fit.u, _ends(effect))
 
 
+def most_simulations(space: ParameterSpace) -> int:
+    """Simulations of one short refit beside the parameters of a space at most."""
+    return len(_RUNGS) * len(_SHARES) + 2 * _SHORT + len(space) + 1
+
+
 def screen(fitter: Fitter, before: Explanation, nomination: Nomination, as_new: bool = False) -> None:
     """Give a nomination a short refit beside what is known, and note what the temperature says of it.
 

@@ -264,6 +264,12 @@ def coverage_command(
     model: Annotated[
         str, typer.Option(metavar="NAME", help="SPM, SPMe or DFN.", rich_help_panel=shared.RECORDS)
     ] = "SPMe",
+    points: Annotated[
+        int,
+        typer.Option(
+            min=10, metavar="N", help="Mesh points of the truth; fits have 20.", rich_help_panel=shared.RECORDS
+        ),
+    ] = 30,
     simulations: Simulations = 100,
     seed: shared.Seed = 1234,
     out: Annotated[
@@ -273,7 +279,7 @@ def coverage_command(
     """How often 95 % intervals contain the truth, on noisy synthetic tasks; the same command goes on after a stop."""
     from ..studies.coverage import coverage_table, run_coverage
 
-    print(coverage_table(run_coverage(out, tasks, seed, model, simulations, say)))
+    print(coverage_table(run_coverage(out, tasks, seed, model, points, simulations, say)))
 
 
 @bench_app.command("docs")

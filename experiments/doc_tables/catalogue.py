@@ -22,6 +22,7 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "evaluation": studies.evaluation,
     "runtime": studies.runtime,
     "recovery": studies.recovery,
+    "coverage": studies.coverage,
     "warm-up": studies.warm_up,
     "grid-cost": studies.grid_cost,
     "grid-scaling": studies.grid_scaling,

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...core.feedback import Feedback
-from ...core.files import write_csv
+from ...core.files import write_csv, write_text
 from ...core.metrics import evaluate
 from ...core.parameters import Candidate
 from ...core.post_fit_analysis import PostFitAnalysis, Simulating, analyse, closest
@@ -49,14 +49,13 @@ _SHARES = (0.2, 0.5, 0.8)
 _REACH, _WITHIN = 0.25, (0.1, 0.9)
 """How far a true value lies from the base cell's at most, and where, in the units of the searched range."""
 
-_FINE_POINTS = 30
-"""Mesh points of the truth in every domain; a fit has 20."""
+FIT_POINTS = 20
+"""Mesh points of a fit in every domain: PyBaMM's own."""
 
 _DIFFERENCE = 0.01
 """Step of the derivatives of the unseen voltage, as a share of each range."""
 
 _ATTEMPTS = 20
-_RESULTS = "coverage.jsonl"
 
 Row = dict[str, Any]
 
@@ -77,6 +76,8 @@ class Drawn:
         Standard deviation of the voltage's noise, V.
     sampling_s : float
         Between samples, s.
+    points : int
+        Mesh points of the truth.
     changes : int
         Parameters that differ from the base cell's.
     unseen : Experiment
@@ -92,14 +93,15 @@ class Drawn:
     truth: Candidate
     noise_v: float
     sampling_s: float
+    points: int
     changes: int
     unseen: Experiment
     unseen_v: FloatArray
     unseen_s: FloatArray
 
 
-def draw(seed: int, number: int, model: str) -> Drawn:
-    """The task of a number; it depends on nothing but its arguments.
+def draw(seed: int, number: int, model: str, points: int) -> Drawn:
+    """The task of a number, whose truth has so many mesh points; it depends on nothing but its arguments.
 
     Raises
     ------
@@ -119,7 +121,7 @@ def draw(seed: int, number: int, model: str) -> Drawn:
         place[changed] = np.clip(place[changed] + rng.uniform(-_REACH, _REACH, len(changed)), *_WITHIN)
         truth = space.from_unit(place)
         experiment, unseen = _experiments(cell, rng)
-        runs = [_true_run(cell, one, space.change(truth)) for one in (experiment, unseen)]
+        runs = [_true_run(cell, one, space.change(truth), points) for one in (experiment, unseen)]
         if all(run.failure is None for run in runs):
             break
     else:
@@ -132,7 +134,16 @@ def draw(seed: int, number: int, model: str) -> Drawn:
     task = Task(f"coverage-{number}", cell, space, (replace(experiment, target=noisy),))
     seconds = np.array(_SHARES) * unseen_run.duration
     return Drawn(
-        number, task, truth, noise_v, sampling_s, len(changed), unseen, _voltage_at(unseen_run, seconds), seconds
+        number,
+        task,
+        truth,
+        noise_v,
+        sampling_s,
+        points,
+        len(changed),
+        unseen,
+        _voltage_at(unseen_run, seconds),
+        seconds,
     )
 
 
@@ -159,10 +170,10 @@ def _experiments(cell: CellModel, rng: np.random.Generator) -> tuple[Experiment,
     return experiment("measured", (cycle,), 0.05), experiment("unseen", unseen, 1.0)
 
 
-def _true_run(cell: CellModel, experiment: Experiment, change: CellChange) -> ExperimentRun:
+def _true_run(cell: CellModel, experiment: Experiment, change: CellChange, points: int) -> ExperimentRun:
     from ...plugins.pybamm.compiled import Accuracy, CompiledExperiment
 
-    fine = Accuracy(rtol=1e-7, atol=1e-7, points=_FINE_POINTS, standard_mesh=True)
+    fine = Accuracy(rtol=1e-7, atol=1e-7, points=points, standard_mesh=True)
     return CompiledExperiment(cell, experiment, {}, fine, baked=change).solve({})
 
 
@@ -269,6 +280,7 @@ def rows_of(fitted: Fitted) -> list[Row]:
     drawn = fitted.drawn
     shared: Row = {
         "task": drawn.number,
+        "truth_points": drawn.points,
         "base": drawn.task.cell.parameter_set,
         "model": drawn.task.cell.model,
         "noise_mv": 1e3 * drawn.noise_v,
@@ -315,10 +327,10 @@ def _predicted(fitted: Fitted) -> list[tuple[float, float]]:
     return list(zip(voltages([fitted.best.candidate], True)[0].tolist(), half.tolist(), strict=True))
 
 
-def one_task(seed: int, number: int, model: str, simulations: int) -> Row:
+def one_task(seed: int, number: int, model: str, points: int, simulations: int) -> Row:
     """Draw a task, fit it, and compare; what is kept of it."""
     try:
-        fitted = fit(draw(seed, number, model), simulations)
+        fitted = fit(draw(seed, number, model, points), simulations)
     except RuntimeError as error:
         return {"task": number, "rows": [], "note": str(error)}
     if fitted is None:
@@ -331,20 +343,22 @@ def run_coverage(
     count: int,
     seed: int,
     model: str,
+    points: int,
     simulations: int,
     say: Callable[[str], None],
 ) -> list[Row]:
     """Every task that has no result yet; each is kept when it is done, and the same command goes on after a stop.
 
-    Writes ``coverage.jsonl`` (a task a line), ``coverage.csv`` (an interval a row) and ``coverage.md``.
+    Writes ``coverage-*.jsonl`` (a task a line), ``coverage.csv`` (an interval a row) and ``coverage.md``.
     """
     out.mkdir(parents=True, exist_ok=True)
-    path = out / _RESULTS
+    # Tasks of other settings are other tasks.
+    path = out / f"coverage-{model}-{points}-{simulations}-{seed}.jsonl"
     done = {entry["task"]: entry for entry in _entries(path)}
     for number in range(count):
         if number in done:
             continue
-        done[number] = one_task(seed, number, model, simulations)
+        done[number] = one_task(seed, number, model, points, simulations)
         with path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(done[number]) + "\n")
         found = [row["contained"] for row in done[number]["rows"]]
@@ -352,19 +366,22 @@ def run_coverage(
     rows = [row for number in sorted(done) if number < count for row in done[number]["rows"]]
     if rows:
         write_csv(out / "coverage.csv", rows)
-        (out / "coverage.md").write_text(coverage_table(rows) + "\n", encoding="utf-8")
+        write_text(out / "coverage.md", coverage_table(rows) + "\n")
     return rows
 
 
 def _entries(path: Path) -> list[Row]:
     if not path.exists():
         return []
-    lines = path.read_text(encoding="utf-8").splitlines()
-    # A line that a crash has torn is a task to be done again.
-    return [json.loads(line) for line in lines if line.endswith("}")]
+    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    whole = [line for line in lines if line.endswith("\n")]
+    if len(whole) < len(lines):
+        # What a crash has torn is a task to be done again.
+        write_text(path, "".join(whole))
+    return [json.loads(line) for line in whole]
 
 
-def coverage_table(rows: Sequence[Row]) -> str:
+def coverage_table(rows: Sequence[Mapping[str, Any]]) -> str:
     """The share of intervals that contain the truth, by grade, with its exact bounds."""
     groups = grouped(rows, "grade")
     lines = []
@@ -376,6 +393,6 @@ def coverage_table(rows: Sequence[Row]) -> str:
     return markdown_table(["grade", "intervals", "contain the truth", "bounds"], lines)
 
 
-def excesses(rows: Sequence[Row]) -> list[float]:
+def excesses(rows: Sequence[Mapping[str, Any]]) -> list[float]:
     """By task: cost of the fit over that of the truth, less one."""
     return [found[0]["cost"] / found[0]["true_cost"] - 1.0 for found in grouped(rows, "task").values()]

@@ -1,0 +1,63 @@
+"""How far a discovery has come: a line for each candidate effect, and the time that is left at most."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+from .findings import Listener, Nomination
+
+
+class Progress:
+    """Tells of candidates as their refits end; threads may share it.
+
+    Parameters
+    ----------
+    say : callable
+        Told in one line.
+    clock : callable
+        Seconds that pass.
+    """
+
+    def __init__(self, say: Listener, clock: Callable[[], float] = time.monotonic) -> None:
+        self._say = say
+        self._clock = clock
+        self._began = clock()
+        self._lock = threading.Lock()
+        self._done = self._total = 0
+        self._phase_began = self._began
+
+    def estimate(self, simulated: int, left: int) -> None:
+        """Say how long so many simulations will take, as long as those before took.
+
+        Parameters
+        ----------
+        simulated : int
+            Simulations so far.
+        left : int
+            Simulations that are left at most.
+        """
+        if simulated:
+            seconds = (self._clock() - self._began) / simulated * left
+            self._say(f"at most {left} simulations are left: {duration(seconds)} at the present pace")
+
+    def begin(self, total: int) -> None:
+        """Begin to refit so many candidates."""
+        self._done, self._total, self._phase_began = 0, total, self._clock()
+
+    def refitted(self, nomination: Nomination, base_cost: float) -> None:
+        """One of them is refitted: say what it leaves, and how long the others will take."""
+        with self._lock:
+            self._done += 1
+            left = self._total - self._done
+            seconds = (self._clock() - self._phase_began) / self._done * left
+        found = nomination.screened
+        outcome = "cannot be fitted" if found is None else f"leaves {nomination.promise / base_cost:.0%} of the misfit"
+        rest = f", {duration(seconds)} left" if left else ""
+        self._say(f"  {nomination.effect.key}: {outcome} ({self._done} of {self._total}{rest})")
+
+
+def duration(seconds: float) -> str:
+    """A time as a person says it: ``about 2 min``."""
+    return f"about {seconds:.0f} s" if seconds < 90 else f"about {seconds / 60:.0f} min"
