@@ -177,7 +177,7 @@ def _cycle_rows(trajectory: Trajectory, drawn: FloatArray) -> Iterator[CycleRow]
         kelvin = trajectory.temperature
         yield CycleRow(
             cycle,
-            charged_ah=discharged - float(drawn[last] - drawn[first]),
+            charged_ah=max(discharged - float(drawn[last] - drawn[first]), 0.0),  # rounding may leave less than none
             discharged_ah=discharged,
             warmest_c=None if kelvin is None else float(kelvin[own[0].start : last + 1].max()) - 273.15,
         )

@@ -32,7 +32,7 @@ READING: dict[str, Any] = {
 
 
 def read_record(
-    data: str | Path | pandas.DataFrame,
+    data: str | Path | Sequence[str | Path] | pandas.DataFrame,
     *,
     name: str | None = None,
     column: Mapping[str, str] | None = None,
@@ -50,9 +50,10 @@ def read_record(
 
     Parameters
     ----------
-    data : path or pandas.DataFrame
-        A cycler's file, or one row a sample with columns such as ``"Time [s]"``, ``"Current [A]"``, ``"Voltage [V]"``
-        and, where known, ``"Temperature [degC]"``. Without a unit in its name a column is in s, A, V or degC.
+    data : path, sequence of paths or pandas.DataFrame
+        A cycler's file; the files of one cell, or a folder of them, which are joined by date; or one row a sample
+        with columns such as ``"Time [s]"``, ``"Current [A]"``, ``"Voltage [V]"`` and, where known,
+        ``"Temperature [degC]"``. Without a unit in its name a column is in s, A, V or degC.
     name : str, optional
         What a DataFrame is called in messages and reports; a file has its own name.
     column, unit : mapping of str to str, optional
@@ -84,10 +85,14 @@ def read_record(
         If the data cannot be read, naming the row or column at fault.
     """
     options = reading(column, unit, current_sign, constant_current, where, cycles, sheet, temperature)
-    if isinstance(data, (str, Path)):
+    given = data if isinstance(data, list | tuple) else [data]
+    files = [Path(one) for one in given if isinstance(one, str | Path)]
+    if files and len(files) == len(given):
         from ...core.reading.reading import read_record as read_file
 
-        return read_file(data, options, reader=reader, reader_options=reader_option or {})
+        return read_file(
+            data if isinstance(data, str | Path) else files, options, reader=reader, reader_options=reader_option or {}
+        )
     return _read_frame(data, options, name or "DataFrame")
 
 

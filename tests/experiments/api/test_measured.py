@@ -41,6 +41,14 @@ def test_columns_and_units_are_said_as_for_a_file() -> None:
     assert record.ambient_k == 298.15
 
 
+def test_several_files_are_one_record(tmp_path) -> None:
+    for name in ("b_2024-05-02.csv", "a_2024-05-01.csv"):
+        frame().to_csv(tmp_path / name, index=False)
+    record = bsa.read_record(sorted(tmp_path.iterdir(), reverse=True))
+    assert len(record.trajectory) == 2 * len(frame())
+    assert any("joined by date" in note for note in record.notes)
+
+
 @pytest.mark.parametrize(
     ("data", "words"),
     [
