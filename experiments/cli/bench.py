@@ -258,23 +258,14 @@ def evaluation_command(
 
 @bench_app.command("coverage")
 def coverage_command(
-    tasks: Annotated[
-        int, typer.Option(min=1, metavar="N", help="How many tasks.", rich_help_panel=shared.RECORDS)
-    ] = 100,
-    model: Annotated[
-        str, typer.Option(metavar="NAME", help="SPM, SPMe or DFN.", rich_help_panel=shared.RECORDS)
-    ] = "SPMe",
+    tasks: Annotated[int, shared.records_option(min=1, metavar="N", help="How many tasks.")] = 100,
+    model: Annotated[str, shared.records_option(metavar="NAME", help="SPM, SPMe or DFN.")] = "SPMe",
     points: Annotated[
-        int,
-        typer.Option(
-            min=10, metavar="N", help="Mesh points of the truth; fits have 20.", rich_help_panel=shared.RECORDS
-        ),
+        int, shared.records_option(min=10, metavar="N", help="Mesh points of the truth; fits have 20.")
     ] = 30,
     simulations: Simulations = 100,
     seed: shared.Seed = 1234,
-    out: Annotated[
-        Path, typer.Option(metavar="FOLDER", help="For rows and tables.", rich_help_panel=shared.OUTPUT)
-    ] = RESULTS / "coverage",
+    out: Annotated[Path, shared.output_option(metavar="FOLDER", help="For rows and tables.")] = RESULTS / "coverage",
 ) -> None:
     """How often 95 % intervals contain the truth, on noisy synthetic tasks; the same command goes on after a stop."""
     from ..studies.coverage import coverage_table, run_coverage
