@@ -121,6 +121,8 @@ COLUMNS = (
     _metric("v_rmse_mv", "V RMSE / mV", "voltage RMSE, mV"),
     _metric("step_duration_error"),
     _metric("capacity_error", "Capacity error"),
+    _metric("fade_error"),
+    _metric("resistance_error"),
     _initial("objective"),
     _initial("mape", "MAPE before / %"),
     _initial("v_rmse_mv"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from . import discovery, published, studies
+from . import ageing, discovery, published, studies
 from .reach import reach
 from .results import Results
 
@@ -26,6 +26,9 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "warm-up": studies.warm_up,
     "grid-cost": studies.grid_cost,
     "grid-scaling": studies.grid_scaling,
+    "ageing": ageing.published_lives,
+    "life-cost": ageing.life_cost,
+    "whole-life": ageing.whole_lives,
     "discovery-blind": discovery.blind_cases,
     "discovery-blind-cases": discovery.each_blind_case,
     "discovery": discovery.earlier_cases,

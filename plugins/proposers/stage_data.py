@@ -12,7 +12,7 @@ from ...core.residuals import ResidualRows, rows_of
 from ...core.task import Task
 from ...core.trajectory import FloatArray, Trajectory
 
-Data = Literal["open-circuit", "current-steps", "rates", "temperature", "everything"]
+Data = Literal["open-circuit", "current-steps", "rates", "temperature", "first-cycle", "life", "everything"]
 
 _SLOW_PER_H = 0.1
 """Currents up to C/10 show nearly the open-circuit curve: some 10 mV of polarisation, with the sign of the current."""
@@ -67,11 +67,16 @@ def view_of(task: Task, data: Data) -> View:
     data : str
         ``"open-circuit"`` for rests after ten minutes and currents up to C/10; ``"current-steps"`` for the first
         minute after each step of the current, against the voltage before it; ``"rates"`` for higher currents;
-        ``"temperature"`` for the measured temperature; ``"everything"``.
+        ``"temperature"`` for the measured temperature; ``"first-cycle"`` for a record's first cycle, in which a cell
+        has not aged; ``"life"`` for the cycles after it, those of a table of cycles among them; ``"everything"``.
     """
     rows = rows_of(task)
     if data == "everything":
         return View(np.arange(len(rows.record)), np.ones(len(rows.record)))
+    if data in ("first-cycle", "life"):
+        first = _in_first_cycle(task, rows)
+        lacking = "the records have one cycle each" if data == "life" else "the records have no cycles"
+        return _plain(rows, first if data == "first-cycle" else ~first, lacking)
     if data == _TEMPERATURE:
         return _plain(rows, rows.signal == _TEMPERATURE, "no temperature is compared")
     capacity_ah = max(float(np.ptp(experiment.target.discharge_capacity)) for experiment in task.experiments)
@@ -92,6 +97,11 @@ def _none(lacking: str) -> View:
 def _plain(rows: ResidualRows, chosen: NDArray[np.bool_], lacking: str) -> View:
     places = np.flatnonzero(chosen)
     return View(places, np.ones(len(places))) if len(places) else _none(lacking)
+
+
+def _in_first_cycle(task: Task, rows: ResidualRows) -> NDArray[np.bool_]:
+    cycles = [[step.cycle for step in experiment.target.steps] for experiment in task.experiments]
+    return np.array([cycles[n][step] == cycles[n][0] for n, step in zip(rows.record, rows.step, strict=True)])
 
 
 def _rates(task: Task, rows: ResidualRows) -> FloatArray:

@@ -271,5 +271,7 @@ _DATA: dict[Data, str] = {
     "current-steps": "the first minute after each current step",
     "rates": "currents above C/10",
     "temperature": "the measured temperature",
+    "first-cycle": "the first cycle",
+    "life": "the cycles after the first",
     "everything": "all of the records",
 }

@@ -64,6 +64,10 @@ def test_shipped_grids_expand(name, tmp_path, monkeypatch):
         for number in range(10 * sets.index(parameter_set), 10 * sets.index(parameter_set) + 10)
     ]
     monkeypatch.setattr("bsa.experiments.suite.selection.generated_cases", lambda: {case.key: case for case in cases})
+    lives = [SuiteCase("sei", number, "Chen2020", 1.0, 1.0, changes, cycles=200) for number in range(5)]
+    monkeypatch.setattr(
+        "bsa.experiments.suite.selection.published_cases", lambda *where: {case.key: case for case in lives}
+    )
     grid = load_grid(name)
     cells = expand(grid, Store(tmp_path), tmp_path, make=False)
     runs = {

@@ -1,0 +1,92 @@
+"""Tables of ageing: the published tasks of 200 cycles, what a life costs, and measured lives foretold."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..campaign.summary import statistic
+from ..campaign.text_tables import markdown_table
+from .layout import short
+from .results import Results
+
+_PAPER = {"mape": 1.37, "q_mape": 0.51}
+"""The paper's better agent on its five ageing tasks (its table of long-horizon degradation), in percent."""
+
+
+def published_lives(results: Results) -> str:
+    """The paper's ageing tasks, run by run, and their means by method."""
+    rows = sorted(results.rows("ageing"), key=lambda row: (row["method"], row["task"]))
+    lines = [
+        [
+            row["task"],
+            row["method"],
+            f"{short(row['initial_mape'])} %",
+            f"{short(row['mape'])} %",
+            f"{short(row['q_mape'])} %",
+            f"{short(row['fade_error'])} %",
+            f"{row['simulations']:.0f}",
+        ]
+        for row in rows
+    ]
+    heads = ["task", "method", "total MAPE before", "after", "charge MAPE", "capacity over all cycles", "simulations"]
+    remarks = []
+    for method in sorted({row["method"] for row in rows}):
+        own = [row for row in rows if row["method"] == method]
+        found = {name: statistic([row[name] for row in own]).mean for name in _PAPER}
+        remarks.append(
+            f"* {method}: mean total MAPE {short(found['mape'])} %, charge {short(found['q_mape'])} % over {len(own)} "
+            f"tasks (the paper's better agent: {_PAPER['mape']} % and {_PAPER['q_mape']} % over five)."
+        )
+    return results.framed("ageing", markdown_table(heads, lines), "\n".join(remarks))
+
+
+def life_cost(results: Results) -> str:
+    """What an evaluation of a life costs."""
+    rows = results.rows("life_cost")
+    plain = rows[-1]
+    lines = [
+        [
+            row["way"],
+            f"{row['simulated']:.0f} of {row['cycles']:.0f}",
+            f"{short(row['evaluation_s'])} s",
+            f"{plain['evaluation_s'] / row['evaluation_s']:.1f}",
+            f"{row['peak_mb']:.0f} MB",
+            f"{short(row['fade_error_pct'])} %",
+        ]
+        for row in rows
+    ]
+    heads = ["way", "cycles solved", "processor time", "times as cheap", "peak memory", "largest capacity difference"]
+    return results.framed("life_cost", markdown_table(heads, lines))
+
+
+def whole_lives(results: Results) -> str:
+    """Measured lives foretold from their first cycles."""
+    rows = results.rows("whole_life")
+    cells = sorted({row["cell"] for row in rows})
+    fitted = rows[0]["fitted_to"]
+    lines = []
+    for row in rows:
+        if row["cycle"] <= fitted and row["cycle"] % 100:
+            continue
+        inside = row["low_ah"] <= row["measured_ah"] <= row["high_ah"]
+        lines.append(
+            [
+                row["cell"],
+                f"{row['cycle']:.0f}" + (" (fitted)" if row["cycle"] <= fitted else ""),
+                f"{row['measured_ah']:.3f}",
+                f"{row['predicted_ah']:.3f}",
+                f"{100.0 * (row['predicted_ah'] / row['measured_ah'] - 1.0):+.1f} %",
+                f"{row['low_ah']:.3f} to {row['high_ah']:.3f}" + ("" if inside else ", does not hold it"),
+            ]
+        )
+    heads = ["cell", "cycle", "measured / A h", "predicted / A h", "off by", "95 % band / A h"]
+    remarks = []
+    for cell in cells:
+        later = [row for row in rows if row["cell"] == cell and row["cycle"] > fitted]
+        off = [100.0 * abs(row["predicted_ah"] / row["measured_ah"] - 1.0) for row in later]
+        held = sum(row["low_ah"] <= row["measured_ah"] <= row["high_ah"] for row in later)
+        remarks.append(
+            f"* {cell}: {short(off[-1])} % off at cycle {later[-1]['cycle']:.0f} (aim: 2 %), "
+            f"{short(float(np.max(off)))} % at most; the band holds {held} of {len(later)} cycles after the fit."
+        )
+    return results.framed("whole_life", markdown_table(heads, lines), "\n".join(remarks))
