@@ -31,7 +31,7 @@ def test_a_structured_misfit_points_to_the_command_and_a_good_fit_does_not(run_t
 
     def notes(simulations: int) -> list[str]:
         folder = tmp_path / str(simulations)
-        config = RunConfig(scaffold=toy_scaffold(), rounds=20, warm_up=0, simulations=simulations)
+        config = RunConfig(scaffold=toy_scaffold("least-squares"), rounds=20, warm_up=0, simulations=simulations)
         task = toy_task()
         task = replace(task, experiments=(replace(task.experiments[0], protocol=None),))
         execute_run(task, config, folder, RulesBackend(), report=False, to_discover="bsa discover X")
