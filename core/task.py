@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from .cell import CELL
 from .domain import Domain
@@ -18,13 +18,39 @@ Protocol = tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True)
+class ParameterFile:
+    """A parameter set from a file, whole: a journal must not depend on what lies elsewhere.
+
+    Attributes
+    ----------
+    name : str
+        What it is called. Untrusted.
+    kind : {'bpx', 'parameter-values', 'calibrated'}
+        How ``text`` is read: the Battery Parameter eXchange standard, PyBaMM's own JSON, or a calibrated cell model.
+    text : str
+        The content, JSON. Untrusted.
+    """
+
+    name: str
+    kind: Literal["bpx", "parameter-values", "calibrated"]
+    text: str
+
+    def __str__(self) -> str:
+        return self.name
+
+
+ParameterSource = str | ParameterFile
+"""Where base parameters come from: the name of an installed set, or a file."""
+
+
+@dataclass(frozen=True)
 class CellModel:
     """Which equations and which base parameters.
 
     Attributes
     ----------
-    parameter_set : str
-        Name of a PyBaMM parameter set; empty for a simulator that has none.
+    parameter_set : str or ParameterFile
+        Name of a PyBaMM parameter set, or a file's; empty for a simulator that has none.
     model : str
         The model's name: ``"SPM"``, ``"SPMe"`` or ``"DFN"`` for PyBaMM.
     options : mapping
@@ -33,7 +59,7 @@ class CellModel:
         Values that replace those of the set and are not searched.
     """
 
-    parameter_set: str
+    parameter_set: ParameterSource
     model: str = "DFN"
     options: Mapping[str, Any] = field(default_factory=dict)
     overrides: Mapping[str, float] = field(default_factory=dict)

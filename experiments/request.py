@@ -186,22 +186,52 @@ def task_of_records(
     reader: str | None,
     reader_options: Mapping[str, Any],
     parameters: str | None,
-    model: str,
+    model: str | None,
     options: Mapping[str, Any],
-    search: str | Mapping[str, Any],
+    search: str | Mapping[str, Any] | None,
     scale: bool,
     holdout: Sequence[Path | Record] = (),
     initial_soc: Sequence[float] = (),
+    start: Path | None = None,
 ) -> Task:
     """The task of matching records, all read alike, those that are held out included.
+
+    Parameters
+    ----------
+    start : Path, optional
+        Folder of a run that this one begins from: its parameters, model, options and search stand where nothing else
+        is said.
 
     Raises
     ------
     BsaError
         If no parameter set is given, or a record, a set or a parameter makes no sense.
     """
+    from .tasks.parameter_source import parameter_source, read_finished, start_from, with_its_space
     from .tasks.records import build_task
 
+    asked: dict[str, Any] = {
+        "name": named_after(sources),
+        "records": requests_of(sources, read, reader, reader_options, initial_soc),
+        "held_out": requests_of(holdout, read, reader, reader_options),
+        "scale_to_capacity": scale,
+    }
+    if start is not None:
+        if parameters is not None:
+            raise BsaError(
+                f'both a run to start from and the parameter set "{parameters}" were given.', "give one of them."
+            )
+        run = read_finished(start)
+        base, overrides = start_from(run, search)
+        task = build_task(
+            parameter_set=base,
+            overrides=overrides,
+            model=model or run.task.cell.model,
+            options={**run.task.cell.options, **options},
+            search=search or "cell",
+            **asked,
+        )
+        return task if search is not None else with_its_space(task, run)
     if parameters is None:
         raise BsaError(
             "a record needs a parameter set to start from.",
@@ -214,14 +244,11 @@ def task_of_records(
 
         sources = [read_record(files, read, reader=reader, reader_options=reader_options)]
     return build_task(
-        name=named_after(sources),
-        parameter_set=parameters,
-        records=requests_of(sources, read, reader, reader_options, initial_soc),
-        held_out=requests_of(holdout, read, reader, reader_options),
-        model=model,
+        parameter_set=parameter_source(parameters),
+        model=model or "DFN",
         options=options,
-        search=search,
-        scale_to_capacity=scale,
+        search=search or "cell",
+        **asked,
     )
 
 

@@ -41,9 +41,10 @@ def calibrate(
     temperature: float | None = None,
     initial_soc: float | Sequence[float] | None = None,
     parameters: str | None = None,
-    model: str = "DFN",
+    start_from: str | Path | None = None,
+    model: str | None = None,
     options: Mapping[str, Any] | None = None,
-    search: str | Mapping[str, Any] = "cell",
+    search: str | Mapping[str, Any] | None = None,
     scale: bool = True,
     scaffold: str = "hybrid",
     rounds: int = 80,
@@ -81,13 +82,18 @@ def calibrate(
         How files and DataFrames are read; see `read_record`. Their current is positive on charge unless
         ``current_sign`` says otherwise.
     parameters : str
-        PyBaMM parameter set to start from; needed for records.
-    model : {'DFN', 'SPMe', 'SPM'}
-        The model, for records.
+        What to start from; records need it or ``start_from``: a PyBaMM parameter set, a BPX or JSON file, or the folder
+        of a run, whose calibrated cell is then the set.
+    start_from : path, optional
+        Folder of a run: begin at its best values, with its parameters, model, options and search where nothing else is
+        given.
+    model : {'DFN', 'SPMe', 'SPM'}, optional
+        The model, for records; by default DFN.
     options : mapping, optional
         PyBaMM's model options.
-    search : str or mapping
-        What is searched: a preset, a YAML file, or parameters with bounds as such a file has them.
+    search : str or mapping, optional
+        What is searched: a preset, a YAML file, or parameters with bounds as such a file has them; by default
+        ``"cell"``.
     scale : bool
         Whether the electrode area is scaled to the records' capacity.
     scaffold : str
@@ -164,8 +170,11 @@ def calibrate(
                 scale,
                 held,
                 given_socs(initial_soc),
+                None if start_from is None else Path(start_from),
             )
         else:
+            if start_from is not None:
+                raise BsaError("start_from goes with records.", "give records as data; a task has its own parameters.")
             task = holding_out(task, requests_of(held, read, reader, reader_option or {}))
         folder = Path(out) if out is not None else numbered_folder(Path("runs"), f"{task.name}-{config.scaffold.name}")
         asked = RunRequest(task, config, folder)

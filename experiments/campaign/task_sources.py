@@ -59,7 +59,7 @@ def gather(
 def _own(name: str, store: Store, near: Path) -> TaskLabel:
     task = _read(name, near)
     digest = store.put_task(task)
-    chemistry = task.cell.parameter_set or task.domain.name
+    chemistry = str(task.cell.parameter_set) or task.domain.name
     return TaskLabel(task.name, OWN, chemistry, digest=digest, simulator=task.simulator)
 
 

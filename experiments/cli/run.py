@@ -47,21 +47,28 @@ def run(
     parameters: Annotated[
         str | None,
         shared.model_option(
-            metavar="NAME",
-            help="PyBaMM parameter set to start from, for --data.",
+            metavar="NAME|FILE|RUN",
+            help="Parameters to start from, for --data: a PyBaMM set, a BPX or JSON file, or an earlier run.",
             autocompletion=completion.parameter_sets,
         ),
     ] = None,
-    model: shared.Model = "DFN",
+    start_from: Annotated[
+        Path | None,
+        shared.model_option(
+            metavar="RUN",
+            help="Begin at an earlier run's best values, with its parameters, model, options and search.",
+        ),
+    ] = None,
+    model: Annotated[str | None, shared.model_option(metavar="NAME", help="SPM, SPMe or DFN (the default).")] = None,
     options: shared.ModelOptions = None,
     search: Annotated[
-        str,
+        str | None,
         shared.model_option(
             metavar="NAME|FILE",
-            help="What is searched, for --data: a preset (cell, geometry, sei) or a YAML file.",
+            help="What is searched, for --data: a preset (cell, the default; geometry, sei) or a YAML file.",
             autocompletion=completion.search_presets,
         ),
-    ] = "cell",
+    ] = None,
     scale: shared.Scale = True,
     scaffold: Annotated[
         str,
@@ -144,6 +151,8 @@ def run(
     )
     if data and task is not None:
         raise BsaError(f'both a task ("{task}") and --data were given.', "give one of them.")
+    if start_from is not None and not data:
+        raise BsaError("--start-from goes with records.", "add --data FILE; a task has its own parameters.")
     named = None if data else find_task(task or DEMO)
     config = overrides.config(
         scaffold,
@@ -170,18 +179,20 @@ def run(
             scale,
             holdout or (),
             initial_soc or (),
+            start_from,
         )
-        to_discover = discover_command(
-            data,
-            holdout or (),
-            {
-                "--parameters": parameters,
-                "--model": model if model != "DFN" else None,
-                "--options": options,
-                "--no-scale": not scale,
-                **reading.typed,
-            },
-        )
+        if isinstance(chosen.cell.parameter_set, str):
+            to_discover = discover_command(
+                data,
+                holdout or (),
+                {
+                    "--parameters": parameters,
+                    "--model": model,
+                    "--options": options,
+                    "--no-scale": not scale,
+                    **reading.typed,
+                },
+            )
     else:
         assert named is not None
         chosen = holding_out(

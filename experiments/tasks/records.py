@@ -17,7 +17,7 @@ from ...core.prediction import begins_under_load
 from ...core.record import ReadOptions, Record
 from ...core.registry import installed
 from ...core.target import INITIAL_SOC, InitialSoc, soc_name
-from ...core.task import CellModel, Experiment, Protocol, Task
+from ...core.task import CellModel, Experiment, ParameterSource, Protocol, Task
 from ...core.trajectory import StepKind, Trajectory
 
 WIDTH = "Electrode width [m]"
@@ -68,7 +68,7 @@ class RecordRequest:
 
 def build_task(
     name: str,
-    parameter_set: str,
+    parameter_set: ParameterSource,
     records: Sequence[RecordRequest],
     model: str = "DFN",
     options: Mapping[str, Any] | None = None,
@@ -123,7 +123,7 @@ def build_task(
     if isinstance(search, str) and Path(search).suffix not in (".yaml", ".yml"):
         # A preset does not know what this person knows.
         space = ParameterSpace(tuple(parameter for parameter in space if parameter.name not in (overrides or {})))
-    if RESISTANCE not in given:
+    if RESISTANCE not in given and not values.get(RESISTANCE, 0.0):
         space = _with_contact_resistance(space, loaded)
     experiments: list[Experiment] = []
     socs: list[float] = []

@@ -158,7 +158,7 @@ class Situation:
         task, cell = self.task, self.task.cell
         content = {
             **{"model": cell.model, "options": dict(cell.options)},
-            **({"parameter_set": cell.parameter_set} if cell.parameter_set else {}),
+            **({"parameter_set": str(cell.parameter_set)} if cell.parameter_set else {}),
             **_signals(task),
             "records": [_record(experiment, task) for experiment in task.experiments],
             "parameters": self._parameters(),

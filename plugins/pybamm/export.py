@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 from ...core.parameters import Candidate
 from ...core.protocol_text import runs_of
 from ...core.target import CellChange
-from ...core.task import CellModel, Experiment, Task
+from ...core.task import CellModel, Experiment, ParameterFile, Task
 from ...core.trajectory import StepKind
 from . import drive
 from .compiled import MODELS, REFERENCE
@@ -56,19 +57,21 @@ def script(task: Task, candidate: Candidate) -> str:
     )
     environment.filters["literal"] = literal
     change = task.space.change(candidate)
+    from_file = isinstance(task.cell.parameter_set, ParameterFile)
     tables: dict[str, str] = {}
     cut_offs: dict[str, float] = {}
     drive.widen_cut_offs(cut_offs)
     return environment.get_template(_TEMPLATE).render(
         pybamm_version=pybamm.__version__,
         fill_from=FILL_FROM,
-        parameter_set=task.cell.parameter_set,
+        parameter_set=str(task.cell.parameter_set),
+        embedded=parameter_values_json(task.cell, change) if from_file else "",
         model=MODELS.get(task.cell.model, task.cell.model),
         options={key: tuple(value) if isinstance(value, list) else value for key, value in task.cell.options.items()},
         overrides={name: float(value) for name, value in task.cell.overrides.items()},
         calibrated=dict(change.values),
-        factors=dict(change.factors),
-        bumps=_bumps(task.cell, change),
+        factors={} if from_file else dict(change.factors),
+        bumps={} if from_file else _bumps(task.cell, change),
         bump_width=BUMP_WIDTH,
         records=[_record(task.cell, experiment, change, tables) for experiment in task.experiments],
         tables=tables,
@@ -77,6 +80,22 @@ def script(task: Task, candidate: Candidate) -> str:
         max_solver_steps=_MAX_SOLVER_STEPS,
         cut_offs=cut_offs,
     )
+
+
+def parameter_values_json(cell: CellModel, change: CellChange) -> str:
+    """The changed cell's whole parameter set as JSON that ``pybamm.ParameterValues.from_json`` reads."""
+    values = load(cell.parameter_set, cell.overrides)
+    bake(values, change)
+    if change.cyclable_lithium != 1.0:
+        values.update(InitialState(values).concentrations(CellChange(cyclable_lithium=change.cyclable_lithium), None))
+    known = {name: value for name, value in values.items() if callable(value) or isinstance(value, (int, float))}
+    return json.dumps(pybamm.ParameterValues(known).to_json(), default=_plain)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} has no place in a parameter file")
 
 
 def _bumps(cell: CellModel, change: CellChange) -> dict[str, dict[float, float]]:

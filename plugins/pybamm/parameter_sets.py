@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 from collections.abc import Mapping
 from functools import cache
@@ -9,6 +10,7 @@ from typing import Any
 
 from ...core.errors import BsaError, did_you_mean
 from ...core.target import CellChange, Factor, InitialSoc, OcpShape, Target, Value, factor_name, target_named
+from ...core.task import ParameterFile, ParameterSource
 from .ocp_shape import OcpCurves, correct
 
 os.environ.setdefault("PYBAMM_DISABLE_TELEMETRY", "true")  # or the first import may prompt
@@ -27,21 +29,25 @@ def set_names() -> tuple[str, ...]:
 
 
 @cache
-def _load(name: str) -> Mapping[str, Any]:
-    if name not in pybamm.parameter_sets:
+def _load(name: ParameterSource) -> Mapping[str, Any]:
+    if not isinstance(name, ParameterFile) and name not in pybamm.parameter_sets:
         raise BsaError(
             f'there is no parameter set "{name}".',
             (did_you_mean(name, set_names()) or f"installed sets: {', '.join(set_names())}.")
             + " bsa list parameters shows them.",
         )
     values: dict[str, Any] = {}
-    for source in (*FILL_FROM, name):
+    for source in FILL_FROM:
         values.update(dict(pybamm.ParameterValues(source)))
-    return values
+    if isinstance(name, ParameterFile):
+        from .parameter_files import read_values
+
+        return {**values, **read_values(name)}
+    return {**values, **pybamm.ParameterValues(name)}
 
 
-def load(name: str, overrides: Mapping[str, float] | None = None) -> pybamm.ParameterValues:
-    """A parameter set by name, gaps filled from Chen2020, with overrides put in.
+def load(name: ParameterSource, overrides: Mapping[str, float] | None = None) -> pybamm.ParameterValues:
+    """A parameter set, gaps filled from Chen2020, with overrides put in.
 
     Raises
     ------
@@ -54,7 +60,7 @@ def load(name: str, overrides: Mapping[str, float] | None = None) -> pybamm.Para
     return values
 
 
-def require(set_name: str, key: str) -> str:
+def require(set_name: ParameterSource, key: str) -> str:
     """The key itself, if the set knows it.
 
     Raises
@@ -72,12 +78,12 @@ def require(set_name: str, key: str) -> str:
     )
 
 
-def is_function(set_name: str, key: str) -> bool:
+def is_function(set_name: ParameterSource, key: str) -> bool:
     """Whether the parameter is a function of the state (an exchange-current density, a diffusivity, ...)."""
     return callable(_load(set_name)[require(set_name, key)])
 
 
-def parameters(set_name: str) -> dict[str, float | str]:
+def parameters(set_name: ParameterSource) -> dict[str, float | str]:
     """Every parameter of a set: its number, or ``"function"``."""
     return {
         key: "function" if callable(value) else float(value)
@@ -86,7 +92,7 @@ def parameters(set_name: str) -> dict[str, float | str]:
     }
 
 
-def target_in(set_name: str, name: str) -> Target:
+def target_in(set_name: ParameterSource, name: str) -> Target:
     """What a person's name for a parameter acts on in a set.
 
     Raises
@@ -110,7 +116,7 @@ _START_SOC = 0.5
 """Where the search for a state of charge starts when no record tells it."""
 
 
-def initial_value(set_name: str, name: str, overrides: Mapping[str, float] | None = None) -> float:
+def initial_value(set_name: ParameterSource, name: str, overrides: Mapping[str, float] | None = None) -> float:
     """The value at which a search over ``name`` starts: the set's own, 1 for a factor, 0 for a correction.
 
     Raises
@@ -185,4 +191,15 @@ def _scaled(value: Any, factor: Any) -> Any:
     def scaled(*arguments: Any, **keywords: Any) -> Any:
         return factor * value(*arguments, **keywords)
 
+    keep_arguments(scaled, value)
     return scaled
+
+
+def keep_arguments(function: Any, of: Any) -> None:
+    """Give a function of any arguments the names of another's, in place: PyBaMM writes functions to files by them."""
+    free = [
+        argument
+        for argument in inspect.signature(of).parameters.values()
+        if argument.default is argument.empty and argument.kind is argument.POSITIONAL_OR_KEYWORD
+    ]
+    function.__signature__ = inspect.Signature(free)

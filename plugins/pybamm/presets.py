@@ -13,6 +13,7 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 from ...core.errors import BsaError, did_you_mean
 from ...core.parameters import Parameter, ParameterSpace, Scale
 from ...core.target import Factor, Target, Value, factor_name, target_named
+from ...core.task import ParameterSource
 from ...core.validation import explain
 from ...core.yaml_text import read_yaml
 from .parameter_sets import initial_value, is_function, load, target_in
@@ -84,7 +85,7 @@ def presets() -> Mapping[str, Preset]:
 
 
 def preset_space(
-    parameter_set: str,
+    parameter_set: ParameterSource,
     preset_name: str,
     overrides: Mapping[str, float] | None = None,
     options: Mapping[str, Any] | None = None,
@@ -93,8 +94,8 @@ def preset_space(
 
     Parameters
     ----------
-    parameter_set : str
-        Name of a PyBaMM parameter set.
+    parameter_set : str or ParameterFile
+        A PyBaMM parameter set.
     preset_name : str
         ``"geometry"``, ``"cell"``, ``"sei"`` or ``"ageing"``.
     overrides : mapping of str to float, optional
@@ -126,7 +127,7 @@ def preset_space(
 
 
 def resolve_space(
-    parameter_set: str,
+    parameter_set: ParameterSource,
     search: str | Mapping[str, Any],
     overrides: Mapping[str, float] | None = None,
     options: Mapping[str, Any] | None = None,
@@ -135,8 +136,8 @@ def resolve_space(
 
     Parameters
     ----------
-    parameter_set : str
-        Name of a PyBaMM parameter set.
+    parameter_set : str or ParameterFile
+        A PyBaMM parameter set.
     search : str or mapping
         The name of a preset, the path of a YAML file, or what such a file holds: for each parameter
         ``{initial, lower, upper, scale}``, ``{factors: [0.5, 2]}``, ``[lower, upper]``, or nothing where a
@@ -172,7 +173,7 @@ def starts_given(search: str | Mapping[str, Any]) -> set[str]:
 
 
 def _own_space(
-    parameter_set: str, content: Mapping[str, Any], where: str, overrides: Mapping[str, float]
+    parameter_set: ParameterSource, content: Mapping[str, Any], where: str, overrides: Mapping[str, float]
 ) -> ParameterSpace:
     found: list[Parameter] = []
     for name, value in content.items():
@@ -186,7 +187,9 @@ def _own_space(
     return ParameterSpace(tuple(found))
 
 
-def _from_person(parameter_set: str, name: str, entry: OwnRange, overrides: Mapping[str, float]) -> Parameter:
+def _from_person(
+    parameter_set: ParameterSource, name: str, entry: OwnRange, overrides: Mapping[str, float]
+) -> Parameter:
     if entry.factors is None and entry.lower is None:
         known = _known_range(name)
         if known is None:
@@ -217,7 +220,7 @@ def _started(parameter: Parameter, initial: float) -> Parameter:
     return replace(parameter, initial=initial, lower=min(parameter.lower, initial), upper=max(parameter.upper, initial))
 
 
-def _from_preset(parameter_set: str, name: str, entry: Range, overrides: Mapping[str, float]) -> Parameter:
+def _from_preset(parameter_set: ParameterSource, name: str, entry: Range, overrides: Mapping[str, float]) -> Parameter:
     value = isinstance(target_named(name), Value)
     if value and name not in overrides and is_function(parameter_set, name):
         name = factor_name(name)
@@ -237,7 +240,7 @@ def _from_preset(parameter_set: str, name: str, entry: Range, overrides: Mapping
     return Parameter(name, initial, lower, upper, entry.scale, target, deviation, deviation is not None)
 
 
-def _target(parameter_set: str, name: str, overrides: Mapping[str, float]) -> Target:
+def _target(parameter_set: ParameterSource, name: str, overrides: Mapping[str, float]) -> Target:
     """What a name acts on; a function that an override replaces by a number is a value."""
     return Value(name) if name in overrides else target_in(parameter_set, name)
 
@@ -253,7 +256,7 @@ def _known_range(name: str) -> Range | None:
     return next((preset.parameters[base] for preset in presets().values() if base in preset.parameters), None)
 
 
-def _one_c_current(parameter_set: str, overrides: Mapping[str, float]) -> float:
+def _one_c_current(parameter_set: ParameterSource, overrides: Mapping[str, float]) -> float:
     """The current that empties the cell in an hour, A; a cell made wider by an override carries more."""
     own = load(parameter_set)
     width = float(own[_WIDTH])

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...core.target import CellChange
-from ...core.task import CellModel
+from ...core.task import CellModel, ParameterSource
 from ...core.trajectory import FloatArray
 from .ocp_shape import ELECTRODES, GRID, OcpCurves
 from .parameter_sets import load, pybamm
@@ -42,7 +42,7 @@ def soc_at_voltage(cell: CellModel, voltage: float) -> float:
     return min(max(float((x - empty) / (full - empty)), 0.0), 1.0)
 
 
-def equilibrium_capacity_ah(parameter_set: str, overrides: Mapping[str, float]) -> float:
+def equilibrium_capacity_ah(parameter_set: ParameterSource, overrides: Mapping[str, float]) -> float:
     """Charge between the voltage cut-offs at zero current, A.h.
 
     The nominal capacity that a parameter set states is a label, up to a fifth off this.

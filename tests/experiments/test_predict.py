@@ -6,12 +6,14 @@ import bsa
 import numpy as np
 import pandas
 import pytest
+from bsa.core.encoding import decode_task, encode_task
 from bsa.core.errors import BsaError
 from bsa.core.target import CellChange
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Trajectory
 from bsa.experiments.cli.main import app
-from bsa.plugins.pybamm.compiled import solve_reference
+from bsa.plugins.pybamm.parameter_sets import load
+from bsa.plugins.pybamm.solving import solve_reference
 from typer.testing import CliRunner
 
 RADIUS = "Positive particle radius [m]"
@@ -104,3 +106,39 @@ def test_what_cannot_be_predicted_is_refused_in_a_line(fitted, tmp_path) -> None
         fitted.predict(half, colunm={"voltage": "U"})
     with pytest.raises(BsaError, match="fitted and held out"):
         fitted.predict(bsa.read_record(measured(1.0, 20), name="DataFrame 1"))
+
+
+def task_after(fitted, **settings):
+    from bsa.core.record import ReadOptions
+    from bsa.experiments.request import task_of_records
+
+    asked = {"parameters": None, "model": None, "options": {}, "search": None, "scale": True, **settings}
+    return task_of_records([bsa.read_record(measured(0.5, 5), name="next")], ReadOptions(), None, {}, **asked)
+
+
+def test_a_run_starts_from_the_best_values_of_another(fitted) -> None:
+    best = fitted.parameters[RADIUS]
+    goes_on = task_after(fitted, start=fitted.folder)
+    assert (goes_on.cell.parameter_set, goes_on.cell.model) == ("Chen2020", "SPM")
+    assert goes_on.cell.options == {"contact resistance": "false"}
+    (parameter,) = goes_on.space
+    assert (parameter.name, parameter.initial, parameter.upper) == (RADIUS, best, pytest.approx(3 * 5.22e-6))
+    other = task_after(fitted, start=fitted.folder, search={"Electrode width [m]": {"factors": [0.8, 1.25]}})
+    assert str(other.cell.parameter_set) == "run (Chen2020 calibrated)"
+    assert load(other.cell.parameter_set)[RADIUS] == best
+    with pytest.raises(BsaError, match="give one of them"):
+        task_after(fitted, start=fitted.folder, parameters="Chen2020")
+
+
+@pytest.mark.parametrize("name", ["", "best_parameters.json"])
+def test_a_run_s_folder_or_best_parameters_is_a_parameter_set(fitted, name) -> None:
+    task = task_after(fitted, parameters=str(fitted.folder / name), search={RADIUS: {"factors": [0.5, 2.0]}})
+    assert task.space[RADIUS].initial == fitted.parameters[RADIUS]
+    assert decode_task(json.loads(json.dumps(encode_task(task)))).cell == task.cell
+
+
+def test_best_parameters_without_their_run_say_what_they_lack(fitted, tmp_path) -> None:
+    alone = tmp_path / "best_parameters.json"
+    alone.write_text((fitted.folder / "best_parameters.json").read_text())
+    with pytest.raises(BsaError, match="no whole parameter set"):
+        task_after(fitted, parameters=str(alone))

@@ -1,0 +1,128 @@
+"""Base parameters by what a person gives: an installed set, a file, or an earlier run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ...core.encoding import encode_parameter, encode_task
+from ...core.errors import BsaError
+from ...core.files import file_error
+from ...core.journal import FILE_NAME as JOURNAL
+from ...core.parameters import ParameterSpace
+from ...core.target import InitialSoc
+from ...core.task import ParameterFile, ParameterSource, Task
+from ..story import RunRecord, read_run
+
+BEST = "best_parameters.json"
+
+_LARGEST_FILE = 2**24
+"""Bytes of a parameter file at most: a thousand times what BPX files have."""
+
+
+def parameter_source(given: str) -> ParameterSource:
+    """What ``--parameters`` means.
+
+    Parameters
+    ----------
+    given : str
+        The name of an installed set, a JSON file (BPX, or PyBaMM's parameter values), a run's folder, or the
+        ``best_parameters.json`` in one.
+
+    Raises
+    ------
+    BsaError
+        If a file or a run cannot be read.
+    """
+    path = Path(given)
+    if (path / JOURNAL).is_file():
+        return calibrated(path)
+    if path.suffix.lower() != ".json":
+        return given
+    if path.name == BEST and (path.parent / JOURNAL).is_file():
+        return calibrated(path.parent)
+    from ...plugins.pybamm.parameter_files import parsed
+
+    try:
+        if path.stat().st_size > _LARGEST_FILE:
+            raise BsaError(f"{path} has {path.stat().st_size} bytes.", f"a parameter file has {_LARGEST_FILE} at most.")
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise file_error(error, path) from None
+    except UnicodeDecodeError:
+        raise BsaError(f"{path} is no text in UTF-8.", "give BPX or PyBaMM's parameter values, as JSON.") from None
+    return parsed(path.name, text)
+
+
+def calibrated(folder: Path) -> ParameterFile:
+    """The cell that a run found, as a set of its own.
+
+    Raises
+    ------
+    BsaError
+        If the folder holds no run of a PyBaMM cell, or no simulation of it succeeded.
+    """
+    return _calibrated(read_finished(folder))
+
+
+def read_finished(folder: Path) -> RunRecord:
+    """A run of a PyBaMM cell that found something.
+
+    Raises
+    ------
+    BsaError
+        As `calibrated`.
+    """
+    run = read_run(folder)
+    if not run.task.cell.parameter_set:
+        raise BsaError(f"{folder} calibrated no cell of PyBaMM.", "name the run of a PyBaMM cell.")
+    if not run.best.ok:
+        raise BsaError(f"no simulation of {folder} ran to its end.", "such a run has no best values.")
+    return run
+
+
+def _calibrated(run: RunRecord) -> ParameterFile:
+    content = {
+        "cell": encode_task(run.task)["cell"],
+        "space": [encode_parameter(parameter) for parameter in run.task.space],
+        "candidate": dict(run.best.candidate),
+    }
+    return ParameterFile(f"{run.name} ({run.task.cell.parameter_set} calibrated)", "calibrated", json.dumps(content))
+
+
+def start_from(run: RunRecord, search: str | Mapping[str, Any] | None) -> tuple[ParameterSource, dict[str, float]]:
+    """Base parameters and overrides that begin where a run ended.
+
+    Parameters
+    ----------
+    run : RunRecord
+        The earlier run.
+    search : str, mapping or None
+        What is searched now; None takes what the run searched, around the run's own base.
+
+    Returns
+    -------
+    parameter_set : str or ParameterFile
+        The run's base where its own search goes on; else the calibrated cell, so that what is not searched any more
+        stays as it was found.
+    overrides : dict of str to float
+        Of that base.
+    """
+    if search is None:
+        return run.task.cell.parameter_set, dict(run.task.cell.overrides)
+    return _calibrated(run), {}
+
+
+def with_its_space(task: Task, run: RunRecord) -> Task:
+    """The task with a run's searched parameters, started at the run's best values; initial states stay the task's."""
+    searched = any(isinstance(parameter.target, InitialSoc) for parameter in run.task.space)
+    kept = [parameter for parameter in task.space if searched and isinstance(parameter.target, InitialSoc)]
+    found = [
+        replace(parameter, initial=run.best.candidate[parameter.name])
+        for parameter in run.task.space
+        if not isinstance(parameter.target, InitialSoc)
+    ]
+    return replace(task, space=ParameterSpace((*found, *kept)))
