@@ -15,7 +15,7 @@ from ...core.journal import FILE_NAME as JOURNAL
 from ...core.parameters import ParameterSpace
 from ...core.target import InitialSoc
 from ...core.task import ParameterFile, ParameterSource, Task
-from ..story import RunRecord, read_run
+from ..run_record import RunRecord, read_run
 
 BEST = "best_parameters.json"
 
