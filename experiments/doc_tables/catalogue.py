@@ -19,6 +19,7 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "noise": studies.noise,
     "no-harm": studies.no_harm,
     "ablation": studies.ablation,
+    "agent-alone": studies.agent_alone,
     "evaluation": studies.evaluation,
     "runtime": studies.runtime,
     "recovery": studies.recovery,

@@ -217,3 +217,24 @@ def grid_scaling(results: Results) -> str:
         ["a model's tokens", f"{cost['tokens'] * _MANY:.1e}, {cost['prompt']:.0f} % of them prompt"],
     ]
     return markdown_table(["what", f"at {_MANY:,} cells"], lines, 2)
+
+
+def agent_alone(results: Results) -> str:
+    """The agent without least squares on the rules backend, before the prompts told what the score sees and after."""
+    rows = results.rows("agent_alone")
+    errors = {v: {r["case"]: r["mape"] for r in rows if r["version"] == v} for v in ("before", "after")}
+    start = {row["case"]: row["initial_mape"] for row in rows}
+    lines = [[case, *(short(values[case]) for values in (start, *errors.values()))] for case in start]
+    means = {v: float(np.exp(np.mean(np.log(list(found.values()))))) for v, found in errors.items()}
+    lines.append(["geometric mean", "", *(short(mean) for mean in means.values())])
+    tokens = {
+        v: [row["prompt_tokens"] for row in results.rows("prompt_tokens") if row["version"] == v]
+        for v in ("before", "after")
+    }
+    words = (
+        f"Ratio of the geometric means: {short(means['after'] / means['before'])}. "
+        f"Tokens of a prompt on regular-37, mean (largest): "
+        f"{', '.join(f'{v} {np.mean(found):.0f} ({max(found):.0f})' for v, found in tokens.items())}."
+    )
+    heads = ["error in % after 20 simulations", "start", "before", "after"]
+    return results.framed("agent_alone prompt_tokens", markdown_table(heads, lines), words)
