@@ -222,8 +222,8 @@ def grid_scaling(results: Results) -> str:
 def agent_alone(results: Results) -> str:
     """The agent without least squares on the rules backend, before the prompts told what the score sees and after."""
     rows = results.rows("agent_alone")
-    errors = {v: {r["case"]: r["mape"] for r in rows if r["version"] == v} for v in ("before", "after")}
-    start = {row["case"]: row["initial_mape"] for row in rows}
+    errors = {v: {r["task"]: r["mape"] for r in rows if r["version"] == v} for v in ("before", "after")}
+    start = {row["task"]: row["initial_mape"] for row in rows}
     lines = [[case, *(short(values[case]) for values in (start, *errors.values()))] for case in start]
     means = {v: float(np.exp(np.mean(np.log(list(found.values()))))) for v, found in errors.items()}
     lines.append(["geometric mean", "", *(short(mean) for mean in means.values())])
