@@ -119,8 +119,8 @@ class Tools:
     async def discover(
         self,
         context: Context,
-        data: Data,
-        cell: Cell,
+        data: Data = "",
+        cell: Cell = Cell(),  # noqa: B008
         reading: Reading = Reading(),  # noqa: B008
         effect: Annotated[
             list[str] | None, Field(description="Effects to consider, by name; all, if left out.")
@@ -169,6 +169,8 @@ class Tools:
     def _data(self, data: str | list[str]) -> str | list[Path]:
         """Files inside the folders, or the name of a task; a task file may name files elsewhere, and is not read."""
         names = [data] if isinstance(data, str) else data
+        if not all(names) or not names:
+            raise BsaError("data is missing.", "give the path of a record; a stopped run goes on with `resume` alone.")
         wrong = [name for name in names if Path(name).suffix in SUFFIXES]
         if wrong:
             raise BsaError(f"{shown(wrong[0], 200)} is a task file.", "give its records and the cell instead.")

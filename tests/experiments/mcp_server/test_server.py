@@ -72,6 +72,7 @@ def test_tools_are_described_and_mistakes_are_told_with_a_hint(use: Use, tmp_pat
         assert "no preset" in await refused(client, "calibrate", data="cell.csv", cell=cell)
         cell = {"parameters": "../x.json"}
         assert "lies outside the folders" in await refused(client, "discover", data="cell.csv", cell=cell)
+        assert "data is missing. Hint: " in await refused(client, "discover")
         assert "no name" in await refused(client, "calibrate", data="demo", scaffold="/tmp/mine.yaml")
 
     use(act)
@@ -87,6 +88,7 @@ def test_an_assistant_tries_values_and_calibrates(use: Use, tmp_path: Path) -> N
 
     async def act(client: Client) -> None:
         assert "a record needs a parameter set" in await refused(client, "simulate", data=["no.csv"], values={})
+        assert "holds no run" in await refused(client, "discover", resume="nowhere")
         said = await refused(client, "simulate", data="oscillator", values={"Mass": 1.0})
         assert 'is not searched in this task. Hint: did you mean "Mass [kg]"?' in said
         tried = await called(client, "simulate", data="oscillator", values={"Mass [kg]": 1.2})
