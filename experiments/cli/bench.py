@@ -273,6 +273,46 @@ def coverage_command(
     print(coverage_table(run_coverage(out, tasks, seed, model, points, simulations, say)))
 
 
+@bench_app.command("real-cells")
+def real_cells_command(
+    data: Annotated[
+        Path,
+        shared.records_option(metavar="FOLDER", help="Where the records are (they are not shipped)."),
+    ],
+    only: Annotated[
+        list[str] | None, shared.records_option("--cell", metavar="NAME", help="Run this cell alone; repeat.")
+    ] = None,
+    scaffold: Annotated[str, shared.search_option(metavar="NAME|FILE", help="Scaffold.")] = "staged",
+    simulations: Simulations = 150,
+    seed: shared.Seed = 1234,
+    workers: shared.SimulationWorkers = 0,
+    out: Annotated[Path, shared.output_option(metavar="FOLDER", help="For the runs and real_cells.csv.")] = RESULTS
+    / "real-cells",
+) -> None:
+    """Measured cells of public data sets: fitted, and scored on records that the fit never saw."""
+    from dataclasses import asdict
+
+    from ...core.files import write_csv
+    from ..request import simulation_workers
+    from ..studies.real_cells import chosen, run_cell, run_cells
+
+    at_once = simulation_workers(workers)
+    rows, remarks = run_cells(
+        chosen(only or []),
+        data,
+        out,
+        lambda cell, folder: run_cell(cell, data, folder, scaffold, simulations, seed, at_once),
+    )
+    for row in rows:
+        print(
+            f"{row.cell}, {row.record} ({row.role}): {row.rms_mv:.1f} mV rms, {row.rms_99_mv:.1f} over 99 % of the time"
+        )
+    for remark in remarks:
+        say(remark)
+    if rows:
+        write_csv(out / "real_cells.csv", [asdict(row) for row in rows])
+
+
 @bench_app.command("docs")
 def docs_command(
     root: Annotated[

@@ -86,18 +86,29 @@ def load_task_file(path: Path) -> Task:
     except ValidationError as error:
         raise explain(error, str(path), TaskFile) from None
     try:
-        return build_task(
-            name=content.name,
-            parameter_set=content.parameter_set,
-            model=content.model,
-            options=content.options,
-            overrides=content.overrides,
-            search=content.search,
-            records=[_request(entry, path.parent) for entry in content.experiments],
-            held_out=[_request(entry, path.parent) for entry in content.held_out],
-        )
+        return task_from(content, path.parent)
     except BsaError as error:
         raise BsaError(f"{path}: {error.message}", error.hint) from None
+
+
+def task_from(content: TaskFile, folder: Path) -> Task:
+    """The task of a task file whose records lie in a folder.
+
+    Raises
+    ------
+    BsaError
+        If a record, a parameter set or a parameter does not exist or makes no sense.
+    """
+    return build_task(
+        name=content.name,
+        parameter_set=content.parameter_set,
+        model=content.model,
+        options=content.options,
+        overrides=content.overrides,
+        search=content.search,
+        records=[_request(entry, folder) for entry in content.experiments],
+        held_out=[_request(entry, folder) for entry in content.held_out],
+    )
 
 
 def _request(entry: ExperimentEntry, folder: Path) -> RecordRequest:

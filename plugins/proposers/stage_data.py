@@ -134,7 +134,7 @@ def _charge_at(record: Trajectory, rows: ResidualRows, place: int) -> float:
 def _current_steps(task: Task, rows: ResidualRows, capacity_ah: float) -> View:
     """Voltage in the first minute less that before it; each current step counts the same."""
     found: list[tuple[NDArray[np.intp], int]] = []
-    voltage = rows.signal == _VOLTAGE
+    voltage = (rows.signal == _VOLTAGE) & (rows.scale > 0)
     for number, experiment in enumerate(task.experiments):
         record = experiment.target
         for place in range(1, len(record.steps)):

@@ -1,0 +1,65 @@
+"""Measured cells as a study: what is absent is skipped and named, and every record gives a row."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from bsa.core.errors import BsaError
+from bsa.experiments.cli.main import app
+from bsa.experiments.studies import real_cells
+from bsa.experiments.studies.real_cells import RecordRow, cells, chosen, missing, run_cell, run_cells
+from bsa.experiments.tasks import demo_record
+from bsa.experiments.tasks.task_file import TaskFile
+from typer.testing import CliRunner
+
+DEMO = Path(demo_record.__file__).parent / "packaged"
+
+
+def cell(name: str, *records: str, held_out: tuple[str, ...] = ()) -> TaskFile:
+    return TaskFile.model_validate(
+        {
+            "name": name,
+            "parameter_set": "Chen2020",
+            "model": "SPM",
+            "search": {"Contact resistance [Ohm]": [0.0, 0.1]},
+            "options": {"contact resistance": "true"},
+            "experiments": [{"data": record} for record in records],
+            "held_out": [{"data": record} for record in held_out],
+        }
+    )
+
+
+def test_the_cells_are_known_by_name() -> None:
+    assert [cell.name for cell in chosen(["NASA B0005"])] == ["NASA B0005"]
+    assert len(chosen([])) == len(cells())
+    with pytest.raises(BsaError, match='no measured cell "NASA B0006"'):
+        chosen(["NASA B0006"])
+
+
+def test_a_cell_without_its_records_is_skipped_with_the_reason(tmp_path: Path) -> None:
+    def run(wanted: TaskFile, folder: Path) -> list[RecordRow]:
+        return [RecordRow(wanted.name, "r", "fitted", 1.0, 1.0, 1.0, 2.0, 3, 4.0)]
+
+    (tmp_path / "here.csv").touch()
+    wanted = [cell("here", "here.csv"), cell("gone", "here.csv", held_out=("gone.csv",))]
+    rows, remarks = run_cells(wanted, tmp_path, tmp_path / "out", run)
+    assert [row.cell for row in rows] == ["here"]
+    assert remarks == [f"gone is skipped: {tmp_path} lacks gone.csv."]
+    assert missing(wanted[1], tmp_path) == ["gone.csv"]
+
+
+def test_the_command_says_what_it_skips(tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["bench", "real-cells", "--data", str(tmp_path), "--out", str(tmp_path / "out")])
+    assert result.exit_code == 0
+    assert result.output.count("is skipped") == len(cells())
+    assert not (tmp_path / "out").exists()
+
+
+def test_every_record_gives_a_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(real_cells, "cells", lambda: (cell("demo", "demo.csv"),))
+    (wanted,) = chosen([])
+    (row,) = run_cell(wanted, DEMO, tmp_path / "run", "staged", simulations=1, seed=1, workers=1)
+    assert (row.cell, row.role, row.simulations) == ("demo", "fitted", 1)
+    assert 0.0 < row.rms_99_mv <= row.rms_mv <= row.max_mv
+    assert (tmp_path / "run" / "report.html").is_file()
