@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from . import ageing, discovery, published, studies
+from . import ageing, discovery, published, real_cells, studies
 from .reach import reach
 from .results import Results
 
@@ -36,4 +36,5 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "discovery-cases": discovery.each_earlier_case,
     "discovery-shortlists": discovery.shortlists,
     "measured-cells": discovery.measured_cells,
+    "real-cells": real_cells.fitted_and_held_out,
 }

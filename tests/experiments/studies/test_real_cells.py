@@ -50,7 +50,7 @@ def test_a_cell_without_its_records_is_skipped_with_the_reason(tmp_path: Path) -
 
 
 def test_the_command_says_what_it_skips(tmp_path: Path) -> None:
-    result = CliRunner().invoke(app, ["bench", "real-cells", "--data", str(tmp_path), "--out", str(tmp_path / "out")])
+    result = CliRunner().invoke(app(), ["bench", "real-cells", "--data", str(tmp_path), "--out", str(tmp_path / "out")])
     assert result.exit_code == 0
     assert result.output.count("is skipped") == len(cells())
     assert not (tmp_path / "out").exists()

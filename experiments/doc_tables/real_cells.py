@@ -1,0 +1,35 @@
+"""The table of measured cells: what was fitted, and what was not."""
+
+from __future__ import annotations
+
+from ..campaign.text_tables import markdown_table
+from .layout import short
+from .results import Results
+
+
+def fitted_and_held_out(results: Results) -> str:
+    """Voltage errors of every record."""
+    lines = [
+        [
+            row["cell"],
+            row["record"],
+            row["role"],
+            short(row["start_mv"]),
+            short(row["rms_mv"]),
+            short(row["rms_99_mv"]),
+            short(row["max_mv"]),
+            f"{row['simulations']:.0f}",
+        ]
+        for row in results.rows("real_cells")
+    ]
+    heads = [
+        "cell",
+        "record",
+        "",
+        "before / mV",
+        "rms / mV",
+        "over 99 % of the time / mV",
+        "largest / mV",
+        "simulations",
+    ]
+    return results.framed("real_cells", markdown_table(heads, lines, 3))
