@@ -124,6 +124,8 @@ class Effect:
     lacks : callable or None
         ``lacks(evidence)`` returns why these records cannot show the effect (or why the model already
         has it), or an empty string.
+    on_request : bool
+        Whether it is considered only where it is named: what imitates most others would leave nothing else to find.
     """
 
     name: str
@@ -136,6 +138,7 @@ class Effect:
     physics: Any = None
     measurement: Measurement | None = None
     lacks: Callable[[Evidence], str] | None = field(default=None, compare=False)
+    on_request: bool = False
 
     @property
     def key(self) -> str:

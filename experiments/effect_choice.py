@@ -24,7 +24,7 @@ def effects_of(
     Parameters
     ----------
     names : sequence of str or None
-        Effects to consider; None for all.
+        Effects to consider; None for all but those that are considered on request.
     registry : Registry, optional
         Where they are looked up; the installed ones by default.
     options : mapping, optional
@@ -55,7 +55,7 @@ def effects_of(
         else:
             made[effect.key] = effect
     if names is None:
-        return tuple(made.values())
+        return tuple(effect for effect in made.values() if not effect.on_request)
     known = {effect.name for effect in made.values()} | set(made)
     for name in names:
         if name not in known:

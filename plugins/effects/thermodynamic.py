@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from ...core.effect import Effect, EffectParameter, Evidence
 from ..pybamm.augmentation import PyBaMMPart
 
@@ -44,4 +46,43 @@ ocp_hysteresis = Effect(
     lacks=_hysteresis_lacks,
 )
 
-EFFECTS = (ocp_hysteresis,)
+
+def _negative_shape(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    potential = known["Negative electrode OCP [V]"]
+
+    def corrected(x: Any) -> Any:
+        distance = np.log(x / (1 - x)) - np.log(p["stoichiometry"] / (1 - p["stoichiometry"]))
+        return potential(x) + p["height"] * np.exp(-0.5 * (distance / 0.9) ** 2)
+
+    return {"Negative electrode OCP [V]": corrected}
+
+
+def _positive_shape(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    potential = known["Positive electrode OCP [V]"]
+
+    def corrected(x: Any) -> Any:
+        distance = np.log(x / (1 - x)) - np.log(p["stoichiometry"] / (1 - p["stoichiometry"]))
+        return potential(x) + p["height"] * np.exp(-0.5 * (distance / 0.9) ** 2)
+
+    return {"Positive electrode OCP [V]": corrected}
+
+
+ocp_shapes = tuple(
+    Effect(
+        name="ocp-shape",
+        variant=f"{electrode} electrode",
+        title=f"another shape of the {electrode} electrode's open-circuit potential",
+        equation="U(x) -> U(x) + a exp(-(logit x - logit x0)^2 / (2 0.9^2))",
+        parameters=(
+            EffectParameter("height", "V", 0.0, -0.15, 0.15, 5e-3),
+            EffectParameter("stoichiometry", "", 0.5, 0.01, 0.99, 0.5),
+        ),
+        signature="an offset over part of the charge, the same at every rate and at rest, on charge and on discharge",
+        citation="Chen et al., J. Electrochem. Soc. 167 (2020) 080534, doi:10.1149/1945-7111/ab9050",
+        physics=PyBaMMPart(values=values),
+        on_request=True,
+    )
+    for electrode, values in (("negative", _negative_shape), ("positive", _positive_shape))
+)
+
+EFFECTS = (ocp_hysteresis, *ocp_shapes)

@@ -35,7 +35,10 @@ def registry(**factories: Any) -> Registry:
 
 def test_the_catalogue_is_whole() -> None:
     notes: list[str] = []
-    assert len(effects_of(None, note=notes.append)) == len(installed().listings("effect"))
+    listed = [listing.entry.name for listing in installed().listings("effect")]
+    on_request = effects_of(["ocp-shape"])
+    assert len(effects_of(None, note=notes.append)) + len(on_request) == len(listed)
+    assert all(effect.on_request for effect in on_request)
     assert notes == []
 
 

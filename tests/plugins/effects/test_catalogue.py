@@ -4,10 +4,12 @@ from bsa.core.effect import Effect, EffectParameter, Evidence
 from bsa.core.errors import BsaError
 from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.experiments.effect_choice import effects_of
 from bsa.plugins.effects.catalogue import EFFECTS, entries
 from bsa.plugins.pybamm.augmentation import PyBaMMPart, augmented_cell
 from bsa.plugins.pybamm.drive import current_function
 from bsa.plugins.pybamm.driven_cell import DrivenCell
+from bsa.plugins.pybamm.ocp_shape import bump
 
 NAMES = {
     "contact-resistance",
@@ -15,6 +17,7 @@ NAMES = {
     "temperature-dependence",
     "double-layer-capacitance",
     "ocp-hysteresis",
+    "ocp-shape",
     "particle-size-distribution",
     "electrolyte-transport",
     "solid-diffusivity-variation",
@@ -53,6 +56,21 @@ def test_an_effect_that_the_base_model_has_is_not_missing():
     reasons = {e.key: e.lacks(has) for e in EFFECTS if e.lacks is not None}
     for key in ("self-heating", "contact-resistance", "sei-growth (reaction-limited)", "electrolyte-transport"):
         assert reasons[key], key
+
+
+def test_the_shape_of_a_potential_is_the_correction_that_a_calibration_searches():
+    x = np.linspace(0.02, 0.98, 25)
+    for effect in EFFECTS:
+        if effect.name == "ocp-shape":
+            known = {f"{which} electrode OCP [V]": np.zeros_like for which in ("Negative", "Positive")}
+            (found,) = effect.physics.values(known, {"height": 0.01, "stoichiometry": 0.8}).values()
+            assert found(x) == pytest.approx(0.01 * bump(x, 0.8))
+
+
+def test_what_imitates_most_effects_is_considered_where_it_is_named():
+    assert "ocp-shape" not in {effect.name for effect in effects_of(None)}
+    assert {effect.name for effect in effects_of(["ocp-shape"])} == {"ocp-shape"}
+    assert len(effects_of(["ocp-shape (positive electrode)"])) == 1
 
 
 def test_ageing_needs_cycles():
