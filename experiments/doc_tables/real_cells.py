@@ -19,6 +19,7 @@ def fitted_and_held_out(results: Results) -> str:
             short(row["rms_99_mv"]),
             short(row["max_mv"]),
             f"{row['simulations']:.0f}",
+            row["failure"],
         ]
         for row in results.rows("real_cells")
     ]

@@ -24,7 +24,10 @@ CELLS_FILE = Path(__file__).with_name("real_cells.yaml")
 
 @dataclass(frozen=True)
 class RecordRow:
-    """One record of one cell; errors are those of the voltage, in mV, and NaN where nothing was simulated."""
+    """One record of one cell; errors are those of the voltage, in mV, and NaN where nothing was simulated.
+
+    A simulation that ended early has the errors of what it reached, and says why it ended.
+    """
 
     cell: str
     record: str
@@ -34,7 +37,8 @@ class RecordRow:
     max_mv: float
     start_mv: float
     simulations: int
-    wall_s: float
+    simulator_s: float
+    failure: str
 
 
 @cache
@@ -92,7 +96,8 @@ def _row(cell: str, errors: RecordErrors, role: str, result: RunResult) -> Recor
         nothing if voltage is None else voltage.max,
         before if role == "fitted" else nothing,
         len(result.trials),
-        result.wall_s,
+        result.simulator_s,
+        errors.failure,
     )
 
 

@@ -39,7 +39,7 @@ def test_the_cells_are_known_by_name() -> None:
 
 def test_a_cell_without_its_records_is_skipped_with_the_reason(tmp_path: Path) -> None:
     def run(wanted: TaskFile, folder: Path) -> list[RecordRow]:
-        return [RecordRow(wanted.name, "r", "fitted", 1.0, 1.0, 1.0, 2.0, 3, 4.0)]
+        return [RecordRow(wanted.name, "r", "fitted", 1.0, 1.0, 1.0, 2.0, 3, 4.0, "")]
 
     (tmp_path / "here.csv").touch()
     wanted = [cell("here", "here.csv"), cell("gone", "here.csv", held_out=("gone.csv",))]
