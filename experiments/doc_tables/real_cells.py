@@ -19,7 +19,7 @@ def fitted_and_held_out(results: Results) -> str:
             short(row["rms_99_mv"]),
             short(row["max_mv"]),
             f"{row['simulations']:.0f}",
-            row["failure"],
+            row["failure"] if isinstance(row["failure"], str) else "",
         ]
         for row in results.rows("real_cells")
     ]
@@ -32,5 +32,6 @@ def fitted_and_held_out(results: Results) -> str:
         "over 99 % of the time / mV",
         "largest / mV",
         "simulations",
+        "ended early",
     ]
     return results.framed("real_cells", markdown_table(heads, lines, 3))

@@ -75,6 +75,8 @@ def run_cell(
     task = task_from(cell, data)
     config = RunConfig(scaffold=load_scaffold(scaffold), simulations=simulations, seed=seed)
     result = execute_run(task, config, folder, open_backend("rules", {}), Resources(workers=workers))
+    if result.status == "interrupted":
+        raise KeyboardInterrupt
     held_out = [prediction.errors for prediction in result.held_out]
     return [
         _row(cell.name, errors, role, result)

@@ -31,6 +31,10 @@ _CONTACT_SHARE = 0.6
 _MOST_OF_THE_WINDOW = 0.6
 """Share of the voltage window that a cycle crosses at least if its charge is to tell the cell's size."""
 
+_PROMPT_S, _NEARLY_EMPTY = 10.0, 0.1
+"""Latest sample after a current step that shows its resistance, s, and the share of the voltage range at whose bottom
+none does: a minute late, or at the end of a discharge, the same cells show two to ten times as much."""
+
 _SAME_SIZE = (0.8, 1.25)
 """Ratios of measured to nominal capacity that the search bridges by itself."""
 
@@ -266,11 +270,18 @@ def _with_contact_resistance(space: ParameterSpace, records: Sequence[Record]) -
 
 
 def _jump_resistances(record: Trajectory) -> list[float]:
-    """Voltage jump over current jump where one step follows another, Ohm."""
+    """Voltage jump over current jump where one step follows another, Ohm.
+
+    Left out are jumps that the record shows too late, and those of a cell that is nearly empty: both hold more
+    diffusion than resistance.
+    """
     last = np.array([step.stop - 1 for step in record.steps[:-1]], dtype=np.intp)
     current, voltage = record.current[last + 1] - record.current[last], record.voltage[last + 1] - record.voltage[last]
     large = np.abs(current) > 0.2 * np.max(np.abs(record.current), initial=1e-9)
-    return [float(value) for value in -voltage[large] / current[large] if value > 0]
+    prompt = record.time[last + 1] - record.time[last] <= _PROMPT_S
+    nearly_empty = record.voltage[last] < record.voltage.min() + _NEARLY_EMPTY * np.ptp(record.voltage)
+    shown = large & prompt & ~nearly_empty
+    return [float(value) for value in -voltage[shown] / current[shown] if value > 0]
 
 
 def _with_initial_soc(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from bsa.core.errors import BsaError
@@ -63,3 +64,9 @@ def test_every_record_gives_a_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert (row.cell, row.role, row.simulations) == ("demo", "fitted", 1)
     assert 0.0 < row.rms_99_mv <= row.rms_mv <= row.max_mv
     assert (tmp_path / "run" / "report.html").is_file()
+
+
+def test_an_interrupted_cell_stops_the_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(real_cells, "execute_run", lambda *arguments: SimpleNamespace(status="interrupted"))
+    with pytest.raises(KeyboardInterrupt):
+        run_cell(cell("demo", "demo.csv"), DEMO, tmp_path / "run", "staged", simulations=1, seed=1, workers=1)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bsa.core.record import Record
 from bsa.core.trajectory import Step, StepKind, Trajectory
-from bsa.experiments.tasks.records import CONTACT, RESISTANCE, WIDTH, RecordRequest, build_task
+from bsa.experiments.tasks.records import CONTACT, RESISTANCE, WIDTH, RecordRequest, _jump_resistances, build_task
 from bsa.plugins.pybamm.model_options import in_pybamm_spelling
 
 SOC = "Initial state of charge"
@@ -35,6 +35,16 @@ def record(name: str = "r", *, rest: bool = True, amperes: float = 5.0, cycles: 
 
 def task_of(*records: Record, **settings):
     return build_task("t", "Chen2020", [RecordRequest(one) for one in records], model="SPM", **settings)
+
+
+def test_a_resistance_is_read_off_prompt_jumps_away_from_the_empty_end() -> None:
+    time = np.array([0.0, 60.0, 61.0, 3600.0, 3601.0, 4200.0, 4260.0, 4300.0])
+    current = np.array([0.0, 0.0, 2.0, 2.0, 0.0, 0.0, -1.0, -1.0])
+    voltage = np.array([4.1, 4.1, 4.0, 2.5, 3.3, 3.4, 3.6, 4.1])
+    steps = tuple(Step(StepKind.REST, start, start + 2, position=start // 2) for start in (0, 2, 4, 6))
+    record = Trajectory(time, current, voltage, None, steps)
+    # 50 mOhm when the discharge begins; 400 from empty, and 200 a minute late.
+    assert _jump_resistances(record) == pytest.approx([0.05])
 
 
 def test_a_start_that_a_person_writes_is_never_replaced() -> None:
