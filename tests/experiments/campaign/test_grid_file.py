@@ -73,8 +73,7 @@ def test_shipped_grids_expand(name, tmp_path, monkeypatch):
     runs = {
         "main-table": len(cases) * (2 * 4 + 8),
         "qwen-scaling": 8 * 3 * 3,
-        "rules-ablation": 8 * 6 * 3,
-        "rules-ablation-cases": 10 * 6,
+        "rules-ablation": 10 * 6,
         "scaffold-ablation": 8 * 9 * 3,
         "ageing": 5 * 3,
     }
