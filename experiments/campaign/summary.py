@@ -80,7 +80,8 @@ def exact_interval(count: int, of: int) -> str:
     from scipy import stats
 
     found = stats.binomtest(count, of).proportion_ci(0.95, method="exact")
-    return f"exact 95 % interval {100 * found.low:.2g} to {100 * found.high:.2g} %"
+    low, high = (f"{100 * end:.2g}".replace("1e+02", "100") for end in (found.low, found.high))
+    return f"exact 95 % interval {low} to {high} %"
 
 
 Table = dict[str, dict[str, dict[str, Statistic]]]

@@ -26,6 +26,12 @@ _SUSPICIOUS = 3.0
 """Root mean square, in tolerances or in standard deviations of the noise if that is more, above which an end may be a
 trap rather than a model's or a record's limits."""
 
+_CLEARLY_ABOVE = 1.5
+"""Misfit in units of the noise from which noise alone does not explain it: of a hundred residuals none comes near."""
+
+_UNRESOLVED = 0.1
+"""Noise, in tolerances, that a fit need not come down to: no record resolves a tenth of a millivolt."""
+
 _TOO_SLOW = 0.05
 """Share of the cost that a round must take off far from the record: at less, the budget ends before the fit does."""
 
@@ -146,7 +152,11 @@ class Descent:
         best = self.best
         if best is None or best.residual is None or not self.done:
             return ""
-        why = _ENDINGS.get(best.ending, f"a round gained less than {_TOO_SLOW:.0%}, or the simulations were spent")
+        above = best.ending == "noise" and self.misfit > _CLEARLY_ABOVE * self.noise
+        why = _ENDINGS.get(
+            "misfit" if above else best.ending,
+            f"a round gained less than {_TOO_SLOW:.0%}, or the simulations were spent",
+        )
         return f"The fit ends at {self.misfit:.2g} tolerances, where noise alone leaves {self.noise:.2g}: {why}."
 
     @property
@@ -279,7 +289,7 @@ class Descent:
     def _may_restart(self, limit: int) -> bool:
         polls = 0 if self._promising else 2 * len(self._task.space)
         needed = polls + len(self._task.space) + _STEPS_WORTH
-        return self._restarts_left > 0 and self.misfit > self._suspicious and limit >= needed
+        return self._restarts_left > 0 and self.misfit > _SUSPICIOUS * max(self.noise, _UNRESOLVED) and limit >= needed
 
     def _begin_again(self, planning_budget: int) -> list[FloatArray]:
         """Go on from elsewhere: each parameter alone goes far to either side of the first start, and the best leads.
