@@ -189,7 +189,8 @@ def test_killed_workers_are_replaced_and_their_cells_resumed(make_plan):
 
     def kill():
         killed = 0
-        while not stop.is_set() and killed < 3:
+        # One kill less than gives a cell up: on a busy machine all of them may hit one cell before it gets further.
+        while not stop.is_set() and killed < LOSSES - 1:
             busy = [worker for worker in list(pool._workers) if worker.order is not None]
             started = [w for w in busy if rough.store.journal_size(w.order.identity) > 3000]
             if started:
