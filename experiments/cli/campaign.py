@@ -175,8 +175,8 @@ def _watcher(plan: Plan[Cell], pool: Pool) -> WatcherContext:
     from ..campaign.progress import LiveCampaign, PlainCampaign
 
     if sys.stderr.isatty():
-        return LiveCampaign(plan.name, plan.cells)
-    return PlainCampaign(plan.cells)
+        return LiveCampaign(plan.name, plan.chosen)
+    return PlainCampaign(plan.chosen)
 
 
 def say(line: str) -> None:
