@@ -31,6 +31,7 @@ def app() -> typer.Typer:
     from .catalogue import doctor, list_app
     from .data import data
     from .discover import discover
+    from .export import export
     from .mcp import mcp
     from .new_plugin import new_plugin
     from .predict import predict
@@ -47,6 +48,7 @@ def app() -> typer.Typer:
     result.command("run", cls=RecordsCommand)(run)
     result.command("predict", cls=RecordsCommand)(predict)
     result.command("data")(data)
+    result.command("export")(export)
     result.command("grid")(grid)
     result.command("report")(report)
     result.command("discover", cls=RecordsCommand)(discover)

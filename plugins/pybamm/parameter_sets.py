@@ -197,9 +197,14 @@ def _scaled(value: Any, factor: Any) -> Any:
 
 def keep_arguments(function: Any, of: Any) -> None:
     """Give a function of any arguments the names of another's, in place: PyBaMM writes functions to files by them."""
-    free = [
-        argument
-        for argument in inspect.signature(of).parameters.values()
+    kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
+    function.__signature__ = inspect.Signature([inspect.Parameter(name, kind) for name in arguments_of(of)])
+
+
+def arguments_of(function: Any) -> tuple[str, ...]:
+    """The arguments that a function of a set still takes, by name: the others are bound already."""
+    return tuple(
+        argument.name
+        for argument in inspect.signature(function).parameters.values()
         if argument.default is argument.empty and argument.kind is argument.POSITIONAL_OR_KEYWORD
-    ]
-    function.__signature__ = inspect.Signature(free)
+    )

@@ -1,0 +1,33 @@
+"""``bsa export``: the calibrated cell for other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from . import shared_options as shared
+
+
+def export(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a finished run.")],
+    to: Annotated[
+        Literal["bpx", "parameter-values"],
+        shared.output_option(metavar="FORMAT", help="bpx, or parameter-values (PyBaMM's own JSON)."),
+    ],
+    out: Annotated[
+        Path | None, shared.output_option(metavar="FILE", help="The file; by default in the run's folder.")
+    ] = None,
+) -> None:
+    """Write the best parameters of a run as BPX or as PyBaMM's parameter values."""
+    from ...core.files import write_text
+    from ..export_cell import FILES, exported
+    from .progress import printable
+
+    text, remarks = exported(run, to)
+    path = out or run / FILES[to]
+    write_text(path, text)
+    for remark in remarks:
+        print(printable(remark, 400))
+    print(path)

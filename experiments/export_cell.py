@@ -1,0 +1,63 @@
+"""``bsa export``: the cell that a run found, as a file for other programs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from .tasks.parameter_source import read_finished
+
+FILES = {"bpx": "best_parameters_bpx.json", "parameter-values": "best_parameter_values.json"}
+"""What can be written, and the file's name in the run's folder."""
+
+TOLERANCE_MV = 1.0
+"""Largest difference between the cell and its BPX file that needs no mention: tables are read along straight lines."""
+
+
+def exported(folder: Path, to: str) -> tuple[str, tuple[str, ...]]:
+    """The best candidate of a run as the text of a file.
+
+    Parameters
+    ----------
+    folder : Path
+        The run's.
+    to : {'bpx', 'parameter-values'}
+        The Battery Parameter eXchange standard, or what ``pybamm.ParameterValues.from_json`` reads.
+
+    Returns
+    -------
+    text : str
+        JSON.
+    remarks : tuple of str
+        Of BPX: what it cannot say of this cell, and how far the file's cell is from the run's on the first record.
+
+    Raises
+    ------
+    BsaError
+        If the folder holds no run of a PyBaMM cell, or the cell is no BPX cell.
+    """
+    from ..plugins.pybamm.bpx_export import to_bpx
+    from ..plugins.pybamm.export import parameter_values_json
+    from ..plugins.pybamm.parameter_files import parsed
+    from ..plugins.pybamm.solving import solve_reference
+
+    run = read_finished(folder)
+    cell, experiment, change = run.task.cell, run.task.experiments[0], run.task.space.change(run.best.candidate)
+    if to == "parameter-values":
+        return parameter_values_json(cell, change), ()
+    found = to_bpx(cell, change, experiment, run.task.name)
+    soc = change.soc_of(experiment.name)
+    started = experiment if soc is None else replace(experiment, initial_soc=soc)
+    read_back = replace(cell, parameter_set=parsed(FILES["bpx"], found.text), overrides={})
+    curves = [
+        solve_reference(one, started, own).trajectory for one, own in ((cell, change), (read_back, type(change)()))
+    ]
+    if curves[0] is None or curves[1] is None:
+        return found.text, (*found.left_out, "The file's cell could not be simulated on the first record.")
+    time = np.linspace(0.0, min(curve.time[-1] for curve in curves if curve), 1000)
+    ours, theirs = (np.interp(time, curve.time, curve.voltage) for curve in curves if curve)
+    largest = 1e3 * float(np.max(np.abs(ours - theirs)))
+    words = f"Read back and simulated on the first record, the file is within {largest:.2g} mV of the run's own cell"
+    return found.text, (*found.left_out, words + (": more than tables explain." if largest > TOLERANCE_MV else "."))

@@ -1,0 +1,272 @@
+"""A calibrated cell as a BPX file, and what of it BPX cannot say.
+
+References
+----------
+Battery Parameter eXchange, version 1.1, https://bpxstandard.com; PyBaMM reads it in ``pybamm.parameters.bpx``.
+"""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...core.errors import BsaError
+from ...core.extras import require
+from ...core.target import CellChange
+from ...core.task import CellModel, Experiment
+from ...core.trajectory import FloatArray
+from .ocp_shape import GRID
+from .parameter_sets import arguments_of, bake, load, pybamm
+from .state_of_charge import InitialState, initial_concentration
+
+VERSION = "1.1.0"
+
+_FARADAY = 96485.33212
+_SIDES = ("Negative", "Positive")
+
+_STOICHIOMETRIES: FloatArray = np.unique(np.concatenate([np.linspace(0.0, 1.0, 1001), GRID[::5]]).clip(1e-6, 1 - 1e-6))
+"""Where functions of stoichiometry are tabulated: straight lines between stay within 0.1 mV of the usual potentials."""
+
+_CONCENTRATIONS: FloatArray = np.linspace(1.0, 4000.0, 400)
+"""Where functions of the electrolyte's concentration are tabulated, mol/m3: from depleted to what salts dissolve."""
+
+_SAME = 1e-2
+"""Relative deviation beyond which a function does not have the form that BPX prescribes."""
+
+_OUTSIDE = ("thermal", "contact resistance", "calculate discharge energy")
+"""Model options that need no mention: they belong to a run, or are kept in the user-defined section."""
+
+
+@dataclass(frozen=True)
+class BpxExport:
+    """A BPX file.
+
+    Attributes
+    ----------
+    content : mapping
+        The file.
+    left_out : tuple of str
+        What of the cell it cannot say, each in a sentence.
+    """
+
+    content: Mapping[str, Any]
+    left_out: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """The file as JSON."""
+        return json.dumps(self.content, indent=1)
+
+
+def to_bpx(cell: CellModel, change: CellChange, experiment: Experiment, title: str) -> BpxExport:
+    """A changed cell as BPX, checked by the ``bpx`` package.
+
+    Functions are tabulated at the temperature of the experiment, which becomes the reference temperature.
+
+    Parameters
+    ----------
+    cell : CellModel
+        The base.
+    change : CellChange
+        What was calibrated.
+    experiment : Experiment
+        Gives temperature and state of charge at the start.
+    title : str
+        The file's title. Untrusted.
+
+    Raises
+    ------
+    BsaError
+        If ``bpx`` is not installed, or the cell is not of the kind that BPX describes.
+    """
+    bpx = require("bpx", "bpx", "a BPX file")
+    values = load(cell.parameter_set, cell.overrides)
+    bake(values, change)
+    if experiment.temperature_k is not None:
+        values.update({"Ambient temperature [K]": experiment.temperature_k})
+    soc = change.soc_of(experiment.name)
+    writer = _Writer(values, change.cyclable_lithium)
+    content, left_out = writer.written(cell, experiment.initial_soc if soc is None else soc)
+    content["Header"]["Title"] = title
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            bpx.parse_bpx_obj(json.loads(json.dumps(content)))  # it changes what it is given
+        except ValueError as error:
+            raise BsaError(
+                f"bpx refuses the file: {' '.join(str(error).split())[:300]}.", "export the parameter values instead."
+            ) from None
+    return BpxExport(content, left_out)
+
+
+class _Writer:
+    """Writes one cell.
+
+    Parameters
+    ----------
+    values : pybamm.ParameterValues
+        With everything calibrated put in.
+    lithium : float
+        What the lithium that both electrodes share is multiplied by.
+    """
+
+    def __init__(self, values: Any, lithium: float) -> None:
+        self._values, self._lithium = values, lithium
+        self._kelvin = self._number("Ambient temperature [K]")
+        self._salt = self._number("Initial concentration in electrolyte [mol.m-3]")
+        self._left_out: list[str] = []
+
+    def written(self, cell: CellModel, start: float | None) -> tuple[dict[str, Any], tuple[str, ...]]:
+        """The file, and what it cannot say."""
+        state = InitialState(self._values)
+        lithium = CellChange(cyclable_lithium=self._lithium)
+        empty, full = (state.concentrations(lithium, at) for at in (0.0, 1.0))
+        parts = {
+            "Cell": self._cell(),
+            "Electrolyte": self._electrolyte(),
+            **{f"{side} electrode": self._electrode(side, empty, full) for side in _SIDES},
+            "Separator": self._layer("Separator"),
+            "User-defined": {
+                "Contact resistance [Ohm]": self._number("Contact resistance [Ohm]"),
+                "Open-circuit voltage at 0% SOC [V]": self._number("Open-circuit voltage at 0% SOC [V]"),
+                "Open-circuit voltage at 100% SOC [V]": self._number("Open-circuit voltage at 100% SOC [V]"),
+            },
+        }
+        beyond = [f"{name}={value}" for name, value in cell.options.items() if name not in _OUTSIDE and value != "none"]
+        if beyond:
+            self._left_out.append(f"BPX has no model options; the fit used {', '.join(beyond)}.")
+        if cell.options.get("thermal", "isothermal") != "isothermal":
+            self._left_out.append(
+                "Heat capacities and conductivities of the layers are not in the file: BPX has one for the cell."
+            )
+        if self._number("Number of cells connected in series to make a battery") != 1:
+            self._left_out.append("BPX describes a single cell; cells in series are not in the file.")
+        initial = {
+            "Initial state-of-charge": 1.0 if start is None else float(np.clip(start, 0.0, 1.0)),
+            "Initial temperature [K]": self._kelvin,
+            "Initial electrolyte concentration [mol.m-3]": self._salt,
+        }
+        content = {
+            "Header": {"BPX": VERSION, "Title": "", "Model": "SPMe" if cell.model == "SPMe" else "DFN"},
+            "Parameterisation": parts,
+            "State": {
+                "Initial conditions": initial,
+                "Thermal environment": {"Ambient temperature [K]": self._kelvin},
+            },
+        }
+        return content, tuple(self._left_out)
+
+    def _number(self, name: str) -> float:
+        return float(self._values.evaluate(self._values[name]))
+
+    def _cell(self) -> dict[str, Any]:
+        pairs = self._number("Number of electrodes connected in parallel to make a cell")
+        area = self._number("Electrode width [m]") * self._number("Electrode height [m]")
+        return {
+            "Electrode area [m2]": area * pairs / max(round(pairs), 1),
+            "Number of electrode pairs connected in parallel to make a cell": max(round(pairs), 1),
+            "External surface area [m2]": self._number("Cell cooling surface area [m2]"),
+            "Volume [m3]": self._number("Cell volume [m3]"),
+            "Lower voltage cut-off [V]": self._number("Lower voltage cut-off [V]"),
+            "Upper voltage cut-off [V]": self._number("Upper voltage cut-off [V]"),
+            "Nominal cell capacity [A.h]": self._number("Nominal cell capacity [A.h]"),
+            "Reference temperature [K]": self._kelvin,
+        }
+
+    def _electrolyte(self) -> dict[str, Any]:
+        names = ("Electrolyte conductivity [S.m-1]", "Electrolyte diffusivity [m2.s-1]")
+        conductivity, diffusivity = (self._table(name, _CONCENTRATIONS) for name in names)
+        for name, usual in (("Cation transference number", None), ("Thermodynamic factor", 1.0)):
+            course = self._course(name, _CONCENTRATIONS)
+            at_start = float(np.interp(self._salt, _CONCENTRATIONS, course))
+            if np.ptp(course) > _SAME * abs(at_start) or (usual is not None and abs(at_start - usual) > _SAME):
+                kept = usual if usual is not None else at_start
+                self._left_out.append(f"{name} is a number in BPX: {kept:.4g} in place of the set's own course.")
+        transference = self._course("Cation transference number", np.array([self._salt]))
+        return {
+            "Cation transference number": float(transference[0]),
+            "Conductivity [S.m-1]": conductivity,
+            "Diffusivity [m2.s-1]": diffusivity,
+        }
+
+    def _layer(self, name: str) -> dict[str, float]:
+        porosity = self._number(f"{name} porosity")
+        bruggeman = self._number(f"{name} Bruggeman coefficient (electrolyte)")
+        return {
+            "Thickness [m]": self._number(f"{name} thickness [m]"),
+            "Porosity": porosity,
+            "Transport efficiency": porosity**bruggeman,
+        }
+
+    def _electrode(self, side: str, empty: Mapping[str, float], full: Mapping[str, float]) -> dict[str, Any]:
+        layer = self._layer(f"{side} electrode")
+        highest = self._number(f"Maximum concentration in {side.lower()} electrode [mol.m-3]")
+        limits = sorted(state[initial_concentration(side)] / highest for state in (empty, full))
+        radius = self._number(f"{side} particle radius [m]")
+        entropic = self._course(f"{side} electrode OCP entropic change [V.K-1]", _STOICHIOMETRIES)
+        warmer = self._kelvin - self._number("Reference temperature [K]")
+        potential = self._course(f"{side} electrode OCP [V]", _STOICHIOMETRIES) + warmer * entropic
+        solid = (1.0 - layer["Porosity"]) ** self._number(f"{side} electrode Bruggeman coefficient (electrode)")
+        return {
+            **layer,
+            "Conductivity [S.m-1]": solid
+            * float(self._course(f"{side} electrode conductivity [S.m-1]", np.ones(1))[0]),
+            "Minimum stoichiometry": limits[0],
+            "Maximum stoichiometry": limits[1],
+            "Maximum concentration [mol.m-3]": highest,
+            "Particle radius [m]": radius,
+            "Surface area per unit volume [m-1]": (
+                3.0 * self._number(f"{side} electrode active material volume fraction") / radius
+            ),
+            "Diffusivity [m2.s-1]": self._table(f"{side} particle diffusivity [m2.s-1]", _STOICHIOMETRIES),
+            "OCP [V]": _as_table(_STOICHIOMETRIES, potential),
+            "Entropic change coefficient [V.K-1]": _as_table(_STOICHIOMETRIES, entropic),
+            "Reaction rate constant [mol.m-2.s-1]": self._rate_constant(side, highest),
+        }
+
+    def _rate_constant(self, side: str, highest: float) -> float:
+        """The k of BPX's j0 = F k sqrt(c_e / c_e0) sqrt(x (1 - x)); a word is said where the set's j0 is another."""
+        function: Callable[..., Any] = self._values[f"{side} electrode exchange-current density [A.m-2]"]
+        share = np.linspace(0.1, 0.9, 17)
+        salt = np.array([0.5, 1.0, 1.5])[:, None] * self._salt
+        found = np.array(
+            [[self._at(function, float(c_e), float(x) * highest, highest) for x in share] for c_e in salt.ravel()]
+        )
+        form = _FARADAY * np.sqrt(salt / self._salt) * np.sqrt(share * (1.0 - share))
+        rate = float(found[1, len(share) // 2] / form[1, len(share) // 2])
+        off = float(np.max(np.abs(found / (rate * form) - 1.0)))
+        if off > _SAME:
+            self._left_out.append(
+                f"The exchange-current density of the {side.lower()} electrode has not the form that BPX prescribes: "
+                f"met at half lithiation, it is up to {100 * off:.0f} % off elsewhere."
+            )
+        return rate
+
+    def _at(self, function: Any, *arguments: float) -> float:
+        if not callable(function):
+            return float(function)
+        symbols = [pybamm.Scalar(value) for value in (*arguments, self._kelvin)]
+        return float(np.asarray(self._values.evaluate(function(*symbols))).ravel()[0])
+
+    def _course(self, name: str, at: FloatArray) -> FloatArray:
+        """A number, or a function of one variable (and of temperature), on a grid."""
+        value = self._values[name]
+        if not callable(value):
+            return np.full_like(at, float(self._values.evaluate(value)))
+        known = {"T": pybamm.Scalar(self._kelvin)}
+        symbol = value(*(known.get(argument, pybamm.Vector(at)) for argument in arguments_of(value)))
+        found = np.asarray(self._values.process_symbol(pybamm.convert_to_symbol(symbol)).evaluate(), dtype=np.float64)
+        return np.broadcast_to(found.ravel(), at.shape).copy()
+
+    def _table(self, name: str, at: FloatArray) -> Any:
+        found = self._course(name, at)
+        return float(found[0]) if np.ptp(found) <= 1e-12 * abs(found[0]) else _as_table(at, found)
+
+
+def _as_table(x: FloatArray, y: FloatArray) -> dict[str, list[float]]:
+    return {"x": x.tolist(), "y": y.tolist()}

@@ -1,0 +1,44 @@
+"""A cell as BPX gives the same curve when it is read back, and what it cannot say is named."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bsa.core.target import CellChange
+from bsa.core.task import CellModel, Experiment
+from bsa.core.trajectory import Trajectory
+from bsa.plugins.pybamm.bpx_export import to_bpx
+from bsa.plugins.pybamm.parameter_files import parsed
+from bsa.plugins.pybamm.solving import solve_reference
+
+NOTHING = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
+RUN = Experiment("r", NOTHING, (("Discharge at 1C for 20 minutes", "Rest for 5 minutes"),), None, 298.15, 0.9)
+CONTACT = {"contact resistance": "true"}
+
+
+def test_the_file_read_back_gives_the_same_curve() -> None:
+    cell = CellModel("Chen2020", "SPMe", CONTACT, {"Contact resistance [Ohm]": 0.01})
+    factors = {"Negative particle diffusivity [m2.s-1]": 1.3, "Negative electrode OCP [V]": 1.05}
+    change = CellChange({"Electrode width [m]": 1.3}, factors, 0.98)
+    file = to_bpx(cell, change, RUN, "a cell")
+    assert file.left_out == ()
+    read_back = replace(cell, parameter_set=parsed("b.json", file.text), overrides={})
+    runs = [solve_reference(one, RUN, own) for one, own in ((cell, change), (read_back, CellChange()))]
+    ours, theirs = (run.trajectory for run in runs)
+    assert ours is not None
+    assert theirs is not None
+    time = np.linspace(0.0, ours.time[-1], 200)
+    difference = np.interp(time, ours.time, ours.voltage) - np.interp(time, theirs.time, theirs.voltage)
+    assert np.max(np.abs(difference)) < 2e-4
+
+
+@pytest.mark.parametrize(
+    ("cell", "words"),
+    [
+        (CellModel("Ai2020", "DFN"), "Thermodynamic factor is a number in BPX"),
+        (CellModel("Chen2020", "DFN", {"SEI": "reaction limited"}), "SEI=reaction limited"),
+        (CellModel("Chen2020", "DFN", {"thermal": "lumped"}), "Heat capacities"),
+    ],
+)
+def test_what_bpx_cannot_say_is_named(cell: CellModel, words: str) -> None:
+    assert any(words in text for text in to_bpx(cell, CellChange(), RUN, "x").left_out)
