@@ -23,7 +23,7 @@ from .journalled_simulations import JournalledSimulations
 from .messages import Outage, RunStopped, Usage
 from .metrics import Metrics, decode_metrics, evaluate
 from .parameters import Candidate
-from .post_fit_analysis import PostFitAnalysis, analyse, closest
+from .post_fit_analysis import PostFitAnalysis, analyse, most_likely
 from .prediction import HELD_OUT, Prediction, decode_prediction, encode_prediction, predict
 from .proposal import Proposal
 from .record_errors import RecordErrors, errors_by_record
@@ -393,7 +393,7 @@ class Run:
 
     def _analyse(self, best: Trial) -> PostFitAnalysis | None:
         """What the records fix where the fit came closest to them; from the journal if it was found out before."""
-        fitted = closest(self._trials) or best
+        fitted = most_likely(self._trials) or best
         known = self._earlier_analyses.get(fitted.index)
         if known is not None:
             return PostFitAnalysis.from_json(known["appraisal"])

@@ -193,7 +193,7 @@ class _Spent:
         return [found[place] for place in range(len(found))]
 
 
-def closest(trials: Sequence[Trial]) -> Trial | None:
+def most_likely(trials: Sequence[Trial]) -> Trial | None:
     """The trial with the smallest sum of squares, about which intervals stand; None if every simulation failed.
 
     The score may prefer another: it weighs what a noisy record says of each error in another way than likelihood does.
@@ -217,7 +217,7 @@ def analyse(task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulatin
     trials : sequence of Trial
         Everything that was tried: finite differences near the best candidate are not simulated again.
     best : Trial
-        The fit; see `closest`.
+        The fit; see `most_likely`.
     plugins : Simulating
         Simulates what is missing, side by side where it can.
 

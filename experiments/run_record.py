@@ -15,7 +15,7 @@ from ..core.loop import APPRAISAL
 from ..core.messages import Usage
 from ..core.metrics import Metrics, decode_metrics
 from ..core.parameters import Parameter
-from ..core.post_fit_analysis import PostFitAnalysis
+from ..core.post_fit_analysis import PostFitAnalysis, most_likely
 from ..core.prediction import HELD_OUT, Prediction, decode_prediction
 from ..core.record_errors import RecordErrors
 from ..core.recording import LOST_CALL, REPLY, REVIEW, VOTE
@@ -285,7 +285,7 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
         scores=_scores(events, {"initial": trials[0].index, "best": best.index}),
         notes=(*task.notes, *(str(event["text"]) for event in events if event["event"] == "note")),
         resumed=sum(event["event"] == "resumed" for event in events),
-        appraisal=_appraisal(events, best.index, task),
+        appraisal=_appraisal(events, (most_likely(trials) or best).index, task),
         records=_record_errors(events, best.index),
         held_out=_predictions(events, best.index),
     )
@@ -310,10 +310,10 @@ class _Config:
     seed: int
 
 
-def _appraisal(events: Iterable[Mapping[str, Any]], best: int, task: Task) -> PostFitAnalysis | None:
-    """The appraisal of the best trial: a resumed run may have found a better one since."""
+def _appraisal(events: Iterable[Mapping[str, Any]], base: int, task: Task) -> PostFitAnalysis | None:
+    """The analysis about the most likely trial: a resumed run may have found a likelier one since."""
     found = (event["appraisal"] for event in events if event["event"] == APPRAISAL)
-    appraisal = next((PostFitAnalysis.from_json(content) for content in found if content["base"] == best), None)
+    appraisal = next((PostFitAnalysis.from_json(content) for content in found if content["base"] == base), None)
     for name, interval in () if appraisal is None else appraisal.identifiability.intervals.items():
         for end in (interval.value, interval.lower, interval.upper) if name in task.space else ():
             _check_bounds(task.space[name], end)

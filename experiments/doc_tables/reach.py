@@ -47,12 +47,10 @@ def _discovery(results: Results) -> str:
     named = sum(bool(case.named) for case in cases if case.setting in ("none", "outside"))
     others = sum(case.setting in ("none", "outside") for case in cases)
     return (
-        f"* On {len(cases)} blind records, {len(hiding)} of which hide effects of the catalogue, ageing among them: "
-        f"the right "
-        f"name in {grades['right']}, {grades['ambiguous']} more declared ambiguous, {grades['declined']} declined (in "
-        f"{noise_only} "
-        f"of these a refitted base model leaves noise only), a wrong name in {wrong} of all {len(cases)} "
-        f"({exact_interval(wrong, len(cases))}), and a name in {named} of the {others} where nothing is hidden or an "
-        f"effect of "
-        f"no catalogue is ({exact_interval(named, others)})."
+        f"* On {len(cases)} sealed records, {len(hiding)} of which hide effects of the catalogue, ageing among them "
+        "(shifts and noise were drawn; effects and strengths were known while the search was developed, so that this "
+        f"is no blind test): the right name in {grades['right']}, {grades['ambiguous']} more declared ambiguous, "
+        f"{grades['declined']} declined (in {noise_only} of these a refitted base model leaves noise only), a wrong "
+        f"name in {wrong} of all {len(cases)} ({exact_interval(wrong, len(cases))}), and a name in {named} of the "
+        f"{others} where nothing is hidden or an effect of no catalogue is ({exact_interval(named, others)})."
     )

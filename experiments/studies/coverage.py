@@ -19,7 +19,7 @@ from ...core.feedback import Feedback
 from ...core.files import write_csv, write_text
 from ...core.metrics import evaluate
 from ...core.parameters import Candidate
-from ...core.post_fit_analysis import PostFitAnalysis, Simulating, analyse, closest
+from ...core.post_fit_analysis import PostFitAnalysis, Simulating, analyse, most_likely
 from ...core.residuals import noise_of_residuals, partial_residuals, residuals
 from ...core.simulation import ExperimentRun, Outcome
 from ...core.target import CellChange
@@ -250,7 +250,7 @@ def fit(drawn: Drawn, simulations: int) -> Fitted | None:
     descent = Descent(task, DescentOptions(), 0, tried([task.space.initial])[0])
     while asked := descent.ask(simulations - len(trials)):
         descent.tell(tried(asked))
-    best = closest(trials)
+    best = most_likely(trials)
     analysis = None if best is None else analyse(task, trials, best, simulator)
     if best is None or best.residuals is None or analysis is None:
         return None
