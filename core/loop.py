@@ -36,7 +36,7 @@ from .task import Task
 from .task_reduction import TaskReduction
 from .trajectory import FloatArray
 from .trial import Phase, Trial
-from .watched_simulations import NOT_FITTED, WatchedSimulations
+from .watched_simulations import NOT_FITTED, REFERENCE, WatchedSimulations
 
 Status = Literal["converged", "finished", "rounds-spent", "simulations-spent", "budget-spent", "outage", "interrupted"]
 
@@ -161,7 +161,9 @@ class Run:
         self._earlier_proposals = sum(event["event"] == "proposal" for event in earlier)
         self._earlier_scores = {event["which"]: event for event in earlier if event["event"] == "score"}
         self._analysing = appraising
-        self._analysis_simulations = WatchedSimulations(JournalledSimulations(plugins, journal, earlier), self._watch)
+        self._analysis_simulations = WatchedSimulations(
+            JournalledSimulations(plugins, journal, earlier), self._watch, exact=REFERENCE
+        )
         self._earlier_analyses = {event["appraisal"]["base"]: event for event in earlier if event["event"] == APPRAISAL}
         self._earlier_predictions = {event["base"]: event for event in earlier if event["event"] == HELD_OUT}
         self._record_errors: tuple[RecordErrors, ...] = ()

@@ -11,6 +11,7 @@ from .task import Experiment, Protocol
 
 FINAL_SCORES, FIXED, NEXT = "final scores", "what the record fixes", "what to measure next"
 NOT_FITTED = "records that were not fitted"
+REFERENCE = "residuals with reference accuracy"
 """What the simulations after a search are for."""
 
 Watch = Callable[[str, int, int], None]
@@ -28,16 +29,19 @@ class WatchedSimulations:
         Told at the beginning and after each simulation.
     variants : str
         What simulations of other experiments than the task's are for.
+    exact : str
+        What simulations with reference accuracy are for.
     """
 
-    def __init__(self, inner: Simulating, watch: Watch, variants: str = NEXT) -> None:
+    def __init__(self, inner: Simulating, watch: Watch, variants: str = NEXT, exact: str = FINAL_SCORES) -> None:
         self._inner = inner
         self._watch = watch
         self._variants = variants
+        self._exact = exact
 
     def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
         """See `RunHooks.simulate`."""
-        purpose = FINAL_SCORES if exact else FIXED
+        purpose = self._exact if exact else FIXED
         return self._counted(purpose, self._inner.simulate(candidates, exact), len(candidates))
 
     def simulate_variant(

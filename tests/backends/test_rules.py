@@ -45,7 +45,8 @@ def test_it_solves_what_the_learnt_sensitivities_say() -> None:
 def test_linear_parameters_are_moved_by_adding() -> None:
     learnt = effects(**{"Initial state of charge": {"rest_late_shift_mv": 20.0}})
     answer = ask(feedback(rest_late_shift_mv=40.0), learnt)
-    assert answer["updated_params"]["Initial state of charge"].startswith("-0.1")
+    # 40 mV at 20 mV a typical step, and a damping of a few thousandths.
+    assert float(answer["updated_params"]["Initial state of charge"]) == pytest.approx(-0.1, rel=1e-2)
 
 
 def test_without_memory_it_goes_by_the_domain_rules() -> None:
