@@ -118,7 +118,8 @@ def test_in_a_browser(finished, tmp_path):
     identity = hostile(finished)
     path = build_page("toys", finished.store.root)
     data = block(path.read_text(), "data")
-    rows = {row["identity"]: row for row in (dict(zip(data["columns"], line, strict=True)) for line in data["rows"])}
+    names = [column["name"] for column in data["columns"]]
+    rows = {row["identity"]: row for row in (dict(zip(names, line, strict=True)) for line in data["rows"])}
 
     def shown(html: str) -> list[str]:
         return re.findall(r'<tr data-cell="([^"]+)"', html)
