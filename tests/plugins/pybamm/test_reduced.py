@@ -74,7 +74,7 @@ def test_it_runs_at_lower_currents(tmp_path: Path) -> None:
     try:
         experiments = simulator.reduce_task(TaskReduction(0.25))
         assert simulator.reduce_task(TaskReduction(0.25)) is experiments
-        ((place, outcome),) = simulator.simulate_variant([candidate], experiments)
+        ((place, outcome),) = simulator.simulate_variant([candidate], experiments, False)
     finally:
         simulator.close()
     assert place == 0
