@@ -36,10 +36,11 @@ def test_nasa_b0005_lacks_a_series_resistance(tmp_path, search):
     if found.verdict == "effect-found":
         assert found.names == ("contact-resistance",)
     if search == "capacity":
-        # As large as the cell's own impedance, which no fit saw.
-        assert found.verdict == "effect-found"
-        (effect,) = found.to_json()["effects"]
-        assert 0.044 < effect["parameters"][0]["value"] < 0.064
+        # As large as the cell's own impedance, which no fit saw; hysteresis comes as near to these records.
+        assert found.verdict in ("effect-found", "ambiguous")
+        explanations = [found.findings.best, *found.findings.rivals]
+        (resistance,) = (e for e in explanations if e.names == ("contact-resistance",))
+        assert 0.044 < resistance.estimates["contact-resistance"][0].value < 0.064
         assert found.gap["holdout_closed"] > 0.75
 
 
