@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..effect import Effect
+from ..robust_loss import robust
 from ..trajectory import FloatArray
 from .adequacy import Adequacy
 from .refit import Refit
-from .robust_loss import robust
 from .score import Score
 
 TEMPERATURE_DEVIATION_K = 2.0

@@ -11,10 +11,10 @@ from scipy.ndimage import maximum_filter1d
 
 from ..effect import Effect
 from ..parameters import Candidate
+from ..robust_loss import robust
 from ..trajectory import FloatArray
 from .evidence import is_long
 from .observations import Observations, subset
-from .robust_loss import robust
 from .simulator import MeasuredRecord, Prediction, Request, Simulator
 
 _BLOCK = 6

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ....core.least_squares import LeastSquares, Settings
 from ....core.parameters import Candidate, ParameterSpace
+from ....core.robust_loss import robust
 from ....core.trajectory import FloatArray
 from ....core.trial import Trial
 
@@ -80,4 +81,4 @@ class AgentSearch:
     def _flattened(self, residual: FloatArray | None) -> FloatArray | None:
         if residual is None or not self._robust:
             return residual
-        return _ROBUST_ABOVE * np.arcsinh(residual / _ROBUST_ABOVE)
+        return robust(residual, _ROBUST_ABOVE)
