@@ -23,7 +23,7 @@ from .shape import shaped
 from .signals import Signal
 from .simulation import ExperimentRun, Outcome, SimulationFailure
 from .target import CyclableLithium, EffectValue, Factor, InitialSoc, OcpShape, Target, Value, target_named
-from .task import CellModel, Experiment, Task
+from .task import CellModel, Experiment, Task, Weight
 from .task_reduction import TaskReduction
 from .trajectory import FloatArray, Step, Trajectory
 from .trial import Phase, Trial
@@ -57,6 +57,7 @@ class _TaskRecord:
     signals: tuple[Signal, ...] = ()
     simulator: str = ""
     held_out: tuple[_ExperimentRecord, ...] = ()
+    weight: Weight = "uniform"
 
 
 @dataclass(frozen=True)
@@ -168,6 +169,7 @@ def encode_task(task: Task) -> Json:
         "space": [encode_parameter(parameter) for parameter in task.space],
         "experiments": [_encode_experiment(experiment) for experiment in task.experiments],
         **({"held_out": [_encode_experiment(experiment) for experiment in task.held_out]} if task.held_out else {}),
+        **({"weight": task.weight} if task.weight != "uniform" else {}),
         "notes": list(task.notes),
     }
 
@@ -235,6 +237,7 @@ def decode_task(record: Mapping[str, Any]) -> Task:
         signals=known.signals,
         simulator=known.simulator,
         held_out=tuple(_decode_experiment(experiment) for experiment in known.held_out),
+        weight=known.weight,
     )
 
 

@@ -7,6 +7,10 @@ import numpy as np
 from .task import Experiment
 from .trajectory import FloatArray, Trajectory
 
+MOST_OF_THE_TIME = 0.99
+"""Share of the time that a robust error covers, that of the smallest errors: the knee at the end of a discharge lasts
+about a hundredth of it, and can hold most of the squared error."""
+
 JUMP_S = 1e-6
 """Samples closer than this stand on the two sides of a jump."""
 
@@ -18,10 +22,13 @@ def scored_part(simulated: Trajectory | None, experiment: Experiment) -> Traject
     return simulated.cycle(experiment.scored_cycle) if experiment.scored_cycle in simulated.cycles else None
 
 
-def overlap_rms(simulated: Trajectory, target: Trajectory, signal: str, driven: bool) -> float:
-    """Root mean square of simulated minus measured, weighted by time, in the signal's unit; see `differences`."""
+def overlap_rms(simulated: Trajectory, target: Trajectory, signal: str, driven: bool, robust: bool = False) -> float:
+    """Root mean square of simulated minus measured, weighted by time, in the signal's unit; see `differences`.
+
+    If ``robust``, over the share `MOST_OF_THE_TIME` of the time with the smallest errors.
+    """
     time, difference = differences(simulated, target, signal, driven)
-    return weighted_rms(time_weights(time), difference)
+    return (rms_without_worst if robust else weighted_rms)(time_weights(time), difference)
 
 
 def differences(simulated: Trajectory, target: Trajectory, signal: str, driven: bool) -> tuple[FloatArray, FloatArray]:
@@ -67,6 +74,14 @@ def time_weights(time: FloatArray) -> FloatArray:
 def weighted_rms(weight: FloatArray, values: FloatArray) -> float:
     """Root of the weighted mean square."""
     return float(np.sqrt(np.sum(weight * values**2) / np.sum(weight)))
+
+
+def rms_without_worst(weight: FloatArray, values: FloatArray) -> float:
+    """Root of the weighted mean square of the share `MOST_OF_THE_TIME` of the weight with the smallest values."""
+    order = np.argsort(np.abs(values), kind="stable")
+    passed = np.cumsum(weight[order])
+    kept = np.clip(MOST_OF_THE_TIME * passed[-1] - (passed - weight[order]), 0.0, weight[order])
+    return weighted_rms(kept, values[order])
 
 
 def _without_ties(time: FloatArray) -> FloatArray:

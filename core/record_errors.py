@@ -9,16 +9,12 @@ from typing import Any
 import numpy as np
 
 from .alignment import pair_steps
-from .overlap import differences, scored_part, time_weights, weighted_rms
+from .overlap import differences, rms_without_worst, scored_part, time_weights, weighted_rms
 from .shape import shaped
 from .signals import Signal
 from .simulation import ExperimentRun, Outcome, SimulationFailure
 from .task import Experiment, Task
 from .trajectory import FloatArray, Trajectory
-
-MOST_OF_THE_TIME = 0.99
-"""Share of the time that `SignalError.rms_99` covers: the knee at the end of a discharge lasts about a hundredth of
-it, and can hold most of the squared error."""
 
 TEMPERATURE = Signal("temperature", "K", tolerance=0.5)
 """Compared where a cell's record and its simulation both have it; never fitted by default."""
@@ -165,12 +161,4 @@ def _over_time(signal: Signal, simulated: Trajectory, target: Trajectory, driven
 
 def _error(signal: Signal, weight: FloatArray, difference: FloatArray) -> SignalError:
     size = signal.shown_scale * np.abs(difference)
-    return SignalError(signal.shown, weighted_rms(weight, size), float(size.max()), _without_the_worst(weight, size))
-
-
-def _without_the_worst(weight: FloatArray, size: FloatArray) -> float:
-    """Root mean square over the share `MOST_OF_THE_TIME` of the time with the smallest errors."""
-    order = np.argsort(size, kind="stable")
-    passed = np.cumsum(weight[order])
-    kept = np.clip(MOST_OF_THE_TIME * passed[-1] - (passed - weight[order]), 0.0, weight[order])
-    return weighted_rms(kept, size[order])
+    return SignalError(signal.shown, weighted_rms(weight, size), float(size.max()), rms_without_worst(weight, size))

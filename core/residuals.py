@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from .ageing.residuals import table_residuals
 from .alignment import StepPair, pair_steps
 from .noise import noise_of
+from .robust_loss import robust
 from .signals import Signal
 from .simulation import ExperimentRun, Outcome
 from .task import Experiment, Task
@@ -31,6 +32,10 @@ _OSCILLATING_POINTS = 200
 
 _ZERO_SHARE = 0.1
 """Share of its peak by which a relative tolerance is wider, so that it is not zero where the signal is."""
+
+_FAR = 10.0
+"""Tolerances beyond which an error is far, where weights are robust: physical models of measured cells end at 5 to
+15 mV, so that what is further off is no part of the usual misfit."""
 
 _FLOORS_IN_BRIEF = 12.0
 """A brief step over this is added to both durations, so that a vanishing step has a finite logarithm and a 1 s rest
@@ -83,7 +88,8 @@ def residuals(task: Task, outcome: Outcome) -> FloatArray | None:
     voltage, during a voltage hold the current) at equal fractions of its own duration, and one residual for
     the logarithm of its duration. Under a measured drive the durations are given, and each step gives
     residuals of the observed signals weighted by its share of time, so that the sum of squares is the mean
-    squared error times the number of points.
+    squared error times the number of points. Where the task's weights are robust, mismatches of more than ten
+    tolerances count by their order of magnitude (`robust`).
 
     Parameters
     ----------
@@ -184,7 +190,7 @@ def _protocol(task: Task, pairs: list[StepPair], experiment: Experiment) -> list
     parts: list[FloatArray] = []
     for pair in pairs:
         curves = [
-            _mismatch(pair, signal, experiment, np.linspace(0.0, 1.0, _points(signal, POINTS)))
+            _mismatch(task, pair, signal, experiment, np.linspace(0.0, 1.0, _points(signal, POINTS)))
             # A rest of a second says what its neighbours say; let it not count 16 times.
             * (1.0 if signal.relative else min(1.0, pair.measured.duration / brief_s) ** 0.5)
             for signal in task.compared(pair.step.kind, experiment)
@@ -204,15 +210,16 @@ def _driven(task: Task, pairs: list[StepPair], experiment: Experiment) -> list[F
         for signal in task.compared(pair.step.kind, experiment):
             points = _points(signal, _DRIVEN_POINTS)
             # Midpoints: the ends of a step are where two records agree least about the clock.
-            curves.append(weight * _mismatch(pair, signal, experiment, (np.arange(points) + 0.5) / points))
+            curves.append(weight * _mismatch(task, pair, signal, experiment, (np.arange(points) + 0.5) / points))
         parts.append(np.concatenate(curves))
     return parts
 
 
-def _mismatch(pair: StepPair, signal: Signal, experiment: Experiment, fractions: FloatArray) -> FloatArray:
-    """Simulated minus measured in tolerances."""
+def _mismatch(task: Task, pair: StepPair, signal: Signal, experiment: Experiment, fractions: FloatArray) -> FloatArray:
+    """Simulated minus measured in tolerances, as the task weighs it."""
     measured, simulated = pair.curves(signal, fractions)
-    return np.asarray((simulated - measured) / tolerance_at(signal, np.abs(measured), experiment))
+    mismatch = np.asarray((simulated - measured) / tolerance_at(signal, np.abs(measured), experiment))
+    return robust(mismatch, _FAR) if task.weight == "robust" else mismatch
 
 
 def tolerance_at(signal: Signal, size: Any, experiment: Experiment) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from .cell import CELL
 from .domain import Domain
@@ -38,6 +38,9 @@ class ParameterFile:
     def __str__(self) -> str:
         return self.name
 
+
+Weight = Literal["uniform", "robust"]
+"""How errors count: by their square, or large ones by their order of magnitude."""
 
 ParameterSource = str | ParameterFile
 """Where base parameters come from: the name of an installed set, or a file."""
@@ -137,6 +140,9 @@ class Task:
         The simulator that the task is made for; empty leaves it to the scaffold.
     held_out : tuple of Experiment
         Records that are not fitted; the best candidate is scored on them after the search.
+    weight : {'uniform', 'robust'}
+        How the errors of the signals count in a fit: ``"robust"`` keeps the knee at the end of a discharge, or
+        whatever else is far off for a short time, from deciding it.
     """
 
     name: str
@@ -148,9 +154,14 @@ class Task:
     signals: tuple[Signal, ...] = ()
     simulator: str = ""
     held_out: tuple[Experiment, ...] = ()
+    weight: Weight = "uniform"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "signals", self.signals or self.domain.signals)
+        if self.weight not in get_args(Weight):
+            raise BsaError(
+                f'the weight of task "{self.name}" is "{self.weight}".', f"choose one of {', '.join(get_args(Weight))}."
+            )
         if not self.experiments:
             raise BsaError(f'task "{self.name}" has no record to match.', "give it at least one experiment.")
         if not len(self.space):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from pydantic import ValidationError
 
@@ -14,7 +14,7 @@ from ..core.errors import BsaError
 from ..core.record import ReadOptions, Record
 from ..core.run_config import RunConfig
 from ..core.scaffold import Scaffold, load_scaffold
-from ..core.task import Task
+from ..core.task import Task, Weight
 from ..core.validation import explain
 from ..core.yaml_text import parse_yaml
 
@@ -250,6 +250,17 @@ def task_of_records(
         search=search or "cell",
         **asked,
     )
+
+
+def weighted(task: Task, weight: str | None) -> Task:
+    """The task with the weight of errors that was asked for; its own where none was.
+
+    Raises
+    ------
+    BsaError
+        If there is no such weight.
+    """
+    return task if weight is None else replace(task, weight=cast("Weight", weight))
 
 
 def requests_of(

@@ -20,6 +20,7 @@ from ..request import (
     requests_of,
     simulation_workers,
     task_of_records,
+    weighted,
 )
 from .calibration_result import CalibrationResult
 from .measured import Data, given_socs, listed, reading, source
@@ -46,6 +47,7 @@ def calibrate(
     options: Mapping[str, Any] | None = None,
     search: str | Mapping[str, Any] | None = None,
     scale: bool = True,
+    weight: str | None = None,
     scaffold: str = "hybrid",
     rounds: int = 80,
     warmup: int = 20,
@@ -96,6 +98,9 @@ def calibrate(
         ``"cell"``.
     scale : bool
         Whether the electrode area is scaled to the records' capacity.
+    weight : {'uniform', 'robust'}, optional
+        How errors count: ``"robust"`` keeps what is far off for a short time from deciding the fit; by default the
+        task's own, ``"uniform"`` for records.
     scaffold : str
         Scaffold by name, or a YAML file.
     rounds, warmup, simulations : int
@@ -176,6 +181,7 @@ def calibrate(
             if start_from is not None:
                 raise BsaError("start_from goes with records.", "give records as data; a task has its own parameters.")
             task = holding_out(task, requests_of(held, read, reader, reader_option or {}))
+        task = weighted(task, weight)
         folder = Path(out) if out is not None else numbered_folder(Path("runs"), f"{task.name}-{config.scaffold.name}")
         asked = RunRequest(task, config, folder)
     return _carried_out(asked, workers, max_tokens, max_cost, identifiability, progress)

@@ -70,6 +70,13 @@ def run(
         ),
     ] = None,
     scale: shared.Scale = True,
+    weight: Annotated[
+        str | None,
+        shared.model_option(
+            metavar="uniform|robust",
+            help="How errors count: robust keeps what is far off for a short time from deciding the fit.",
+        ),
+    ] = None,
     scaffold: Annotated[
         str,
         shared.search_option(
@@ -134,6 +141,7 @@ def run(
         numbered_folder,
         simulation_workers,
         task_of_records,
+        weighted,
     )
     from ..run import Resources, read_request
     from ..tasks.find import find_task
@@ -198,6 +206,7 @@ def run(
         chosen = holding_out(
             named, [RecordRequest(path, read, reading.reader, reader_options) for path in holdout or ()]
         )
+    chosen = weighted(chosen, weight)
     folder = out or numbered_folder(Path("runs"), f"{chosen.name}-{config.scaffold.name}")
     _execute(RunRequest(chosen, config, folder), resources, as_json, identifiability, to_discover)
 

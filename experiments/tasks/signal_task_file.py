@@ -17,7 +17,7 @@ from ...core.printable import listed, shown
 from ...core.registry import installed
 from ...core.signals import Signal
 from ...core.target import Value
-from ...core.task import CellModel, Experiment, Task
+from ...core.task import CellModel, Experiment, Task, Weight
 from ...core.trajectory import FloatArray, Step, Trajectory
 from ...core.validation import explain
 from ...plugins.readers.source import load_text
@@ -111,6 +111,7 @@ class SignalTaskFile(BaseModel, extra="forbid"):
     parameters: list[ParameterEntry] = Field(min_length=1, description="What is searched.")
     records: list[SignalRecord] = Field(min_length=1, description="What is to be matched.")
     held_out: list[SignalRecord] = Field([], description="What is not fitted, and scored after the search.")
+    weight: Weight = Field("uniform", description="robust: what is far off for a short time does not decide the fit.")
 
 
 def load_signal_task(content: Mapping[str, Any], path: Path) -> Task:
@@ -158,6 +159,7 @@ def _task(file: SignalTaskFile, folder: Path) -> Task:
         signals=wanted,
         simulator=file.simulator,
         held_out=held_out,
+        weight=file.weight,
     )
 
 

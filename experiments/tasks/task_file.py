@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,7 +16,7 @@ from ...core.printable import shown
 from ...core.protocol_text import read_protocol
 from ...core.record import ReadOptions
 from ...core.shape import decoding
-from ...core.task import Task
+from ...core.task import Task, Weight
 from ...core.validation import explain
 from ...core.yaml_text import read_yaml
 from .records import RecordRequest, build_task
@@ -63,6 +64,7 @@ class TaskFile(BaseModel, extra="forbid"):
     search: str | dict[str, Any] = Field(description="A preset's name, or parameters with bounds.")
     experiments: list[ExperimentEntry] = Field(min_length=1, description="The records to match.")
     held_out: list[ExperimentEntry] = Field([], description="Records that are not fitted, and scored after the search.")
+    weight: Weight = Field("uniform", description="robust: what is far off for a short time does not decide the fit.")
 
 
 def load_task_file(path: Path) -> Task:
@@ -99,7 +101,7 @@ def task_from(content: TaskFile, folder: Path) -> Task:
     BsaError
         If a record, a parameter set or a parameter does not exist or makes no sense.
     """
-    return build_task(
+    task = build_task(
         name=content.name,
         parameter_set=content.parameter_set,
         model=content.model,
@@ -109,6 +111,7 @@ def task_from(content: TaskFile, folder: Path) -> Task:
         records=[_request(entry, folder) for entry in content.experiments],
         held_out=[_request(entry, folder) for entry in content.held_out],
     )
+    return replace(task, weight=content.weight)
 
 
 def _request(entry: ExperimentEntry, folder: Path) -> RecordRequest:

@@ -1,6 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from bsa.core.metrics import evaluate
+from bsa.core.errors import BsaError
+from bsa.core.metrics import evaluate, objective_of
+from bsa.core.residuals import residuals
 from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
@@ -57,6 +61,31 @@ def test_a_measured_current_is_judged_by_voltage_alone() -> None:
     metrics = evaluate(task, outcome_of(shifted))
     assert metrics is not None
     assert metrics.objective == pytest.approx(10.0)
+
+
+def test_robust_weights_judge_by_most_of_the_time_and_flatten_far_residuals() -> None:
+    target = constant(1.0, 4.0, 1000)
+    knee = np.where(target.time > 990.5, 1.0, 0.005)
+    simulated = target.changed(voltage=target.voltage + knee)
+    uniform = Task("t", CellModel("x"), space(), (Experiment("r", target),))
+    robust = replace(uniform, weight="robust")
+    before, after = (evaluate(task, outcome_of(simulated)) for task in (uniform, robust))
+    assert before is not None
+    assert after is not None
+    assert before.objective == before.v_rmse_mv == after.v_rmse_mv > 90.0
+    assert after.objective == pytest.approx(5.0, rel=1e-6)
+    assert objective_of(robust).of_unit == "mV voltage RMSE over 99 % of the time"
+    squares, flattened = (
+        residuals(task, outcome_of(target.changed(voltage=target.voltage + 0.1))) for task in (uniform, robust)
+    )
+    assert squares == pytest.approx(100.0)
+    assert flattened == pytest.approx(10.0 * np.arcsinh(10.0))
+
+
+def test_a_weight_that_does_not_exist_is_refused() -> None:
+    with pytest.raises(BsaError, match='"heavy"') as error:
+        replace(toy_task(), weight="heavy")
+    assert "uniform, robust" in error.value.hint
 
 
 def test_a_run_that_never_reached_the_scored_cycle_has_no_metrics() -> None:

@@ -90,9 +90,10 @@ def test_a_task_of_a_cell_is_encoded_as_it_always_was() -> None:
 
 
 def test_a_task_of_another_domain_comes_back_whole() -> None:
-    task = tank(signals=(FLOW, LEVEL))
+    task = replace(tank(signals=(FLOW, LEVEL)), weight="robust")
     again = decode_task(json.loads(json.dumps(encode_task(task))))
     assert (again.domain, again.signals, again.simulator) == (TANK, (FLOW, LEVEL), "tank")
+    assert again.weight == "robust"
 
 
 @given(st.floats(-5.0, 5.0), st.floats(-5.0, 5.0))
