@@ -16,6 +16,10 @@ CURRENT = Signal(
 )
 VOLTAGE = Signal("voltage", "V", tolerance=1e-3, shown_unit="mV", shown_scale=1e3)
 
+TEMPERATURE = Signal("temperature", "K", tolerance=0.2, optional=True)
+"""Of a cell whose simulation has one. Models of measured cells end about ten tolerances off: at 10 mV, and, with one
+temperature for the whole cell against a sensor on the can, at 2 K."""
+
 CELL = Domain(
     name="lithium-ion cell",
     expert="""\

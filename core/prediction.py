@@ -251,7 +251,7 @@ def _prediction(
         return Prediction(errors, {}, None, spent)
     bands = {
         signal.name: _band(simulated, experiment, signal.name, signal.shown_scale)
-        for signal in task.observed
+        for signal in task.observed_in(experiment.target)
         if signal.name in widths
     }
     return Prediction(errors, bands, simulated.thinned(_SAMPLES_PER_STEP), spent)

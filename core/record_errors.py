@@ -9,15 +9,13 @@ from typing import Any
 import numpy as np
 
 from .alignment import pair_steps
+from .cell import TEMPERATURE
 from .overlap import differences, rms_without_worst, scored_part, time_weights, weighted_rms
 from .shape import shaped
 from .signals import Signal
 from .simulation import ExperimentRun, Outcome, SimulationFailure
 from .task import Experiment, Task
 from .trajectory import FloatArray, Trajectory
-
-TEMPERATURE = Signal("temperature", "K", tolerance=0.5)
-"""Compared where a cell's record and its simulation both have it; never fitted by default."""
 
 _PER_STEP = 200
 """Points at which a step of a protocol is compared, each curve on its own clock."""
@@ -128,7 +126,7 @@ def errors_of_record(task: Task, experiment: Experiment, run: ExperimentRun) -> 
     if simulated is None or run.trajectory is None:
         return RecordErrors(experiment.name, {}, failure=failure or "the scored part was not reached")
     target, driven = experiment.scored_target, experiment.protocol is None
-    signals = [*task.observed]
+    signals = [*task.observed_in(target)]
     if all(TEMPERATURE.name in curve.signals for curve in (target, simulated)):
         signals += [TEMPERATURE] * (TEMPERATURE.name not in {signal.name for signal in signals})
     whole = {signal.name: _over_time(signal, simulated, target, driven) for signal in signals}

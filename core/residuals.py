@@ -265,7 +265,8 @@ def rows_of(task: Task) -> ResidualRows:
         record = experiment.target
         off = {
             signal.name: values + tolerance_at(signal, np.abs(values), experiment)
-            for signal, values in ((signal, record.values(signal.name)) for signal in task.signals)
+            for signal in task.signals
+            if (values := record.signals.get(signal.name)) is not None
         }
         # A simulation that equals the record but for one tolerance: its residuals are the scales.
         scales += _by_step(task, pair_steps(record.changed(**off), experiment), experiment)

@@ -123,9 +123,11 @@ def evaluate_signals(task: Task, outcome: Outcome) -> SignalMetrics | None:
         if simulated is None:
             return None
         for quantity, signal in zip(signal_errors(task), task.observed, strict=True):
+            if signal.name not in experiment.target.signals:
+                continue
             error = overlap_rms(simulated, experiment.scored_target, signal.name, experiment.protocol is None)
             squares[quantity.key].append((signal.shown_scale * error) ** 2)
-    rmse = {key: float(np.sqrt(np.mean(values))) for key, values in squares.items()}
+    rmse = {key: float(np.sqrt(np.mean(values))) for key, values in squares.items() if values}
     return SignalMetrics(float(np.sqrt(np.mean(found**2))), rmse)
 
 

@@ -44,6 +44,8 @@ class Signal:
     observed_in : tuple of str
         Kinds of steps of a protocol in which this driven signal is the one that answers, and is compared in
         place of the observed ones: the current of a voltage hold.
+    optional : bool
+        Whether a record may lack it: it is compared where a record has it.
     oscillates : bool
         Whether it swings about a mean within a step, so that amplitude and delay describe its mismatch
         better than a shift does.
@@ -59,6 +61,7 @@ class Signal:
     relative: bool = False
     observed_in: tuple[str, ...] = ()
     oscillates: bool = False
+    optional: bool = False
 
     def __post_init__(self) -> None:
         if not _NAME.fullmatch(self.name) or self.name in _RESERVED:

@@ -173,7 +173,11 @@ class Task:
         if both:
             raise BsaError(f'record "{both[0]}" of task "{self.name}" is fitted and held out.', "it can be only one.")
         for experiment in (*self.experiments, *self.held_out):
-            lacking = [signal.name for signal in self.signals if signal.name not in experiment.target.signals]
+            lacking = [
+                signal.name
+                for signal in self.signals
+                if signal.name not in experiment.target.signals and not signal.optional
+            ]
             if lacking:
                 raise BsaError(
                     f'record "{experiment.name}" of task "{self.name}" lacks the signals {lacking}.',
@@ -223,6 +227,10 @@ class Task:
         """The signals that the match is judged by."""
         return observed(self.signals)
 
+    def observed_in(self, record: Trajectory) -> tuple[Signal, ...]:
+        """Those of the observed signals that a record has."""
+        return tuple(signal for signal in self.observed if signal.name in record.signals)
+
     @property
     def driven(self) -> tuple[Signal, ...]:
         """The signals that the experiments impose."""
@@ -230,4 +238,5 @@ class Task:
 
     def compared(self, kind: str, experiment: Experiment) -> tuple[Signal, ...]:
         """The signals that are compared in a step of an experiment."""
-        return compared(self.signals, kind, by_protocol=experiment.protocol is not None)
+        wanted = compared(self.signals, kind, by_protocol=experiment.protocol is not None)
+        return tuple(signal for signal in wanted if signal.name in experiment.target.signals)

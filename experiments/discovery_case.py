@@ -113,7 +113,7 @@ class Case:
 def read_case(options: DiscoverOptions) -> Case:
     """Read the records and settle the base model: size, ambient temperature, initial states of charge."""
     from ..plugins.pybamm.model_options import in_pybamm_spelling
-    from .tasks.records import RecordRequest, build_task
+    from .tasks.records import ISOTHERMAL, THERMAL, RecordRequest, build_task
 
     files = [*options.data, *options.holdout]
     temperature = None if options.ambient_c is None else options.ambient_c + 273.15
@@ -123,7 +123,8 @@ def read_case(options: DiscoverOptions) -> Case:
         options.parameters,
         requests,
         options.model,
-        options.options,
+        # Whether heat is missing is for the discovery to find.
+        {THERMAL: ISOTHERMAL, **options.options},
         options.overrides,
         search={"Negative particle radius [m]": {"factors": [0.5, 2.0]}},  # a task must search something; not used
         scale_to_capacity=options.scale,

@@ -72,7 +72,7 @@ class SimulatorConformance(RunPluginConformance):
         for experiment, run in zip(task.experiments, outcomes[0].runs, strict=True):
             assert run.trajectory is not None
             pairs = {"time": (run.trajectory.time, experiment.target.time)}
-            for signal in task.signals:
+            for signal in (*task.driven, *task.observed_in(experiment.target)):
                 pairs[signal.name] = run.trajectory.values(signal.name), experiment.target.values(signal.name)
             for name, (ours, theirs) in pairs.items():
                 assert 1 / _UNIT_FACTOR < (_size(ours) or 1.0) / (_size(theirs) or 1.0) < _UNIT_FACTOR, name

@@ -155,7 +155,7 @@ def _predicted(task: Task, place: int, experiment: Experiment, curve: Trajectory
 def _fit_after(task: Task, predicted: _Curve, measured: _Curve) -> str:
     return " ".join(
         f"{signal.title} RMSE: {number(_rms(predicted, measured, signal))} {unit(signal.shown)}."
-        for signal in task.observed
+        for signal in task.observed_in(measured.record)
     )
 
 
@@ -179,7 +179,7 @@ def _overlay(run: RunRecord, place: int, experiment: Experiment) -> Overlay:
         keys.append(Key("initial", "initial" if best is not None or run.best is not run.initial else "initial = best"))
     if best is not None:
         keys.append(Key("best", f"best (simulation {run.best.index})"))
-    names = [signal.words for signal in (*run.task.driven, *run.task.observed)]
+    names = [signal.words for signal in (*run.task.driven, *run.task.observed_in(experiment.target))]
     return Overlay(
         name=experiment.name,
         chart=Chart(
@@ -210,7 +210,7 @@ Drawn = tuple[Panel, Signal, bool]
 def _panels(task: Task, measured: _Curve, simulated: list[_Curve], focus: _Curve | None) -> list[Drawn]:
     top = TOP
     drawn: list[Drawn] = []
-    for signal in (*task.driven, *task.observed):
+    for signal in (*task.driven, *task.observed_in(measured.record)):
         driven = signal.role == "driven"
         height = _DRIVEN_HEIGHT if driven else _OBSERVED_HEIGHT
         curves = [curve.values(signal) for curve in (measured, *simulated)]
@@ -278,7 +278,7 @@ def _remarks(
 def _fit(task: Task, where: str, initial: _Curve | None, best: _Curve | None, measured: _Curve) -> str:
     """``"Voltage RMSE of this record: 12 mV before, 0.4 mV after."``, for each observed signal."""
     sentences = []
-    for signal in task.observed:
+    for signal in task.observed_in(measured.record):
         before, after = (f"{number(_rms(curve, measured, signal))} {unit(signal.shown)}" for curve in (initial, best))
         sentences.append(f"{signal.title} RMSE{where}: {before} before, {after} after.")
     return " ".join(sentences)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ...core.cell import TEMPERATURE
 from ...core.prediction import Band, Prediction
-from ...core.record_errors import TEMPERATURE, RecordErrors, SignalError
+from ...core.record_errors import RecordErrors, SignalError
 from ...core.task import Task
 from .wording import duration, number
 

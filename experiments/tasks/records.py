@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ...core.ageing.long_record import long_record
-from ...core.cell import CELL
+from ...core.cell import CELL, TEMPERATURE
 from ...core.errors import BsaError
 from ...core.parameters import ParameterSpace
 from ...core.prediction import begins_under_load
@@ -25,6 +25,9 @@ WIDTH = "Electrode width [m]"
 CONTACT, RESISTANCE = "contact resistance", "Contact resistance [Ohm]"
 """PyBaMM's option for a series resistance, and its parameter."""
 
+THERMAL, ISOTHERMAL = "thermal", "isothermal"
+"""PyBaMM's option for a cell's temperature, and its value for a constant one."""
+
 _CONTACT_SHARE = 0.6
 """Share of the voltage jump at a current step that is put down to the contacts, to start with."""
 
@@ -34,6 +37,12 @@ _MOST_OF_THE_WINDOW = 0.6
 _PROMPT_S, _NEARLY_EMPTY = 10.0, 0.1
 """Latest sample after a current step that shows its resistance, s, and the share of the voltage range at whose bottom
 none does: a minute late, or at the end of a discharge, the same cells show two to ten times as much."""
+
+_WARMS_K = 2.0
+"""Change of a cell's temperature from which on its model is thermal, K: a smaller one may be that of the room."""
+
+_GROWS_WITH_AREA = {"Cell volume [m3]": 1.0, "Cell cooling surface area [m2]": 2.0 / 3.0}
+"""Powers of the electrode area with which a cell's other sizes grow, where its shape stays."""
 
 _SAME_SIZE = (0.8, 1.25)
 """Ratios of measured to nominal capacity that the search bridges by itself."""
@@ -113,13 +122,26 @@ def build_task(
     fixed = dict(overrides or {})
     values = load(parameter_set, fixed)
     given = starts_given(search) | set(fixed)
-    if scale_to_capacity and WIDTH not in given and all(request.protocol is None for request in records):
+    by_current = all(request.protocol is None for request in records)
+    if scale_to_capacity and WIDTH not in given and by_current:
         factor, note = _size_factor(loaded, values, equilibrium_capacity_ah(parameter_set, fixed))
         if note:
             fixed[WIDTH] = float(values[WIDTH]) * factor
+            fixed |= {
+                name: float(values[name]) * factor**power
+                for name, power in _GROWS_WITH_AREA.items()
+                if name not in given and name in values
+            }
             notes.append(note)
     options = in_pybamm_spelling(options or {})
-    if CONTACT not in options and all(request.protocol is None for request in records):
+    change_k = max((float(np.ptp(t)) for r in loaded if (t := r.trajectory.temperature) is not None), default=0.0)
+    if by_current and THERMAL not in options and change_k >= _WARMS_K:
+        options[THERMAL] = "lumped"
+        notes.append(
+            f"The measured temperature changes by {change_k:.1f} K: the model is thermal (lumped); its temperature is "
+            "fitted beside the voltage (--options thermal=isothermal keeps it constant)."
+        )
+    if CONTACT not in options and by_current:
         # Tabs, leads and clamps are in every record, and in no parameter set.
         options[CONTACT] = "true"
     cell = CellModel(parameter_set, model, options, fixed)
@@ -151,7 +173,9 @@ def build_task(
             )
         )
     space = _with_initial_soc(space, experiments, socs, INITIAL_SOC in given)
-    task = Task(name, cell, space, tuple(experiments), tuple(notes))
+    compared = by_current and change_k > 0.0 and options.get(THERMAL, ISOTHERMAL) != ISOTHERMAL
+    signals = (*CELL.signals, TEMPERATURE) if compared else CELL.signals
+    task = Task(name, cell, space, tuple(experiments), tuple(notes), signals=signals)
     return holding_out(task, held_out)
 
 

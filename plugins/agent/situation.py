@@ -192,7 +192,7 @@ def _without_bounds(part: Recollection) -> Mapping[str, Any]:
 
 def _signals(task: Task) -> dict[str, Any]:
     """What the agent cannot know of the signals."""
-    if not task.domain.signals_told:
+    if not task.domain.signals_told and task.signals == task.domain.signals:
         return {}
 
     def told(signal: Signal) -> dict[str, Any]:

@@ -53,6 +53,8 @@ def draw_overlay(task: Task, outcome: Outcome, path: Path) -> None:
         for record, colour, label in records:
             time = (record.time - record.time[0]) / scale
             for row, signal in enumerate(signals):
+                if signal.name not in record.signals:
+                    continue
                 axes[row, column].plot(time, record.values(signal.name), color=colour, label=label, linewidth=1.2)
         axes[0, column].set_title(experiment.name, fontsize=9)
         axes[-1, column].set_xlabel(f"time [{unit}]")

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from pydantic import BaseModel, Field
 
-from ...core.cell import CELL
+from ...core.cell import CELL, TEMPERATURE
 from ...core.errors import BsaError
 from ...core.hooks import RunContext, hookimpl
 from ...core.parameters import Candidate
@@ -44,7 +44,7 @@ class PyBaMMSimulator:
 
     def __init__(self, options: PyBaMMOptions, context: RunContext) -> None:
         task = context.task
-        unknown = [signal.name for signal in task.signals if signal not in CELL.signals]
+        unknown = [signal.name for signal in task.signals if signal not in (*CELL.signals, TEMPERATURE)]
         if unknown:
             raise BsaError(
                 f'PyBaMM simulates cells, but task "{task.name}" has the signals {unknown}.',

@@ -12,7 +12,8 @@ from bsa.core.errors import BsaError
 from bsa.core.metrics import decode_metrics, errors_of, evaluate, objective_of, told_of
 from bsa.core.paper_metrics import require_paper
 from bsa.core.parameters import Parameter, ParameterSpace
-from bsa.core.residuals import residuals
+from bsa.core.record_errors import errors_by_record
+from bsa.core.residuals import residuals, rows_of
 from bsa.core.signals import Signal, compared
 from bsa.core.simulation import ExperimentRun, Outcome, SimulationFailure
 from bsa.core.task import CellModel, Experiment, Task
@@ -69,6 +70,23 @@ def test_a_signal_that_a_record_lacks_is_named() -> None:
                 Experiment("a", Trajectory(np.arange(3.0), signals={"flow": np.ones(3), "level": np.ones(3)})),
             )
         )
+
+
+def test_an_optional_signal_is_compared_where_a_record_has_it() -> None:
+    optional = replace(OUTFLOW, optional=True)
+    bare = record()
+    bare = Trajectory(bare.time, steps=bare.steps, signals={name: bare.values(name) for name in ("flow", "level")})
+    task = tank(signals=(FLOW, LEVEL, optional), experiments=(Experiment("a", record()), Experiment("b", bare)))
+    off = Outcome(2 * outcome(0.0, 1.0).runs)
+    rows, found = rows_of(task), residuals(task, off)
+    assert found is not None
+    assert len(found) == len(rows.record)
+    assert set(rows.signal[rows.record == 1]) == {"level"}
+    assert np.count_nonzero(found) == np.count_nonzero(rows.signal == "outflow") > 0
+    metrics = evaluate(task, off)
+    assert metrics is not None
+    assert metrics.value("outflow_rmse_l_s") == pytest.approx(1.0)
+    assert [set(errors.signals) for errors in errors_by_record(task, off)] == [{"level", "outflow"}, {"level"}]
 
 
 def test_a_cyclers_kinds_are_told_by_identity_wherever_they_come_from() -> None:

@@ -1,5 +1,7 @@
 """What a person says of records, parameters and options is kept."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bsa.core.record import Record
@@ -60,6 +62,38 @@ def test_a_start_that_a_person_writes_is_never_replaced() -> None:
     assert {parameter.initial for parameter in several if parameter.name.startswith(SOC)} == {0.7}
     measured = task_of(big, search={**search, RESISTANCE: {"lower": 0.0, "upper": 0.3}}).space
     assert measured[RESISTANCE].initial == pytest.approx(0.6 * 0.15 / 15.0, rel=1e-6)
+
+
+def warming(kelvin: float) -> Record:
+    found = record()
+    rise = np.linspace(0.0, kelvin, len(found.trajectory))
+    return replace(found, trajectory=found.trajectory.changed(temperature=298.15 + rise), ambient_k=298.15)
+
+
+def test_a_cell_that_warms_has_a_thermal_model_whose_temperature_is_fitted() -> None:
+    warm = task_of(warming(12.0), search="cell")
+    assert warm.cell.options["thermal"] == "lumped"
+    assert [signal.name for signal in warm.observed] == ["voltage", "temperature"]
+    assert {"Cell volume [m3]", "Total heat transfer coefficient [W.m-2.K-1]"} < set(warm.space.names)
+    assert any("12.0 K" in note for note in warm.notes)
+    # A record without a temperature is compared by its voltage.
+    both = task_of(warming(12.0), record("s"), search="cell")
+    assert [len(both.observed_in(experiment.target)) for experiment in both.experiments] == [2, 1]
+
+
+def test_a_cell_that_stays_cold_or_is_said_to_be_isothermal_has_no_thermal_model() -> None:
+    kept = task_of(warming(12.0), options={"thermal": "isothermal"}, search="cell")
+    for task in (task_of(warming(1.0), search="cell"), task_of(record(), search="cell"), kept):
+        assert task.cell.options.get("thermal", "isothermal") == "isothermal"
+        assert [signal.name for signal in task.observed] == ["voltage"]
+        assert "Cell volume [m3]" not in task.space
+
+
+def test_a_cell_of_another_size_has_another_volume_and_surface() -> None:
+    twice = task_of(record(amperes=10.0), search="cell").cell.overrides
+    factor = twice[WIDTH] / 1.58
+    assert twice["Cell volume [m3]"] == pytest.approx(2.42e-5 * factor)
+    assert twice["Cell cooling surface area [m2]"] == pytest.approx(5.31e-3 * factor ** (2 / 3))
 
 
 def test_a_written_start_widens_the_bounds_of_a_preset() -> None:

@@ -7,16 +7,21 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import bsa
 import numpy as np
+import pybamm
 import pytest
 from bsa.core.errors import BsaError
 from bsa.core.journal import read_events
 from bsa.core.loop import RunResult
+from bsa.core.record import Record
 from bsa.core.residuals import residuals, rows_of
 from bsa.core.scaffold import Scaffold, load_scaffold
+from bsa.core.segmentation import segment
 from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.task import Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.experiments.run_record import read_run
 from bsa.plugins.proposers.stage_data import view_of
 from bsa.plugins.proposers.staged import StagedOptions
 from bsa_toy_cell import CAPACITY, HIDDEN, POLARISATION, RELAXATION, SERIES, toy_scaffold, toy_task
@@ -154,6 +159,44 @@ def test_an_offset_before_a_current_step_is_not_held_against_the_kinetics(task: 
     assert view(3.0 * rows.scale) == pytest.approx(0.0, abs=1e-9)
     jump = np.where(rows.step == 1, 3.0, 0.0) * rows.scale
     assert np.any(np.abs(view(jump)) > 1.0)
+
+
+def heated(volume: float, transfer: float) -> Record:
+    """A discharge at 2C and a rest of an SPM of Chen2020 with one temperature."""
+    values = pybamm.ParameterValues("Chen2020")
+    values["Cell volume [m3]"] *= volume
+    values["Total heat transfer coefficient [W.m-2.K-1]"] *= transfer
+    experiment = pybamm.Experiment(["Discharge at 2C for 20 minutes", "Rest for 40 minutes"], period="30 seconds")
+    model = pybamm.lithium_ion.SPM({"thermal": "lumped"})
+    found = pybamm.Simulation(model, parameter_values=values, experiment=experiment).solve(initial_soc=0.95)
+    names = ("Time [s]", "Current [A]", "Voltage [V]", "Volume-averaged cell temperature [K]")
+    time, *signals = (found[name].entries for name in names)
+    time[1:] += np.where(np.diff(time) <= 0, 1e-3, 0.0)  # both sides of the jump at the end of the discharge
+    return Record("heated", segment(Trajectory(time, *signals)), (), 298.15)
+
+
+def test_the_thermal_stage_finds_heat_capacity_and_cooling(tmp_path: Path) -> None:
+    found = bsa.calibrate(
+        heated(1.6, 3.0),
+        parameters="Chen2020",
+        model="SPM",
+        options={"contact resistance": "false"},
+        scale=False,
+        initial_soc=0.95,
+        scaffold="staged",
+        settings={"proposer.options.order": ["thermal"]},
+        simulations=20,
+        workers=1,
+        identifiability=False,
+        progress=False,
+        out=tmp_path / "run",
+    )
+    before = pybamm.ParameterValues("Chen2020")
+    for name, factor in {"Cell volume [m3]": 1.6, "Total heat transfer coefficient [W.m-2.K-1]": 3.0}.items():
+        assert found.parameters[name] == pytest.approx(factor * before[name], rel=0.08), name
+    (record,) = read_run(tmp_path / "run").records
+    assert record.signals["temperature"].unit == "K"
+    assert record.signals["temperature"].rms < 0.25  # a tolerance, to which the fit goes, is 0.2 K
 
 
 def test_a_record_without_current_has_no_stage(task: Task) -> None:
