@@ -79,7 +79,6 @@ class _Proposal:
 
 @dataclass(frozen=True)
 class _Score:
-    which: Literal["initial", "best"]
     index: int
     metrics: dict[str, float] | None
     records: list[RecordErrors] = field(default_factory=list)

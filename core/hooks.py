@@ -126,7 +126,7 @@ class ProposeContext:
     trials : sequence of Trial
         Every trial so far, oldest first, warm-up included.
     best : Trial
-        The trial with the lowest objective; the initial one if none succeeded.
+        The trial with the lowest objective so far; the initial one if none succeeded.
     seed : int
         Seed for this round.
     simulations_left : int

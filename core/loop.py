@@ -14,19 +14,19 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
+from .after_search import AfterSearch, Score, Watching
 from .encoding import decode_trial, encode_proposal, encode_trial
 from .errors import BsaError
 from .feedback import Feedback
 from .hooks import ProposeContext
 from .journal import Journal
-from .journalled_simulations import JournalledSimulations
 from .messages import Outage, RunStopped, Usage
-from .metrics import Metrics, decode_metrics, evaluate
+from .metrics import Metrics, evaluate
 from .parameters import Candidate
-from .post_fit_analysis import PostFitAnalysis, analyse, most_likely
-from .prediction import HELD_OUT, Prediction, decode_prediction, encode_prediction, predict
+from .post_fit_analysis import PostFitAnalysis
+from .prediction import Prediction
 from .proposal import Proposal
-from .record_errors import RecordErrors, errors_by_record
+from .record_errors import RecordErrors
 from .recording import Recorder
 from .residuals import partial_residuals, residuals
 from .run_config import RunConfig
@@ -35,12 +35,9 @@ from .simulation import ExperimentRun, Outcome, SimulationFailure
 from .task import Task
 from .task_reduction import TaskReduction
 from .trajectory import FloatArray
-from .trial import Phase, Trial
-from .watched_simulations import NOT_FITTED, REFERENCE, WatchedSimulations
+from .trial import Phase, Trial, likeliest, lowest
 
 Status = Literal["converged", "finished", "rounds-spent", "simulations-spent", "budget-spent", "outage", "interrupted"]
-
-APPRAISAL = "appraisal"
 
 _IMPROVEMENT = 1e-3
 _CURVE_SAMPLES_PER_STEP, _SWING_SAMPLES_PER_STEP = 60, 600
@@ -49,20 +46,14 @@ _CURVE_SAMPLES_PER_STEP, _SWING_SAMPLES_PER_STEP = 60, 600
 _PHASE_CODE: dict[Phase, int] = {"initial": 0, "warm-up": 1, "search": 2}
 
 
-class Listener(Protocol):
+class Listener(Watching, Protocol):
     """Watches a run, for progress on a screen."""
 
     def proposed(self, proposal: Proposal, phase: Phase, number: int) -> None:
         """A proposal was made."""
 
     def tried(self, trial: Trial, best: Trial, usage: Usage) -> None:
-        """A simulation finished."""
-
-    def counted(self, purpose: str, done: int, total: int) -> None:
-        """So many of the simulations after the search that serve a purpose are done."""
-
-    def noted(self, text: str) -> None:
-        """Something worth saying happened."""
+        """A simulation finished; ``best`` has the lowest objective so far."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +65,10 @@ class RunResult:
     status : str
         Why it ended.
     best : Trial
-        The trial with the lowest objective.
-    initial_metrics, best_metrics : Metrics or None
+        The likeliest trial: its parameters and intervals are the run's answer.
+    lowest : Trial
+        The trial with the lowest objective, by which benchmarks score; often the same.
+    initial_metrics, best_metrics, lowest_metrics : Metrics or None
         Scored with the simulator's reference accuracy (PyBaMM's standard mesh).
     trials : tuple of Trial
         Everything that was tried.
@@ -97,8 +90,10 @@ class RunResult:
 
     status: Status
     best: Trial
+    lowest: Trial
     initial_metrics: Metrics | None
     best_metrics: Metrics | None
+    lowest_metrics: Metrics | None
     trials: tuple[Trial, ...]
     usage: Usage
     llm_calls: int
@@ -159,20 +154,14 @@ class Run:
         earlier = list(earlier)
         self._earlier_trials = {event["index"]: event for event in earlier if event["event"] == "trial"}
         self._earlier_proposals = sum(event["event"] == "proposal" for event in earlier)
-        self._earlier_scores = {event["which"]: event for event in earlier if event["event"] == "score"}
         self._analysing = appraising
-        self._analysis_simulations = WatchedSimulations(
-            JournalledSimulations(plugins, journal, earlier), self._watch, exact=REFERENCE
-        )
-        self._earlier_analyses = {event["appraisal"]["base"]: event for event in earlier if event["event"] == APPRAISAL}
-        self._earlier_predictions = {event["base"]: event for event in earlier if event["event"] == HELD_OUT}
-        self._record_errors: tuple[RecordErrors, ...] = ()
+        self._after = AfterSearch(task, plugins, journal, earlier, listener)
         self._trials: list[Trial] = []
 
     @property
-    def best(self) -> Trial:
-        """The trial with the lowest objective; the initial one if none succeeded."""
-        return min(self._trials, key=lambda trial: trial.objective)
+    def lowest(self) -> Trial:
+        """The trial with the lowest objective so far; the initial one if none succeeded."""
+        return lowest(self._trials)
 
     @property
     def _simulations_left(self) -> int:
@@ -207,11 +196,11 @@ class Run:
 
     def _search(self) -> Status:
         number = counted = stalled = 0
-        reference = self.best.objective
+        reference = self.lowest.objective
         while counted < self._config.rounds:
             if self._simulations_left <= 0:
                 return "simulations-spent"
-            if self.best.objective <= self._config.stop_below:
+            if self.lowest.objective <= self._config.stop_below:
                 return "converged"
             number += 1
             replies, lost = self._recorder.replies, self._recorder.lost
@@ -223,8 +212,8 @@ class Run:
             # Without candidates no simulation is spent, and nothing else would end the search.
             uncounted = proposal.by_simulations and bool(proposal.candidates)
             counted += not uncounted
-            if uncounted or proposal.advancing or self.best.objective < reference * (1.0 - _IMPROVEMENT):
-                stalled, reference = 0, self.best.objective
+            if uncounted or proposal.advancing or self.lowest.objective < reference * (1.0 - _IMPROVEMENT):
+                stalled, reference = 0, self.lowest.objective
             elif not (unheard and proposal.lost):
                 # A round in which the model had no say tells nothing of whether the search still gets on.
                 stalled += 1
@@ -238,7 +227,7 @@ class Run:
             task=self._task,
             round=number,
             trials=tuple(self._trials),
-            best=self.best,
+            best=self.lowest,
             seed=int(seed),
             simulations_left=simulations_left,
             recall=self._plugins.recall,
@@ -294,7 +283,7 @@ class Run:
             self._trials.append(done[place])
             self._plugins.remember(done[place], proposal)
             if self._listener:
-                self._listener.tried(done[place], self.best, self._recorder.usage)
+                self._listener.tried(done[place], self.lowest, self._recorder.usage)
 
     def _simulate_reduced(
         self,
@@ -365,20 +354,21 @@ class Run:
         return partial_residuals(replace(self._task, experiments=experiments), outcome)
 
     def _finish(self, status: Status, reason: str, started: float) -> RunResult:
-        best = self.best
-        scores: dict[str, Metrics | None] = {"initial": self._trials[0].metrics, "best": best.metrics}
+        initial, best, scored_best = self._trials[0], likeliest(self._trials), self.lowest
         # Of a run that is to go on, nobody wants to wait for the last word.
         last_word = status not in ("interrupted", "outage")
-        if last_word:
-            scores = self._score(best)
+        scores = self._after.score([initial, best, scored_best]) if last_word else {}
+        fit = scores.get(best.index, Score(best.metrics))
         # A single simulation is no fit, and there is nothing to judge.
-        appraisal = self._analyse(best) if last_word and self._analysing and len(self._trials) > 1 else None
-        held_out = self._predict(best, appraisal) if last_word and best.ok and self._task.held_out else ()
+        analysing = last_word and self._analysing and len(self._trials) > 1
+        appraisal = self._after.analyse(self._trials, best) if analysing else None
         result = RunResult(
             status=status,
             best=best,
-            initial_metrics=scores["initial"],
-            best_metrics=scores["best"],
+            lowest=scored_best,
+            initial_metrics=scores.get(initial.index, Score(initial.metrics)).metrics,
+            best_metrics=fit.metrics,
+            lowest_metrics=scores.get(scored_best.index, Score(scored_best.metrics)).metrics,
             trials=tuple(self._trials),
             usage=self._recorder.usage,
             llm_calls=self._recorder.calls,
@@ -387,89 +377,8 @@ class Run:
             simulator_s=sum(trial.seconds for trial in self._trials),
             appraisal=appraisal,
             reason=reason,
-            records=self._record_errors,
-            held_out=held_out,
+            records=fit.records,
+            held_out=self._after.predict(best, appraisal) if last_word else (),
         )
         self._journal.append("end", status=status, best=best.index)
         return result
-
-    def _analyse(self, best: Trial) -> PostFitAnalysis | None:
-        """What the records fix where the fit came closest to them; from the journal if it was found out before."""
-        fitted = most_likely(self._trials) or best
-        known = self._earlier_analyses.get(fitted.index)
-        if known is not None:
-            return PostFitAnalysis.from_json(known["appraisal"])
-        if self._listener and best.ok:
-            self._listener.noted("The search has ended; now what the record fixes, and what to measure next.")
-        try:
-            found = analyse(self._task, self._trials, fitted, self._analysis_simulations)
-        except KeyboardInterrupt:
-            self._note("Stopped before it was known what the record fixes. Resume the run to find out.")
-            return None
-        if found is not None:
-            self._journal.append(APPRAISAL, appraisal=found.as_json())
-        return found
-
-    def _predict(self, best: Trial, analysis: PostFitAnalysis | None) -> tuple[Prediction, ...]:
-        """The held-out records at the best candidate; from the journal if they were predicted before."""
-        known = self._earlier_predictions.get(best.index)
-        if known is not None:
-            return tuple(decode_prediction(content) for content in known["predictions"])
-        covariance = () if analysis is None else analysis.identifiability.covariance
-        watched = WatchedSimulations(self._plugins, self._watch, variants=NOT_FITTED)
-        try:
-            found = predict(self._task, best.candidate, self._task.held_out, watched, covariance)
-        except KeyboardInterrupt:
-            self._note("Stopped before the held-out records were scored. Resume the run to score them.")
-            return ()
-        self._journal.append(HELD_OUT, base=best.index, predictions=[encode_prediction(one) for one in found])
-        return found
-
-    def _score(self, best: Trial) -> dict[str, Metrics | None]:
-        """Score the first and the best candidate with the simulator's reference accuracy."""
-        scores: dict[str, Metrics | None] = {}
-        for which, trial in (("initial", self._trials[0]), ("best", best)):
-            known = self._earlier_scores.get(which)
-            if known is not None and known["index"] == trial.index:
-                scores[which] = decode_metrics(known["metrics"])
-                if which == "best":
-                    self._record_errors = tuple(RecordErrors.from_json(content) for content in known.get("records", ()))
-        missing = [which for which in ("initial", "best") if which not in scores]
-        chosen = {"initial": self._trials[0], "best": best}
-        # Where nothing was better than the start, one simulation scores both.
-        trials = list({chosen[which].index: chosen[which] for which in missing}.values())
-        if trials:
-            simulations = WatchedSimulations(self._plugins, self._watch)
-            for place, outcome in simulations.simulate([trial.candidate for trial in trials], True):
-                for which in missing:
-                    if chosen[which] is trials[place]:
-                        scores[which] = self._exact(which, trials[place], outcome)
-        return scores
-
-    def _exact(self, which: str, trial: Trial, outcome: Outcome) -> Metrics | None:
-        metrics = evaluate(self._task, outcome) if outcome.ok else None
-        if metrics is None and trial.ok:
-            self._note(
-                f"The {which} candidate ran on the search mesh but not with reference accuracy "
-                f"({outcome.failure.cause if outcome.failure else 'nothing to compare'}); its search score stands."
-            )
-            metrics = trial.metrics
-        errors = errors_by_record(self._task, outcome) if which == "best" and outcome.ok else ()
-        self._record_errors = errors or self._record_errors
-        self._journal.append(
-            "score",
-            which=which,
-            index=trial.index,
-            metrics=None if metrics is None else metrics.as_json(),
-            **({"records": [record.as_json() for record in errors]} if errors else {}),
-        )
-        return metrics
-
-    def _watch(self, purpose: str, done: int, total: int) -> None:
-        if self._listener:
-            self._listener.counted(purpose, done, total)
-
-    def _note(self, text: str) -> None:
-        self._journal.append("note", text=text)
-        if self._listener:
-            self._listener.noted(text)

@@ -25,7 +25,7 @@ from .identifiability import (
 from .local_model import LocalModel
 from .parameters import Candidate
 from .posterior import sample
-from .residuals import noise_of_residuals, residuals
+from .residuals import noise_of_residuals, residuals, rms
 from .simulation import Outcome
 from .task import Experiment, Task
 from .task import Protocol as StepProtocol
@@ -46,7 +46,7 @@ _FULL = 1.0
 
 
 class Simulating(Protocol):
-    """What an appraisal needs of a run's plugins."""
+    """What an analysis needs of a run's plugins."""
 
     def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
         """See `RunHooks.simulate`."""
@@ -193,20 +193,6 @@ class _Spent:
         return [found[place] for place in range(len(found))]
 
 
-def most_likely(trials: Sequence[Trial]) -> Trial | None:
-    """The trial with the smallest sum of squares, about which intervals stand; None if every simulation failed.
-
-    The score may prefer another: it weighs what a noisy record says of each error in another way than likelihood does.
-    """
-    simulated = [trial for trial in trials if trial.residuals is not None]
-    return min(simulated, key=_cost, default=None)
-
-
-def _cost(trial: Trial) -> float:
-    assert trial.residuals is not None
-    return float(trial.residuals @ trial.residuals)
-
-
 def analyse(task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulating) -> PostFitAnalysis | None:
     """Judge the fit that a run ended with.
 
@@ -217,7 +203,7 @@ def analyse(task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulatin
     trials : sequence of Trial
         Everything that was tried: finite differences near the best candidate are not simulated again.
     best : Trial
-        The fit; see `most_likely`.
+        The fit; see `likeliest`.
     plugins : Simulating
         Simulates what is missing, side by side where it can.
 
@@ -250,7 +236,7 @@ def _corrected(task: Task, best: Trial, plugins: Simulating, spent: _Spent) -> F
     assert best.residuals is not None
     (outcome,) = spent.counted(plugins.simulate([best.candidate], True), 1)
     exact = residuals(task, outcome)
-    if exact is None or np.sum((exact - best.residuals) ** 2) > _cost(best):
+    if exact is None or rms(exact - best.residuals) > best.misfit:
         return best.residuals
     return exact
 

@@ -85,14 +85,22 @@ class Trial:
         return rms(self.residuals)
 
 
-def closest(trials: Sequence[Trial]) -> Trial:
-    """The trial from which a search goes on: the least misfit step by step, and among equals the lowest objective.
+def likeliest(trials: Sequence[Trial]) -> Trial:
+    """The trial that a run reports, with its parameters and intervals: the least misfit step by step.
 
-    The objective may compare at equal times, where one step's wrong duration shifts all behind it. Where the feedback
-    is the objective alone, it decides alone.
+    Among equals the lowest objective decides, and the first trial stands where none ran to its end. The objective may
+    compare at equal times, where one step's wrong duration shifts all behind it, and weighs what a noisy record says
+    of each error in another way than likelihood does.
     """
+    return min(trials, key=lambda trial: (trial.misfit, trial.objective))
 
-    def distance(trial: Trial) -> tuple[float, float]:
-        return trial.misfit if trial.feedback.content.get("features") else float("inf"), trial.objective
 
-    return min(trials, key=distance)
+def lowest(trials: Sequence[Trial]) -> Trial:
+    """The trial with the best score, which searches and benchmarks count by; the first one if none succeeded."""
+    return min(trials, key=lambda trial: trial.objective)
+
+
+def closest(trials: Sequence[Trial]) -> Trial:
+    """The trial from which a proposer goes on: the likeliest, or the lowest where it is shown the objective alone."""
+    shown = any(trial.feedback.content.get("features") for trial in trials)
+    return (likeliest if shown else lowest)(trials)

@@ -189,7 +189,7 @@ def read_request(folder: Path) -> tuple[Task, RunConfig]:
 
 
 def summary(task: Task, config: RunConfig, backend_name: str, result: RunResult) -> dict[str, Any]:
-    """What ``result.json`` holds."""
+    """What ``result.json`` holds: ``best`` is the likeliest trial, ``best_score`` the one of the lowest objective."""
     return {
         "task": task.name,
         "scaffold": config.scaffold.name,
@@ -215,6 +215,7 @@ def summary(task: Task, config: RunConfig, backend_name: str, result: RunResult)
             "round": result.best.round,
             "parameters": dict(result.best.candidate),
         },
+        "best_score": {**_numbers(task, result.lowest_metrics), "trial": result.lowest.index},
         "records": [
             *({"fitted": True, **record.as_json()} for record in result.records),
             *({"fitted": False, **prediction.as_json()} for prediction in result.held_out),

@@ -8,20 +8,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from ..core.after_search import APPRAISAL, SCORE, read_record_errors
 from ..core.encoding import decode_task, decode_trial
 from ..core.errors import BsaError
 from ..core.journal import FILE_NAME, check_calibration, read_events
-from ..core.loop import APPRAISAL
 from ..core.messages import Usage
 from ..core.metrics import Metrics, decode_metrics
 from ..core.parameters import Parameter
-from ..core.post_fit_analysis import PostFitAnalysis, most_likely
+from ..core.post_fit_analysis import PostFitAnalysis
 from ..core.prediction import HELD_OUT, Prediction, decode_prediction
 from ..core.record_errors import RecordErrors
 from ..core.recording import LOST_CALL, REPLY, REVIEW, VOTE
 from ..core.shape import decoding, shaped
 from ..core.task import Task
-from ..core.trial import Phase, Trial
+from ..core.trial import Phase, Trial, likeliest, lowest
 
 _EXCHANGED = (REPLY, LOST_CALL, VOTE, REVIEW)
 
@@ -99,7 +99,7 @@ class Round:
     finished : bool
         Whether the proposer asked to stop.
     base : Trial
-        The best trial before this round.
+        The trial with the lowest objective before this round.
     trials : tuple of Trial
         The candidates that were tried, in order; empty for a lost round.
     exchanges : tuple of Exchange
@@ -121,8 +121,8 @@ class Round:
 
     @property
     def best(self) -> Trial | None:
-        """The best of this round's trials; None for a lost round."""
-        return min(self.trials, key=lambda trial: trial.objective, default=None)
+        """The best of this round's trials by the objective; None for a lost round."""
+        return lowest(self.trials) if self.trials else None
 
     @property
     def improved(self) -> bool:
@@ -154,8 +154,8 @@ class RunRecord:
         Every proposal, warm-up included, in order.
     exchanges : tuple of Exchange
         Every call of the language model, votes and reviews among them, those of a round that was cut off included.
-    scores : mapping of str to (Metrics or None)
-        Metrics of reference accuracy: ``"initial"`` and ``"best"``, as far as they were computed.
+    scores : mapping of int to (Metrics or None)
+        Metrics of reference accuracy by trial, as far as they were computed.
     notes : tuple of str
         What the run had to say, task's assumptions first.
     resumed : int
@@ -177,7 +177,7 @@ class RunRecord:
     trials: tuple[Trial, ...]
     rounds: tuple[Round, ...]
     exchanges: tuple[Exchange, ...]
-    scores: Mapping[str, Metrics | None] = field(default_factory=dict)
+    scores: Mapping[int, Metrics | None] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     resumed: int = 0
     appraisal: PostFitAnalysis | None = None
@@ -191,23 +191,32 @@ class RunRecord:
 
     @property
     def best(self) -> Trial:
-        """The trial with the lowest objective; the initial one if none succeeded."""
-        return min(self.trials, key=lambda trial: trial.objective)
+        """The likeliest trial, whose parameters and intervals are the run's answer; the initial one if all failed."""
+        return likeliest(self.trials)
+
+    @property
+    def lowest(self) -> Trial:
+        """The trial with the lowest objective; the initial one if all failed."""
+        return lowest(self.trials)
+
+    def metrics_of(self, trial: Trial) -> Metrics | None:
+        """Of reference accuracy where there is a score, else of the search."""
+        return self.scores.get(trial.index, trial.metrics)
 
     @property
     def initial_metrics(self) -> Metrics | None:
-        """Of reference accuracy where there is a score, else of the search."""
-        return self.scores.get("initial", self.initial.metrics)
+        """Errors of the starting point; see `metrics_of`."""
+        return self.metrics_of(self.initial)
 
     @property
     def best_metrics(self) -> Metrics | None:
-        """Of reference accuracy where there is a score, else of the search."""
-        return self.scores.get("best", self.best.metrics)
+        """Errors of the likeliest trial; see `metrics_of`."""
+        return self.metrics_of(self.best)
 
     @property
     def scored_exactly(self) -> bool:
         """Whether the best trial was scored with reference accuracy."""
-        return "best" in self.scores
+        return self.best.index in self.scores
 
     @property
     def failed(self) -> int:
@@ -271,7 +280,8 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
     for trial in trials:
         for parameter in task.space:
             _check_bounds(parameter, trial.candidate[parameter.name])
-    best = min(trials, key=lambda trial: trial.objective)
+    best = likeliest(trials).index
+    scores = {event["index"]: event for event in events if event["event"] == SCORE}
     return RunRecord(
         name=folder.resolve().name,
         task=task,
@@ -282,12 +292,12 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
         trials=trials,
         rounds=_rounds(events, trials),
         exchanges=tuple(_exchange(event) for event in events if event["event"] in _EXCHANGED),
-        scores=_scores(events, {"initial": trials[0].index, "best": best.index}),
+        scores={index: decode_metrics(event["metrics"]) for index, event in scores.items()},
         notes=(*task.notes, *(str(event["text"]) for event in events if event["event"] == "note")),
         resumed=sum(event["event"] == "resumed" for event in events),
-        appraisal=_appraisal(events, (most_likely(trials) or best).index, task),
-        records=_record_errors(events, best.index),
-        held_out=_predictions(events, best.index),
+        appraisal=_appraisal(events, best, task),
+        records=read_record_errors(scores.get(best, {})),
+        held_out=_predictions(events, best),
     )
 
 
@@ -320,12 +330,6 @@ def _appraisal(events: Iterable[Mapping[str, Any]], base: int, task: Task) -> Po
     return appraisal
 
 
-def _record_errors(events: Iterable[Mapping[str, Any]], best: int) -> tuple[RecordErrors, ...]:
-    found = (event for event in events if (event["event"], event.get("which")) == ("score", "best"))
-    contents = next((event.get("records", ()) for event in found if event["index"] == best), ())
-    return tuple(RecordErrors.from_json(content) for content in contents)
-
-
 def _predictions(events: Iterable[Mapping[str, Any]], best: int) -> tuple[Prediction, ...]:
     """The predictions of the best trial: a resumed run may have found a better one since."""
     found = (event["predictions"] for event in events if event["event"] == HELD_OUT and event["base"] == best)
@@ -343,15 +347,6 @@ def _status(events: Iterable[Mapping[str, Any]]) -> str:
     return status
 
 
-def _scores(events: Iterable[Mapping[str, Any]], wanted: Mapping[str, int]) -> dict[str, Metrics | None]:
-    """Scores of the trials they still belong to: a resumed run may have found a better one."""
-    scores: dict[str, Metrics | None] = {}
-    for event in events:
-        if event["event"] == "score" and wanted.get(event["which"]) == event["index"]:
-            scores[event["which"]] = decode_metrics(event["metrics"])
-    return scores
-
-
 def _rounds(events: Iterable[Mapping[str, Any]], trials: tuple[Trial, ...]) -> tuple[Round, ...]:
     rounds: list[Round] = []
     exchanges: list[Exchange] = []
@@ -364,7 +359,7 @@ def _rounds(events: Iterable[Mapping[str, Any]], trials: tuple[Trial, ...]) -> t
             mine = tuple(trial for trial in trials if (trial.phase, trial.round) == (phase, number))
             rounds.append(_round(event, best, mine, tuple(exchanges)))
             exchanges = []
-            best = min((best, *mine), key=lambda trial: trial.objective)
+            best = lowest((best, *mine))
     return tuple(rounds)
 
 

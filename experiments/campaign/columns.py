@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from .store import best_score
 from .trace import Trace, read_trace
 
 EARLY = 20
@@ -48,12 +49,17 @@ class Facts:
         """Its simulations; none of a cell that is not done."""
         return read_trace(self.folder) if self.result else Trace()
 
-    def number(self, *path: str) -> float | None:
-        """A number of the result by its path; None where there is none, or none that is finite."""
-        value: Any = self.result
-        for key in path:
-            value = (value or {}).get(key)
-        return None if value is None or not math.isfinite(value) else float(value)
+    def number(self, part: str, name: str) -> float | None:
+        """A number of a part of the result; None where there is none, or none that is finite."""
+        return _finite((self.result.get(part) or {}).get(name))
+
+    def best_number(self, name: str) -> float | None:
+        """An error of the simulation with the best score; None where there is none, or none that is finite."""
+        return _finite(best_score(self.result).get(name))
+
+
+def _finite(value: Any) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)
 
 
 @dataclass(frozen=True)
@@ -89,7 +95,7 @@ def _axis(name: str, page: str = "", kind: type[str] | type[int] = str) -> Colum
 
 
 def _metric(name: str, page: str = "", error: str = "") -> Column:
-    return Column(name, float, lambda facts: facts.number("best", name), page, error)
+    return Column(name, float, lambda facts: facts.best_number(name), page, error)
 
 
 def _initial(name: str, page: str = "") -> Column:
@@ -138,7 +144,7 @@ COLUMNS = (
     _told("backend_s"),
     Column("proposer_s", float, lambda facts: facts.trace.proposer_s),
     Column("resumed", str, lambda facts: "yes" if facts.trace.resumed else ""),
-    Column("best_simulation", int, lambda facts: (facts.result.get("best") or {}).get("trial")),
+    Column("best_simulation", int, lambda facts: best_score(facts.result).get("trial")),
     _told("verdict", str, "Verdict"),
     Column("named", str, lambda facts: " + ".join(facts.result.get("names", ())), "Named"),
     Column("gap_closed", float, lambda facts: facts.number("gap", "closed"), "Gap closed"),

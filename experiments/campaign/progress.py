@@ -13,6 +13,7 @@ from typing import Any, TextIO
 from ..cli.progress import printable
 from ..report.wording import duration
 from .cell import Cell, Report
+from .store import best_score
 
 _LINE_EVERY_S = 5.0
 _MOST_ROWS = 24
@@ -97,7 +98,7 @@ class _Counting(ABC):
 
 def objective_of(report: Report) -> float:
     """The objective of a finished cell; infinity where nothing could be compared."""
-    value = (report.result.get("best") or {}).get("objective")
+    value = best_score(report.result).get("objective")
     return math.inf if value is None else float(value)
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -117,6 +118,7 @@ class _Result:
     status: str
     best: dict[str, Any]
     initial: dict[str, Any]
+    best_score: dict[str, Any] = field(default_factory=dict)
     reason: str = ""
     simulations: int | None = None
     failed_simulations: int | None = None
@@ -134,11 +136,18 @@ def read_result(folder: Path) -> dict[str, Any] | None:
     content = read_json(folder / RESULT)
     try:
         found: _Result = shaped(_Result, content)
-        numbers = [value for part in (found.best, found.initial) for key, value in part.items() if key in _METRICS]
+        parts = (found.best, found.best_score, found.initial)
+        numbers = [value for part in parts for key, value in part.items() if key in _METRICS]
         shaped(list[float | None], numbers)
     except ValueError:
         return None
     return content
+
+
+def best_score(result: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Errors of the trial with the lowest objective, by which campaigns compare; older results hold no other."""
+    found: Mapping[str, Any] = result.get("best_score") or result.get("best") or {}
+    return found
 
 
 def _digest(content: bytes) -> str:

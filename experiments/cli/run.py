@@ -263,7 +263,8 @@ def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability
 
 
 def _print_summary(task: Task, result: RunResult, folder: Path) -> None:
-    from ...core.metrics import headline_of
+    from ...core.metrics import headline_of, objective_of
+    from ..report.post_fit import best_score_line, caution_line, groups_line, next_line, verdict_line
     from ..report.records import error_rows
     from ..report.wording import number
     from .progress import printable
@@ -276,11 +277,12 @@ def _print_summary(task: Task, result: RunResult, folder: Path) -> None:
     for quantity in shown:
         before, after = (number(quantity.shown(metrics)) for metrics in (result.initial_metrics, result.best_metrics))
         print(f"  {quantity.words:{width}s} {before:>10s} → {after} {quantity.unit}")
+    better = best_score_line(objective_of(task), result.best, result.lowest, result.lowest_metrics)
+    if better:
+        print(f"  {better}")
     for row in error_rows(task, result.records, result.held_out):
         print(f"  {printable(row.line, 400)}")
     if result.appraisal is not None:
-        from ..post_fit_words import caution_line, groups_line, next_line, verdict_line
-
         lines = [words(result.appraisal) for words in (verdict_line, caution_line, groups_line)]
         lines.append(next_line(result.appraisal, task.domain))
         print(*(f"  {line}" for line in lines if line), "  (see the report)", sep="\n")

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from ...core.parameters import Parameter
 from ...core.post_fit_analysis import PostFitAnalysis
-from ..post_fit_words import (
+from ..run_record import RunRecord
+from .post_fit import (
     caution_line,
     groups_line,
     named,
@@ -16,7 +17,6 @@ from ..post_fit_words import (
     tolerance_words,
     verdict_line,
 )
-from ..run_record import RunRecord
 from .wording import number, short_name, unit
 
 

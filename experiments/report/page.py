@@ -22,6 +22,7 @@ from .ageing import lives
 from .failures import failures
 from .figures import convergence, overlays, prediction_overlays
 from .identifiability import section
+from .post_fit import best_score_line
 from .records import error_rows
 from .rounds import chapters
 from .wording import change, clipped, duration, factor, number, short_name, unit
@@ -134,6 +135,7 @@ def render(run: RunRecord) -> str:
         predictions=prediction_overlays(run.task, run.held_out),
         convergence=convergence(run, objective),
         parameters=parameters,
+        best_score=best_score_line(objective, run.best, run.lowest, run.metrics_of(run.lowest)),
         at_bound=[row for row in parameters if row.bound],
         fixed=section(run),
         failures=failures(run),

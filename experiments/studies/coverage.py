@@ -19,13 +19,13 @@ from ...core.feedback import Feedback
 from ...core.files import write_csv, write_text
 from ...core.metrics import evaluate
 from ...core.parameters import Candidate
-from ...core.post_fit_analysis import PostFitAnalysis, Simulating, analyse, most_likely
+from ...core.post_fit_analysis import PostFitAnalysis, Simulating, analyse
 from ...core.residuals import noise_of_residuals, partial_residuals, residuals
 from ...core.simulation import ExperimentRun, Outcome
 from ...core.target import CellChange
 from ...core.task import CellModel, Experiment, Protocol, Task
 from ...core.trajectory import FloatArray, Trajectory
-from ...core.trial import Trial
+from ...core.trial import Trial, likeliest
 from ...plugins.proposers.descent import Descent, DescentOptions
 from ..campaign.summary import exact_interval, grouped
 from ..campaign.text_tables import markdown_table
@@ -250,9 +250,9 @@ def fit(drawn: Drawn, simulations: int) -> Fitted | None:
     descent = Descent(task, DescentOptions(), 0, tried([task.space.initial])[0])
     while asked := descent.ask(simulations - len(trials)):
         descent.tell(tried(asked))
-    best = most_likely(trials)
-    analysis = None if best is None else analyse(task, trials, best, simulator)
-    if best is None or best.residuals is None or analysis is None:
+    best = likeliest(trials)
+    analysis = analyse(task, trials, best, simulator)
+    if best.residuals is None or analysis is None:
         return None
     true = residuals(task, next(simulator.simulate([drawn.truth], False))[1])
     true_cost = float("nan") if true is None else float(true @ true)

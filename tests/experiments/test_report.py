@@ -93,8 +93,8 @@ class Writer:
         proposal = Proposal(tuple({} for _ in range(candidates)), **fields)
         self.journal.append("proposal", phase=phase, round=number_, **encode_proposal(proposal))
 
-    def score(self, which, index, objective):
-        self.journal.append("score", which=which, index=index, metrics=asdict(metrics(objective)))
+    def score(self, index, objective):
+        self.journal.append("score", index=index, metrics=asdict(metrics(objective)))
 
 
 @pytest.fixture
@@ -115,8 +115,8 @@ def folder(tmp_path):
     writer.proposal("search", 3, hypothesis="Porosity.", details={"problems": ["nonsense"]})
     writer.trial(4, "search", 3, 3.0, **{RADIUS: 1e-6, POROSITY: 0.35})
     writer.journal.append("note", text="something worth saying")
-    writer.score("initial", 0, 41.0)
-    writer.score("best", 3, 2.5)
+    writer.score(0, 41.0)
+    writer.score(3, 2.5)
     writer.journal.append("end", status="converged", best=3)
     writer.journal.close()
     return writer.folder
@@ -146,8 +146,8 @@ class TestRunRecord:
     def test_a_score_of_an_earlier_best_does_not_count(self, tmp_path):
         writer = Writer(tmp_path, make_task())
         writer.trial(0, "initial", 0, 40.0)
-        writer.score("initial", 0, 41.0)
-        writer.score("best", 0, 41.0)
+        writer.score(0, 41.0)
+        writer.score(0, 41.0)
         writer.journal.append("end", status="budget-spent", best=0)
         writer.journal.append("resumed", versions={})
         writer.proposal("search", 1)

@@ -26,7 +26,7 @@ def test_simulations_after_the_search_are_counted_line_by_line(tmp_path: Path) -
     run(tmp_path / "run", PlainProgress("%", stream))
     lines = stream.getvalue().splitlines()
     assert [line for line in lines if line.startswith("final scores")] == [
-        f"final scores: {done} of 2 simulations" for done in range(3)
+        f"final scores: {done} of 3 simulations" for done in range(4)
     ]
     for purpose in ("what the record fixes", "what to measure next"):
         counts = [line for line in lines if line.startswith(purpose)]
@@ -50,7 +50,7 @@ def test_the_panel_counts_them_too(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(live, "counted", look)
     run(tmp_path / "run", live)
-    assert "final scores: 2 of 2 simulations" in shown[2]
+    assert "final scores: 2 of 3 simulations" in shown[2]
     assert "what to measure next: 1 of" in "".join(shown)
 
 
@@ -59,5 +59,5 @@ def test_a_run_without_a_fit_is_scored_once_and_not_judged(tmp_path: Path) -> No
     run(tmp_path / "run", PlainProgress("%", stream), "default")
     assert stream.getvalue().splitlines()[-1] == "final scores: 1 of 1 simulations"
     events = list(read_events(tmp_path / "run"))
-    assert [event["which"] for event in events if event["event"] == "score"] == ["initial", "best"]
+    assert [event["index"] for event in events if event["event"] == "score"] == [0]
     assert not [event for event in events if event["event"].startswith("appraisal")]

@@ -4,14 +4,37 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..core.domain import Domain
-from ..core.post_fit_analysis import PostFitAnalysis, Suggestion
-from ..core.residuals import DURATION_TOLERANCE
-from ..core.task import Task
-from .report.wording import number, short_name, unit
+from ...core.domain import Domain
+from ...core.metrics import Metrics, Quantity
+from ...core.post_fit_analysis import PostFitAnalysis, Suggestion
+from ...core.residuals import DURATION_TOLERANCE
+from ...core.task import Task
+from ...core.trial import Trial
+from .wording import number, short_name, unit
 
 _WORTH_MEASURING = 0.9
 """Share of the widest interval that a protocol must come below to be advised: less is not worth hours of a cycler."""
+
+
+def best_score_line(objective: Quantity, best: Trial, lowest: Trial, metrics: Metrics | None) -> str:
+    """Which simulation has a better score than the one that is reported; empty if none has.
+
+    Parameters
+    ----------
+    objective : Quantity
+        The score.
+    best, lowest : Trial
+        The likeliest simulation, and the one with the lowest objective.
+    metrics : Metrics or None
+        Of the latter.
+    """
+    if lowest is best or metrics is None:
+        return ""
+    return (
+        f"These are the values of simulation {best.index}, which follows the record most closely step by step; "
+        f"simulation {lowest.index} has the lowest {objective.words}, {number(objective.shown(metrics))} "
+        f"{objective.unit}."
+    )
 
 
 def verdict_line(appraisal: PostFitAnalysis) -> str:

@@ -1,0 +1,165 @@
+"""What a run finds out when its search has ended: final scores, what the records fix, and records that were not fitted.
+
+All of it is journalled: a run that is interrupted here goes on where it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from .journal import Journal
+from .journalled_simulations import JournalledSimulations
+from .metrics import Metrics, decode_metrics, evaluate
+from .post_fit_analysis import PostFitAnalysis, analyse
+from .prediction import HELD_OUT, Prediction, decode_prediction, encode_prediction, predict
+from .record_errors import RecordErrors, errors_by_record
+from .run_plugins import RunPlugins
+from .simulation import Outcome
+from .task import Task
+from .trial import Trial
+from .watched_simulations import NOT_FITTED, REFERENCE, WatchedSimulations
+
+APPRAISAL, SCORE = "appraisal", "score"
+
+
+class Watching(Protocol):
+    """Follows what comes after a search."""
+
+    def counted(self, purpose: str, done: int, total: int) -> None:
+        """So many of the simulations after the search that serve a purpose are done."""
+
+    def noted(self, text: str) -> None:
+        """Something worth saying happened."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """A trial, scored with the simulator's reference accuracy.
+
+    Attributes
+    ----------
+    metrics : Metrics or None
+        Its errors; None where nothing could be compared.
+    records : tuple of RecordErrors
+        Record by record; empty where it did not run with that accuracy.
+    """
+
+    metrics: Metrics | None
+    records: tuple[RecordErrors, ...] = ()
+
+
+class AfterSearch:
+    """The steps of a run after its search.
+
+    Parameters
+    ----------
+    task : Task
+        What was matched.
+    plugins : RunPlugins
+        Simulates.
+    journal : Journal
+        Open for writing.
+    earlier : sequence of mapping
+        Events of the interrupted run; what they hold is not found out again.
+    listener : Watching, optional
+        Watches.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        plugins: RunPlugins,
+        journal: Journal,
+        earlier: Sequence[Mapping[str, Any]],
+        listener: Watching | None,
+    ) -> None:
+        self._task = task
+        self._plugins = plugins
+        self._journal = journal
+        self._listener = listener
+        self._analysed = JournalledSimulations(plugins, journal, earlier)
+        self._scores = {event["index"]: event for event in earlier if event["event"] == SCORE}
+        self._analyses = {event["appraisal"]["base"]: event for event in earlier if event["event"] == APPRAISAL}
+        self._predictions = {event["base"]: event for event in earlier if event["event"] == HELD_OUT}
+
+    def score(self, trials: Iterable[Trial]) -> dict[int, Score]:
+        """Score trials with the simulator's reference accuracy; each is simulated once, however often it is given."""
+        wanted = {trial.index: trial for trial in trials}
+        scores = {
+            index: Score(decode_metrics(known["metrics"]), read_record_errors(known))
+            for index, known in self._scores.items()
+            if index in wanted
+        }
+        missing = [trial for index, trial in wanted.items() if index not in scores]
+        if missing:
+            simulations = WatchedSimulations(self._plugins, self._watch)
+            for place, outcome in simulations.simulate([trial.candidate for trial in missing], True):
+                scores[missing[place].index] = self._scored(missing[place], outcome)
+        return scores
+
+    def _scored(self, trial: Trial, outcome: Outcome) -> Score:
+        metrics = evaluate(self._task, outcome) if outcome.ok else None
+        if metrics is None and trial.ok:
+            self._note(
+                f"Simulation {trial.index} ran on the search mesh but not with reference accuracy "
+                f"({outcome.failure.cause if outcome.failure else 'nothing to compare'}); its search score stands."
+            )
+            metrics = trial.metrics
+        records = errors_by_record(self._task, outcome) if outcome.ok else ()
+        self._journal.append(
+            SCORE,
+            index=trial.index,
+            metrics=None if metrics is None else metrics.as_json(),
+            records=[record.as_json() for record in records],
+        )
+        return Score(metrics, records)
+
+    def analyse(self, trials: Sequence[Trial], best: Trial) -> PostFitAnalysis | None:
+        """What the records fix at the best trial; from the journal if it was found out before."""
+        known = self._analyses.get(best.index)
+        if known is not None:
+            return PostFitAnalysis.from_json(known["appraisal"])
+        if self._listener and best.ok:
+            self._listener.noted("The search has ended; now what the record fixes, and what to measure next.")
+        try:
+            watched = WatchedSimulations(self._analysed, self._watch, exact=REFERENCE)
+            found = analyse(self._task, trials, best, watched)
+        except KeyboardInterrupt:
+            self._note("Stopped before it was known what the record fixes. Resume the run to find out.")
+            return None
+        if found is not None:
+            self._journal.append(APPRAISAL, appraisal=found.as_json())
+        return found
+
+    def predict(self, best: Trial, analysis: PostFitAnalysis | None) -> tuple[Prediction, ...]:
+        """The held-out records at the best trial's parameters."""
+        if not (best.ok and self._task.held_out):
+            return ()
+        known = self._predictions.get(best.index)
+        if known is not None:
+            return tuple(decode_prediction(content) for content in known["predictions"])
+        covariance = () if analysis is None else analysis.identifiability.covariance
+        watched = WatchedSimulations(self._plugins, self._watch, variants=NOT_FITTED)
+        try:
+            found = predict(self._task, best.candidate, self._task.held_out, watched, covariance)
+        except KeyboardInterrupt:
+            self._note("Stopped before the held-out records were scored. Resume the run to score them.")
+            return ()
+        self._journal.append(HELD_OUT, base=best.index, predictions=[encode_prediction(one) for one in found])
+        return found
+
+    def _watch(self, purpose: str, done: int, total: int) -> None:
+        if self._listener:
+            self._listener.counted(purpose, done, total)
+
+    def _note(self, text: str) -> None:
+        self._journal.append("note", text=text)
+        if self._listener:
+            self._listener.noted(text)
+
+
+def read_record_errors(event: Mapping[str, Any]) -> tuple[RecordErrors, ...]:
+    """The errors record by record in the journal's event of a score."""
+    return tuple(RecordErrors.from_json(content) for content in event.get("records", ()))

@@ -1,0 +1,66 @@
+"""What is reported of a run is of one trial, and the best score is named where it is another's."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+from bsa.core.feedback import Feedback
+from bsa.core.journal import FILE_NAME, read_events
+from bsa.core.parameters import Candidate
+from bsa.core.signal_metrics import SignalMetrics
+from bsa.core.trial import Trial, closest, likeliest, lowest
+from bsa.experiments.report.page import render
+from bsa.experiments.run_record import read_run
+from bsa_toy_cell import toy_scaffold
+
+from ..conftest import RunToy
+
+RESULTS = ("result.json", "best_parameters.json")
+
+
+def trial(index: int, objective: float | None, residual: float | None, features: bool = True) -> Trial:
+    metrics = None if objective is None else SignalMetrics(objective, {})
+    residuals = None if residual is None else np.array([residual, -residual])
+    feedback = Feedback({"features": ["x"]} if features else {})
+    candidate: Candidate = {}
+    return Trial(index, "search", index, candidate, metrics, None, residuals, feedback, (), 0.0)
+
+
+def test_the_likeliest_follows_the_record_and_the_lowest_has_the_best_score() -> None:
+    trials = [trial(0, 9.0, 9.0), trial(1, 2.0, 3.0), trial(2, 3.0, 1.0), trial(3, 2.5, 1.0), trial(4, None, None)]
+    assert (likeliest(trials).index, lowest(trials).index) == (3, 1)
+    assert closest(trials).index == 3
+    assert closest([trial(0, 9.0, 1.0, features=False), trial(1, 2.0, 3.0, features=False)]).index == 1
+    failed = [trial(0, None, None), trial(1, None, None)]
+    assert likeliest(failed) is lowest(failed) is failed[0]
+
+
+def test_parameters_errors_and_intervals_are_of_one_trial(run_toy: RunToy, tmp_path: Path) -> None:
+    scaffold = toy_scaffold("random")
+    result = run_toy(scaffold=scaffold, simulations=6, rounds=6, warm_up=0, appraising=True)
+    folder = tmp_path / "run"
+    found, parameters = (json.loads((folder / name).read_text()) for name in RESULTS)
+    assert result.best is not result.lowest, "the toy's random search must tell the two apart here"
+    assert result.best is likeliest(result.trials)
+    assert result.lowest is lowest(result.trials)
+    assert found["best"]["trial"] == found["identifiability"]["base"] == result.best.index
+    assert found["best"]["parameters"] == parameters == dict(result.best.candidate)
+    assert found["best_score"]["trial"] == result.lowest.index
+    assert found["best_score"]["mape"] < found["best"]["mape"]
+    scored = {event["index"] for event in read_events(folder) if event["event"] == "score"}
+    assert scored == {0, result.best.index, result.lowest.index}
+    run = read_run(folder)
+    assert (run.best.index, run.lowest.index) == (result.best.index, result.lowest.index)
+    assert run.best_metrics == result.best_metrics
+    assert run.metrics_of(run.lowest) == result.lowest_metrics
+    assert run.appraisal is not None
+    assert f"simulation {run.lowest.index} has the lowest total MAPE" in render(run)
+
+
+def test_a_run_that_is_taken_up_again_scores_nothing_twice(run_toy: RunToy, tmp_path: Path) -> None:
+    whole = run_toy(rounds=1, simulations=10)
+    events = (tmp_path / "run" / FILE_NAME).read_bytes()
+    again = run_toy(rounds=1, simulations=10)
+    assert (again.best_metrics, again.records) == (whole.best_metrics, whole.records)
+    added = (tmp_path / "run" / FILE_NAME).read_bytes()[len(events) :]
+    assert b'"event":"score"' not in added
