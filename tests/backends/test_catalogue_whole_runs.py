@@ -32,7 +32,7 @@ def test_a_run_in_this_process_and_its_replay(tiny_model, run_toy, tmp_path):
 
 def test_a_run_with_votes_and_its_replay(run_toy, tmp_path):
     result = run_toy(tmp_path / "run", backend=VotingBackend(RulesBackend(), 3), rounds=3)
-    assert result.best.objective < result.trials[0].objective
+    assert result.lowest.objective < result.trials[0].objective
     votes = _events(tmp_path / "run", "vote")
     assert (
         len(_events(tmp_path / "run", "reply")) == result.llm_calls == 3 * len(votes) + 1

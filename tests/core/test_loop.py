@@ -203,7 +203,7 @@ def test_the_candidate_in_the_journal_must_be_the_one_proposed(run_toy: RunToy, 
 
 def test_memory_and_structured_feedback_help_the_rules_backend(run_toy: RunToy, tmp_path: Path) -> None:
     best = {
-        name: run_toy(tmp_path / name, scaffold=toy_scaffold(name), rounds=12).best.objective
+        name: run_toy(tmp_path / name, scaffold=toy_scaffold(name), rounds=12).lowest.objective
         for name in ("full", "no-memory", "scalar-only")
     }
     assert best["full"] < 0.2 * best["no-memory"]

@@ -37,7 +37,7 @@ def test_budget_bounds_and_progress(name: str, run_toy: RunToy) -> None:
     assert len(result.trials) == 24
     for candidate in tried(result):
         assert toy_task().space.project(candidate) == candidate
-    assert result.best.objective < result.trials[0].objective
+    assert result.lowest.objective < result.trials[0].objective
 
 
 @pytest.mark.parametrize("name", FAST + SLOW)
@@ -88,7 +88,7 @@ def test_simulations_alone_end_a_sampler(name: str, broken: bool, run_toy: RunTo
 @pytest.mark.parametrize("name", ["cma-es", "de"])
 def test_populations_converge(name: str, run_toy: RunToy) -> None:
     result = run_toy(scaffold=toy_scaffold(name), rounds=60, simulations=200, **BUDGET)
-    assert result.best.objective < 0.1 * result.trials[0].objective
+    assert result.lowest.objective < 0.1 * result.trials[0].objective
 
 
 def test_cma_population_is_the_papers(run_toy: RunToy) -> None:

@@ -95,7 +95,7 @@ def test_no_backend_does_harm(run_toy: RunToy, tmp_path: Path, who: str, budget:
         plain = search(run_toy, tmp_path / f"plain-{number}", "least-squares", int(0.8 * budget), hidden)
         backend = BACKENDS[who]()
         mixed = search(run_toy, tmp_path / f"mixed-{number}", "hybrid", budget, hidden, backend=backend)
-        assert mixed.best.objective <= plain.best.objective + 1e-12, number
+        assert mixed.lowest.objective <= plain.lowest.objective + 1e-12, number
 
 
 def hidden_cells(count: int) -> list[dict[str, float]]:
@@ -128,7 +128,7 @@ def test_rules_do_as_well_as_least_squares_alone(run_toy: RunToy, tmp_path: Path
     for number, hidden in enumerate(hidden_cells(3)):
         plain = search(run_toy, tmp_path / f"plain-{number}", "least-squares", 30, hidden)
         mixed = search(run_toy, tmp_path / f"mixed-{number}", "hybrid", 30, hidden, backend=RulesBackend())
-        assert mixed.best.objective <= plain.best.objective + 1e-9
+        assert mixed.lowest.objective <= plain.lowest.objective + 1e-9
 
 
 def test_a_better_point_becomes_the_fits_at_once(run_toy: RunToy, tmp_path: Path) -> None:
@@ -161,8 +161,8 @@ def test_a_good_idea_is_taken_up_once_the_fit_is_at_a_loss(run_toy: RunToy, tmp_
 
     plain = search(run_toy, tmp_path / "plain", "least-squares", 40, hidden, scaffold=with_proposer(scaffold))
     mixed = search(run_toy, tmp_path / "mixed", "hybrid", 40, hidden, scaffold=scaffold, backend=Speaking(wise))
-    assert mixed.best.objective < 0.05
-    assert mixed.best.objective < plain.best.objective
+    assert mixed.lowest.objective < 0.05
+    assert mixed.lowest.objective < plain.lowest.objective
 
 
 def with_proposer(scaffold: Scaffold) -> Scaffold:
@@ -180,7 +180,7 @@ def test_any_sequence_of_actions_is_carried_out(
     folder = tmp_path_factory.mktemp("any")
     result = search(run_toy, folder, "hybrid", 35, HIDDEN, backend=Speaking(scripted))
     assert len(result.trials) <= 35
-    assert result.best.objective < 1.0
+    assert result.lowest.objective < 1.0
 
 
 def test_a_run_that_was_cut_goes_on_as_it_would_have(run_toy: RunToy, tmp_path: Path) -> None:
