@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,13 +66,99 @@ class ImpedanceSpectrum:
     def __len__(self) -> int:
         return len(self.frequency)
 
+    def at(self, frequency: float) -> complex:
+        """The impedance at a frequency in Hz, interpolated over its logarithm; constant beyond the ends, ohm."""
+        places, logarithms = np.log(self.frequency[::-1]), np.log(frequency)
+        real, imaginary = (
+            float(np.interp(logarithms, places, part[::-1])) for part in (self.impedance.real, self.impedance.imag)
+        )
+        return complex(real, imaginary)
+
     @property
-    def ohmic_resistance(self) -> float | None:
-        """Real part where the imaginary part first changes its sign, from high frequencies on, in ohm."""
+    def ohmic_frequency(self) -> float | None:
+        """Frequency at which the imaginary part first changes its sign, from high frequencies on, Hz."""
         imaginary = self.impedance.imag
         crossings = np.flatnonzero((imaginary[:-1] > 0) & (imaginary[1:] <= 0))
         if len(crossings) == 0:
             return None
         k = int(crossings[0])
         share = imaginary[k] / (imaginary[k] - imaginary[k + 1])
-        return float((1 - share) * self.impedance.real[k] + share * self.impedance.real[k + 1])
+        return float(self.frequency[k] * (self.frequency[k + 1] / self.frequency[k]) ** share)
+
+    @property
+    def ohmic_resistance(self) -> float | None:
+        """Real part where the imaginary part first changes its sign, from high frequencies on, in ohm."""
+        frequency = self.ohmic_frequency
+        return None if frequency is None else self.at(frequency).real
+
+    @property
+    def arcs_end(self) -> float | None:
+        """Frequency between the arcs of the reactions and the tail of the diffusion, Hz; None if they are not apart.
+
+        From low frequencies on, the first at which the negative imaginary part no longer falls.
+        """
+        height = -self.impedance.imag[::-1]
+        rising = np.flatnonzero(np.diff(height) > 0)
+        if len(rising) == 0 or rising[0] == 0:
+            return None
+        return float(self.frequency[::-1][rising[0]])
+
+
+@dataclass(frozen=True)
+class SpectrumErrors:
+    """A simulated spectrum against a measured one, both read at the frequencies that the measured one marks.
+
+    Attributes
+    ----------
+    record : str
+        The measured spectrum's name. Untrusted.
+    soc : float
+        State of charge at which it was simulated.
+    rms_mohm : float
+        Root mean square of the distance in the complex plane, over the frequencies up to ``ohmic_hz``: the inductance
+        of leads is in no cell model.
+    ohmic_hz, ohmic_mohm, ohmic_simulated_mohm : float
+        Where the measured spectrum crosses the real axis (its highest frequency, if it does not), and the real parts
+        there.
+    arcs_hz, arcs_mohm, arcs_simulated_mohm : float or None
+        Where the measured arcs end, and by how much the real part grows up to there; None if they run into the
+        tail.
+    """
+
+    record: str
+    soc: float
+    rms_mohm: float
+    ohmic_hz: float
+    ohmic_mohm: float
+    ohmic_simulated_mohm: float
+    arcs_hz: float | None = None
+    arcs_mohm: float | None = None
+    arcs_simulated_mohm: float | None = None
+
+    @property
+    def line(self) -> str:
+        """In words, on a line."""
+        arcs = (
+            ""
+            if self.arcs_mohm is None or self.arcs_simulated_mohm is None
+            else f", arcs {self.arcs_simulated_mohm:.1f} (measured {self.arcs_mohm:.1f})"
+        )
+        return (
+            f"{self.record}, impedance at a state of charge of {self.soc:.2f}: "
+            f"ohmic {self.ohmic_simulated_mohm:.1f} mohm (measured {self.ohmic_mohm:.1f}){arcs}; "
+            f"{self.rms_mohm:.1f} mohm rms up to {self.ohmic_hz:.3g} Hz"
+        )
+
+
+def compare(measured: ImpedanceSpectrum, simulated: ImpedanceSpectrum, soc: float) -> SpectrumErrors:
+    """The errors of a simulated spectrum that has the measured one's frequencies."""
+    ohmic_hz = measured.ohmic_frequency or float(measured.frequency[0])
+    judged = measured.frequency <= ohmic_hz
+    rms = np.sqrt(np.mean(np.abs(simulated.impedance - measured.impedance)[judged] ** 2))
+    ohmic, ours = (1e3 * spectrum.at(ohmic_hz).real for spectrum in (measured, simulated))
+    arcs_hz = measured.arcs_end
+    found = SpectrumErrors(measured.name, soc, 1e3 * float(rms), ohmic_hz, ohmic, ours, arcs_hz)
+    if arcs_hz is None:
+        return found
+    arcs, our_arcs = (1e3 * spectrum.at(arcs_hz).real for spectrum in (measured, simulated))
+    return replace(found, arcs_mohm=arcs - ohmic, arcs_simulated_mohm=our_arcs - ours)

@@ -3,23 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ..core.cell import CELL
 from ..core.errors import BsaError
 from ..core.files import write_json, write_text
 from ..core.hooks import RunContext
 from ..core.loop import Listener
 from ..core.prediction import Prediction, predict
+from ..core.record import Record
 from ..core.registry import installed
 from ..core.run_plugins import RunPlugins
 from ..core.scaffold import Scaffold
+from ..core.spectrum import ImpedanceSpectrum, SpectrumErrors, compare
 from ..core.watched_simulations import NOT_FITTED, WatchedSimulations
 from .run_record import RunRecord, read_run
 from .tasks.records import RecordRequest, holding_out
 
 RESULT, PAGE = "prediction.json", "prediction.html"
+
+
+_PYBAMM = "pybamm"
+"""Simulator whose cells have an impedance."""
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedSpectrum:
+    """A measured impedance, and that of the fitted cell at its frequencies."""
+
+    measured: ImpedanceSpectrum
+    simulated: ImpedanceSpectrum
+    errors: SpectrumErrors
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,10 +48,13 @@ class ScoredRecords:
         The run; its task holds out these records in place of those that it held out itself.
     predictions : tuple of Prediction
         In the order of the records.
+    spectra : tuple of PredictedSpectrum
+        In the order of the spectra.
     """
 
     run: RunRecord
     predictions: tuple[Prediction, ...]
+    spectra: tuple[PredictedSpectrum, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """What ``prediction.json`` holds."""
@@ -45,6 +64,7 @@ class ScoredRecords:
             "trial": self.run.best.index,
             "parameters": dict(self.run.best.candidate),
             "records": [{"fitted": False, **prediction.as_json()} for prediction in self.predictions],
+            "spectra": [asdict(spectrum.errors) for spectrum in self.spectra],
             "notes": [note for note in self.run.task.notes if "(held out)" in note],
         }
 
@@ -52,14 +72,15 @@ class ScoredRecords:
 def predict_records(
     folder: Path, requests: Sequence[RecordRequest], workers: int = 1, listener: Listener | None = None
 ) -> ScoredRecords:
-    """Simulate records with the best candidate of a run.
+    """Simulate records and impedance spectra with the best candidate of a run.
 
     Parameters
     ----------
     folder : Path
         The run's.
     requests : sequence of RecordRequest
-        The records.
+        The records and spectra. A spectrum is that of the cell at the state of charge at which the fitted cell shows
+        its voltage, if its request names none.
     workers : int
         Simulations side by side.
     listener : Listener, optional
@@ -73,7 +94,14 @@ def predict_records(
     run = read_run(folder)
     if not run.best.ok:
         raise BsaError(f"no simulation of {folder} ran to its end.", "a run that fits nothing predicts nothing.")
-    task = holding_out(replace(run.task, held_out=()), requests)
+    loaded = [(request, request.load()) for request in requests]
+    records = [replace(request, source=found) for request, found in loaded if isinstance(found, Record)]
+    task = holding_out(replace(run.task, held_out=()), records)
+    spectra = _spectra(
+        run, [(found, request.initial_soc) for request, found in loaded if not isinstance(found, Record)]
+    )
+    if not records:
+        return ScoredRecords(replace(run, task=task, held_out=()), (), spectra)
     scaffold = Scaffold.model_validate(
         {"name": "predict", "simulator": run.config["scaffold"]["simulator"], "proposer": "default"}
     )
@@ -85,7 +113,25 @@ def predict_records(
         found = predict(task, run.best.candidate, task.held_out, watched, covariance)
     finally:
         plugins.close()
-    return ScoredRecords(replace(run, task=task, held_out=found), found)
+    return ScoredRecords(replace(run, task=task, held_out=found), found, spectra)
+
+
+def _spectra(
+    run: RunRecord, measured: Sequence[tuple[ImpedanceSpectrum, float | None]]
+) -> tuple[PredictedSpectrum, ...]:
+    """The spectra of the best candidate's cell."""
+    if not measured:
+        return ()
+    simulator = run.config["scaffold"]["simulator"]["use"]
+    if simulator != _PYBAMM or run.task.domain != CELL:
+        raise BsaError(f'the simulator "{simulator}" has no impedance.', "give records over time alone.")
+    from ..plugins.pybamm.impedance import simulate_spectrum
+
+    found = []
+    for spectrum, known_soc in measured:
+        simulated, soc = simulate_spectrum(run.task.cell, run.task.space, run.best.candidate, spectrum, known_soc)
+        found.append(PredictedSpectrum(spectrum, simulated, compare(spectrum, simulated, soc)))
+    return tuple(found)
 
 
 def _unwatched(purpose: str, done: int, total: int) -> None:
@@ -97,5 +143,5 @@ def write_scores(scored: ScoredRecords, out: Path) -> Path:
     from .report.prediction import render
 
     write_json(out / RESULT, scored.to_json(), indent=2)
-    write_text(out / PAGE, render(scored.run))
+    write_text(out / PAGE, render(scored.run, scored.spectra))
     return out / PAGE

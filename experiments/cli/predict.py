@@ -17,7 +17,7 @@ def predict(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a finished run.")],
     data: Annotated[
         list[Path],
-        shared.records_option("--data", metavar="FILE...", help="Records to predict."),
+        shared.records_option("--data", metavar="FILE...", help="Records, or impedance spectra, to predict."),
     ],
     *,
     reading: shared.Reading,
@@ -43,4 +43,6 @@ def predict(
         return
     for row in error_rows(scored.run.task, scored.run.records, scored.predictions):
         print(f"  {printable(row.line, 400)}")
+    for spectrum in scored.spectra:
+        print(f"  {printable(spectrum.errors.line, 400)}")
     print(f"  report: {page}")

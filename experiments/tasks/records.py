@@ -16,6 +16,7 @@ from ...core.parameters import ParameterSpace
 from ...core.prediction import begins_under_load
 from ...core.record import ReadOptions, Record
 from ...core.registry import installed
+from ...core.spectrum import ImpedanceSpectrum
 from ...core.target import INITIAL_SOC, InitialSoc, soc_name
 from ...core.task import CellModel, Experiment, ParameterSource, Protocol, Task
 from ...core.trajectory import StepKind, Trajectory
@@ -77,6 +78,20 @@ class RecordRequest:
     temperature_k: float | None = None
     initial_soc: float | None = None
     detailed_cycles: Sequence[int] | Literal["auto"] | None = None
+
+    def load(self) -> Record | ImpedanceSpectrum:
+        """What its source holds.
+
+        Raises
+        ------
+        BsaError
+            If the file cannot be read.
+        """
+        from ...core.reading.reading import read_file
+
+        if isinstance(self.source, Record):
+            return self.source
+        return read_file(self.source, self.read, installed(), self.reader, self.reader_options)
 
 
 def build_task(
@@ -223,11 +238,13 @@ def _held_out(request: RecordRequest, record: Record) -> Experiment:
 
 
 def _loaded(request: RecordRequest) -> Record:
-    from ...core.reading.reading import read_record
-
-    if isinstance(request.source, Record):
-        return request.source
-    return read_record(request.source, request.read, installed(), request.reader, request.reader_options)
+    found = request.load()
+    if not isinstance(found, Record):
+        raise BsaError(
+            f"{found.name} is an impedance spectrum, which is not fitted.",
+            "compare it with a finished run: bsa predict RUN --data FILE.",
+        )
+    return found
 
 
 def _as_asked(request: RecordRequest, record: Record) -> Record:

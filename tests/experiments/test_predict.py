@@ -96,6 +96,24 @@ def test_the_command_predicts_and_takes_a_state_of_charge(fitted, tmp_path) -> N
     assert rms < 2.0
 
 
+def test_a_spectrum_is_compared_with_the_fitted_cell(fitted, tmp_path) -> None:
+    frequency = np.logspace(3, -2, 12)
+    table = {"Frequency [Hz]": frequency, "Zreal [ohm]": 0.02 + 0.01 / (1 + frequency / 10), "Zimag [ohm]": -1e-3}
+    path = tmp_path / "z.csv"
+    pandas.DataFrame(table | {"Voltage [V]": 3.9}).to_csv(path, index=False)
+    arguments = ["predict", str(fitted.folder), "--data", str(path), "--out", str(tmp_path / "p"), "--json"]
+    result = CliRunner().invoke(app(), arguments)
+    assert result.exit_code == 0, result.output
+    (found,) = json.loads((tmp_path / "p" / "prediction.json").read_text())["spectra"]
+    assert found["record"] == "z.csv"
+    assert found["ohmic_mohm"] == pytest.approx(20.1, abs=0.1)
+    assert 0.0 < found["ohmic_simulated_mohm"] < 100.0
+    page = (tmp_path / "p" / "prediction.html").read_text()
+    assert "Impedance of z.csv" in page
+    with pytest.raises(BsaError, match=r"z\.csv is an impedance spectrum, which is not fitted"):
+        bsa.calibrate(path, parameters="Chen2020", out=tmp_path / "no", progress=False)
+
+
 def test_what_cannot_be_predicted_is_refused_in_a_line(fitted, tmp_path) -> None:
     half = bsa.read_record(measured(0.5, 20), name="half")
     with pytest.raises(BsaError, match="2 initial states of charge were given for 1 records"):
