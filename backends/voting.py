@@ -17,10 +17,11 @@ from ..core.recording import VOTE, Recorder
 from ..core.reply_parsing import parse_object
 from .structured_output import LADDER
 
-UPDATES = "updated_params"
+UPDATES, ACTION = "updated_params", "action"
 RULE = (
-    "parameters named by more than half of the replies (else the most named ones) are kept, each with the median of "
-    "its changes of the commonest kind, factors on a log scale; all other words are those of the reply closest to that"
+    "of the replies that ask for the commonest action, parameters named by more than half (else most named) are "
+    "kept, each with the median of its changes of the commonest kind, factors on a log scale; all other words are "
+    "those of the reply closest to that"
 )
 _SEED_STRIDE = 100_003
 
@@ -95,12 +96,12 @@ class Ballot:
         except BsaError as error:
             return cls({}, {}, error.message)
         changes = _changes(content)
-        return cls(content, changes, "" if changes else "it changes nothing")
+        return cls(content, changes, "" if changes or content.get(ACTION, "set") != "set" else "it changes nothing")
 
     @property
     def action(self) -> str:
         """What kind of move the reply asks for."""
-        return str(self.content.get("action", ""))
+        return str(self.content.get(ACTION, "set"))
 
     def as_json(self) -> dict[str, Any]:
         """For the journal."""
@@ -170,6 +171,11 @@ def merge(ballots: Sequence[Ballot]) -> dict[str, Any] | None:
         return None
     action = Counter(ballot.action for ballot in valid).most_common(1)[0][0]
     valid = [ballot for ballot in valid if ballot.action == action]
+    voted = [ballot for ballot in valid if ballot.changes]
+    if not voted:
+        # What else an action needs (a step, a list of candidates) has no middle.
+        return dict(valid[0].content)
+    valid = voted
     winner = _winner([ballot.changes for ballot in valid])
     closest = min(valid, key=lambda ballot: _distance(winner, ballot.changes))
     return {**closest.content, UPDATES: {name: str(change) for name, change in winner.items()}}

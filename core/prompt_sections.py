@@ -24,6 +24,9 @@ MEMORY = "Memory"
 TRIALS = f"{MEMORY}: trials so far"
 SENSITIVITIES = f"{MEMORY}: learnt sensitivities"
 
+TRIAL_FEATURES = "features_in_the_order_of_the_feedback"
+"""Where a section tells the features of a trial whose names stand in the feedback."""
+
 _SMALL = 1e-3
 """Numbers below this are written with a power of ten."""
 
@@ -60,7 +63,7 @@ def read_table(content: object) -> tuple[list[str], list[list[Any]]]:
 def _written(value: Any) -> str:
     """JSON without spaces; tables by line, and numbers as short as they are exact."""
     if isinstance(value, Mapping):
-        is_table = value.keys() == {"columns", "rows"} and bool(value["rows"])
+        is_table = value.keys() == {"columns", "rows"} and isinstance(value["rows"], list) and bool(value["rows"])
         parts = (f"{json.dumps(str(key), ensure_ascii=False)}:{_written(item)}" for key, item in value.items())
         if is_table:
             rows = ",\n".join(map(_written, value["rows"]))

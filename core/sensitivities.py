@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -20,6 +20,9 @@ Unit = Literal["typical_step"]
 _DIGITS = 3
 """Significant digits of an effect: slopes change more than that on the way to the next candidate."""
 
+_WHOLE = 10.0
+"""Effects from here on are told as whole numbers: no linear picture is better than five percent."""
+
 _RESOLVED = 1e-4
 """Share of the largest effect on a feature below which another one's digits are left out."""
 
@@ -29,7 +32,10 @@ _ALL = 400
 _DAMPING = 0.02
 """Share of the mismatch, in tolerances, that a change by one typical step must remove to be worth it."""
 
-_FIXED = ("parameter", "points", "misprediction_pct")
+_COLUMNS = ("parameter", "points", "misprediction_pct", "effects")
+
+AS_SHOWN = "what the feedback lists, in its order"
+"""Stands in for the names of features that the feedback lists already."""
 
 
 @dataclass(frozen=True)
@@ -59,21 +65,43 @@ class Sensitivities:
     points: Mapping[str, int] = field(default_factory=dict)
     misprediction_pct: Mapping[str, float] = field(default_factory=dict)
 
-    def content(self, budget: int) -> dict[str, Any]:
-        """As it stands in a prompt, in ``budget`` characters where one feature of each parameter fits into them."""
+    def content(self, budget: int, shown: Sequence[str] = ()) -> dict[str, Any]:
+        """As it stands in a prompt, in ``budget`` characters where one effect fits into them.
+
+        Parameters
+        ----------
+        budget : int
+            Characters of JSON. What does not fit is left out, the weakest first: features, then parameters.
+        shown : sequence of str
+            The features that the prompt's feedback shows, whose names need not stand here again.
+        """
         features = list(dict.fromkeys(feature for rows in self.effects.values() for feature in rows))
-        largest = self._largest(features)
-        content = self._content(features)
-        while len(json.dumps(content)) > budget and len(features) > 1:
-            features.remove(min(features, key=lambda name: largest[name]))
-            content = self._content(features)
+        if set(shown) == set(features):
+            features = list(shown)
+        told, largest = self, self._largest(features)
+        content = told._content(features, shown)
+        while len(json.dumps(content)) > budget and (len(features) > 1 or len(told.effects) > 1):
+            if len(features) > 1:
+                features.remove(min(features, key=lambda name: largest[name]))
+            else:
+                told = told._without_weakest(features[0])
+            content = told._content(features, shown)
         return content
 
-    def _content(self, features: Sequence[str]) -> dict[str, Any]:
+    def _without_weakest(self, feature: str) -> Sensitivities:
+        """Without the parameter that moves a feature least."""
+        weakest = min(self.effects, key=lambda name: abs(self.effects[name].get(feature, 0.0)))
+        return replace(self, effects={name: rows for name, rows in self.effects.items() if name != weakest})
+
+    def _content(self, features: Sequence[str], shown: Sequence[str]) -> dict[str, Any]:
         finest = {name: _decimals(_RESOLVED * size) for name, size in self._largest(features).items()}
         rows = [
-            [name, self.points.get(name), _rounded(self.misprediction_pct.get(name), 2, _ALL)]
-            + [_rounded(effects.get(feature), _DIGITS, finest[feature]) for feature in features]
+            [
+                name,
+                self.points.get(name),
+                _whole(_rounded(self.misprediction_pct.get(name), 2, _ALL)),
+                [_whole(_rounded(effects.get(feature), _DIGITS, finest[feature])) for feature in features],
+            ]
             for name, effects in self.effects.items()
             if any(feature in effects for feature in features)
         ]
@@ -81,7 +109,8 @@ class Sensitivities:
             "meaning": "change of a feature when a parameter rises by its step; null or absent: not measured",
             "unit": self.unit,
             "learnt_from": self.learnt_from,
-            "effects": table([*_FIXED, *features], rows),
+            "effects_on": AS_SHOWN if features and features == list(shown) else features,
+            "effects": table(_COLUMNS, rows),
             **self.remarks,
         }
 
@@ -91,14 +120,15 @@ class Sensitivities:
         return {name: max((abs(row.get(name, 0.0)) for row in rows), default=0.0) for name in features}
 
     @classmethod
-    def read(cls, content: object) -> Sensitivities:
+    def read(cls, content: object, shown: Sequence[str] = ()) -> Sensitivities:
         """From the content of a section; whatever is not of its form, or in another unit, is left out."""
         if not isinstance(content, Mapping) or content.get("unit") != "typical_step":
             return cls({})
         columns, rows = read_table(content.get("effects"))
-        if tuple(columns[: len(_FIXED)]) != _FIXED:
+        names = shown if content.get("effects_on") == AS_SHOWN else content.get("effects_on")
+        if tuple(columns) != _COLUMNS or not isinstance(names, Sequence) or isinstance(names, str):
             return cls({})
-        effects = {str(row[0]): _numbers(columns[len(_FIXED) :], row[len(_FIXED) :]) for row in rows}
+        effects = {str(row[0]): _numbers(names, row[-1]) for row in rows}
         return cls({name: row for name, row in effects.items() if row}, str(content.get("learnt_from", "")))
 
     def slopes(self, parameters: Sequence[str], features: Sequence[str]) -> FloatArray:
@@ -148,11 +178,18 @@ def _rounded(value: float | None, digits: int, decimals: int) -> float | None:
     return None if value is None else round(float(f"{value:.{digits}g}"), decimals)
 
 
+def _whole(value: float | None) -> float | None:
+    """Without decimals from ten on."""
+    return value if value is None or abs(value) < _WHOLE else float(round(value))
+
+
 def _decimals(size: float) -> int:
     """Decimals that resolve a number of this size."""
     return _ALL if size <= 0 else math.ceil(-math.log10(size))
 
 
-def _numbers(names: Sequence[str], values: Sequence[Any]) -> dict[str, float]:
-    pairs = zip(names, map(finite_number, values), strict=True)
+def _numbers(names: Sequence[Any], values: object) -> dict[str, float]:
+    if not isinstance(values, list) or len(values) != len(names):
+        return {}
+    pairs = zip(map(str, names), map(finite_number, values), strict=True)
     return {name: value for name, value in pairs if value is not None}

@@ -20,6 +20,7 @@ from ...core.prompt_sections import (
     PRIORS,
     SENSITIVITIES,
     TASK,
+    TRIAL_FEATURES,
     TRIALS,
     read_sections,
     read_table,
@@ -49,12 +50,20 @@ class PastTrial:
         Its features or residuals, where they are told.
     asked_by : str
         Who asked for it.
+    misfit : float or None
+        What decides which trial is the present one; None where it is not told.
     """
 
     index: int
     steps: tuple[float, ...]
     numbers: Mapping[str, float]
     asked_by: str = ""
+    misfit: float | None = None
+
+    @property
+    def is_attempt(self) -> bool:
+        """Whether it was meant to come closer, and not only to learn."""
+        return self.asked_by in ("", "search", "agent")
 
 
 @dataclass(frozen=True)
@@ -128,7 +137,7 @@ def read_prompt(messages: Sequence[Message]) -> Prompt:
         features=feedback.numbers,
         tolerances=feedback.tolerances,
         attempt=tuple(attempt.get(name, 0.0) for name in parameters) if attempt else (),
-        sensitivities=Sensitivities.read(last.get(SENSITIVITIES)),
+        sensitivities=Sensitivities.read(last.get(SENSITIVITIES), tuple(feedback.numbers)),
         trials=_trials(last.get(TRIALS, {}), len(parameters), tuple(feedback.numbers)),
         rules=_rules(last.get(PRIORS, {}).get("rules")),
         bounds=bounds,
@@ -175,7 +184,7 @@ def _is_step(text: str) -> bool:
 
 
 def _trials(history: Mapping[str, Any], count: int, features: tuple[str, ...]) -> tuple[PastTrial, ...]:
-    told = _mapping(history.get("features_in_the_order_of_the_feedback"))
+    told = _mapping(history.get(TRIAL_FEATURES))
     found = []
     for row in _rows(history.get("trials")):
         values = entries(told.get(f"trial_{row.get('trial')}"))
@@ -191,14 +200,16 @@ def _trial(row: Mapping[str, Any], features: Mapping[str, float]) -> PastTrial:
         tuple(step for step in steps if step is not None and abs(step) < _MOST_STEPS),
         features or finite_numbers(row),
         str(row.get("asked_by", "")),
+        finite_number(row.get("misfit_tolerances")),
     )
 
 
 def _rules(content: object) -> tuple[DomainRule, ...]:
     return tuple(
-        DomainRule(row["parameter"], _listed(row.get("raises")), _listed(row.get("lowers")))
+        DomainRule(entry[0], _listed(row.get("raises")), _listed(row.get("lowers")))
         for row in _rows(content)
-        if isinstance(row.get("parameter"), str)
+        for entry in entries(row.get("parameters_and_why"))
+        if isinstance(entry, list) and entry and isinstance(entry[0], str)
     )
 
 

@@ -19,6 +19,8 @@ from ...core.prompt_sections import (
     PRIORS,
     SENSITIVITIES,
     TASK,
+    TRIAL_FEATURES,
+    TRIALS,
     section,
     table,
 )
@@ -28,7 +30,7 @@ from ...core.signals import Signal
 from ...core.task import Experiment, Task
 from ...core.trial import Trial, closest
 from ..feedback.ageing import cycles_in_detail, measured_life
-from ..feedback.rounding import rounded
+from ..feedback.rounding import SHOWN_DIGITS, rounded
 
 _PARAMETER = ("parameter", "now", "step")
 _BOUNDS = ("lower", "upper")
@@ -108,7 +110,7 @@ class Situation:
     def sensitivities(self) -> Sensitivities:
         """What the memories tell of the parameters' effects; empty if none does."""
         told = {part.title: part.content for part in self.recollections}
-        return Sensitivities.read(told.get(SENSITIVITIES))
+        return Sensitivities.read(told.get(SENSITIVITIES), tuple(self.base.feedback.numbers))
 
     @property
     def images(self) -> tuple[Path, ...]:
@@ -122,14 +124,30 @@ class Situation:
             parts += [
                 section(part.title, _without_bounds(part)) for part in self.recollections if _without_bounds(part)
             ]
-        left = {"trial": self.base.index, "simulations_left": self.context.simulations_left, **self._misfit(self.base)}
-        parts.append(section(FEEDBACK, {**left, **self.base.feedback.told()}))
+        parts.append(section(FEEDBACK, self._feedback()))
         if self.task.long and self.base.curves and self.base.feedback.content.get("features"):
             shown = cycles_in_detail(self.task, self.base.curves, self.look_at)
             parts.append(section(CYCLES, {"trial": self.base.index, "records": rounded(shown)}))
-        if self.last is not None:
+        if self.last is not None and not (memories and self._remembered(self.last)):
             parts.append(section(LAST_ATTEMPT, self._attempt(self.last)))
         return parts
+
+    def _feedback(self) -> dict[str, Any]:
+        told = self.base.feedback.told()
+        features = {"features": rounded(told["features"], SHOWN_DIGITS)} if "features" in told else {}
+        return {
+            "trial": self.base.index,
+            "simulations_left": self.context.simulations_left,
+            **({"clipped_at_their_bounds_in_the_last_change": list(self.clipped)} if self.clipped else {}),
+            **self._misfit(self.base),
+            **told,
+            **features,
+        }
+
+    def _remembered(self, trial: Trial) -> bool:
+        """Whether the history tells a trial's values and features."""
+        history = next((part.content for part in self.recollections if part.title == TRIALS), {})
+        return trial.ok and f"trial_{trial.index}" in history.get(TRIAL_FEATURES, {})
 
     def _misfit(self, trial: Trial) -> dict[str, Any]:
         # With one number as feedback there is one number to tell.
@@ -144,12 +162,11 @@ class Situation:
         told = {key: content[key] for key in ("residuals", "events") if content.get(key)}
         now, then = self.base.feedback.numbers, trial.feedback.numbers
         if content.get("features"):
-            told["features_in_the_order_of_the_feedback"] = [then.get(name) for name in now]
+            told[TRIAL_FEATURES] = rounded([then.get(name) for name in now], SHOWN_DIGITS)
         return {
             "trial": trial.index,
             **self._misfit(trial),
             "changed_by_steps": changes,
-            **({"clipped_at_their_bounds": list(self.clipped)} if self.clipped else {}),
             **told,
         }
 

@@ -1,4 +1,4 @@
-"""Numbers as they go into a prompt: four digits say all that a reader can use."""
+"""Numbers as they go into a prompt."""
 
 from __future__ import annotations
 
@@ -6,6 +6,10 @@ import math
 from typing import Any
 
 DIGITS = 4
+"""Digits that are kept of what a trial showed: trials near each other must differ in them."""
+
+SHOWN_DIGITS = 3
+"""Digits of a mismatch that a reader can use."""
 
 
 def rounded(value: Any, digits: int = DIGITS) -> Any:

@@ -8,10 +8,10 @@ from typing import Any
 from pydantic import BaseModel, Field
 
 from ...core.hooks import Recollection, RunContext, hookimpl
-from ...core.prompt_sections import TRIALS, table
+from ...core.prompt_sections import TRIAL_FEATURES, TRIALS, table
 from ...core.proposal import Proposal
 from ...core.trial import Trial, closest
-from ..feedback.rounding import rounded
+from ..feedback.rounding import SHOWN_DIGITS, rounded
 
 _NOTE_CHARS = 40
 _STEP_DECIMALS = 2
@@ -81,8 +81,8 @@ class HistoryMemory:
         names = list(now.feedback.content.get("features", {}))
         if names and latest and self._options.with_features:
             # Their names stand in the feedback.
-            content["features_in_the_order_of_the_feedback"] = {
-                f"trial_{trial.index}": [trial.feedback.numbers.get(name) for name in names]
+            content[TRIAL_FEATURES] = {
+                f"trial_{trial.index}": rounded([trial.feedback.numbers.get(name) for name in names], SHOWN_DIGITS)
                 for trial in latest[-self._options.with_features :]
             }
         return content

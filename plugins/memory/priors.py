@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ...core.hooks import NoOptions, Recollection, RunContext, hookimpl
 from ...core.prompt_sections import PRIORS, table
 from ..feedback.rounding import rounded
 
-_RULE = ("parameter", "raises", "lowers", "why")
+_RULES = ("raises", "lowers", "parameters_and_why")
 
 
 class Priors:
@@ -17,10 +18,7 @@ class Priors:
 
     def __init__(self, options: NoOptions, context: RunContext) -> None:
         self._space = context.task.space
-        rules = context.task.domain.rules
-        self._rules: list[list[Any]] = [
-            [_told(rule.get(key)) for key in _RULE] for rule in rules if self._applies(rule["parameter"])
-        ]
+        self._rules = [rule for rule in context.task.domain.rules if self._applies(rule["parameter"])]
 
     def _applies(self, parameter: str) -> bool:
         return any(name.startswith(parameter) for name in self._space.names)
@@ -30,12 +28,22 @@ class Priors:
         """See `RunHooks.recall`; the agent's prompt moves the bounds into its table of parameters."""
         bounds = rounded({parameter.name: [parameter.lower, parameter.upper] for parameter in self._space})
         rules = list(self._rules)
-        content: dict[str, Any] = {"bounds": bounds, "rules": table(_RULE, rules)}
+        content: dict[str, Any] = {"bounds": bounds, "rules": _grouped(rules)}
         while len(json.dumps(content)) > budget and rules:
             rules.pop()
-            content["rules"] = table(_RULE, rules)
+            content["rules"] = _grouped(rules)
         return Recollection(PRIORS, content, priority=1)
 
 
-def _told(value: Any) -> Any:
-    return ", ".join(map(str, value)) if isinstance(value, list) else value
+def _grouped(rules: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Parameters that raise and lower the same quantities share a row."""
+    groups: dict[tuple[str, str], list[list[Any]]] = {}
+    for rule in rules:
+        groups.setdefault((_told(rule.get("raises")), _told(rule.get("lowers"))), []).append(
+            [rule["parameter"], rule.get("why")]
+        )
+    return table(_RULES, [[*quantities, entries] for quantities, entries in groups.items()])
+
+
+def _told(value: Any) -> str:
+    return ", ".join(map(str, value)) if isinstance(value, list) else str(value or "")

@@ -145,7 +145,7 @@ class SensitivityMemory:
                 for name, share in zip(self._space.names, slopes.misprediction_pct, strict=True)
             },
         )
-        content = learnt.content(budget)
+        content = learnt.content(budget, features)
         # By one number nothing could be told apart.
         alike = {"move_the_features_alike": _alike(slopes.matrix, self._space.names) if len(features) > 1 else []}
         if alike["move_the_features_alike"] and len(json.dumps(content | alike)) <= budget:

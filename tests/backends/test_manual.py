@@ -106,6 +106,15 @@ def test_the_commonest_action_wins(schema):
     assert (content["action"], content["updated_params"]) == ("refine", {"A": "*3"})
 
 
+def test_actions_without_changes_are_votes_too(schema):
+    measure = {"action": "jacobian", "params": ["A"], "rationale": "first"}
+    change = _says({"A": "*2"}, action="set")
+    reply = _vote(schema, change, measure, {**measure, "rationale": "second"})
+    assert json.loads(reply.text) == measure
+    reply = _vote(schema, measure, _says({"A": "*8"}), change)
+    assert json.loads(reply.text)["updated_params"] == {"A": "*4"}
+
+
 def test_votes_have_seeds_of_their_own_and_leave_other_questions_alone(schema):
     canned = Canned(_says({"A": "*2"}), _says({"A": "*2"}), {"perturbations": []})
     voting = VotingBackend(canned, 2)

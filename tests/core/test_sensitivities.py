@@ -12,20 +12,21 @@ ANY_JSON = st.recursive(
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=8), inner, max_size=4),
     max_leaves=12,
 )
-COLUMNS = ["parameter", "points", "misprediction_pct"]
+COLUMNS = ["parameter", "points", "misprediction_pct", "effects"]
 NAMES = st.text(min_size=1, max_size=12)
 EFFECTS = st.dictionaries(NAMES, st.dictionaries(NAMES, st.floats(-1e12, 1e12), min_size=1, max_size=4), max_size=4)
 
 
 @given(EFFECTS)
-def test_what_is_written_is_read_to_three_digits(effects: dict[str, dict[str, float]]) -> None:
+def test_what_is_written_is_read_to_three_digits_and_whole_from_ten_on(effects: dict[str, dict[str, float]]) -> None:
     read = Sensitivities.read(json.loads(json.dumps(Sensitivities(effects, "a test").content(10**6))))
     assert read.learnt_from == "a test"
     assert {name: set(rows) for name, rows in read.effects.items()} == {n: set(rows) for n, rows in effects.items()}
     for name, rows in effects.items():
         for feature, value in rows.items():
             largest = max(abs(other.get(feature, 0.0)) for other in effects.values())
-            assert abs(read.effects[name][feature] - value) <= 5.1e-3 * abs(value) + 1e-4 * largest + 1e-322
+            digits = 5.1e-3 * abs(value) if abs(value) < 9.99 else 0.5 + 5.1e-3 * abs(value)
+            assert abs(read.effects[name][feature] - value) <= digits + 1e-4 * largest + 1e-322
 
 
 @given(ANY_JSON, ANY_JSON)
@@ -33,7 +34,7 @@ def test_any_content_is_read(content: Any, effects: Any) -> None:
     for shape in (
         content,
         {"unit": "typical_step", "effects": effects},
-        {"unit": "typical_step", "effects": {"columns": [*COLUMNS, "f"], "rows": [["a", 1, 0.0, effects]]}},
+        {"unit": "typical_step", "effects": {"columns": COLUMNS, "rows": [["a", 1, 0.0, effects]]}},
     ):
         for rows in Sensitivities.read(shape).effects.values():
             assert rows
@@ -49,10 +50,27 @@ def test_another_unit_is_not_taken_for_a_typical_step() -> None:
 
 def test_a_short_budget_keeps_the_strongest_feature() -> None:
     effects = {name: {f"feature_{place}_mv": float(place) for place in range(1, 9)} for name in "abc"}
-    content = Sensitivities(effects).content(330)
-    assert content["effects"]["columns"] == [*COLUMNS, "feature_8_mv"]
+    content = Sensitivities(effects).content(370)
+    assert content["effects_on"] == ["feature_8_mv"]
     assert Sensitivities.read(content).effects == {name: {"feature_8_mv": 8.0} for name in "abc"}
-    assert len(json.dumps(content)) <= 330
+    assert len(json.dumps(content)) <= 370
+
+
+def test_a_shorter_budget_keeps_the_strongest_parameter() -> None:
+    effects = {name: {"feature_mv": float(size)} for size, name in enumerate("abc", start=1)}
+    content = Sensitivities(effects).content(300)
+    assert Sensitivities.read(content).effects == {"c": {"feature_mv": 3.0}}
+    assert len(json.dumps(content)) <= 300
+
+
+def test_names_that_the_feedback_lists_do_not_stand_twice() -> None:
+    learnt = Sensitivities({"a": {"f_mv": 1.5}, "b": {"g_s": 250.4, "f_mv": -2.0}})
+    content = learnt.content(1000, ("g_s", "f_mv"))
+    assert "g_s" not in json.dumps(content)
+    read = Sensitivities.read(json.loads(json.dumps(content)), ("g_s", "f_mv"))
+    assert read.effects == {"a": {"f_mv": 1.5}, "b": {"g_s": 250.0, "f_mv": -2.0}}
+    assert Sensitivities.read(content, ("g_s",)).effects == {}
+    assert set(learnt.content(1000, ("f_mv",))["effects_on"]) == {"f_mv", "g_s"}
 
 
 def test_a_prediction_adds_effects_up_and_the_linear_change_undoes_a_mismatch() -> None:

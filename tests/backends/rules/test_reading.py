@@ -33,7 +33,11 @@ SECTIONS: dict[str, Any] = {
             [[A, 1.0, "*1.1", 0.5, 3.0], [B, 0.5, "+0.05", 0.0, 1.0]],
         )
     },
-    PRIORS: {"rules": table(["parameter", "raises", "lowers"], [["Capacity", "discharge_time", "polarisation"]])},
+    PRIORS: {
+        "rules": table(
+            ["raises", "lowers", "parameters_and_why"], [["discharge_time", "polarisation", [["Capacity", "why"]]]]
+        )
+    },
     TRIALS: {
         "trials": table(
             ["trial", "asked_by", "steps_from_present"], [[1, "search", [1.0, 0.5]], [2, "search", [1.2, -0.6]]]

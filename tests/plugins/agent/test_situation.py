@@ -6,6 +6,7 @@ from bsa.core.prompt_sections import (
     PRIORS,
     SENSITIVITIES,
     TASK,
+    TRIAL_FEATURES,
     TRIALS,
     read_sections,
     read_table,
@@ -48,11 +49,20 @@ def test_the_score_is_seen_step_by_step(make_situation: MakeSituation) -> None:
     assert rows[0][:2] == ["cc_discharge", "voltage_mv"]
 
 
-def test_the_latest_attempt_says_what_was_clipped(make_situation: MakeSituation) -> None:
-    attempt = told(make_situation(clipped=(SERIES,)))[LAST_ATTEMPT]
-    assert attempt["clipped_at_their_bounds"] == [SERIES]
+def test_what_was_clipped_is_said(make_situation: MakeSituation) -> None:
+    feedback = told(make_situation(clipped=(SERIES,)))[FEEDBACK]
+    assert feedback["clipped_at_their_bounds_in_the_last_change"] == [SERIES]
+
+
+def test_the_latest_attempt_is_told_once(make_situation: MakeSituation) -> None:
+    sections = told(make_situation())
+    assert LAST_ATTEMPT not in sections
+    situation = make_situation()
+    latest = situation.context.trials[-1].index
+    assert len(sections[TRIALS][TRIAL_FEATURES][f"trial_{latest}"]) == len(situation.base.feedback.numbers)
+    attempt = told(make_situation(memories=False))[LAST_ATTEMPT]
     assert set(attempt["changed_by_steps"]) >= {CAPACITY, SERIES}
-    assert len(attempt["features_in_the_order_of_the_feedback"]) > 3
+    assert len(attempt[TRIAL_FEATURES]) > 3
 
 
 def test_without_memory_there_are_neither_trials_nor_effects(make_situation: MakeSituation) -> None:
