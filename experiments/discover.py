@@ -130,8 +130,10 @@ def discover_on(
         notes=[*setup.notes, *(f"not built: {name}: {why}" for name, why in setup.simulator.refused.items())],
     )
     rival = findings.rivals[0] if findings.rivals else _second(findings.explanations, findings.best)
-    if findings.verdict == "ambiguous" and rival is not None:
-        listener("looking for an experiment that separates them")
+    if findings.verdict in ("ambiguous", "unexplained") and (rival or findings.best.effects):
+        # Where one explanation alone came near, the test is whether it is any better than none.
+        rival = rival or findings.base
+        listener(f"looking for an experiment that separates {findings.best.label} and {rival.label}")
         ambient = case.measured_records[0].ambient_k
         discovery.next_experiment = propose(setup.simulator, findings.best, rival, setup.capacity_ah, noise, ambient)
     if findings.verdict == "unexplained":

@@ -13,7 +13,8 @@ from ..core.discovery.findings import Settings
 from ..core.discovery.observations import FLOOR_V
 from ..core.discovery.simulator import MeasuredRecord
 from ..core.errors import BsaError, did_you_mean
-from ..core.record import ReadOptions
+from ..core.reading.reading import read_record
+from ..core.record import ReadOptions, Record
 from ..core.target import CyclableLithium, Factor, Value, factor_name, target_named
 from ..core.task import CellModel
 from ..core.validation import explain
@@ -26,7 +27,8 @@ _ADDED = ("Contact resistance [Ohm]",)
 class RecordFile(BaseModel, extra="forbid"):
     """A record to read."""
 
-    path: Path = Field(description="The cycler's file.")
+    path: Path = Field(description="The cycler's file, or a folder of one cell's files.")
+    joined: list[Path] = Field(default=[], description="Further files of the same cell, joined with it by date.")
     read: ReadOptions = Field(default_factory=ReadOptions, description="What its header does not say.")
     reader: str | None = Field(default=None, description="Reader to use; left out, the one that fits.")
     reader_options: dict[str, Any] = Field(default={}, description="The reader's own options.")
@@ -35,6 +37,17 @@ class RecordFile(BaseModel, extra="forbid"):
     @classmethod
     def _from_path(cls, value: Any) -> Any:
         return {"path": value} if isinstance(value, (str, Path)) else value
+
+    @property
+    def files(self) -> list[Path]:
+        """All of its files."""
+        return [self.path, *self.joined]
+
+    def source(self) -> Path | Record:
+        """The file, or what was read from several."""
+        if not self.joined:
+            return self.path
+        return read_record(self.files, self.read, reader=self.reader, reader_options=self.reader_options)
 
 
 class Uncertainty(BaseModel, extra="forbid"):
@@ -58,7 +71,7 @@ class DiscoverOptions(BaseModel, extra="forbid"):
 
     data: list[RecordFile] = Field(min_length=1, description="Records to explain.")
     holdout: list[RecordFile] = Field(default=[], description="Records that are predicted and never fitted.")
-    parameters: str = Field(description="PyBaMM parameter set to start from.")
+    parameters: str = Field(description="What to start from: a PyBaMM parameter set, a BPX or JSON file, or a run.")
     model: str = Field(default="DFN", description="SPM, SPMe or DFN.")
     options: dict[str, Any] = Field(default={}, description="PyBaMM model options of the base model.")
     overrides: dict[str, float] = Field(default={}, description="Parameter values that are known better.")
@@ -113,14 +126,15 @@ class Case:
 def read_case(options: DiscoverOptions) -> Case:
     """Read the records and settle the base model: size, ambient temperature, initial states of charge."""
     from ..plugins.pybamm.model_options import in_pybamm_spelling
+    from .tasks.parameter_source import parameter_source
     from .tasks.records import ISOTHERMAL, THERMAL, RecordRequest, build_task
 
     files = [*options.data, *options.holdout]
     temperature = None if options.ambient_c is None else options.ambient_c + 273.15
-    requests = [RecordRequest(f.path, f.read, f.reader, f.reader_options, temperature_k=temperature) for f in files]
+    requests = [RecordRequest(f.source(), f.read, f.reader, f.reader_options, temperature_k=temperature) for f in files]
     task = build_task(
         "discover",
-        options.parameters,
+        parameter_source(options.parameters),
         requests,
         options.model,
         # Whether heat is missing is for the discovery to find.

@@ -96,14 +96,22 @@ def _dumped(options: DiscoverOptions) -> dict[str, Any]:
     content = options.model_dump(mode="json", exclude={"out"})
     for file in (*content["data"], *content["holdout"]):
         file["path"] = str(Path(file["path"]).absolute())
+        file["joined"] = [str(Path(path).absolute()) for path in file["joined"]]
+    if Path(options.parameters).exists():
+        content["parameters"] = str(Path(options.parameters).absolute())
     return content
 
 
 def _digests(options: DiscoverOptions) -> dict[str, str]:
-    found = {}
-    for file in (*options.data, *options.holdout):
+    """Digests of all files that are read, by path."""
+    given = [path for file in (*options.data, *options.holdout) for path in file.files]
+    if (parameters := Path(options.parameters)).is_file():
+        given.append(parameters)
+    found: dict[str, str] = {}
+    for path in given:
         try:
-            found[str(file.path.absolute())] = hashlib.sha256(file.path.read_bytes()).hexdigest()
+            files = sorted(child for child in path.iterdir() if child.is_file()) if path.is_dir() else [path]
+            found |= {str(one.absolute()): hashlib.sha256(one.read_bytes()).hexdigest() for one in files}
         except OSError as error:
-            raise file_error(error, file.path) from None
+            raise file_error(error, path) from None
     return found

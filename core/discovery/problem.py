@@ -32,8 +32,12 @@ _NEAR = 5
 _UNKNOWN_SOC = 0.5
 """Where the search for a hold-out record's initial state of charge starts when no fitted record has one."""
 
-_EVERY = 5
-"""Each fifth block is held out."""
+_EVERY, _USUAL_TURN = 5, 2
+"""Each fifth block is held out, and which of five, unless too much of the curve's fall lies there."""
+
+_FAIR = 2.0
+"""Times its fair share of the voltage's changes that what is held out may hold: with the knee at the end of a discharge
+in it, the test would be of little else."""
 
 
 @dataclass(eq=False)
@@ -81,8 +85,8 @@ class Problem:
     def _fitted_mask(self, measured_record: MeasuredRecord, observed: Observations) -> NDArray[np.bool_]:
         if self.held_records and not is_long(measured_record):
             return np.ones(len(observed), dtype=bool)
-        place = np.arange(len(observed)) // _BLOCK
-        return np.asarray(place % _EVERY != 2, dtype=np.bool_)
+        turn = np.arange(len(observed)) // _BLOCK % _EVERY
+        return np.asarray(turn != _held_turn(observed.voltage, turn), dtype=np.bool_)
 
     @property
     def noise_v(self) -> float:
@@ -276,6 +280,13 @@ class Problem:
                 break
         self._held_soc[key] = soc
         return error
+
+
+def _held_turn(voltage: FloatArray, turn: NDArray[np.intp]) -> int:
+    """Which of the blocks in turn is held out: the usual one, or that with the fairest share of the changes."""
+    changes = np.bincount(turn, np.abs(np.gradient(voltage)), minlength=_EVERY)
+    shares = _EVERY * changes / (np.sum(changes) or 1.0)
+    return _USUAL_TURN if shares[_USUAL_TURN] <= _FAIR else int(np.argmin(np.abs(shares - 1.0)))
 
 
 def _together(observations: Sequence[Observations]) -> float:

@@ -65,7 +65,7 @@ def discover(
     column, unit, where, current_sign, constant_current, cycles, sheet, reader, reader_option, temperature
         How files and DataFrames are read; see `read_record`.
     parameters : str
-        PyBaMM parameter set to start from.
+        What to start from: a PyBaMM parameter set, a BPX or JSON file, or the folder of a run.
     model : {'DFN', 'SPMe', 'SPM'}
         Base model.
     options, override : mapping, optional

@@ -29,11 +29,14 @@ def discover(
         list[Path] | None, shared.records_option("--data", metavar="FILE...", help="Records to explain.")
     ] = None,
     holdout: shared.Holdout = None,
+    join: shared.Join = False,
     reading: shared.Reading,
     parameters: Annotated[
         str | None,
         shared.model_option(
-            metavar="NAME", help="PyBaMM parameter set to start from.", autocompletion=completion.parameter_sets
+            metavar="NAME|FILE|RUN",
+            help="Parameters to start from: a PyBaMM set, a BPX or JSON file, or an earlier run.",
+            autocompletion=completion.parameter_sets,
         ),
     ] = None,
     model: shared.Model = "DFN",
@@ -96,16 +99,16 @@ def discover(
     if not data or parameters is None:
         missing = "--data" if not data else "--parameters"
         raise BsaError(f"{missing} is missing.", "bsa discover --data RECORD.csv --parameters Chen2020, for example.")
-    read = reading.options()
+    read = reading.options(join)
+    chosen = {"read": read, "reader": reading.reader, "reader_options": reading.reader_options}
 
     def files(paths: list[Path] | None) -> list[dict[str, Any]]:
-        chosen = {"reader": reading.reader, "reader_options": reading.reader_options}
-        return [{"path": path, "read": read, **chosen} for path in paths or ()]
+        return [{"path": path, **chosen} for path in paths or ()]
 
     try:
         asked = DiscoverOptions.model_validate(
             {
-                "data": files(data),
+                "data": [{"path": data[0], "joined": data[1:], **chosen}] if join else files(data),
                 "holdout": files(holdout),
                 "parameters": parameters,
                 "model": model,

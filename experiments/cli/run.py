@@ -189,7 +189,7 @@ def run(
             initial_soc or (),
             start_from,
         )
-        if isinstance(chosen.cell.parameter_set, str):
+        if start_from is None:
             to_discover = discover_command(
                 data,
                 holdout or (),
@@ -198,6 +198,7 @@ def run(
                     "--model": model,
                     "--options": options,
                     "--no-scale": not scale,
+                    "--join": join,
                     **reading.typed,
                 },
             )

@@ -16,11 +16,12 @@ from ...core.discovery.simulator import MeasuredRecord
 from ...core.effect import Effect
 from ...core.parameters import Candidate
 from ...core.printable import shown
-from ...core.target import Target, change_of
-from ...core.task import CellModel
+from ...core.target import CellChange, Target, change_of
+from ...core.task import CellModel, ParameterFile
 from .augmentation import augmented_cell, part_of
 from .drive import current_function
 from .driven_cell import FINE, Resolution
+from .export import parameter_values_json
 from .parameter_sets import FILL_FROM, load, pybamm
 from .state_of_charge import InitialState, initial_concentration
 
@@ -90,7 +91,8 @@ def augmented_script(
     return template.render(
         version=pybamm.__version__,
         fill_from=FILL_FROM,
-        parameter_set=cell.parameter_set,
+        parameter_set=str(cell.parameter_set),
+        embedded=parameter_values_json(cell, CellChange()) if isinstance(cell.parameter_set, ParameterFile) else "",
         model=augmented.model,
         options=dict(augmented.options),
         overrides=dict(cell.overrides),

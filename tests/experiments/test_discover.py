@@ -1,21 +1,24 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from bsa.core.errors import BsaError
 from bsa.core.journal import Journal, read_events
-from bsa.core.task import CellModel
+from bsa.core.target import CellChange
+from bsa.core.task import CellModel, ParameterFile
 from bsa.experiments.discover import discover
 from bsa.experiments.discovery_bench.hidden_cell import Hidden, measure
 from bsa.experiments.discovery_bench.hidden_physics import EFFECTS
 from bsa.experiments.discovery_bench.making import _write
 from bsa.experiments.discovery_bench.protocols import Step
-from bsa.experiments.discovery_case import DiscoverOptions, spreads_of
-from bsa.experiments.discovery_journal import read_options
+from bsa.experiments.discovery_case import DiscoverOptions, read_case, spreads_of
+from bsa.experiments.discovery_journal import opened, read_options
 from bsa.experiments.effect_choice import effects_of
 from bsa.experiments.run import read_request
+from bsa.plugins.pybamm.export import parameter_values_json
 
 
 def test_an_unknown_effect_is_an_error_with_a_hint():
@@ -48,6 +51,39 @@ def test_what_is_uncertain_comes_from_a_preset_a_file_or_names(tmp_path):
     file.write_text("factors:\n  Separator porosty factor: {spread: 0.1, lower: 0.5, upper: 2}")
     with pytest.raises(BsaError, match="porosty"):
         spreads_of(str(file), cell)
+
+
+def half_discharge(path, start_s):
+    time = start_s + np.arange(0.0, 1200.0, 30.0)
+    rows = [f"{t - start_s},{3.9 - 1e-4 * t},{-2.0}" for t in time]
+    path.write_text("Test Time / s,Voltage / V,Current / A\n" + "\n".join(rows))
+    return path
+
+
+def test_files_of_one_cell_are_one_record_and_parameters_come_from_a_file(tmp_path):
+    first, second = (half_discharge(tmp_path / name, start) for name, start in (("a.csv", 0.0), ("b.csv", 1200.0)))
+    file = tmp_path / "set.json"
+    file.write_text(parameter_values_json(CellModel("Chen2020", "SPM"), CellChange()))
+    asked = {
+        "data": [{"path": first, "joined": [second], "read": {"join": True}}],
+        "parameters": str(file),
+        "model": "SPM",
+        "scale": False,
+    }
+    case = read_case(DiscoverOptions(**asked, out=tmp_path / "out"))
+    (record,) = case.measured_records
+    assert record.record.duration == pytest.approx(2370.0, abs=31.0)
+    assert isinstance(case.cell.parameter_set, ParameterFile)
+    with opened(DiscoverOptions(**asked, out=tmp_path / "out")) as journal:
+        kept = next(read_events(tmp_path / "out"))
+        journal.file.append("end", status="")
+    assert {Path(name).name for name in kept["records"]} == {"a.csv", "b.csv", "set.json"}
+    file.write_text("{}")
+    with (
+        pytest.raises(BsaError, match="other records"),
+        opened(DiscoverOptions(**asked, out=tmp_path / "out")),
+    ):
+        pass
 
 
 @pytest.mark.slow

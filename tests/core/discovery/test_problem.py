@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import discovery_toy as toy
 import numpy as np
 import pytest
@@ -16,6 +18,19 @@ class Stairs(toy.ToySimulator):
         times = request.moments.time
         fall = np.where(times > self.begin, np.sin(np.arange(len(times))), 0.0)
         return Prediction(super().one(request).voltage + request.fine * self.height * request.moments.averaged(fall))
+
+
+def test_the_knee_of_a_discharge_is_never_the_whole_of_what_is_held_out():
+    whole = toy.measured_record("a", np.random.default_rng(0), {})
+    observed = observe("a", whole.record, points=150)
+    flat = replace(observed, voltage=np.linspace(4.0, 3.9, len(observed)))
+    turn = np.arange(len(observed)) // 6 % 5
+    (usual,) = Problem(toy.ToySimulator(), [whole], [flat]).fitted
+    assert np.array_equal(usual, turn != 2)
+    knee = flat.voltage - np.where(np.arange(len(observed)) >= np.flatnonzero(turn == 2)[-6], 1.0, 0.0)
+    (moved,) = Problem(toy.ToySimulator(), [whole], [replace(observed, voltage=knee)]).fitted
+    assert np.count_nonzero(~moved) == pytest.approx(np.count_nonzero(~usual), abs=6)
+    assert np.sum(np.abs(np.gradient(knee))[~moved]) < 0.1
 
 
 @pytest.mark.parametrize("height", [0.002, 0.1])

@@ -6,12 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bsa.core.discovery.simulator import MeasuredRecord
-from bsa.core.target import targets_named
+from bsa.core.target import CellChange, targets_named
 from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.effects.catalogue import EFFECTS
 from bsa.plugins.pybamm.augmented_script import augmented_script
 from bsa.plugins.pybamm.driven_cell import FINE, DrivenCell
+from bsa.plugins.pybamm.export import parameter_values_json
+from bsa.plugins.pybamm.parameter_files import parsed
 
 
 def record():
@@ -50,6 +52,21 @@ def test_the_script_needs_pybamm_alone_and_gives_the_same_curve(tmp_path, keys):
     )
     assert expected is not None
     np.testing.assert_allclose(np.load(tmp_path / "v.npy"), expected.voltage, atol=2e-4)
+
+
+def test_a_set_from_a_file_stands_in_the_script(tmp_path):
+    file = parsed(
+        "cell.json", parameter_values_json(CellModel("Chen2020"), CellChange({"Separator thickness [m]": 2e-5}))
+    )
+    measured_record = MeasuredRecord("a", record(), 298.15)
+    name = "Positive particle diffusivity [m2.s-1] factor"
+    candidate = {measured_record.soc_name: 0.9, name: 0.8}
+    targets = targets_named([name, measured_record.soc_name])
+    script = {"__name__": "augmented_model"}
+    exec(augmented_script(CellModel(file, "SPM"), (), candidate, targets, [measured_record]), script)
+    values = script["parameter_values"]()
+    assert values["Separator thickness [m]"] == 2e-5
+    assert np.isfinite(script["simulate"]()[1]).all()
 
 
 def test_words_of_other_people_stay_comments_and_texts():
