@@ -16,10 +16,15 @@ from .simulation import Outcome
 from .task import Experiment, Task
 from .trajectory import FloatArray, Trajectory
 
-_ZERO = 1e-8
-"""Reference samples smaller than this count as zero: a relative error would mean nothing."""
+_ZERO, _ZERO_SHARE = 1e-8, 1e-3
+"""Reference samples smaller than this, or than this share of the largest, count as zero, since a relative error would
+mean nothing: a cycler writes a fraction of a milliampere while a cell rests."""
 
 _DURATION_FLOOR_S = 1.0
+
+_CLOSED = 0.1
+"""Share of the discharged charge below which the net charge is next to nothing: the cycle ends where it began, and a
+relative error of what is left would mean nothing. Its charge is then that of its discharge."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +41,8 @@ class PaperMetrics(Metrics):
         The paper's total: ``q_mape + i_mape + v_mape``, in percent.
     q_mape : float
         Percentage error of the charge drawn from the start of the record to the end of the scored part,
-        one number (the reading that reproduces the paper's "Default" rows; as a curve it does not).
+        one number (the reading that reproduces the paper's "Default" rows; as a curve it does not). Of a record that
+        ends where it began, the discharged charge.
     i_mape, v_mape : float
         Mean absolute percentage error of current and voltage.
     rmse : float
@@ -144,6 +150,8 @@ def evaluate(task: Task, outcome: Outcome) -> PaperMetrics | None:
 def _compare(task: Task, simulated: Trajectory, whole: Trajectory, experiment: Experiment) -> PaperMetrics:
     target = experiment.scored_target
     q_ours, q_theirs = _final_charge(whole, experiment), _final_charge(experiment.target, experiment)
+    if abs(q_theirs) < _CLOSED * discharged_ah(target):
+        q_ours, q_theirs = discharged_ah(simulated), discharged_ah(target)
     q_mape = _mape(np.array([q_ours]), np.array([q_theirs]))
     i_mape, i_rmse = curve_errors(simulated, target, "current")
     v_mape, v_rmse = curve_errors(simulated, target, "voltage")
@@ -191,7 +199,7 @@ def _resampled(record: Trajectory, signal: str) -> FloatArray:
 
 
 def _mape(simulated: FloatArray, reference: FloatArray) -> float:
-    counted = np.abs(reference) > _ZERO
+    counted = np.abs(reference) > max(_ZERO, _ZERO_SHARE * np.max(np.abs(reference), initial=0.0))
     if not np.any(counted):
         return 0.0
     return float(100.0 * np.mean(np.abs((simulated[counted] - reference[counted]) / reference[counted])))

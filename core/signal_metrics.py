@@ -103,6 +103,11 @@ class SignalMetrics(Metrics):
         return cls(content["objective"], {name: value for name, value in content.items() if name != "objective"})
 
 
+def voltage_rmse_mv(metrics: Metrics) -> float:
+    """The voltage error of a cell's trial, whichever signals it is judged by, mV."""
+    return metrics.value("voltage_rmse_mv" if isinstance(metrics, SignalMetrics) else "v_rmse_mv")
+
+
 MISFIT = Quantity("objective", "RMS misfit", "tolerances", told="rms_misfit_tolerances")
 
 

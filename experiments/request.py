@@ -193,6 +193,7 @@ def task_of_records(
     holdout: Sequence[Path | Record] = (),
     initial_soc: Sequence[float] = (),
     start: Path | None = None,
+    as_protocol: bool = False,
 ) -> Task:
     """The task of matching records, all read alike, those that are held out included.
 
@@ -201,6 +202,8 @@ def task_of_records(
     start : Path, optional
         Folder of a run that this one begins from: its parameters, model, options and search stand where nothing else
         is said.
+    as_protocol : bool
+        Whether the steps that the records show are simulated, in place of the measured current.
 
     Raises
     ------
@@ -212,7 +215,7 @@ def task_of_records(
 
     asked: dict[str, Any] = {
         "name": named_after(sources),
-        "records": requests_of(sources, read, reader, reader_options, initial_soc),
+        "records": requests_of(sources, read, reader, reader_options, initial_soc, as_protocol),
         "held_out": requests_of(holdout, read, reader, reader_options),
         "scale_to_capacity": scale,
     }
@@ -269,6 +272,7 @@ def requests_of(
     reader: str | None,
     reader_options: Mapping[str, Any],
     initial_soc: Sequence[float] = (),
+    as_protocol: bool = False,
 ) -> list[RecordRequest]:
     """What is asked of each record, all read alike.
 
@@ -278,6 +282,8 @@ def requests_of(
         As in `RecordRequest`.
     initial_soc : sequence of float
         Nothing, one state of charge for all records, or one for each.
+    as_protocol : bool
+        Whether the steps that the records show are simulated, in place of the measured current.
 
     Raises
     ------
@@ -293,10 +299,11 @@ def requests_of(
             "give one for all records, or one for each, in their order.",
         )
     socs = list(initial_soc) if len(initial_soc) == len(sources) else [*initial_soc, None][:1] * len(sources)
-    from .tasks.records import RecordRequest
+    from .tasks.records import RECOGNISED, RecordRequest
 
+    protocol = RECOGNISED if as_protocol else None
     return [
-        RecordRequest(source, read, reader, reader_options, initial_soc=soc)
+        RecordRequest(source, read, reader, reader_options, protocol, initial_soc=soc)
         for source, soc in zip(sources, socs, strict=True)
     ]
 

@@ -47,6 +47,7 @@ def calibrate(
     options: Mapping[str, Any] | None = None,
     search: str | Mapping[str, Any] | None = None,
     scale: bool = True,
+    as_protocol: bool = False,
     weight: str | None = None,
     scaffold: str = "hybrid",
     rounds: int = 80,
@@ -98,6 +99,9 @@ def calibrate(
         ``"cell"``.
     scale : bool
         Whether the electrode area is scaled to the records' capacity.
+    as_protocol : bool
+        Whether the steps that the records show are simulated, in place of their measured current: charge and current
+        are then judged too.
     weight : {'uniform', 'robust'}, optional
         How errors count: ``"robust"`` keeps what is far off for a short time from deciding the fit; by default the
         task's own, ``"uniform"`` for records.
@@ -176,6 +180,7 @@ def calibrate(
                 held,
                 given_socs(initial_soc),
                 None if start_from is None else Path(start_from),
+                as_protocol,
             )
         else:
             if start_from is not None:

@@ -282,11 +282,16 @@ def real_cells_command(
     only: Annotated[
         list[str] | None, shared.records_option("--cell", metavar="NAME", help="Run this cell alone; repeat.")
     ] = None,
-    scaffold: Annotated[str, shared.search_option(metavar="NAME|FILE", help="Scaffold.")] = "staged",
-    simulations: Simulations = 150,
+    paper: Annotated[
+        bool, shared.records_option("--paper", help="First cycles with their steps simulated, judged as in the paper.")
+    ] = False,
+    scaffold: Annotated[
+        str | None, shared.search_option(metavar="NAME|FILE", help="Scaffold; default: staged, hybrid for --paper.")
+    ] = None,
+    simulations: Simulations = 100,
     seed: shared.Seed = 1234,
     workers: shared.SimulationWorkers = 0,
-    out: Annotated[Path, shared.output_option(metavar="FOLDER", help="For the runs and real_cells.csv.")] = RESULTS
+    out: Annotated[Path, shared.output_option(metavar="FOLDER", help="For the runs and the rows.")] = RESULTS
     / "real-cells",
 ) -> None:
     """Measured cells of public data sets: fitted, and scored on records that the fit never saw."""
@@ -294,23 +299,22 @@ def real_cells_command(
 
     from ...core.files import write_csv
     from ..request import simulation_workers
-    from ..studies.real_cells import chosen, run_cell, run_cells
+    from ..studies.real_cells import MEASURED_CURRENT, PAPER, chosen, run_cell, run_cells
 
     at_once = simulation_workers(workers)
+    study, used = (PAPER, scaffold or "hybrid") if paper else (MEASURED_CURRENT, scaffold or "staged")
     rows, remarks = run_cells(
-        chosen(only or []),
+        chosen(only or [], study),
         data,
-        out,
-        lambda cell, folder: run_cell(cell, data, folder, scaffold, simulations, seed, at_once),
+        out / study,
+        lambda cell, folder: run_cell(cell, data, folder, used, simulations, seed, at_once),
     )
     for row in rows:
-        print(
-            f"{row.cell}, {row.record} ({row.role}): {row.rms_mv:.1f} mV rms, {row.rms_99_mv:.1f} over 99 % of the time"
-        )
+        print(row.line)
     for remark in remarks:
         say(remark)
     if rows:
-        write_csv(out / "real_cells.csv", [asdict(row) for row in rows])
+        write_csv(out / f"{study}.csv", [asdict(row) for row in rows])
 
 
 @bench_app.command("docs")

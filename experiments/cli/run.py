@@ -70,6 +70,13 @@ def run(
         ),
     ] = None,
     scale: shared.Scale = True,
+    as_protocol: Annotated[
+        bool,
+        shared.model_option(
+            "--as-protocol",
+            help="Simulate the steps that the records show, in place of their measured current: charge is then judged.",
+        ),
+    ] = False,
     weight: Annotated[
         str | None,
         shared.model_option(
@@ -188,6 +195,7 @@ def run(
             holdout or (),
             initial_soc or (),
             start_from,
+            as_protocol,
         )
         if start_from is None:
             to_discover = discover_command(

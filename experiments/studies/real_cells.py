@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -15,16 +16,20 @@ from ...core.loop import RunResult
 from ...core.record_errors import RecordErrors
 from ...core.run_config import RunConfig
 from ...core.scaffold import load_scaffold
+from ...core.signal_metrics import voltage_rmse_mv
 from ...core.yaml_text import read_yaml
 from ..run import Resources, execute_run
 from ..tasks.task_file import TaskFile, task_from
 
-CELLS_FILE = Path(__file__).with_name("real_cells.yaml")
+MEASURED_CURRENT, PAPER = "real_cells", "paper_cells"
+"""The studies, by the names of their files: driven by the measured current, or by the steps that the records show."""
 
 
 @dataclass(frozen=True)
 class RecordRow:
-    """One record of one cell; errors are those of the voltage, in mV, and NaN where nothing was simulated.
+    """One record of one cell; errors are those of the voltage, in mV, and of the temperature, in K.
+
+    NaN where nothing was simulated or measured.
 
     A simulation that ended early has the errors of what it reached, and says why it ended.
     """
@@ -36,18 +41,56 @@ class RecordRow:
     rms_99_mv: float
     max_mv: float
     start_mv: float
+    rms_k: float
     simulations: int
     simulator_s: float
     failure: str
 
+    @property
+    def line(self) -> str:
+        """In words, on a line."""
+        kelvin = "" if math.isnan(self.rms_k) else f"; {self.rms_k:.2f} K"
+        return (
+            f"{self.cell}, {self.record} ({self.role}): {self.rms_mv:.1f} mV rms, "
+            f"{self.rms_99_mv:.1f} over 99 % of the time{kelvin}"
+        )
+
+
+@dataclass(frozen=True)
+class ProtocolRow:
+    """One cell whose steps were simulated: the paper's errors in percent, charge, current and voltage apart."""
+
+    cell: str
+    start_mape: float
+    mape: float
+    q_mape: float
+    i_mape: float
+    v_mape: float
+    v_rmse_mv: float
+    simulations: int
+    failed: int
+    simulator_s: float
+
+    @property
+    def line(self) -> str:
+        """In words, on a line."""
+        return (
+            f"{self.cell}: total MAPE {self.mape:.2f} % (charge {self.q_mape:.2f}, current {self.i_mape:.2f}, "
+            f"voltage {self.v_mape:.2f}) from {self.start_mape:.1f}"
+        )
+
+
+Row = RecordRow | ProtocolRow
+
 
 @cache
-def cells() -> tuple[TaskFile, ...]:
-    """The cells, in the order in which they are run."""
-    return tuple(TypeAdapter(list[TaskFile]).validate_python(read_yaml(CELLS_FILE)))
+def cells(study: str = MEASURED_CURRENT) -> tuple[TaskFile, ...]:
+    """The cells of a study, in the order in which they are run."""
+    path = Path(__file__).with_name(f"{study}.yaml")
+    return tuple(TypeAdapter(list[TaskFile]).validate_python(read_yaml(path)))
 
 
-def chosen(names: Sequence[str]) -> list[TaskFile]:
+def chosen(names: Sequence[str], study: str = MEASURED_CURRENT) -> list[TaskFile]:
     """The cells of these names; all of them if there are none.
 
     Raises
@@ -55,12 +98,12 @@ def chosen(names: Sequence[str]) -> list[TaskFile]:
     BsaError
         If there is no such cell.
     """
-    known = {cell.name: cell for cell in cells()}
+    known = {cell.name: cell for cell in cells(study)}
     for name in names:
         if name not in known:
             hint = did_you_mean(name, known) or f"cells: {', '.join(known)}."
             raise BsaError(f'there is no measured cell "{name}".', hint)
-    return [known[name] for name in names] or list(cells())
+    return [known[name] for name in names] or list(cells(study))
 
 
 def missing(cell: TaskFile, data: Path) -> list[str]:
@@ -70,13 +113,15 @@ def missing(cell: TaskFile, data: Path) -> list[str]:
 
 def run_cell(
     cell: TaskFile, data: Path, folder: Path, scaffold: str, simulations: int, seed: int, workers: int
-) -> list[RecordRow]:
-    """Calibrate a cell, or go on where that was interrupted; a row for each record."""
+) -> list[Row]:
+    """Calibrate a cell, or go on where that was interrupted; a row for each record, or one for its protocol."""
     task = task_from(cell, data)
     config = RunConfig(scaffold=load_scaffold(scaffold), simulations=simulations, seed=seed)
     result = execute_run(task, config, folder, open_backend("rules", {}), Resources(workers=workers))
     if result.status == "interrupted":
         raise KeyboardInterrupt
+    if not task.given_drive:
+        return [_protocol_row(cell.name, result)]
     held_out = [prediction.errors for prediction in result.held_out]
     return [
         _row(cell.name, errors, role, result)
@@ -88,7 +133,8 @@ def run_cell(
 def _row(cell: str, errors: RecordErrors, role: str, result: RunResult) -> RecordRow:
     nothing = float("nan")
     voltage = errors.signals.get("voltage")
-    before = result.initial_metrics.value("v_rmse_mv") if result.initial_metrics is not None else nothing
+    kelvin = errors.signals.get("temperature")
+    before = nothing if result.initial_metrics is None else voltage_rmse_mv(result.initial_metrics)
     return RecordRow(
         cell,
         errors.record,
@@ -97,15 +143,32 @@ def _row(cell: str, errors: RecordErrors, role: str, result: RunResult) -> Recor
         nothing if voltage is None else voltage.rms_99,
         nothing if voltage is None else voltage.max,
         before if role == "fitted" else nothing,
+        nothing if kelvin is None else kelvin.rms,
         len(result.trials),
         result.simulator_s,
         errors.failure,
     )
 
 
+def _protocol_row(cell: str, result: RunResult) -> ProtocolRow:
+    before, after = result.initial_metrics, result.best_metrics
+    errors = {key: float("nan") if after is None else after.value(key) for key in _PAPER_ERRORS}
+    return ProtocolRow(
+        cell=cell,
+        start_mape=float("nan") if before is None else before.value("mape"),
+        simulations=len(result.trials),
+        failed=sum(trial.failed for trial in result.trials),
+        simulator_s=result.simulator_s,
+        **errors,
+    )
+
+
+_PAPER_ERRORS = ("mape", "q_mape", "i_mape", "v_mape", "v_rmse_mv")
+
+
 def run_cells(
-    wanted: Sequence[TaskFile], data: Path, out: Path, run: Callable[[TaskFile, Path], list[RecordRow]]
-) -> tuple[list[RecordRow], list[str]]:
+    wanted: Sequence[TaskFile], data: Path, out: Path, run: Callable[[TaskFile, Path], list[Row]]
+) -> tuple[list[Row], list[str]]:
     """Run what has data; the rows, and a sentence for each cell that was skipped.
 
     Parameters
@@ -119,7 +182,7 @@ def run_cells(
     run : callable
         ``run(cell, folder)`` gives the rows of one.
     """
-    rows: list[RecordRow] = []
+    rows: list[Row] = []
     remarks: list[str] = []
     for cell in wanted:
         lacking = missing(cell, data)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -14,6 +14,7 @@ from ...core.cell import CELL, TEMPERATURE
 from ...core.errors import BsaError
 from ...core.parameters import ParameterSpace
 from ...core.prediction import begins_under_load
+from ...core.recognised_protocol import recognised_protocol, with_switches
 from ...core.record import ReadOptions, Record
 from ...core.registry import installed
 from ...core.spectrum import ImpedanceSpectrum
@@ -22,6 +23,12 @@ from ...core.task import CellModel, Experiment, ParameterSource, Protocol, Task
 from ...core.trajectory import StepKind, Trajectory
 
 WIDTH = "Electrode width [m]"
+
+RECOGNISED: Literal["recognised"] = "recognised"
+"""In place of a protocol: that which the record's own steps show."""
+
+_MARGIN_V = 0.2
+"""Volts by which a model's voltage window is wider than a record whose steps are simulated: they end by themselves."""
 
 CONTACT, RESISTANCE = "contact resistance", "Contact resistance [Ohm]"
 """PyBaMM's option for a series resistance, and its parameter."""
@@ -63,7 +70,9 @@ class RecordRequest:
         The reader to use; None finds the one that fits.
     reader_options : mapping
         The reader's own options.
-    protocol, scored_cycle, temperature_k, initial_soc
+    protocol : Protocol, "recognised" or None
+        As in `Experiment`; ``"recognised"`` for that which the record's own steps show.
+    scored_cycle, temperature_k, initial_soc
         As in `Experiment`.
     detailed_cycles : sequence of int or "auto", optional
         Makes a long record of it: these cycles are compared by their curves, all others by the cycle table.
@@ -73,11 +82,22 @@ class RecordRequest:
     read: ReadOptions = field(default_factory=ReadOptions)
     reader: str | None = None
     reader_options: Mapping[str, Any] = field(default_factory=dict)
-    protocol: Protocol | None = None
+    protocol: Protocol | Literal["recognised"] | None = None
     scored_cycle: int | None = None
     temperature_k: float | None = None
     initial_soc: float | None = None
     detailed_cycles: Sequence[int] | Literal["auto"] | None = None
+
+    @property
+    def as_measured(self) -> bool:
+        """Whether the record says all of how it was made: currents in A, not rates, and where it starts."""
+        return self.protocol in (None, RECOGNISED)
+
+    def protocol_of(self, record: Record) -> Protocol | None:
+        """The protocol of its experiment."""
+        if self.protocol == RECOGNISED:
+            return recognised_protocol(record.trajectory, record.name)
+        return self.protocol
 
     def load(self) -> Record | ImpedanceSpectrum:
         """What its source holds.
@@ -137,8 +157,8 @@ def build_task(
     fixed = dict(overrides or {})
     values = load(parameter_set, fixed)
     given = starts_given(search) | set(fixed)
-    by_current = all(request.protocol is None for request in records)
-    if scale_to_capacity and WIDTH not in given and by_current:
+    as_measured = all(request.as_measured for request in records)
+    if scale_to_capacity and WIDTH not in given and as_measured:
         factor, note = _size_factor(loaded, values, equilibrium_capacity_ah(parameter_set, fixed))
         if note:
             fixed[WIDTH] = float(values[WIDTH]) * factor
@@ -150,15 +170,18 @@ def build_task(
             notes.append(note)
     options = in_pybamm_spelling(options or {})
     change_k = max((float(np.ptp(t)) for r in loaded if (t := r.trajectory.temperature) is not None), default=0.0)
+    by_current = all(request.protocol is None for request in records)
     if by_current and THERMAL not in options and change_k >= _WARMS_K:
         options[THERMAL] = "lumped"
         notes.append(
             f"The measured temperature changes by {change_k:.1f} K: the model is thermal (lumped); its temperature is "
             "fitted beside the voltage (--options thermal=isothermal keeps it constant)."
         )
-    if CONTACT not in options and by_current:
+    if CONTACT not in options and as_measured:
         # Tabs, leads and clamps are in every record, and in no parameter set.
         options[CONTACT] = "true"
+    if any(request.protocol == RECOGNISED for request in records):
+        fixed |= _wide_window(values, loaded, given)
     cell = CellModel(parameter_set, model, options, fixed)
     space = resolve_space(parameter_set, search, fixed, options)
     if isinstance(search, str) and Path(search).suffix not in (".yaml", ".yml"):
@@ -170,7 +193,7 @@ def build_task(
     socs: list[float] = []
     for request, record in zip(records, loaded, strict=True):
         soc = request.initial_soc
-        if soc is None and request.protocol is None:
+        if soc is None and request.as_measured:
             voltage, words = _open_circuit_start(record.trajectory)
             soc = soc_at_voltage(cell, voltage)
             notes.append(f"{record.name}: {words}, taken as a state of charge of {soc:.3f}.")
@@ -180,7 +203,7 @@ def build_task(
             Experiment(
                 name=record.name,
                 target=record.trajectory,
-                protocol=request.protocol,
+                protocol=request.protocol_of(record),
                 scored_cycle=request.scored_cycle,
                 temperature_k=request.temperature_k if request.temperature_k is not None else record.ambient_k,
                 initial_soc=soc,
@@ -192,6 +215,19 @@ def build_task(
     signals = (*CELL.signals, TEMPERATURE) if compared else CELL.signals
     task = Task(name, cell, space, tuple(experiments), tuple(notes), signals=signals)
     return holding_out(task, held_out)
+
+
+def _wide_window(values: Any, records: Sequence[Record], given: Collection[str]) -> dict[str, float]:
+    """Voltage cut-offs beyond all of the records; what the set calls empty and full stays."""
+    voltages = np.concatenate([record.trajectory.voltage for record in records])
+    wide: dict[str, float] = {}
+    for side, percent, wider in (
+        ("Lower", 0, min(float(values["Lower voltage cut-off [V]"]), float(voltages.min()) - _MARGIN_V)),
+        ("Upper", 100, max(float(values["Upper voltage cut-off [V]"]), float(voltages.max()) + _MARGIN_V)),
+    ):
+        cut_off, open_circuit = f"{side} voltage cut-off [V]", f"Open-circuit voltage at {percent}% SOC [V]"
+        wide |= {open_circuit: float(values.get(open_circuit, values[cut_off])), cut_off: wider}
+    return {name: value for name, value in wide.items() if name not in given}
 
 
 def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
@@ -224,11 +260,11 @@ def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
 
 
 def _held_out(request: RecordRequest, record: Record) -> Experiment:
-    starts_at_rest = request.initial_soc is None and request.protocol is None
+    starts_at_rest = request.initial_soc is None and request.as_measured
     return Experiment(
         name=record.name,
         target=record.trajectory,
-        protocol=request.protocol,
+        protocol=request.protocol_of(record),
         scored_cycle=request.scored_cycle,
         temperature_k=request.temperature_k if request.temperature_k is not None else record.ambient_k,
         initial_soc=request.initial_soc,
@@ -248,7 +284,9 @@ def _loaded(request: RecordRequest) -> Record:
 
 
 def _as_asked(request: RecordRequest, record: Record) -> Record:
-    """The record, as a cycle table with the curves of a few cycles where that was asked for."""
+    """The record: with steps that meet where they are simulated, as a cycle table where that was asked for."""
+    if request.protocol == RECOGNISED:
+        record = replace(record, trajectory=with_switches(record.trajectory))
     if request.detailed_cycles is None:
         return record
     wanted = None if request.detailed_cycles == "auto" else tuple(request.detailed_cycles)

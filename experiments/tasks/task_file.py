@@ -32,10 +32,10 @@ class ExperimentEntry(BaseModel, extra="forbid"):
     """One record and how it was made."""
 
     data: str = Field(description="The record, relative to the task file.")
-    protocol: list[list[str] | str] | None = Field(
+    protocol: list[list[str] | str] | Literal["recognised"] | None = Field(
         None,
-        description='Cycles of PyBaMM step strings, or "200 x [step, step]"; left out, the measured current drives the '
-        "model.",
+        description='Cycles of PyBaMM step strings, or "200 x [step, step]"; recognised: as the record\'s steps show; '
+        "left out, the measured current drives the model.",
     )
     scored_cycle: int | None = Field(None, ge=1, description="The cycle to be matched; left out, the whole record.")
     detailed_cycles: list[int] | Literal["auto"] | None = Field(
@@ -120,7 +120,7 @@ def _request(entry: ExperimentEntry, folder: Path) -> RecordRequest:
         read=entry.read,
         reader=entry.reader,
         reader_options=entry.reader_options,
-        protocol=None if entry.protocol is None else read_protocol(entry.protocol),
+        protocol=read_protocol(entry.protocol) if isinstance(entry.protocol, list) else entry.protocol,
         scored_cycle=entry.scored_cycle,
         detailed_cycles=entry.detailed_cycles,
         temperature_k=None if entry.temperature_degc is None else entry.temperature_degc + ZERO_CELSIUS_K,

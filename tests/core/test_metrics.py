@@ -88,6 +88,25 @@ def test_a_weight_that_does_not_exist_is_refused() -> None:
     assert "uniform, robust" in error.value.hint
 
 
+def test_a_cycle_that_ends_where_it_began_is_judged_by_its_discharge() -> None:
+    """The net charge of it is next to nothing, and so is a current of a resting cell."""
+
+    def cycle(amperes: float, resting: float) -> Trajectory:
+        current = np.concatenate([np.full(3600, -1.0), np.full(3600, amperes), np.full(3600, resting)])
+        steps = (
+            Step(StepKind.CC_CHARGE, 0, 3600),
+            Step(StepKind.CC_DISCHARGE, 3600, 7200, position=1),
+            Step(StepKind.REST, 7200, 10800, position=2),
+        )
+        return Trajectory(np.arange(10800.0), current, np.full(10800, 4.0), None, steps)
+
+    experiment = Experiment("r", cycle(1.0, 5e-4), (("Charge at 1 A for 1 hour", "Discharge at 1 A for 1 hour"),))
+    metrics = evaluate(Task("t", CellModel("x"), space(), (experiment,)), outcome_of(cycle(1.02, 0.0)))
+    assert metrics is not None
+    assert metrics.q_mape == pytest.approx(2.0, abs=0.1)
+    assert metrics.i_mape == pytest.approx(1.0, abs=0.1)
+
+
 def test_a_run_that_never_reached_the_scored_cycle_has_no_metrics() -> None:
     target = record(HIDDEN)
     task = Task("t", CellModel("x"), space(), (Experiment("r", target, (("x",),), scored_cycle=1),))

@@ -40,7 +40,7 @@ def test_the_cells_are_known_by_name() -> None:
 
 def test_a_cell_without_its_records_is_skipped_with_the_reason(tmp_path: Path) -> None:
     def run(wanted: TaskFile, folder: Path) -> list[RecordRow]:
-        return [RecordRow(wanted.name, "r", "fitted", 1.0, 1.0, 1.0, 2.0, 3, 4.0, "")]
+        return [RecordRow(wanted.name, "r", "fitted", 1.0, 1.0, 1.0, 2.0, 0.5, 3, 4.0, "")]
 
     (tmp_path / "here.csv").touch()
     wanted = [cell("here", "here.csv"), cell("gone", "here.csv", held_out=("gone.csv",))]
@@ -50,20 +50,33 @@ def test_a_cell_without_its_records_is_skipped_with_the_reason(tmp_path: Path) -
     assert missing(wanted[1], tmp_path) == ["gone.csv"]
 
 
-def test_the_command_says_what_it_skips(tmp_path: Path) -> None:
-    result = CliRunner().invoke(app(), ["bench", "real-cells", "--data", str(tmp_path), "--out", str(tmp_path / "out")])
+@pytest.mark.parametrize(("option", "study"), [((), "real_cells"), (("--paper",), "paper_cells")])
+def test_the_command_says_what_it_skips(tmp_path: Path, option: tuple[str, ...], study: str) -> None:
+    asked = ["bench", "real-cells", "--data", str(tmp_path), "--out", str(tmp_path / "out"), *option]
+    result = CliRunner().invoke(app(), asked)
     assert result.exit_code == 0
-    assert result.output.count("is skipped") == len(cells())
+    assert result.output.count("is skipped") == len(cells(study))
     assert not (tmp_path / "out").exists()
 
 
 def test_every_record_gives_a_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(real_cells, "cells", lambda: (cell("demo", "demo.csv"),))
+    monkeypatch.setattr(real_cells, "cells", lambda study: (cell("demo", "demo.csv"),))
     (wanted,) = chosen([])
     (row,) = run_cell(wanted, DEMO, tmp_path / "run", "staged", simulations=1, seed=1, workers=1)
     assert (row.cell, row.role, row.simulations) == ("demo", "fitted", 1)
     assert 0.0 < row.rms_99_mv <= row.rms_mv <= row.max_mv
     assert (tmp_path / "run" / "report.html").is_file()
+
+
+def test_a_cell_whose_steps_are_simulated_gives_the_papers_errors(tmp_path: Path) -> None:
+    wanted = cell("demo", "demo.csv")
+    simulated = wanted.model_copy(
+        update={"experiments": [wanted.experiments[0].model_copy(update={"protocol": "recognised"})]}
+    )
+    (row,) = run_cell(simulated, DEMO, tmp_path / "run", "hybrid", simulations=1, seed=1, workers=1)
+    assert row.mape == pytest.approx(row.q_mape + row.i_mape + row.v_mape)
+    assert (row.simulations, row.failed) == (1, 0)
+    assert "demo: total MAPE" in row.line
 
 
 def test_an_interrupted_cell_stops_the_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
