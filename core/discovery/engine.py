@@ -195,7 +195,7 @@ class Engine:
         # Before the last level of a contest, which gets the whole budget, there may be three of a third.
         whole = 2 * min(len(chosen), self.settings.confirmed) * self.settings.refit_budget
         self._say(f"screening {len(chosen)} effects")
-        self._progress.estimate(self.problem.simulations, short + whole)
+        self._progress.estimate(self.problem.simulated, short + whole)
         self._refit(partial(screen, early_fitter, refitted, as_new=as_new), chosen, refitted.cost)
         misfit_v = early_fitter.problem.misfit_v
         found = self._settle(base, chosen, early_fitter)

@@ -99,6 +99,12 @@ class Problem:
         kept_back = [o for o, mask in zip(self.observations, self.fitted, strict=True) if not np.all(mask)]
         return _together([*kept_back, *self.held_observations])
 
+    @property
+    def simulated(self) -> float:
+        """How many of the simulations were made in this process; a journal answered the others."""
+        asked = self.simulator.simulations
+        return self.simulations * (1.0 - self.simulator.recalled / asked) if asked else 0.0
+
     def predict(self, effects: Sequence[Effect], candidate: Candidate) -> list[Prediction] | None:
         """Predictions for the fitted records, corrected for the mesh; None if one of them fails."""
         return self.predict_all([(effects, candidate)])[0]

@@ -28,19 +28,19 @@ class Progress:
         self._done = self._total = 0
         self._phase_began = self._began
 
-    def estimate(self, simulated: int, left: int) -> None:
-        """Say how long so many simulations will take, as long as those before took.
+    def estimate(self, simulated: float, left: int) -> None:
+        """Say how many simulations are left, and how long they take at the pace of those before.
 
         Parameters
         ----------
-        simulated : int
-            Simulations so far.
+        simulated : float
+            Simulations made since this began; at 0 there is no pace yet.
         left : int
             Simulations that are left at most.
         """
-        if simulated:
-            seconds = (self._clock() - self._began) / simulated * left
-            self._say(f"at most {left} simulations are left: {duration(seconds)} at the present pace")
+        seconds = (self._clock() - self._began) / simulated * left if simulated else None
+        pace = "" if seconds is None else f": {duration(seconds)} at the present pace"
+        self._say(f"at most {left} simulations are left{pace}")
 
     def begin(self, total: int) -> None:
         """Begin to refit so many candidates."""

@@ -34,6 +34,8 @@ class RecordedSimulator:
     ----------
     simulations : int
         Predictions asked for, those of the journal included.
+    recalled : int
+        Those that the journal knew.
     refused : dict of str to str
         Effects that could not be built, and why.
     """
@@ -46,7 +48,7 @@ class RecordedSimulator:
         self.refused: dict[str, str] = {event["effect"]: event["why"] for event in earlier if event["event"] == REFUSED}
         self._lock = threading.Lock()
         self.at_once = inner.at_once
-        self.simulations = 0
+        self.simulations = self.recalled = 0
 
     def predict(self, requests: Sequence[Request]) -> list[Prediction | None]:
         """Answer from the journal, and have the rest simulated side by side."""
@@ -54,6 +56,7 @@ class RecordedSimulator:
         with self._lock:
             self.simulations += len(requests)
             missing = {key: request for key, request in zip(keys, requests, strict=True) if key not in self._known}
+            self.recalled += sum(key not in missing for key in keys)
         if missing:
             found = self._inner.predict(list(missing.values()))
             with self._lock:

@@ -124,12 +124,15 @@ class Simulator(Protocol):
         How many requests run side by side; threads may share a simulator with more than one.
     simulations : int
         Requests answered.
+    recalled : int
+        How many of them without a simulation, from a journal.
     refused : dict of str to str
         Effects that could not be built, and why.
     """
 
     at_once: int
     simulations: int
+    recalled: int
     refused: dict[str, str]
 
     def predict(self, requests: Sequence[Request]) -> list[Prediction | None]:

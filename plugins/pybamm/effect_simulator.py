@@ -44,6 +44,7 @@ class EffectSimulator:
     """
 
     at_once = 1
+    recalled = 0
 
     def __init__(
         self, cell: CellModel, targets: Mapping[str, Target], usual: Resolution = SEARCH, fine: Resolution = FINE

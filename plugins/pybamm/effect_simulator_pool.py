@@ -101,6 +101,8 @@ class EffectSimulatorPool:
         Requests that were simulated.
     at_once : int
         The number of workers.
+    recalled : int
+        0: every request is simulated.
     """
 
     def __init__(
@@ -109,6 +111,7 @@ class EffectSimulatorPool:
         self._pool = Pool(RequestService(cell, targets, usual, fine), workers, _TIME_LIMIT_S)
         self._lock = threading.Lock()
         self.at_once = workers
+        self.recalled = 0
         self._folder = tempfile.TemporaryDirectory(prefix="bsa-")
         self._kept: dict[int, tuple[Any, Path]] = {}
         self.refused: dict[str, str] = {}

@@ -10,6 +10,8 @@ def test_each_candidate_has_a_line_with_the_time_that_is_left() -> None:
     progress = Progress(lines.append, lambda: next(now))
     progress.estimate(50, 30)
     assert lines == ["at most 30 simulations are left: about 60 s at the present pace"]
+    progress.estimate(0, 30)
+    assert lines.pop() == "at most 30 simulations are left"
     progress.begin(2)
     first, second = (Nomination(effect) for effect in (toy.QUADRATIC, toy.SLOW))
     progress.refitted(first, 10.0)

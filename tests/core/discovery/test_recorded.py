@@ -24,7 +24,7 @@ class Counting(toy.ToySimulator):
         return super().predict(requests)
 
 
-def discover(folder, inner):
+def discover(folder, inner, listener=lambda text: None):
     journal = Journal(folder)
     try:
         earlier = list(read_events(folder))
@@ -32,7 +32,7 @@ def discover(folder, inner):
             journal.append("run", format=1, kind="discovery")
         problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
         problem.simulator = RecordedSimulator(inner, journal, earlier)
-        return Engine(problem, space, CATALOGUE, toy.EVIDENCE).run()
+        return Engine(problem, space, CATALOGUE, toy.EVIDENCE, listener=listener).run()
     finally:
         journal.close()
 
@@ -55,8 +55,12 @@ def test_a_discovery_that_was_stopped_goes_on_where_it_was_and_finds_the_same(tm
 
 
 def test_a_discovery_that_is_done_simulates_nothing_again(tmp_path):
-    wanted = discover(tmp_path / "run", Counting())
-    assert numbers(discover(tmp_path / "run", Counting(most=0))) == numbers(wanted)
+    first, again = [], []
+    wanted = discover(tmp_path / "run", Counting(), first.append)
+    assert numbers(discover(tmp_path / "run", Counting(most=0), again.append)) == numbers(wanted)
+    # What a journal answers at once is no pace at which the rest would go on.
+    (before,), (after,) = ([line for line in lines if "simulations are left" in line] for lines in (first, again))
+    assert before.startswith(f"{after}: about ")
 
 
 def test_what_fails_and_what_is_refused_stands_in_the_journal(tmp_path):

@@ -44,6 +44,7 @@ class ToySimulator:
     """V = 3.8 - 0.2 q + offset - R I + the effects' marks."""
 
     at_once = 1
+    simulations = recalled = 0
 
     def predict(self, requests):
         return [self.one(request) for request in requests]
