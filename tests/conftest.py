@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import signal
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +43,34 @@ def ctrl_c() -> Iterator[Any]:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield signal.default_int_handler
     signal.signal(signal.SIGINT, before)
+
+
+class HerePool:
+    """A pool without processes: each would import PyBaMM for seconds, and processes have tests of their own."""
+
+    def __init__(self, service: Any, size: int, time_limit_s: float) -> None:
+        self._service = service
+        self._prepared = False
+
+    def run(self, jobs: Sequence[Any], allowance: float = 1.0) -> Iterator[tuple[int, Any]]:
+        if not self._prepared:
+            self._service.prepare()
+            self._prepared = True
+        for place, job in enumerate(jobs):
+            yield place, self._service.work(job, lambda report: None)
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.fixture(scope="module")
+def simulated_here() -> Iterator[None]:
+    """PyBaMM's simulations are made in this process."""
+    from bsa.plugins.pybamm import worker
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(worker, "Pool", HerePool)
+        yield
 
 
 @pytest.fixture

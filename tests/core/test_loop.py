@@ -42,14 +42,15 @@ def test_budgets_are_kept(run_toy: RunToy) -> None:
 
 
 def test_a_resumed_run_equals_an_uninterrupted_one_wherever_it_was_cut(run_toy: RunToy, tmp_path: Path) -> None:
-    whole = fingerprint(run_toy(tmp_path / "whole"))
+    short = {"warm_up": 4, "rounds": 6, "simulations": 14}
+    whole = fingerprint(run_toy(tmp_path / "whole", **short))
     lines = (tmp_path / "whole" / FILE_NAME).read_bytes().splitlines(keepends=True)
     for kept in range(1, len(lines)):
         folder = tmp_path / f"cut-{kept}"
         folder.mkdir()
         # A kill may tear the line being written.
         (folder / FILE_NAME).write_bytes(b"".join(lines[:kept]) + lines[kept][: len(lines[kept]) // 2])
-        resumed = run_toy(folder)
+        resumed = run_toy(folder, **short)
         assert fingerprint(resumed) == whole
         events = list(read_events(folder))
         indices = [event["index"] for event in events if event["event"] == "trial"]

@@ -16,6 +16,8 @@ from bsa.plugins.pybamm.parameter_sets import load
 from bsa.plugins.pybamm.solving import solve_reference
 from typer.testing import CliRunner
 
+pytestmark = pytest.mark.usefixtures("simulated_here")
+
 RADIUS = "Positive particle radius [m]"
 TRUE = {"values": {RADIUS: 9e-6}}
 
@@ -38,7 +40,7 @@ def measured(c_rate: float, minutes: int, start: float = 0.0) -> pandas.DataFram
 
 
 @pytest.fixture(scope="module")
-def fitted(tmp_path_factory):
+def fitted(tmp_path_factory, simulated_here):
     folder = tmp_path_factory.mktemp("runs") / "run"
     return bsa.calibrate(
         measured(1.0, 20),

@@ -19,7 +19,7 @@ from bsa.core.simulation import ExperimentRun, Outcome, SimulationFailure
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, Trajectory
 from pydantic import BaseModel, Field
-from scipy.integrate import solve_ivp
+from scipy.integrate import odeint
 
 MASS, STIFFNESS, DAMPING = "Mass [kg]", "Stiffness [N.m-1]", "Damping [N.s.m-1]"
 HIDDEN = {MASS: 1.2, STIFFNESS: 95.0, DAMPING: 0.9}
@@ -89,14 +89,16 @@ def swing(candidate: Candidate, target: Trajectory, tolerance: float) -> Traject
 
     def rate(now: float, state: np.ndarray) -> list[float]:
         pushed = float(np.interp(now, time_s, force))
-        return [state[1], (pushed - damping * state[1] - stiffness * state[0]) / mass]
+        place, speed = state.tolist()
+        return [speed, (pushed - damping * speed - stiffness * place) / mass]
 
-    solved = solve_ivp(
-        rate, (time_s[0], time_s[-1]), [0.0, 0.0], "LSODA", time_s, rtol=tolerance, atol=1e-3 * tolerance, max_step=0.1
+    # The older interface of LSODA steps in compiled code, several times as fast as that of `solve_ivp`.
+    states, told = odeint(
+        rate, [0.0, 0.0], time_s, tfirst=True, rtol=tolerance, atol=1e-3 * tolerance, hmax=0.1, full_output=True
     )
-    if not solved.success:
-        raise ArithmeticError(solved.message)
-    signals = {FORCE.name: force, DISPLACEMENT.name: solved.y[0], VELOCITY.name: solved.y[1]}
+    if told["message"] != "Integration successful.":
+        raise ArithmeticError(told["message"])
+    signals = {FORCE.name: force, DISPLACEMENT.name: states[:, 0], VELOCITY.name: states[:, 1]}
     return Trajectory(time_s, steps=target.steps, signals=signals)
 
 
