@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Literal
 
 import numpy as np
+import pybamm
 
 from .hidden_cell import Hidden
 from .hidden_physics import EFFECTS, OUTSIDE, HiddenEffect
@@ -91,7 +93,7 @@ def draw(seed: int, number: int, attempt: int = 0) -> Draw:
     if effects and model not in effects[0].models:
         model = effects[0].models[0]
     chemistry = str(rng.choice(CHEMISTRIES))
-    size = _CAPACITY_AH[chemistry] / 5.0
+    size = _capacity_ah(chemistry) / 5.0
     strengths = {effect.strength: _strength(effect, size, rng) for effect in effects}
     outside = str(rng.choice(list(OUTSIDE))) if setting == "outside" else ""
     hidden = Hidden(
@@ -111,8 +113,9 @@ def draw(seed: int, number: int, attempt: int = 0) -> Draw:
     return Draw(setting, hidden, protocols, *_conditions(effects, protocols, rng))
 
 
-_CAPACITY_AH = {"Chen2020": 5.0, "Marquis2019": 0.680616, "Mohtat2020": 5.0, "OKane2022": 5.0}
-"""Nominal capacities of the sets."""
+@cache
+def _capacity_ah(chemistry: str) -> float:
+    return float(pybamm.ParameterValues(chemistry)["Nominal cell capacity [A.h]"])
 
 
 def _effects(setting: Setting, model: str, rng: np.random.Generator) -> tuple[HiddenEffect, ...]:

@@ -95,7 +95,7 @@ class Chapter:
     rows : sequence of TrialRow
         The simulations, where there are several.
     remarks : sequence of str
-        Problems with replies, values that were projected, the step size.
+        Problems with replies, and values that were projected.
     calls : sequence of Call
         What was asked and answered.
     """
@@ -194,9 +194,6 @@ def _row(space: ParameterSpace, base: Trial, trial: Trial) -> TrialRow:
 def _remarks(round_: Round) -> list[str]:
     details = round_.details
     remarks = []
-    share = details.get("step_size")
-    if isinstance(share, (int, float)) and not isinstance(share, bool) and share < 1:
-        remarks.append(f"Adaptive step: {number(100 * share, 3)} % of the proposed change was taken.")
     projected = details.get("projected")
     if isinstance(projected, list) and projected:
         names = ", ".join(short_name(str(name)) for name in projected)

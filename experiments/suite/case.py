@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 from ...core.parameters import Candidate
 from ...core.task import Protocol
 
-MODES = ("regular", "extreme", "sei", "random")
-
 MODEL_OPTIONS = {"SEI": "reaction limited", "SEI film resistance": "distributed"}
 """The paper's model options, the same for every case but those of `_OWN_GROWTH`."""
 

@@ -18,8 +18,6 @@ SETS = ("Chen2020", "OKane2022", "Ecker2015", "Mohtat2020", "Prada2013", "Ai2020
 """Base cells, taken in turn: the paper's five and three it does not use."""
 
 RATES = (0.2, 0.5, 1.0, 1.5, 2.0)
-NOISE = Noise(voltage_v=1e-3, current=1e-3)
-"""What a good cycler shows: 1 mV and 0.1 %."""
 
 _LARGEST_FACTOR = {
     "Negative particle radius [m]": 2.2,

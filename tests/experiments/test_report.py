@@ -107,7 +107,7 @@ def folder(tmp_path):
     writer.trial(1, "warm-up", 1, 45.0, **{RADIUS: 6e-6})
     writer.trial(2, "warm-up", 1, None, **{POROSITY: 0.2})
     writer.reply()
-    writer.proposal("search", 1, hypothesis="Diffusion is too slow.", details={"step_size": 0.5, "projected": [RADIUS]})
+    writer.proposal("search", 1, hypothesis="Diffusion is too slow.", details={"projected": [RADIUS]})
     writer.trial(3, "search", 1, 2.0, **{RADIUS: 1e-6})
     writer.journal.append("lost-call", reason="no server", prompt=[])
     writer.proposal("search", 2, 0, lost="no reply: no server")
@@ -226,7 +226,6 @@ class TestPage:
             "brought the total MAPE from 41 % to 2.5 %",
             "Diffusion is too slow.",
             "Negative particle radius 5 µm → 1 µm × 0.2",
-            "Adaptive step: 50 % of the proposed change was taken.",
             "Lost round. no reply: no server",
             "A reply was refused: nonsense",
             "at lower bound",
@@ -280,7 +279,7 @@ class TestPage:
     def test_details_of_an_unknown_shape_do_no_harm(self, tmp_path):
         writer = Writer(tmp_path, make_task())
         writer.trial(0, "initial", 0, 40.0)
-        writer.proposal("search", 1, details={"step_size": "half", "problems": "x", "projected": 3})
+        writer.proposal("search", 1, details={"problems": "x", "projected": 3})
         writer.trial(1, "search", 1, 4.0)
         page_of(tmp_path)
 
