@@ -21,7 +21,8 @@ from .task import Task
 from .trial import Trial
 from .watched_simulations import NOT_FITTED, REFERENCE, WatchedSimulations
 
-APPRAISAL, SCORE = "appraisal", "score"
+ANALYSIS, SCORE = "appraisal", "score"
+"""Events of the journal; the first is called as it was when journals began."""
 
 
 class Watching(Protocol):
@@ -81,7 +82,7 @@ class AfterSearch:
         self._listener = listener
         self._analysed = JournalledSimulations(plugins, journal, earlier)
         self._scores = {event["index"]: event for event in earlier if event["event"] == SCORE}
-        self._analyses = {event["appraisal"]["base"]: event for event in earlier if event["event"] == APPRAISAL}
+        self._analyses = {event["appraisal"]["base"]: event for event in earlier if event["event"] == ANALYSIS}
         self._predictions = {event["base"]: event for event in earlier if event["event"] == HELD_OUT}
 
     def score(self, trials: Iterable[Trial]) -> dict[int, Score]:
@@ -130,7 +131,7 @@ class AfterSearch:
             self._note("Stopped before it was known what the record fixes. Resume the run to find out.")
             return None
         if found is not None:
-            self._journal.append(APPRAISAL, appraisal=found.as_json())
+            self._journal.append(ANALYSIS, appraisal=found.as_json())
         return found
 
     def predict(self, best: Trial, analysis: PostFitAnalysis | None) -> tuple[Prediction, ...]:

@@ -1,4 +1,4 @@
-"""What a model may lack: a named effect with its equation, its parameters and the mark it leaves."""
+"""What a model may lack: a named effect with its equation, its parameters and its signature in the voltage."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ class Effect:
     parameters : tuple of EffectParameter
         The first is the strength: at its null value the effect is absent, whatever the others are.
     signature : str
-        The mark the effect should leave in voltage, in words.
+        How the effect shows in the voltage, in words.
     citation : str
         Where the equation comes from, with a DOI.
     variant : str

@@ -1,4 +1,4 @@
-"""What the events of a journal look like: whoever reads one may rely on it."""
+"""What the events of a journal look like; every reader may rely on it."""
 
 from __future__ import annotations
 

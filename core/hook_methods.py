@@ -27,7 +27,7 @@ def hook_methods(plugin: object, specifications: type) -> tuple[Mapping[str, plu
     methods : mapping of str to pluggy.HookImpl
         By the hook's name.
     faults : list of str
-        What is wrong with others: a name that is no hook, a hook without its mark, arguments that the hook does not
+        What is wrong with others: a name that is no hook, a hook without @hookimpl, arguments that the hook does not
         have.
     """
     known = [name for name, _ in inspect.getmembers(specifications, inspect.isfunction)]

@@ -12,7 +12,7 @@ from .post_fit_analysis import Simulating
 from .simulation import Outcome
 from .task import Experiment, Protocol
 
-APPRAISAL_SIMULATION = "appraisal-simulation"
+ANALYSIS_SIMULATION = "appraisal-simulation"
 
 _WHOLE_TASK: list[str] = []
 
@@ -33,7 +33,7 @@ class JournalledSimulations:
     def __init__(self, inner: Simulating, journal: Journal, earlier: Iterable[Mapping[str, Any]]) -> None:
         self._inner = inner
         self._journal = journal
-        self._known = [event for event in earlier if event["event"] == APPRAISAL_SIMULATION]
+        self._known = [event for event in earlier if event["event"] == ANALYSIS_SIMULATION]
 
     def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
         """See `RunHooks.simulate`."""
@@ -80,7 +80,7 @@ class JournalledSimulations:
         for number, outcome in made:
             place = missing[number]
             self._journal.append(
-                APPRAISAL_SIMULATION,
+                ANALYSIS_SIMULATION,
                 experiments=experiments,
                 candidate=dict(candidates[place]),
                 outcome=encode_outcome(outcome),

@@ -1,4 +1,4 @@
-"""The residuals around a fit: straight where the records fix the parameters, bending where they do not.
+"""The residuals around a fit: linear where the records fix the parameters, curved where they do not.
 
 References
 ----------
@@ -18,13 +18,13 @@ BOX_VARIANCE = 1.0 / 12.0
 """Variance of an even distribution over a bounded range: what the bounds alone say of a parameter."""
 
 _WEAK = 0.025
-"""Standard deviation along a direction, in units of the box, above which it is looked at whether the residuals bend."""
+"""Standard deviation along a direction, in units of the box, above which the curvature of the residuals is measured."""
 
 _MOST_DIRECTIONS = 4
 """Directions that are looked at, the weakest first: each costs two simulations."""
 
 _BREADTH = 1.5
-"""Standard deviations over which a bend is measured: between the middle and the ends of an interval."""
+"""Standard deviations over which a curvature is measured: between the middle and the ends of an interval."""
 
 _LEAST_ROOM = 0.25
 """Share of that length that must be left before a bound."""
@@ -43,7 +43,7 @@ class LocalModel:
     jacobian : ndarray of shape (m, p)
         Their derivatives.
     directions : ndarray of shape (q, p)
-        Unit vectors along which the residuals bend.
+        Unit vectors along which the residuals are curved.
     curvature : ndarray of shape (q, m)
         Second derivatives along them.
     """
@@ -56,7 +56,7 @@ class LocalModel:
 
     @classmethod
     def straight(cls, centre: FloatArray, residual: FloatArray, jacobian: FloatArray) -> LocalModel:
-        """One that does not bend."""
+        """One without curvature."""
         return cls(centre, residual, jacobian, np.zeros((0, len(centre))), np.zeros((0, len(residual))))
 
     def cost_function(self, dispersion: float = 1.0) -> Callable[[FloatArray], FloatArray]:
@@ -70,14 +70,14 @@ class LocalModel:
         return np.asarray(self._columns @ self._terms(point[None, :])[0])
 
     def linear_estimate(self, dispersion: float = 1.0) -> tuple[FloatArray, FloatArray]:
-        """Mean and covariance of the posterior without bends or bounds, the box counting by its variance."""
+        """Mean and covariance of the posterior without curvature or bounds, the box counting by its variance."""
         information = self.jacobian.T @ self.jacobian / dispersion + np.eye(len(self.centre)) / BOX_VARIANCE
         covariance: FloatArray = np.asarray(np.linalg.inv(information), dtype=np.float64)
         mean: FloatArray = self.centre - covariance @ self.jacobian.T @ self.residual / dispersion
         return mean, covariance
 
     def probes(self) -> list[tuple[FloatArray, float]]:
-        """Where the residuals are wanted to tell whether they bend: unit vectors of weak directions, and step lengths.
+        """Where residuals are needed to measure their curvature: unit vectors of weak directions, and step lengths.
 
         Forwards and backwards along each, as far as the bounds allow; a side without room is left out.
         """
@@ -98,7 +98,9 @@ class LocalModel:
             ends = np.where(direction > 0, (1.0 - self.centre) / direction, -self.centre / direction)
         return float(np.min(ends[np.abs(direction) > 0]))
 
-    def bent(self, probes: Sequence[tuple[FloatArray, float]], changes: Sequence[FloatArray | None]) -> LocalModel:
+    def with_curvature(
+        self, probes: Sequence[tuple[FloatArray, float]], changes: Sequence[FloatArray | None]
+    ) -> LocalModel:
         """The same with what probes have shown.
 
         Parameters

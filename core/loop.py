@@ -78,7 +78,7 @@ class RunResult:
         Calls of the backend, lost ones included; those that gave no reply.
     wall_s, simulator_s : float
         Time of this process from start to end, and of all simulations of the search, in seconds.
-    appraisal : PostFitAnalysis or None
+    analysis : PostFitAnalysis or None
         What the records fix, where that was asked for and something simulated.
     reason : str
         Why the language model was not asked any more, where that stopped the run before its end.
@@ -100,7 +100,7 @@ class RunResult:
     lost_calls: int
     wall_s: float
     simulator_s: float
-    appraisal: PostFitAnalysis | None = None
+    analysis: PostFitAnalysis | None = None
     reason: str = ""
     records: tuple[RecordErrors, ...] = ()
     held_out: tuple[Prediction, ...] = ()
@@ -127,7 +127,7 @@ class Run:
         Events of the interrupted run, if any.
     listener : Listener, optional
         Watches.
-    appraising : bool
+    analysing : bool
         Whether to look, after the search, at what the records fix. It costs simulations that are not the
         search's.
     """
@@ -142,7 +142,7 @@ class Run:
         folder: Path,
         earlier: Iterable[Mapping[str, Any]] = (),
         listener: Listener | None = None,
-        appraising: bool = False,
+        analysing: bool = False,
     ) -> None:
         self._task = task
         self._config = config
@@ -154,7 +154,7 @@ class Run:
         earlier = list(earlier)
         self._earlier_trials = {event["index"]: event for event in earlier if event["event"] == "trial"}
         self._earlier_proposals = sum(event["event"] == "proposal" for event in earlier)
-        self._analysing = appraising
+        self._analysing = analysing
         self._after = AfterSearch(task, plugins, journal, earlier, listener)
         self._trials: list[Trial] = []
 
@@ -361,7 +361,7 @@ class Run:
         fit = scores.get(best.index, Score(best.metrics))
         # A single simulation is no fit, and there is nothing to judge.
         analysing = last_word and self._analysing and len(self._trials) > 1
-        appraisal = self._after.analyse(self._trials, best) if analysing else None
+        analysis = self._after.analyse(self._trials, best) if analysing else None
         result = RunResult(
             status=status,
             best=best,
@@ -375,10 +375,10 @@ class Run:
             lost_calls=self._recorder.lost,
             wall_s=time.perf_counter() - started,
             simulator_s=sum(trial.seconds for trial in self._trials),
-            appraisal=appraisal,
+            analysis=analysis,
             reason=reason,
             records=fit.records,
-            held_out=self._after.predict(best, appraisal) if last_word else (),
+            held_out=self._after.predict(best, analysis) if last_word else (),
         )
         self._journal.append("end", status=status, best=best.index)
         return result

@@ -253,7 +253,7 @@ def _posterior(
     if probes:
         candidates = [task.space.from_unit(centre + step * direction) for direction, step in probes]
         seen = [residuals(task, outcome) for outcome in spent.counted(plugins.simulate(candidates, False), 1)]
-        model = model.bent(probes, [None if r is None else (r - best.residuals) / deviation for r in seen])
+        model = model.with_curvature(probes, [None if r is None else (r - best.residuals) / deviation for r in seen])
     draws = sample(model)
     nearest = draws[int(np.argmin(model.cost_function()(draws)))]
     # Where the model does not come down to the noise, and where neighbours err alike, the residuals say less.

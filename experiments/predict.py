@@ -108,7 +108,7 @@ def predict_records(
     context = RunContext(task, int(run.config["seed"]), folder, None, workers)
     plugins = RunPlugins(scaffold, context, installed())
     watched = WatchedSimulations(plugins, listener.counted if listener else _unwatched, variants=NOT_FITTED)
-    covariance = () if run.appraisal is None else run.appraisal.identifiability.covariance
+    covariance = () if run.analysis is None else run.analysis.identifiability.covariance
     try:
         found = predict(task, run.best.candidate, task.held_out, watched, covariance)
     finally:

@@ -65,7 +65,7 @@ def execute_run(
     resources: Resources | None = None,
     listener: Listener | None = None,
     report: bool = True,
-    appraising: bool = False,
+    analysing: bool = False,
     to_discover: str = "",
 ) -> RunResult:
     """Run a task in a folder, or go on where an interrupted run of the same task and configuration stopped.
@@ -86,7 +86,7 @@ def execute_run(
         Watches.
     report : bool
         Whether ``report.html`` is written; the journal is enough to write it later.
-    appraising : bool
+    analysing : bool
         Whether to find out after the search what the records fix and what to measure next. Studies count
         simulations and leave it out.
 
@@ -126,7 +126,7 @@ def execute_run(
             if listener:
                 for text in (*task.notes, *journal.warnings):
                     listener.noted(text)
-            result = Run(task, config, plugins, recorder, journal, folder, earlier, listener, appraising).execute()
+            result = Run(task, config, plugins, recorder, journal, folder, earlier, listener, analysing).execute()
             if to_discover and result.best.residuals is not None and is_structured(result.best.residuals):
                 note(
                     "The misfit that is left is larger than the noise and follows the curve: the model may lack an "
@@ -206,7 +206,7 @@ def summary(task: Task, config: RunConfig, backend_name: str, result: RunResult)
         "wall_s": result.wall_s,
         "simulator_s": result.simulator_s,
         "backend_s": result.usage.seconds,
-        "identifiability_simulations": 0 if result.appraisal is None else result.appraisal.simulations,
+        "identifiability_simulations": 0 if result.analysis is None else result.analysis.simulations,
         "initial": _numbers(task, result.initial_metrics),
         "best": {
             **_numbers(task, result.best_metrics),
@@ -220,7 +220,7 @@ def summary(task: Task, config: RunConfig, backend_name: str, result: RunResult)
             *({"fitted": True, **record.as_json()} for record in result.records),
             *({"fitted": False, **prediction.as_json()} for prediction in result.held_out),
         ],
-        "identifiability": None if result.appraisal is None else result.appraisal.as_json(),
+        "identifiability": None if result.analysis is None else result.analysis.as_json(),
         "versions": versions(),
     }
 

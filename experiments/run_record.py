@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from ..core.after_search import APPRAISAL, SCORE, read_record_errors
+from ..core.after_search import ANALYSIS, SCORE, read_record_errors
 from ..core.encoding import decode_task, decode_trial
 from ..core.errors import BsaError
 from ..core.journal import FILE_NAME, check_calibration, read_events
@@ -160,7 +160,7 @@ class RunRecord:
         What the run had to say, task's assumptions first.
     resumed : int
         How often it was taken up again.
-    appraisal : PostFitAnalysis or None
+    analysis : PostFitAnalysis or None
         What the records fix, if the run looked.
     records : tuple of RecordErrors
         Of the best trial, record by record, where it was scored with reference accuracy.
@@ -180,7 +180,7 @@ class RunRecord:
     scores: Mapping[int, Metrics | None] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     resumed: int = 0
-    appraisal: PostFitAnalysis | None = None
+    analysis: PostFitAnalysis | None = None
     records: tuple[RecordErrors, ...] = ()
     held_out: tuple[Prediction, ...] = ()
 
@@ -295,7 +295,7 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
         scores={index: decode_metrics(event["metrics"]) for index, event in scores.items()},
         notes=(*task.notes, *(str(event["text"]) for event in events if event["event"] == "note")),
         resumed=sum(event["event"] == "resumed" for event in events),
-        appraisal=_appraisal(events, best, task),
+        analysis=_analysis(events, best, task),
         records=read_record_errors(scores.get(best, {})),
         held_out=_predictions(events, best),
     )
@@ -320,14 +320,14 @@ class _Config:
     seed: int
 
 
-def _appraisal(events: Iterable[Mapping[str, Any]], base: int, task: Task) -> PostFitAnalysis | None:
+def _analysis(events: Iterable[Mapping[str, Any]], base: int, task: Task) -> PostFitAnalysis | None:
     """The analysis about the most likely trial: a resumed run may have found a likelier one since."""
-    found = (event["appraisal"] for event in events if event["event"] == APPRAISAL)
-    appraisal = next((PostFitAnalysis.from_json(content) for content in found if content["base"] == base), None)
-    for name, interval in () if appraisal is None else appraisal.identifiability.intervals.items():
+    found = (event["appraisal"] for event in events if event["event"] == ANALYSIS)
+    analysis = next((PostFitAnalysis.from_json(content) for content in found if content["base"] == base), None)
+    for name, interval in () if analysis is None else analysis.identifiability.intervals.items():
         for end in (interval.value, interval.lower, interval.upper) if name in task.space else ():
             _check_bounds(task.space[name], end)
-    return appraisal
+    return analysis
 
 
 def _predictions(events: Iterable[Mapping[str, Any]], best: int) -> tuple[Prediction, ...]:

@@ -24,7 +24,7 @@ class EffectConformance(EntryConformance):
         return products.effect(installed().make("effect", name, options), name)
 
     def test_it_is_described(self, effect: Effect) -> None:
-        """A report shows what is added, the mark that it leaves and where the equation comes from."""
+        """A report shows what is added, its signature and where the equation comes from."""
         assert all(text.strip() for text in (effect.title, effect.equation, effect.signature, effect.citation))
 
     def test_it_does_something(self, effect: Effect) -> None:

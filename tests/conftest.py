@@ -83,7 +83,7 @@ def run_toy(tmp_path: Path) -> RunToy:
         scaffold: Scaffold | None = None,
         backend: Backend | None = None,
         task: Task | None = None,
-        appraising: bool = False,
+        analysing: bool = False,
         **config: Any,
     ) -> RunResult:
         settings = {"rounds": 12, "warm_up": 8, "simulations": 30, **config}
@@ -92,7 +92,7 @@ def run_toy(tmp_path: Path) -> RunToy:
             RunConfig(scaffold=scaffold or toy_scaffold(), **settings),
             folder or tmp_path / "run",
             backend or RulesBackend(),
-            appraising=appraising,
+            analysing=analysing,
         )
 
     return run

@@ -201,7 +201,9 @@ class Engine:
         found = self._settle(base, chosen, early_fitter)
         if early_fitter is not self._fitter or (found and self._explains(base, found[0])):
             return found
-        misjudged = [n for n in nominations if n.mark is not None and (n not in chosen or n.promise > refitted.cost)]
+        misjudged = [
+            n for n in nominations if n.sensitivity is not None and (n not in chosen or n.promise > refitted.cost)
+        ]
         if not misjudged:
             return found
         self._say(f"none of them explains half of it; refitting {len(misjudged)} effects with fresh Jacobians")

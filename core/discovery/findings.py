@@ -55,10 +55,10 @@ class Nomination:
         Why it was not considered; empty if it was.
     score : Score or None
         Its score test at the base fit.
-    mark : ndarray or None
+    sensitivity : ndarray or None
         Derivative of the weighted residual by its strength, per probe.
     deviation : ndarray or None
-        The standard deviations that the mark is in, V.
+        The standard deviations that the sensitivity is in, V.
     screened : Refit or None
         A short refit with it.
     temperature_misfit : float
@@ -68,7 +68,7 @@ class Nomination:
     effect: Effect
     lacks: str = ""
     score: Score | None = None
-    mark: FloatArray | None = None
+    sensitivity: FloatArray | None = None
     deviation: FloatArray | None = None
     screened: Refit | None = None
     temperature_misfit: float = 0.0

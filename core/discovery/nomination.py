@@ -46,13 +46,13 @@ def nominate(
     """Score every effect of a catalogue on what the base model leaves, the most promising first."""
     nominations = [Nomination(e, e.lacks(evidence) if e.lacks is not None else "") for e in catalogue]
     shown = [nomination for nomination in nominations if not nomination.lacks]
-    marks = marks_of(fitter, base, [nomination.effect for nomination in shown])
-    for nomination, mark in zip(shown, marks, strict=True):
-        if mark is None:
+    sensitivities = sensitivities_of(fitter, base, [nomination.effect for nomination in shown])
+    for nomination, sensitivity in zip(shown, sensitivities, strict=True):
+        if sensitivity is None:
             nomination.lacks = "could not be simulated at the base fit"
         else:
-            nomination.mark, nomination.deviation = mark, fitter.problem.deviation()
-            nomination.score = score_of(base, nomination.effect, mark)
+            nomination.sensitivity, nomination.deviation = sensitivity, fitter.problem.deviation()
+            nomination.score = score_of(base, nomination.effect, sensitivity)
     nominations.sort(key=lambda n: -(n.score.gain if n.score else -1.0))
     for n in nominations[:6]:
         if n.score:
@@ -64,20 +64,20 @@ def nominate(
 def nominate_second(fitter: Fitter, first: Explanation, nominations: Sequence[Nomination]) -> list[Nomination]:
     """Score every other effect on what an explanation leaves, the most promising first.
 
-    With the marks that were simulated at the base fit: an explanation moves the parameters little, and a mark
-    much less than the residual.
+    The sensitivities are those simulated at the base fit: an explanation moves the parameters little, which changes
+    sensitivities much less than the residual.
     """
     found = []
     deviation = fitter.problem.deviation()
     for known in nominations:
-        if known.mark is None or known.deviation is None or known.effect.name in first.names:
+        if known.sensitivity is None or known.deviation is None or known.effect.name in first.names:
             continue
-        mark = known.mark * known.deviation / deviation
-        found.append(Nomination(known.effect, "", score_of(first, known.effect, mark), mark, deviation))
+        sensitivity = known.sensitivity * known.deviation / deviation
+        found.append(Nomination(known.effect, "", score_of(first, known.effect, sensitivity), sensitivity, deviation))
     return sorted(found, key=lambda n: -n.gain)
 
 
-def marks_of(fitter: Fitter, explanation: Explanation, effects: Sequence[Effect]) -> list[FloatArray | None]:
+def sensitivities_of(fitter: Fitter, explanation: Explanation, effects: Sequence[Effect]) -> list[FloatArray | None]:
     """Derivatives of the weighted residual by the strength (per probe) of each effect, given an explanation.
 
     Against the effect's own null rather than the base model: an option may change the approximation a
@@ -89,16 +89,16 @@ def marks_of(fitter: Fitter, explanation: Explanation, effects: Sequence[Effect]
         off = on | {effect.full_name(effect.strength): effect.strength.null}
         wanted += [((*explanation.effects, effect), explanation.fit.candidate | values) for values in (on, off)]
     found = fitter.problem.residuals(wanted)
-    marks: list[FloatArray | None] = []
+    sensitivities: list[FloatArray | None] = []
     for lit, dark in zip(found[::2], found[1::2], strict=True):
-        marks.append(None if lit is None else lit - (explanation.fit.residual if dark is None else dark))
-    return marks
+        sensitivities.append(None if lit is None else lit - (explanation.fit.residual if dark is None else dark))
+    return sensitivities
 
 
-def score_of(explanation: Explanation, effect: Effect, mark: FloatArray) -> Score:
+def score_of(explanation: Explanation, effect: Effect, sensitivity: FloatArray) -> Score:
     """Score an effect on what an explanation leaves."""
     fit = explanation.fit
-    return score_effect(fit.residual, fit.jacobian, mark, fit.space, fit.u, _ends(effect))
+    return score_effect(fit.residual, fit.jacobian, sensitivity, fit.space, fit.u, _ends(effect))
 
 
 def most_simulations(space: ParameterSpace) -> int:
@@ -126,8 +126,8 @@ def screen(fitter: Fitter, before: Explanation, nomination: Nomination, as_new: 
 def screen_afresh(fitter: Fitter, before: Explanation, nomination: Nomination) -> None:
     """Give a nomination whose score promised little refits on slopes of their own, from strengths of either sign.
 
-    A score is linear: of an effect that moves the minute at which a cell is empty (a leak, an offset of the current) a
-    base model that has bent itself to it leaves a mark that no slope there predicts.
+    A score is linear. Where an effect moves the minute at which a cell is empty (a leak, an offset of the current), a
+    base model whose parameters were fitted to the effect leaves a residual that derivatives there do not predict.
     """
     low, high = _ends(nomination.effect)
     effects, ladder = (*before.effects, nomination.effect), _ladder(nomination)
@@ -147,12 +147,12 @@ def _note(fitter: Fitter, before: Explanation, nomination: Nomination, found: Re
 
 
 def _short_refit(fitter: Fitter, before: Explanation, nomination: Nomination, as_new: bool) -> Refit | None:
-    """A few Broyden steps from a known explanation, with its Jacobian and the effect's mark.
+    """A few Broyden steps from a known explanation, with its Jacobian and the effect's sensitivity.
 
     A strong effect is far from where the linear picture of its probe points: the steps start from the best
     rung of a ladder of strengths. And a model that lacks a strong effect bends its parameters to hide that, or is lost
     on the way: where that fit is overfitted or has not converged, they may start at the means of the priors, on
-    slopes taken there. Parameters of a new cell are neither bent nor lost, and stay where they are at first.
+    slopes taken there. Parameters of a new cell are neither shifted nor lost, and stay where they are at first.
     """
     effects = (*before.effects, nomination.effect)
     shares, budget = ((0.0,), 2 * _SHORT) if as_new else (_SHARES, _SHORT)
@@ -223,10 +223,10 @@ def _moved_along(
     fitter: Fitter, before: Explanation, nomination: Nomination, strength: float, shares: Sequence[float]
 ) -> _Start | None:
     """With the base parameters moved along, as far as the linear picture goes; less far where it misleads."""
-    assert nomination.mark is not None
+    assert nomination.sensitivity is not None
     known = before.fit
-    others = [0 * nomination.mark] * (len(nomination.effect.parameters) - 1)
-    there = known.residual + strength * nomination.mark
+    others = [0 * nomination.sensitivity] * (len(nomination.effect.parameters) - 1)
+    there = known.residual + strength * nomination.sensitivity
     whole, _ = trusted_step(known.jacobian, there, known.space, known.u, _REACH)
     best: _Start | None = None
     for step in (share * whole for share in shares):

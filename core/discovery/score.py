@@ -25,7 +25,7 @@ class Score:
     gain : float
         Fall in the sum of squares that strength and parameters together promise, within bounds.
     own_share : float
-        Share of the effect's mark that no fitted parameter can imitate, 0 to 1.
+        Share of the effect's sensitivity that no fitted parameter can imitate, 0 to 1.
     """
 
     amplitude: float
@@ -37,7 +37,7 @@ class Score:
 def score_effect(
     residual: FloatArray,
     jacobian: FloatArray,
-    mark: FloatArray,
+    sensitivity: FloatArray,
     space: ParameterSpace,
     u: FloatArray,
     bounds: tuple[float, float],
@@ -46,8 +46,9 @@ def score_effect(
     """Score one effect at the null.
 
     With ``r`` the weighted residual (data minus model), ``J`` its derivative by the fitted parameters and ``d``
-    by the strength, the projected mark is ``d_p = d - J (J^T J + B)^-1 J^T d`` with the priors' weights ``B``; the
-    strength that it asks for is ``-d_p.r / d_p.d_p`` (Rao's score test; Rao 1948, doi:10.1017/S0305004100023987).
+    by the strength, the projected sensitivity is ``d_p = d - J (J^T J + B)^-1 J^T d`` with the priors' weights
+    ``B``; the strength that it asks for is ``-d_p.r / d_p.d_p`` (Rao's score test; Rao 1948,
+    doi:10.1017/S0305004100023987).
 
     Parameters
     ----------
@@ -55,7 +56,7 @@ def score_effect(
         Weighted residual of the base fit.
     jacobian : ndarray of shape (n, p)
         Its derivative by the coordinates of the base parameters.
-    mark : ndarray of shape (n,)
+    sensitivity : ndarray of shape (n,)
         Its derivative by the strength, per probe.
     space, u
         The base parameters and where they are.
@@ -66,15 +67,15 @@ def score_effect(
     """
     prior_weights = space.prior_weights
     normal = jacobian.T @ jacobian + np.diag(prior_weights**2 + 1e-9)
-    projected = mark - jacobian @ np.linalg.solve(normal, jacobian.T @ mark)
+    projected = sensitivity - jacobian @ np.linalg.solve(normal, jacobian.T @ sensitivity)
     free = residual - jacobian @ np.linalg.solve(normal, jacobian.T @ residual + prior_weights**2 * u)
     size = float(projected @ projected)
-    whole = float(mark @ mark)
+    whole = float(sensitivity @ sensitivity)
     if whole < 1e-6 or size < 1e-9:
         return Score(0.0, 0.0, 0.0, 0.0)
     wanted = -float(projected @ free) / size
     z = wanted * np.sqrt(size)
-    with_effect = np.column_stack([jacobian, mark])
+    with_effect = np.column_stack([jacobian, sensitivity])
     step, gain = _trusted(
         with_effect, residual, np.append(prior_weights, 0.0), np.append(u, 0.0), *_reached(space, u, reach, bounds)
     )

@@ -230,7 +230,7 @@ def _carried_out(
     try:
         with CalibrationBar(asked.task, asked.config.simulations, progress) as bar:
             result = execute_run(
-                asked.task, asked.config, asked.folder, backend, resources, bar, appraising=identifiability
+                asked.task, asked.config, asked.folder, backend, resources, bar, analysing=identifiability
             )
     except KeyboardInterrupt:
         _say_how_to_go_on("interrupted", asked.folder)

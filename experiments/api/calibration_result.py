@@ -67,8 +67,8 @@ class CalibrationResult:
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
         """95 % intervals by name, cut at the bounds; empty where the run did not look."""
-        appraisal = self._run.appraisal
-        found = {} if appraisal is None else appraisal.identifiability.intervals
+        analysis = self._run.analysis
+        found = {} if analysis is None else analysis.identifiability.intervals
         return {name: (interval.lower, interval.upper) for name, interval in found.items()}
 
     @property

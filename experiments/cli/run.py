@@ -259,7 +259,7 @@ def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability
         )
     with listener:
         result = execute_run(
-            task, config, folder, backend, resources, listener, appraising=identifiability, to_discover=to_discover
+            task, config, folder, backend, resources, listener, analysing=identifiability, to_discover=to_discover
         )
     if as_json:
         print(json.dumps(summary(task, config, backend.name, result), indent=2))
@@ -291,8 +291,8 @@ def _print_summary(task: Task, result: RunResult, folder: Path) -> None:
         print(f"  {better}")
     for row in error_rows(task, result.records, result.held_out):
         print(f"  {printable(row.line, 400)}")
-    if result.appraisal is not None:
-        lines = [words(result.appraisal) for words in (verdict_line, caution_line, groups_line)]
-        lines.append(next_line(result.appraisal, task.domain))
+    if result.analysis is not None:
+        lines = [words(result.analysis) for words in (verdict_line, caution_line, groups_line)]
+        lines.append(next_line(result.analysis, task.domain))
         print(*(f"  {line}" for line in lines if line), "  (see the report)", sep="\n")
     print(f"  report: {folder / 'report.html'}")

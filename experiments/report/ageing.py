@@ -12,7 +12,7 @@ from ...core.task import Experiment
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial
 from ..run_record import RunRecord
-from .chart import BOTTOM, GAP, TOP, Axis, Chart, Key, Mark, Panel, horizontal, padded, vertical
+from .chart import BOTTOM, GAP, TOP, Axis, Chart, Key, Marker, Panel, horizontal, padded, vertical
 from .wording import number
 
 _CAPACITY_HEIGHT, _OTHER_HEIGHT = 230.0, 120.0
@@ -57,7 +57,7 @@ def _life(run: RunRecord, place: int, experiment: Experiment) -> Life:
         height = float(measured.at(np.array([float(cycle)]))[0])
         if np.isfinite(height):
             x, y = float(across.pixels(float(cycle))), float(panels[0].axis.pixels(height))
-            panels[0].marks.append(Mark(x, y, "warm-up", f"Cycle {cycle}: compared by its curves"))
+            panels[0].markers.append(Marker(x, y, "warm-up", f"Cycle {cycle}: compared by its curves"))
     if any(np.any(np.isfinite(table.resistance_ohm)) for table in tables.values()):
         top = panels[-1].top + panels[-1].height + GAP
         panels.append(_panel("Resistance / Ω", "resistance_ohm", tables, across, top, _OTHER_HEIGHT))
@@ -105,7 +105,8 @@ def _losses(best: CycleTable, losses: dict[str, FloatArray], across: Axis, top: 
     for name, lost in losses.items():
         panel.draw(across, best.cycle, lost, _LOSS_STYLES[name])
         last = float(across.pixels(float(best.cycle[-1])))
-        panel.marks.append(Mark(last, float(axis.pixels(lost[-1])), "search", f"{_LOST[name]}: {number(lost[-1])} %"))
+        title = f"{_LOST[name]}: {number(lost[-1])} %"
+        panel.markers.append(Marker(last, float(axis.pixels(lost[-1])), "search", title))
     return panel
 
 

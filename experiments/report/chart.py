@@ -68,7 +68,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Mark:
+class Marker:
     """A symbol with a text that appears when it is pointed at."""
 
     x: float
@@ -84,7 +84,7 @@ class Panel:
     axis: Axis
     label: str
     lines: list[Line] = field(default_factory=list)
-    marks: list[Mark] = field(default_factory=list)
+    markers: list[Marker] = field(default_factory=list)
     ticks: list[Tick] = field(default_factory=list)
     zero: float | None = None
 

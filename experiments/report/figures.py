@@ -17,7 +17,7 @@ from ...core.trajectory import FloatArray, StepKind, Trajectory
 from ...core.trial import Trial
 from ...plugins.feedback.ageing import told_cycles
 from ..run_record import RunRecord
-from .chart import BOTTOM, GAP, TOP, Axis, Band, Chart, Key, Mark, Panel, horizontal, padded, vertical
+from .chart import BOTTOM, GAP, TOP, Axis, Band, Chart, Key, Marker, Panel, horizontal, padded, vertical
 from .wording import number, time_unit, unit
 
 _DRIVEN_HEIGHT, _OBSERVED_HEIGHT, _RESIDUAL_HEIGHT, _CONVERGENCE_HEIGHT = 96.0, 210.0, 110.0, 250.0
@@ -309,7 +309,7 @@ def convergence(run: RunRecord, objective: Quantity) -> Chart | None:
     steps_x = np.append(np.repeat(indices, 2)[1:], run.trials[-1].index)
     panel.draw(across, steps_x, np.repeat(record, 2), "best")
     for trial in run.trials:
-        panel.marks.append(_mark(trial, across, axis, objective.unit, trial is run.best))
+        panel.markers.append(_marker(trial, across, axis, objective.unit, trial is run.best))
     keys = [Key("best", "best so far"), Key("search", "search", "dot")]
     if any(trial.phase == "warm-up" for trial in run.trials):
         keys.append(Key("warm-up", "warm-up", "dot"))
@@ -332,18 +332,18 @@ def convergence(run: RunRecord, objective: Quantity) -> Chart | None:
     )
 
 
-def _mark(trial: Trial, across: Axis, axis: Axis, of_unit: str, is_best: bool) -> Mark:
+def _marker(trial: Trial, across: Axis, axis: Axis, of_unit: str, is_best: bool) -> Marker:
     x = float(across.pixels(float(trial.index)))
     where = "initial" if trial.phase == "initial" else f"{trial.phase} round {trial.round}"
     if not trial.ok:
         if not trial.failed and trial.reduction is not None:
             words = f"Simulation {trial.index} ({where}) ran {trial.reduction.words}"
-            return Mark(x, axis.end + 9.0, trial.phase, words)
+            return Marker(x, axis.end + 9.0, trial.phase, words)
         cause = trial.failure.cause if trial.failure else "nothing to compare"
-        return Mark(x, axis.end + 9.0, "failed", f"Simulation {trial.index} ({where}) failed: {cause[:200]}")
-    style = "champion" if is_best else trial.phase
+        return Marker(x, axis.end + 9.0, "failed", f"Simulation {trial.index} ({where}) failed: {cause[:200]}")
+    style = "reported" if is_best else trial.phase
     title = f"Simulation {trial.index} ({where}): {number(trial.objective)} {of_unit}"
-    return Mark(x, float(np.clip(axis.pixels(trial.objective), axis.end, axis.start)), style, title)
+    return Marker(x, float(np.clip(axis.pixels(trial.objective), axis.end, axis.start)), style, title)
 
 
 def _warm_up_band(run: RunRecord, across: Axis) -> list[Band]:

@@ -72,7 +72,7 @@ class Section:
 
 def section(run: RunRecord) -> Section | None:
     """What a run found out after its search; None if it did not look."""
-    found = run.appraisal
+    found = run.analysis
     if found is None:
         return None
     return Section(

@@ -9,7 +9,7 @@ import numpy as np
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.trajectory import FloatArray
 from ..predict import PredictedSpectrum
-from .chart import BOTTOM, LEFT, RIGHT, TOP, WIDTH, Chart, Key, Mark, Panel, horizontal, padded, vertical
+from .chart import BOTTOM, LEFT, RIGHT, TOP, WIDTH, Chart, Key, Marker, Panel, horizontal, padded, vertical
 from .wording import number
 
 _HEIGHTS = (160.0, 440.0)
@@ -35,8 +35,8 @@ def _nyquist(place: int, one: PredictedSpectrum) -> Chart:
     kept = one.measured.frequency[one.measured.frequency <= one.errors.ohmic_hz]
     for style, (x, y) in curves.items():
         panel.draw(across, x, y, style)
-        panel.marks += [
-            Mark(float(across.pixels(a)), float(axis.pixels(b)), style, f"{number(hertz)} Hz")
+        panel.markers += [
+            Marker(float(across.pixels(a)), float(axis.pixels(b)), style, f"{number(hertz)} Hz")
             for a, b, hertz in zip(x, y, kept, strict=True)
         ]
     return Chart(

@@ -37,9 +37,9 @@ def best_score_line(objective: Quantity, best: Trial, lowest: Trial, metrics: Me
     )
 
 
-def verdict_line(appraisal: PostFitAnalysis) -> str:
+def verdict_line(analysis: PostFitAnalysis) -> str:
     """``"The record fixes 4 of 7 parameters; loose: ...; open: ..."``."""
-    found = appraisal.identifiability
+    found = analysis.identifiability
     parts = [f"The record fixes {len(found.fixed)} of {len(found.intervals)} parameters"]
     if found.loose:
         parts.append(f"loose: {named(found.loose)}")
@@ -48,38 +48,38 @@ def verdict_line(appraisal: PostFitAnalysis) -> str:
     return "; ".join(parts) + "."
 
 
-def caution_line(appraisal: PostFitAnalysis) -> str:
+def caution_line(analysis: PostFitAnalysis) -> str:
     """Why the intervals are not to be trusted; empty if nothing speaks against them."""
-    if not appraisal.unsettled:
+    if not analysis.unsettled:
         return ""
     return (
-        f"The fit has not settled: {named(appraisal.unsettled)} would move by more than the interval with another "
+        f"The fit has not settled: {named(analysis.unsettled)} would move by more than the interval with another "
         "step, so the intervals are too narrow. More simulations would tell."
     )
 
 
-def groups_line(appraisal: PostFitAnalysis) -> str:
+def groups_line(analysis: PostFitAnalysis) -> str:
     """Which parameters cannot be told apart; empty if all can."""
-    groups = [named(group) for group in appraisal.identifiability.correlated]
+    groups = [named(group) for group in analysis.identifiability.correlated]
     return f"Known only together: {'; '.join(groups)}." if groups else ""
 
 
-def next_line(appraisal: PostFitAnalysis, domain: Domain) -> str:
+def next_line(analysis: PostFitAnalysis, domain: Domain) -> str:
     """What to measure next and what it would do; empty if nothing was found that helps."""
-    if not appraisal.measure_next:
+    if not analysis.measure_next:
         return ""
-    first = appraisal.measure_next[0]
-    now = appraisal.identifiability.intervals[appraisal.worst].share_of_range
+    first = analysis.measure_next[0]
+    now = analysis.identifiability.intervals[analysis.worst].share_of_range
     if first.forecast.worst_share > _WORTH_MEASURING * now:
         return (
-            f"None of the {len(appraisal.measure_next)} protocols considered would narrow the widest interval "
-            f"({share(now)} of the range of {short_name(appraisal.worst)}) by a tenth: what is open needs another kind "
+            f"None of the {len(analysis.measure_next)} protocols considered would narrow the widest interval "
+            f"({share(now)} of the range of {short_name(analysis.worst)}) by a tenth: what is open needs another kind "
             "of measurement, or a value from elsewhere."
         )
     length = f"{number(first.hours, 2)} h {domain.start_of_next}".strip()
     return (
         f"To measure next: {first.name} ({length}): the widest 95 % interval would go "
-        f"from {share(now)} of its range ({short_name(appraisal.worst)}) to {share(first.forecast.worst_share)} "
+        f"from {share(now)} of its range ({short_name(analysis.worst)}) to {share(first.forecast.worst_share)} "
         f"({short_name(first.forecast.worst)})."
     )
 

@@ -1,4 +1,4 @@
-"""Eased protocols: the same steps at lower currents, in PyBaMM's words."""
+"""Reduced protocols: the same steps at lower currents, in PyBaMM's words."""
 
 from __future__ import annotations
 

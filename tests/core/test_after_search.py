@@ -37,7 +37,7 @@ def test_the_likeliest_follows_the_record_and_the_lowest_has_the_best_score() ->
 
 def test_parameters_errors_and_intervals_are_of_one_trial(run_toy: RunToy, tmp_path: Path) -> None:
     scaffold = toy_scaffold("random")
-    result = run_toy(scaffold=scaffold, simulations=6, rounds=6, warm_up=0, appraising=True)
+    result = run_toy(scaffold=scaffold, simulations=6, rounds=6, warm_up=0, analysing=True)
     folder = tmp_path / "run"
     found, parameters = (json.loads((folder / name).read_text()) for name in RESULTS)
     assert result.best is not result.lowest, "the toy's random search must tell the two apart here"
@@ -53,7 +53,7 @@ def test_parameters_errors_and_intervals_are_of_one_trial(run_toy: RunToy, tmp_p
     assert (run.best.index, run.lowest.index) == (result.best.index, result.lowest.index)
     assert run.best_metrics == result.best_metrics
     assert run.metrics_of(run.lowest) == result.lowest_metrics
-    assert run.appraisal is not None
+    assert run.analysis is not None
     assert f"simulation {run.lowest.index} has the lowest total MAPE" in render(run)
 
 

@@ -21,7 +21,7 @@ def test_a_bend_along_weak_directions_is_found_exactly(seed: int) -> None:
     model = LocalModel.straight(centre, residual(centre), jacobian)
     probes = model.probes()
     assert {len(probes)} <= {1, 2}
-    found = model.bent(probes, [residual(centre + step * direction) for direction, step in probes])
+    found = model.with_curvature(probes, [residual(centre + step * direction) for direction, step in probes])
     place = centre + 0.1 * weak
     assert found.residual_at(place) == pytest.approx(residual(place), abs=0.02 * np.max(np.abs(bend)))
 
@@ -39,6 +39,6 @@ def test_probes_that_fail_leave_the_model_straight() -> None:
     model = LocalModel.straight(np.array([0.5]), np.zeros(3), np.ones((3, 1)))
     probes = model.probes()
     assert len(probes) == 2
-    assert model.bent(probes, [None, None]) is model
-    one_sided = model.bent(probes, [0.2 * np.ones(3), None])
+    assert model.with_curvature(probes, [None, None]) is model
+    one_sided = model.with_curvature(probes, [0.2 * np.ones(3), None])
     assert one_sided.curvature.shape == (1, 3)

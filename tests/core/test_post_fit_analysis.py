@@ -70,13 +70,13 @@ def jacobian_on_paper(candidate: dict[str, float], end: float) -> np.ndarray:
 
 
 def fitted(run_toy: RunToy, folder: Path, name: str = "least-squares", **more: object) -> RunResult:
-    return run_toy(folder, scaffold=toy_scaffold(name), simulations=60, rounds=60, warm_up=0, appraising=True, **more)
+    return run_toy(folder, scaffold=toy_scaffold(name), simulations=60, rounds=60, warm_up=0, analysing=True, **more)
 
 
 def test_the_intervals_are_those_on_paper(run_toy: RunToy, tmp_path: Path) -> None:
     result = fitted(run_toy, tmp_path)
-    appraisal = result.appraisal
-    assert appraisal is not None
+    analysis = result.analysis
+    assert analysis is not None
     best = result.best
     assert best.curves[0] is not None
     (_, discharge, _) = [piece for _, piece in best.curves[0].pieces()]
@@ -85,37 +85,37 @@ def test_the_intervals_are_those_on_paper(run_toy: RunToy, tmp_path: Path) -> No
     from scipy.stats import t as student
 
     half = student.ppf(0.975, len(exact) - 4) * np.sqrt(np.diag(covariance))
-    found = appraisal.identifiability
+    found = analysis.identifiability
     assert found.noise == pytest.approx(1.0, abs=1e-5)
     assert [found.intervals[name].share_of_range for name in space().names] == pytest.approx(half, rel=0.1)
     singular = np.linalg.svd(exact, compute_uv=False)
     assert [combination.singular_value for combination in found.combinations] == pytest.approx(singular, rel=0.03)
     for name, value in HIDDEN.items():
         assert found.intervals[name].lower <= value <= found.intervals[name].upper, name
-    assert appraisal.unsettled == ()
+    assert analysis.unsettled == ()
 
 
 def test_simulations_after_the_search_are_not_the_searchs(run_toy: RunToy, tmp_path: Path) -> None:
     plain = run_toy(tmp_path / "plain", scaffold=toy_scaffold("least-squares"), simulations=60, rounds=60, warm_up=0)
     looked = fitted(run_toy, tmp_path / "looked")
     assert [dict(trial.candidate) for trial in plain.trials] == [dict(trial.candidate) for trial in looked.trials]
-    assert plain.appraisal is None
-    assert looked.appraisal is not None
+    assert plain.analysis is None
+    assert looked.analysis is not None
     # Of the four derivatives those that the search has shown are not simulated again.
-    assert looked.appraisal.simulations >= 4 - looked.appraisal.reused
+    assert looked.analysis.simulations >= 4 - looked.analysis.reused
     content = json.loads((tmp_path / "looked" / "result.json").read_text())
     assert content["simulations"] == len(plain.trials)
-    assert content["identifiability_simulations"] == looked.appraisal.simulations
-    assert PostFitAnalysis.from_json(content["identifiability"]) == looked.appraisal
-    assert read_run(tmp_path / "looked").appraisal == looked.appraisal
+    assert content["identifiability_simulations"] == looked.analysis.simulations
+    assert PostFitAnalysis.from_json(content["identifiability"]) == looked.analysis
+    assert read_run(tmp_path / "looked").analysis == looked.analysis
 
 
-def test_an_appraisal_cut_off_anywhere_goes_on_from_what_was_simulated(run_toy: RunToy, tmp_path: Path) -> None:
+def test_an_analysis_cut_off_anywhere_goes_on_from_what_was_simulated(run_toy: RunToy, tmp_path: Path) -> None:
     # Its fit is taken from afar, so that no derivative is known from the search.
     def looked(folder: Path) -> RunResult:
-        return run_toy(folder, scaffold=toy_scaffold("random"), simulations=6, rounds=6, warm_up=0, appraising=True)
+        return run_toy(folder, scaffold=toy_scaffold("random"), simulations=6, rounds=6, warm_up=0, analysing=True)
 
-    whole = looked(tmp_path / "whole").appraisal
+    whole = looked(tmp_path / "whole").analysis
     assert whole is not None
     lines = (tmp_path / "whole" / FILE_NAME).read_bytes().splitlines(keepends=True)
     places = [place for place, line in enumerate(lines) if b'"event":"appraisal-simulation"' in line]
@@ -124,7 +124,7 @@ def test_an_appraisal_cut_off_anywhere_goes_on_from_what_was_simulated(run_toy: 
         folder = tmp_path / f"cut-{kept}"
         folder.mkdir()
         (folder / FILE_NAME).write_bytes(b"".join(lines[:kept]))
-        again = looked(folder).appraisal
+        again = looked(folder).analysis
         assert again is not None
         # The time of a simulation is all that differs between two.
         assert replace(again, seconds=0.0) == replace(whole, seconds=0.0)
@@ -155,28 +155,28 @@ def test_derivatives_that_the_search_has_taken_are_used(run_toy: RunToy, tmp_pat
 @pytest.mark.parametrize("name", ["full", "hybrid", "cma-es"])
 def test_any_scaffold_can_be_judged_and_a_resumed_run_says_the_same(run_toy: RunToy, tmp_path: Path, name: str) -> None:
     result = fitted(run_toy, tmp_path / "whole", name)
-    assert result.appraisal is not None
+    assert result.analysis is not None
     lines = (tmp_path / "whole" / "journal.jsonl").read_bytes().splitlines(keepends=True)
     last = next(number for number, line in enumerate(lines) if b'"event":"appraisal"' in line)
     for kept in (last - 3, last, last + 1):
         folder = tmp_path / f"cut-{kept}"
         folder.mkdir()
         (folder / "journal.jsonl").write_bytes(b"".join(lines[:kept]))
-        assert fitted(run_toy, folder, name).appraisal == result.appraisal
+        assert fitted(run_toy, folder, name).analysis == result.analysis
         assert sum(event["event"] == "appraisal" for event in read_events(folder)) == 1
 
 
 def test_the_next_measurement_is_the_most_telling_of_those_a_simulator_offers(run_toy: RunToy, tmp_path: Path) -> None:
     result = fitted(run_toy, tmp_path)
-    assert result.appraisal is not None
+    assert result.analysis is not None
     # Everything is fixed: there is nothing left to measure.
-    assert result.appraisal.identifiability.open == ()
-    assert result.appraisal.measure_next == ()
+    assert result.analysis.identifiability.open == ()
+    assert result.analysis.measure_next == ()
 
     from bsa_toy_cell import toy_task
 
     shy = toy_task({**HIDDEN, SERIES: 0.0052, POLARISATION: 0.0052})
-    looked = fitted(run_toy, tmp_path / "shy", task=shy).appraisal
+    looked = fitted(run_toy, tmp_path / "shy", task=shy).analysis
     assert looked is not None
     before = looked.identifiability.intervals[looked.worst].share_of_range
     names = [suggestion.name for suggestion in looked.measure_next]
@@ -188,16 +188,16 @@ def test_the_next_measurement_is_the_most_telling_of_those_a_simulator_offers(ru
 
 def test_a_run_in_which_nothing_simulates_is_not_judged(run_toy: RunToy, tmp_path: Path) -> None:
     broken = toy_scaffold("least-squares", simulator={"use": "toy-cell", "options": {"breaks_above_ohm": 0.0}})
-    result = run_toy(tmp_path, scaffold=broken, simulations=12, appraising=True)
-    assert result.appraisal is None
+    result = run_toy(tmp_path, scaffold=broken, simulations=12, analysing=True)
+    assert result.analysis is None
 
 
 def test_a_fit_that_stopped_short_says_so(run_toy: RunToy, tmp_path: Path) -> None:
     result = run_toy(
-        tmp_path, scaffold=toy_scaffold("least-squares"), simulations=5, rounds=5, warm_up=0, appraising=True
+        tmp_path, scaffold=toy_scaffold("least-squares"), simulations=5, rounds=5, warm_up=0, analysing=True
     )
-    assert result.appraisal is not None
-    assert CAPACITY in result.appraisal.unsettled
+    assert result.analysis is not None
+    assert CAPACITY in result.analysis.unsettled
     report = (tmp_path / "report.html").read_text()
     assert "The fit has not settled" in report
 

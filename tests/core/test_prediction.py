@@ -27,7 +27,7 @@ def with_held_out() -> Task:
 
 def test_what_was_not_fitted_is_scored_beside_what_was(run_toy: RunToy, tmp_path: Path) -> None:
     task = with_held_out()
-    result = run_toy(tmp_path, task=task, appraising=True)
+    result = run_toy(tmp_path, task=task, analysing=True)
     (fitted,), (held,) = result.records, result.held_out
     assert (fitted.record, held.errors.record) == ("toy record", "at 2 A")
     assert held.errors.signals["voltage"].rms < 10.0

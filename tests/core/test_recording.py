@@ -67,10 +67,10 @@ def test_an_outage_stops_the_run_and_is_no_result(
     chosen = toy_scaffold(scaffold)
     whole = run_toy(tmp_path / "whole", scaffold=chosen)
     dead = Flaky(dict.fromkeys(range(answered)), BackendFailure("time-out"))
-    stopped = run_toy(tmp_path / "dead", scaffold=chosen, backend=dead, appraising=True)
+    stopped = run_toy(tmp_path / "dead", scaffold=chosen, backend=dead, analysing=True)
     assert (stopped.status, stopped.reason) == ("outage", "the language model gave no reply: time-out")
     assert (stopped.lost_calls, stopped.llm_calls) == (TRIES, answered + TRIES)
-    assert stopped.appraisal is None
+    assert stopped.analysis is None
     written = json.loads((tmp_path / "dead" / "result.json").read_text())
     assert (written["status"], written["lost_calls"], written["reason"]) == ("outage", TRIES, stopped.reason)
     # Still down: nothing is doubled, and it says so again.

@@ -28,7 +28,7 @@ def lines(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     folder = tmp_path_factory.mktemp("runs") / "whole"
     scaffold = load_scaffold("full").model_copy(update={"simulator": PluginChoice(use="toy-cell")})
     config = RunConfig(scaffold=scaffold, rounds=2, warm_up=2, simulations=5)
-    execute_run(toy_task(), config, folder, open_backend("rules", {}), report=False, appraising=True)
+    execute_run(toy_task(), config, folder, open_backend("rules", {}), report=False, analysing=True)
     return [json.loads(line) for line in (folder / FILE_NAME).read_text().splitlines()]
 
 
@@ -75,4 +75,4 @@ def test_one_value_changed_anywhere(data: st.DataObject, lines: list[dict[str, A
 def _resume(folder: Path) -> None:
     task, config = read_request(folder)
     if config.simulations <= 5 and config.rounds <= 3 and config.backend == "rules":
-        execute_run(task, config, folder, open_backend(config.backend, {}), report=False, appraising=True)
+        execute_run(task, config, folder, open_backend(config.backend, {}), report=False, analysing=True)

@@ -15,19 +15,19 @@ from bsa.experiments.tasks.find import find_task
 def test_the_hidden_cell_lies_inside_the_intervals(tmp_path: Path) -> None:
     task = find_task("demo")
     config = RunConfig(scaffold=load_scaffold("least-squares"), simulations=60, rounds=60, warm_up=0)
-    appraisal = execute_run(task, config, tmp_path, RulesBackend(), appraising=True).appraisal
-    assert appraisal is not None
-    intervals = appraisal.identifiability.intervals
+    analysis = execute_run(task, config, tmp_path, RulesBackend(), analysing=True).analysis
+    assert analysis is not None
+    intervals = analysis.identifiability.intervals
     for name, value in {**task.space.initial, **HIDDEN}.items():
         assert intervals[name].lower <= value <= intervals[name].upper, name
     # A charge and a discharge at 1C hardly show the separator, and pulses or a faster discharge do.
-    assert appraisal.worst == "Separator thickness [m]"
+    assert analysis.worst == "Separator thickness [m]"
     assert intervals["Negative electrode thickness [m]"].verdict == "fixed"
-    assert len(appraisal.measure_next) == 5
-    first, *_, last = appraisal.measure_next
+    assert len(analysis.measure_next) == 5
+    first, *_, last = analysis.measure_next
     assert first.name in ("discharge at 2C", "pulses of 1C with rests")
     assert last.name == "slow discharge at C/20"
-    assert first.forecast.worst_share < 0.7 * intervals[appraisal.worst].share_of_range
+    assert first.forecast.worst_share < 0.7 * intervals[analysis.worst].share_of_range
     report = (tmp_path / "report.html").read_text()
     assert "What the record fixes" in report
     assert first.name in report

@@ -111,7 +111,8 @@ def test_two_effects_that_hide_behind_each_other_are_tried_together_whatever_a_s
     engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE)
     known = engine.shortlist()
     for nomination in known.nominations:
-        nomination.mark = 0 * nomination.mark  # a score on what one effect leaves promises nothing of the other
+        # A score on what one effect leaves promises nothing of the other.
+        nomination.sensitivity = 0 * nomination.sensitivity
     singles = [fitted(engine._fitter, (effect,), 100) for effect in (toy.HYSTERESIS, toy.QUADRATIC)]
     assert {pair.names for pair in engine.pair(known.base, singles, known.nominations)} == {("quadratic", "sign")}
 

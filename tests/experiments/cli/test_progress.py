@@ -18,7 +18,7 @@ SHY = toy_task({**HIDDEN, SERIES: 0.0052, POLARISATION: 0.0052})
 
 def run(folder: Path, listener: LiveProgress | PlainProgress, scaffold: str = "least-squares") -> None:
     config = RunConfig(scaffold=toy_scaffold(scaffold), rounds=60, warm_up=0, simulations=60)
-    execute_run(SHY, config, folder, RulesBackend(), listener=listener, report=False, appraising=True)
+    execute_run(SHY, config, folder, RulesBackend(), listener=listener, report=False, analysing=True)
 
 
 def test_simulations_after_the_search_are_counted_line_by_line(tmp_path: Path) -> None:

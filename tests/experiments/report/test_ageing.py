@@ -54,7 +54,7 @@ def test_a_life_shows_fade_losses_and_the_cycles_that_were_compared(tmp_path) ->
     labels = [panel.label for panel in drawn.chart.panels]
     assert labels == ["Capacity / A h", "Resistance / Ω", "Lost / %"]
     assert [line.style for line in drawn.chart.panels[0].lines] == ["measured", "initial", "best"]
-    assert len(drawn.chart.panels[0].marks) == len(run.task.experiments[0].detailed_cycles)
+    assert len(drawn.chart.panels[0].markers) == len(run.task.experiments[0].detailed_cycles)
     # A loss that is none is not drawn.
     assert len(drawn.chart.panels[2].lines) == 2
     assert "8 % of the lithium, 2 % of the negative material" in drawn.remark
