@@ -14,6 +14,7 @@ from .explanation import Explanation
 from .findings import Findings, Nomination
 from .localisation import Place
 from .next_experiment import NextExperiment
+from .odds import Odds
 from .ranking import Ranking
 from .rules import bic, bic_difference, closed, objection_to
 
@@ -34,6 +35,8 @@ class Discovery:
         Residual maps of the base model and of the best explanation.
     sentences : list of str
         The first map in words.
+    odds : Odds or None
+        Posterior odds of what was fitted; they decide nothing.
     next_experiment : NextExperiment or None
         What would separate the best explanation from its nearest rival.
     closure : Closure or None
@@ -58,6 +61,7 @@ class Discovery:
     places_before: list[Place]
     places_after: list[Place]
     sentences: list[str]
+    odds: Odds | None = None
     next_experiment: NextExperiment | None = None
     closure: Closure | None = None
     ranking: Ranking | None = None
@@ -91,6 +95,11 @@ class Discovery:
             "holdout_closed": closed(base.held_rmse_v, best.held_rmse_v, self.held_noise_v),
         }
 
+    @property
+    def odds_statement(self) -> str:
+        """How probable what is named is, in words; empty where nothing is named."""
+        return "" if self.odds is None else self.odds.statement(self.names)
+
     def to_json(self) -> Json:
         """The contents of ``discovery.json``."""
         found = self.findings
@@ -106,6 +115,7 @@ class Discovery:
             "in_words": self.sentences,
             "candidates": self._candidates(),
             "gap": self.gap,
+            "odds": None if self.odds is None else _odds(self.odds) | {"statement": self.odds_statement},
             "next_experiment": None if self.next_experiment is None else asdict(self.next_experiment),
             "closure": None if self.closure is None else asdict(self.closure),
             "backend_ranking": None if self.ranking is None else asdict(self.ranking),
@@ -197,6 +207,28 @@ class Discovery:
             "leaves_noise_only": explanation.adequacy.adequate,
             "rejected": reason,
         }
+
+
+def _odds(odds: Odds) -> Json:
+    base = odds.explanations[0]
+    rows = [
+        {
+            "names": list(one.names),
+            "log_odds": one.log_weight - base.log_weight,
+            "discrepancy_mv": 1e3 * one.discrepancy.scale_v,
+            "correlation_time_s": one.discrepancy.time_s if one.discrepancy.scale_v else None,
+        }
+        for one in odds.explanations
+    ]
+    return {
+        "verdict": odds.verdict,
+        "names": list(odds.names),
+        "rivals": [list(names) for names in odds.rivals] if odds.names else [],
+        "probability": odds.probability(odds.best.names),
+        "candidates_tried": odds.tried,
+        "discrepancy_left": odds.left,
+        "explanations": rows,
+    }
 
 
 def temperature_errors(predicted: FloatArray, measured: FloatArray) -> float:
