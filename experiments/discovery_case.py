@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
@@ -19,6 +19,9 @@ from ..core.target import CyclableLithium, Factor, Value, factor_name, target_na
 from ..core.task import CellModel
 from ..core.validation import explain
 from ..core.yaml_text import read_yaml
+
+if TYPE_CHECKING:
+    from .tasks.records import RecordRequest
 
 _ADDED = ("Contact resistance [Ohm]",)
 """Overrides that a calibration task brings along with its options."""
@@ -127,15 +130,16 @@ def read_case(options: DiscoverOptions) -> Case:
     """Read the records and settle the base model: size, ambient temperature, initial states of charge."""
     from ..plugins.pybamm.model_options import in_pybamm_spelling
     from .tasks.parameter_source import parameter_source
-    from .tasks.records import ISOTHERMAL, THERMAL, RecordRequest, build_task
+    from .tasks.records import ISOTHERMAL, THERMAL, build_task
 
-    files = [*options.data, *options.holdout]
     temperature = None if options.ambient_c is None else options.ambient_c + 273.15
-    requests = [RecordRequest(f.source(), f.read, f.reader, f.reader_options, temperature_k=temperature) for f in files]
+    fitted, held = (
+        [named for file in files for named in _parts(file, temperature)] for files in (options.data, options.holdout)
+    )
     task = build_task(
         "discover",
         parameter_source(options.parameters),
-        requests,
+        [request for _, request in (*fitted, *held)],
         options.model,
         # Whether heat is missing is for the discovery to find.
         {THERMAL: ISOTHERMAL, **options.options},
@@ -143,12 +147,12 @@ def read_case(options: DiscoverOptions) -> Case:
         search={"Negative particle radius [m]": {"factors": [0.5, 2.0]}},  # a task must search something; not used
         scale_to_capacity=options.scale,
     )
-    measured_records = []
-    for number, (file, experiment) in enumerate(zip(files, task.experiments, strict=True), start=1):
-        name = f"{number} {file.path.stem}"
-        measured_records.append(MeasuredRecord(name, experiment.target, experiment.temperature_k))
+    measured_records = [
+        MeasuredRecord(f"{number} {name}", experiment.target, experiment.temperature_k)
+        for number, ((name, _), experiment) in enumerate(zip((*fitted, *held), task.experiments, strict=True), start=1)
+    ]
     starts = {s.name: e.initial_soc for s, e in zip(measured_records, task.experiments, strict=True)}
-    count = len(options.data)
+    count = len(fitted)
     # A calibration task may add options for what it searches; here the base model is what was asked for.
     fixed = {
         name: value for name, value in task.cell.overrides.items() if name not in _ADDED or name in options.overrides
@@ -161,6 +165,16 @@ def read_case(options: DiscoverOptions) -> Case:
         {name: soc for name, soc in starts.items() if soc is not None},
         task.notes,
     )
+
+
+def _parts(file: RecordFile, temperature_k: float | None) -> list[tuple[str, RecordRequest]]:
+    """What is asked of each part of a record whose charge is known, under a name."""
+    from .tasks.records import RecordRequest
+
+    whole = RecordRequest(file.source(), file.read, file.reader, file.reader_options, temperature_k=temperature_k)
+    parts = whole.parts()
+    stem = file.path.stem
+    return [(stem if len(parts) == 1 else f"{stem}, part {n}", part) for n, part in enumerate(parts, start=1)]
 
 
 def _read_search(file: str) -> dict[str, Uncertainty | None]:

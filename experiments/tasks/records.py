@@ -14,6 +14,7 @@ from ...core.cell import CELL, TEMPERATURE
 from ...core.errors import BsaError
 from ...core.parameters import ParameterSpace
 from ...core.prediction import begins_under_load
+from ...core.reading.parts import parts_between_gaps
 from ...core.recognised_protocol import recognised_protocol, with_switches
 from ...core.record import ReadOptions, Record
 from ...core.registry import installed
@@ -113,6 +114,19 @@ class RecordRequest:
             return self.source
         return read_file(self.source, self.read, installed(), self.reader, self.reader_options)
 
+    def parts(self) -> list[RecordRequest]:
+        """A request for each part of the record whose charge is known; see `parts_between_gaps`."""
+        record = self.load()
+        if not isinstance(record, Record):
+            raise BsaError(
+                f"{record.name} is an impedance spectrum, which is not fitted.",
+                "compare it with a finished run: bsa predict RUN --data FILE.",
+            )
+        if self.protocol is not None or self.detailed_cycles is not None:
+            return [replace(self, source=record)]
+        first, *others = parts_between_gaps(record)
+        return [replace(self, source=first), *(replace(self, source=part, initial_soc=None) for part in others)]
+
 
 def build_task(
     name: str,
@@ -152,7 +166,8 @@ def build_task(
     from ...plugins.pybamm.presets import resolve_space, starts_given
     from ...plugins.pybamm.state_of_charge import equilibrium_capacity_ah, soc_at_voltage
 
-    loaded = [_as_asked(request, _loaded(request)) for request in records]
+    records = [part for request in records for part in request.parts()]
+    loaded = [_as_asked(request) for request in records]
     notes = [f"{record.name}: {note}" for record in loaded for note in record.notes]
     fixed = dict(overrides or {})
     values = load(parameter_set, fixed)
@@ -248,7 +263,8 @@ def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
             f'task "{task.name}" is about a {task.domain.name}, whose records no reader reads.',
             "list what it holds out under held_out in its task file.",
         )
-    loaded = [_as_asked(request, _loaded(request)) for request in requests]
+    requests = [part for request in requests for part in request.parts()]
+    loaded = [_as_asked(request) for request in requests]
     notes = [f"{record.name} (held out): {note}" for record in loaded for note in record.notes]
     experiments = [_held_out(request, record) for request, record in zip(requests, loaded, strict=True)]
     notes += [
@@ -273,18 +289,10 @@ def _held_out(request: RecordRequest, record: Record) -> Experiment:
     )
 
 
-def _loaded(request: RecordRequest) -> Record:
-    found = request.load()
-    if not isinstance(found, Record):
-        raise BsaError(
-            f"{found.name} is an impedance spectrum, which is not fitted.",
-            "compare it with a finished run: bsa predict RUN --data FILE.",
-        )
-    return found
-
-
-def _as_asked(request: RecordRequest, record: Record) -> Record:
-    """The record: with steps that meet where they are simulated, as a cycle table where that was asked for."""
+def _as_asked(request: RecordRequest) -> Record:
+    """A part's record: with steps that meet where they are simulated, as a cycle table where that was asked for."""
+    record = request.source
+    assert isinstance(record, Record)
     if request.protocol == RECOGNISED:
         record = replace(record, trajectory=with_switches(record.trajectory))
     if request.detailed_cycles is None:

@@ -1,0 +1,60 @@
+"""The parts of a record between silences in which an unknown charge may have passed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from ..record import Record
+from ..trajectory import Step, Trajectory
+from .clock import gaps_in
+
+_FLOWS = 0.02
+"""Share of the largest current above which a cell is under load."""
+
+
+def parts_between_gaps(record: Record) -> list[Record]:
+    """The record, cut where it is silent for long beside a load: when that began or ended, nobody wrote down.
+
+    A part that begins at rest has a state of charge of its own, and is a record of its own. One that begins under load
+    shows no open-circuit voltage; it is left out, and the first part says so.
+
+    Returns
+    -------
+    list of Record
+        The record itself where there is no such silence.
+    """
+    trajectory = record.trajectory
+    loaded = np.abs(trajectory.current) > _FLOWS * np.max(np.abs(trajectory.current), initial=0.0)
+    gaps = gaps_in(trajectory.time)
+    cuts = gaps[loaded[gaps] | loaded[gaps + 1]] + 1
+    if len(cuts) == 0:
+        return [record]
+    edges = list(pairwise([0, *map(int, cuts), len(trajectory)]))
+    kept = [(a, b) for place, (a, b) in enumerate(edges) if place == 0 or not loaded[a]]
+    left_out_s = sum(float(np.ptp(trajectory.time[a:b])) for a, b in edges if (a, b) not in kept)
+    note = (
+        f"it is silent for long beside a load in {len(cuts)} places, where the charge is not known: it is used as "
+        f"{len(kept)} records, each with its own state of charge"
+    )
+    if len(kept) < len(edges):
+        note += f"; {left_out_s / 3600.0:.3g} h that begin under load are left out"
+    parts = [
+        replace(record, name=f"{record.name}, part {number}", trajectory=_slice(trajectory, a, b), notes=())
+        for number, (a, b) in enumerate(kept, start=1)
+    ]
+    first = parts[0] if len(parts) > 1 else replace(parts[0], name=record.name)
+    return [replace(first, notes=(*record.notes, f"{note}.")), *parts[1:]]
+
+
+def _slice(trajectory: Trajectory, start: int, stop: int) -> Trajectory:
+    """Samples ``start`` to ``stop - 1`` with the steps that they touch."""
+    steps: list[Step] = []
+    for step in trajectory.steps:
+        begin, end = max(step.start, start), min(step.stop, stop)
+        if begin < end:
+            steps.append(replace(step, start=begin - start, stop=end - start))
+    signals = {name: values[start:stop] for name, values in trajectory.signals.items()}
+    return Trajectory(trajectory.time[start:stop], steps=tuple(steps), signals=signals)
