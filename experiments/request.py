@@ -213,6 +213,11 @@ def task_of_records(
     from .tasks.parameter_source import parameter_source, read_finished, start_from, with_its_space
     from .tasks.records import build_task
 
+    files = [source for source in sources if isinstance(source, Path)]
+    if read.join and len(files) == len(sources) > 1:
+        from ..core.reading.reading import read_record
+
+        sources = [read_record(files, read, reader=reader, reader_options=reader_options)]
     asked: dict[str, Any] = {
         "name": named_after(sources),
         "records": requests_of(sources, read, reader, reader_options, initial_soc, as_protocol),
@@ -241,11 +246,6 @@ def task_of_records(
             "add --parameters Chen2020 (NMC811), Marquis2019 or Ai2020 (LCO), Prada2013 (LFP), Ecker2015 (NMC); "
             "bsa list parameters shows all sets.",
         )
-    files = [source for source in sources if isinstance(source, Path)]
-    if read.join and len(files) == len(sources) > 1:
-        from ..core.reading.reading import read_record
-
-        sources = [read_record(files, read, reader=reader, reader_options=reader_options)]
     return build_task(
         parameter_set=parameter_source(parameters),
         model=model or "DFN",

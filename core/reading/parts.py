@@ -36,8 +36,8 @@ def parts_between_gaps(record: Record) -> list[Record]:
     kept = [(a, b) for place, (a, b) in enumerate(edges) if place == 0 or not loaded[a]]
     left_out_s = sum(float(np.ptp(trajectory.time[a:b])) for a, b in edges if (a, b) not in kept)
     note = (
-        f"it is silent for long beside a load in {len(cuts)} places, where the charge is not known: it is used as "
-        f"{len(kept)} records, each with its own state of charge"
+        f"it is silent for long beside a load, so that the charge is not known (silences: {len(cuts)}); records that "
+        f"are used of it, each with its own state of charge: {len(kept)}"
     )
     if len(kept) < len(edges):
         note += f"; {left_out_s / 3600.0:.3g} h that begin under load are left out"

@@ -305,7 +305,7 @@ def _size_factor(records: Sequence[Record], values: Any, capacity_ah: float) -> 
     """How much larger the measured cell is than the parameter set's, and a sentence if that matters."""
     window = float(values["Upper voltage cut-off [V]"]) - float(values["Lower voltage cut-off [V]"])
     spans = [
-        float(np.ptp(cycle.discharge_capacity))
+        float(np.ptp(with_switches(cycle).discharge_capacity))
         for record in records
         # Over many cycles the counted charge drifts; within one it does not matter.
         for cycle in map(record.trajectory.cycle, record.trajectory.cycles)

@@ -8,10 +8,12 @@ import pandas
 import pytest
 from bsa.core.encoding import decode_task, encode_task
 from bsa.core.errors import BsaError
+from bsa.core.record import ReadOptions
 from bsa.core.target import CellChange
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Trajectory
 from bsa.experiments.cli.main import app
+from bsa.experiments.request import task_of_records
 from bsa.plugins.pybamm.parameter_sets import load
 from bsa.plugins.pybamm.solving import solve_reference
 from typer.testing import CliRunner
@@ -129,11 +131,20 @@ def test_what_cannot_be_predicted_is_refused_in_a_line(fitted, tmp_path) -> None
 
 
 def task_after(fitted, **settings):
-    from bsa.core.record import ReadOptions
-    from bsa.experiments.request import task_of_records
-
     asked = {"parameters": None, "model": None, "options": {}, "search": None, "scale": True, **settings}
     return task_of_records([bsa.read_record(measured(0.5, 5), name="next")], ReadOptions(), None, {}, **asked)
+
+
+def test_joined_files_are_one_record(tmp_path) -> None:
+    whole = measured(0.5, 20)
+    half = len(whole) // 2
+    paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    for path, part in zip(paths, (whole[:half], whole[half:]), strict=True):
+        part.to_csv(path, index=False)
+    asked = (None, {}, "Chen2020", "SPM", {}, "cell", True)
+    (joined,) = task_of_records(paths, ReadOptions(join=True), *asked).experiments
+    assert joined.target.duration == pytest.approx(whole["Time [s]"].max(), rel=0.1)
+    assert len(task_of_records(paths, ReadOptions(), *asked).experiments) == 2
 
 
 def test_a_run_starts_from_the_best_values_of_another(fitted) -> None:

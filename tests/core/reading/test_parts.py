@@ -40,6 +40,7 @@ def test_parts_at_rest_are_records_and_those_under_load_are_left_out() -> None:
     assert [float(second.trajectory.time[0]), second.trajectory.current[0]] == [20000.0, 0.0]
     assert [step.start for step in second.trajectory.steps] == [0, 60]
     assert first.notes[0] == "as read."
-    assert "in 2 places" in first.notes[1]
+    assert "silences: 2" in first.notes[1]
+    assert "state of charge: 2;" in first.notes[1]
     assert "1.33 h that begin under load are left out" in first.notes[1]
     assert not second.notes
