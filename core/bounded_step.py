@@ -48,12 +48,12 @@ def bounded_step(
     if strength == 0.0:
         return step
     most = float(np.linalg.norm(factor.T @ target)) / radius  # damping that is certainly enough
-    least = _LEAST_DAMPING * strength**2
-    found = _damped(factor, target, lower[free], upper[free], least)
+    least, same = _LEAST_DAMPING * strength**2, np.ones(factor.shape[1])
+    found = _damped(factor, target, lower[free], upper[free], least * same)
     if np.linalg.norm(found) > radius and most > least:
         for _ in range(_BISECTIONS):
             middle = float(np.sqrt(least * most))
-            trial = _damped(factor, target, lower[free], upper[free], middle)
+            trial = _damped(factor, target, lower[free], upper[free], middle * same)
             if np.linalg.norm(trial) > radius:
                 least = middle
             else:
@@ -65,16 +65,46 @@ def bounded_step(
     return step
 
 
+def damped_step(
+    jacobian: FloatArray, residual: FloatArray, lower: FloatArray, upper: FloatArray, damping: float
+) -> FloatArray:
+    """Minimise ``||J d + r||^2 + damping ||D d||^2`` over ``lower <= d <= upper``, ``D`` the norms of the columns.
+
+    Marquardt's damping (1963) holds back the directions of which the residuals say much, where the step may lead over
+    an edge of theirs, and lets those go on of which they say little.
+
+    Parameters
+    ----------
+    jacobian, residual, lower, upper : ndarray
+        See `bounded_step`.
+    damping : float
+        Relative to the squared norm of each column.
+
+    Returns
+    -------
+    ndarray of shape (p,)
+    """
+    step = np.zeros(len(lower))
+    free = upper - lower > 0
+    squares = np.sum(jacobian[:, free] ** 2, axis=0)
+    if not np.any(squares > 0):
+        return step
+    factor, target = _reduced(jacobian[:, free], -residual)
+    step[free] = _damped(factor, target, lower[free], upper[free], damping * squares + _LEAST_DAMPING * np.max(squares))
+    return step
+
+
 def _reduced(jacobian: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The same problem in p rows: what is orthogonal to the Jacobian cannot be changed."""
     orthogonal, factor = np.linalg.qr(jacobian)
     return factor, orthogonal.T @ target
 
 
-def _damped(factor: FloatArray, target: FloatArray, lower: FloatArray, upper: FloatArray, damping: float) -> FloatArray:
-    count = factor.shape[1]
-    stacked = np.vstack([factor, np.sqrt(damping) * np.eye(count)])
-    wanted = np.concatenate([target, np.zeros(count)])
+def _damped(
+    factor: FloatArray, target: FloatArray, lower: FloatArray, upper: FloatArray, damping: FloatArray
+) -> FloatArray:
+    stacked = np.vstack([factor, np.diag(np.sqrt(damping))])
+    wanted = np.concatenate([target, np.zeros(len(damping))])
     free = np.linalg.lstsq(stacked, wanted, rcond=None)[0]
     if np.all(free >= lower) and np.all(free <= upper):
         return np.asarray(free)

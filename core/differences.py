@@ -1,8 +1,12 @@
-"""One column of a finite-difference Jacobian: where its difference is taken, until one will do."""
+"""A Jacobian by finite differences: each column asks for points until its difference will do."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+
+from .trajectory import FloatArray
 
 _SMALLEST = 0.01
 """The smallest step of a difference as a share of the usual one: below it the integrator's noise shows."""
@@ -73,3 +77,46 @@ class Column:
             self._next()
         else:
             self.wanted = None
+
+
+class Differences:
+    """Measures the derivatives of the residuals at a point, one batch of simulations after another.
+
+    Parameters
+    ----------
+    point : ndarray of shape (p,)
+        Where.
+    residual : ndarray of shape (m,)
+        The residuals there.
+    columns : sequence of Column
+        The coordinates that are varied; the other columns are zero.
+
+    Attributes
+    ----------
+    jacobian : ndarray of shape (m, p)
+        What is known so far. A column that cannot be measured stays zero: a fit leaves that parameter alone.
+    """
+
+    def __init__(self, point: FloatArray, residual: FloatArray, columns: Sequence[Column]) -> None:
+        self._point, self._residual, self._columns = point, residual, columns
+        self.jacobian = np.zeros((len(residual), len(point)))
+
+    @property
+    def points(self) -> list[FloatArray]:
+        """The points whose residuals are wanted next; empty when all columns are known."""
+        points = []
+        for column in self._columns:
+            if column.wanted is not None:
+                points.append(self._point.copy())
+                points[-1][column.place] = column.wanted
+        return points
+
+    def take(self, residuals: Sequence[FloatArray | None]) -> None:
+        """Take in the residuals of `points`, in order; None for one that failed."""
+        asking = [column for column in self._columns if column.wanted is not None]
+        for column, residual in zip(asking, residuals, strict=True):
+            assert column.wanted is not None
+            change = None if residual is None else residual - self._residual
+            if change is not None:
+                self.jacobian[:, column.place] = change / (column.wanted - self._point[column.place])
+            column.take(None if change is None else float(np.linalg.norm(change)))

@@ -1,14 +1,14 @@
 """Bounded least squares for expensive, noisy simulations: Levenberg-Marquardt with Broyden's updates.
 
 Derivatives are finite differences, asked for as one batch that can be simulated side by side. Between them the
-Jacobian learns from each step by Broyden's rank-one update, which costs nothing. A candidate that fails to simulate
-only makes the next step shorter; one that is rejected tells how the residuals bend, and the next step follows the bend.
+Jacobian learns from each step by Broyden's rank-one update, which costs nothing. A step that fails on a Jacobian
+measured at the best point is too long, and the next one is shorter; on an updated one it may be the Jacobian that is
+wrong, and a new one is measured.
 
 References
 ----------
 Levenberg, Quart. Appl. Math. 2 (1944) 164. Marquardt, SIAM J. Appl. Math. 11 (1963) 431. Broyden, Math.
 Comp. 19 (1965) 577. Nocedal & Wright, Numerical Optimization, 2nd ed. (2006), Ch. 4, 10, 11 and Sec. 18.3.
-Transtrum & Sethna, arXiv:1201.5885 (curvature along a step).
 """
 
 from __future__ import annotations
@@ -20,46 +20,41 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .bounded_step import bounded_step
-from .differences import Column
+from .bounded_step import damped_step
+from .differences import Column, Differences
 from .errors import BsaError
 from .trajectory import FloatArray
 
-Stage = Literal["start", "jacobian", "other side", "step", "done"]
+Stage = Literal["start", "jacobian", "step", "done"]
 
 Ending = Literal["", "failed", "perfect", "noise", "misfit", "no progress"]
 """Why a fit has ended: its start failed; it is as good as perfect; the next step would gain less than the noise hides;
 it would gain less than the misfit leaves uncertain; steps gain next to nothing although more is predicted."""
 
-_GOOD, _POOR = 0.75, 0.25
-"""Actual over predicted reduction: above the first the radius grows, below the second it shrinks."""
+_GOOD, _POOR = 0.6, 0.2
+"""Actual over predicted reduction: above the first the damping falls, below the second it grows."""
 
-_AFTER_FAILURE = 0.35
-"""Share of a failed step that is tried next."""
+_LESS, _MORE, _MUCH_MORE = 0.2, 4.0, 8.0
+"""Factors of the damping: after a good step, after a poor one, and after a failed one until the next is short."""
 
-_SLOW = 0.1
-"""A step that takes less than this share off the cost above the noise asks for a better Jacobian, if one can be had."""
+_RAISES = 12
+"""Times that the damping is raised after a failure, at most: from the least to where steps are next to nothing."""
 
-_RESTORED = 0.25
-"""Share of the first radius to which a new Jacobian opens the radius again."""
+_POOR_STEPS = 2
+"""Poor steps in a row before a new Jacobian."""
+
+_LEAST = 1e-7
+"""Least damping."""
 
 _IDLE_ROUNDS = 2
 """Jacobians in a row that may disappoint: the first one may have been taken where the cost bends most."""
 
-_TRIFLE = 0.01
-"""Share of a gain that is worth a simulation below which not even a short step is tried."""
-
 _FORETOLD = 1e-6
-"""Squared error of the model's last prediction, relative to the cost, below which the model is not in doubt."""
+"""Squared error of the model's prediction, relative to the cost, below which the Jacobian is still that of the best
+point."""
 
 _EXACT = 1e-24
 """Cost relative to the first at which nothing is left to fit."""
-
-_BEND = 0.75
-"""Longest correction for curvature, as a share of the step that it corrects (Transtrum & Sethna 2012)."""
-
-_ALONG = np.linspace(0.02, 1.0, 50)
-"""Shares of a rejected step at which the curved model is looked at."""
 
 
 @dataclass(frozen=True)
@@ -72,9 +67,9 @@ class Settings:
         Finite-difference step. Integrators leave noise: at a relative tolerance of 1e-5, steps well below
         0.005 of a parameter's range measure the noise instead.
     radius : float
-        Longest first step.
-    largest_radius, smallest_radius : float
-        Limits of the trust radius; a fit whose steps would be shorter than the smallest has converged.
+        Longest step of a coordinate.
+    damping : float
+        Of the first step, relative to the squared norm of each column.
     noise : float
         Standard deviation of a residual. A gain in cost below its square says nothing about the parameters, and a fit
         goes on until no more is predicted.
@@ -82,8 +77,6 @@ class Settings:
         Share of the cost that must be gained to be worth a step, where that is more than the noise.
     enough : float
         Root mean square of the residuals at which the fit is as good as perfect.
-    poor_steps : int
-        Disappointing steps in a row before the Jacobian is taken anew.
     visible : float
         Root mean square change of the residuals over which a slope is taken, where an older Jacobian tells it; 0
         always takes ``difference``.
@@ -93,12 +86,10 @@ class Settings:
 
     difference: float = 0.007
     radius: float = 0.3
-    largest_radius: float = 1.0
-    smallest_radius: float = 1e-4
+    damping: float = 1e-5
     noise: float = 0.0
     tolerance: float = 1e-3
     enough: float = 0.0
-    poor_steps: int = 2
     visible: float = 0.0
     ends_on_fresh: bool = False
 
@@ -148,6 +139,8 @@ class LeastSquares:
         What is known of the derivatives; taken anew when it disappoints.
     box : Box, optional
         Bounds and priors; the unit box without priors by default.
+    fresh : bool
+        Whether the derivatives were measured at the start itself.
 
     Notes
     -----
@@ -162,29 +155,25 @@ class LeastSquares:
         free: NDArray[np.bool_] | None = None,
         jacobian: FloatArray | None = None,
         box: Box | None = None,
+        fresh: bool = False,
     ) -> None:
         self.settings = settings or Settings()
         self._box = box or Box.unit(len(start))
         self._point = np.clip(np.asarray(start, dtype=np.float64), self._box.lower, self._box.upper)
         self._free = np.ones(len(self._point), dtype=bool) if free is None else np.asarray(free, dtype=bool)
-        self._radius = self.settings.radius
+        self._damping = self._known_damping = self.settings.damping
         self._residual = residual
         self._jacobian = None if jacobian is None else jacobian.copy()
-        self._stale = jacobian is not None
-        self._moved = jacobian is not None
-        self._poor_steps = 0
-        self._foretold = False
-        self._idle_rounds = 0
-        self._rejected: tuple[FloatArray, FloatArray] | None = None
-        self._expected = 0.0
+        self._fresh = fresh
+        self._poor_steps = self._idle_rounds = 0
         self._batch: list[FloatArray] = []
-        self._columns: list[Column] = []
+        self._differences: Differences | None = None
+        self._round_cost = self._first_cost = np.inf
         self.simulations = 0
         self.ending: Ending = ""
         self._stage: Stage = "start"
         if residual is not None:
-            self._first_cost = self._round_cost = self.cost
-            self._stage = "jacobian" if jacobian is None else "step"
+            self._begin()
 
     @property
     def point(self) -> FloatArray:
@@ -204,12 +193,12 @@ class LeastSquares:
     @property
     def cost(self) -> float:
         """Sum of squares at the best point, the price of departing from the prior included; infinite if it failed."""
-        return float("inf") if self._residual is None else self._cost_of(self._residual, self._point)
+        return np.inf if self._residual is None else self._cost_of(self._residual, self._point)
 
     @property
-    def radius(self) -> float:
-        """How far the linear model is trusted."""
-        return self._radius
+    def damping(self) -> float:
+        """How little the linear model is trusted."""
+        return self._damping
 
     @property
     def round_gain(self) -> float:
@@ -218,10 +207,8 @@ class LeastSquares:
 
     @property
     def predicted(self) -> float:
-        """Fall in cost that a full step promises; infinite unless the Jacobian was taken at the best point."""
-        if self._residual is None or self._jacobian is None or self._stale or self._moved:
-            return float("inf")
-        return self._predicted_gain(self._linear_step(np.inf))
+        """Fall in cost that a full step promises; infinite unless the Jacobian was measured at the best point."""
+        return self._predicted_gain(self._linear_step(_LEAST)) if self._fresh else np.inf
 
     @property
     def stage(self) -> Stage:
@@ -247,19 +234,17 @@ class LeastSquares:
             How many can still be simulated. Where they do not suffice for a new Jacobian, the one at
             hand is used to the end.
         """
-        if self._batch:
-            return [point.copy() for point in self._batch]
-        if self._stage == "jacobian" and self._jacobian is not None and limit is not None and limit <= self._free.sum():
-            self._stage = "step"
-        if self._stage == "start":
-            self._batch = [self._point]
-        elif self._stage == "jacobian":
-            self._columns = self._wanted_columns()
-            self._batch = self._differences()
-        elif self._stage == "step":
-            self._batch = self._step()
         if not self._batch:
-            self._stage = "done"
+            if self._stage == "jacobian" and self._jacobian is not None and limit is not None:
+                self._stage = "step" if limit <= self._free.sum() else "jacobian"
+            if self._stage == "step":
+                self._batch = self._step()
+            if self._stage == "start":
+                self._batch = [self._point]
+            elif self._stage == "jacobian":
+                assert self._residual is not None
+                self._differences = Differences(self._point, self._residual, self._wanted_columns())
+                self._batch = self._differences.points
         return [point.copy() for point in self._batch]
 
     def tell(self, residuals: Sequence[FloatArray | None]) -> None:
@@ -276,19 +261,18 @@ class LeastSquares:
         usable = [value if value is not None and np.all(np.isfinite(value)) else None for value in residuals]
         batch, self._batch = self._batch, []
         if self._stage == "start":
-            self._take_start(usable[0])
+            self._residual = usable[0]
+            self._begin()
         elif self._stage == "step":
             self._take_step(batch[0], usable[0])
         else:
             self._take_differences(usable)
 
-    def _take_start(self, residual: FloatArray | None) -> None:
-        self._residual = residual
-        if residual is None:
-            self._end("failed")
-            return
+    def _begin(self) -> None:
         self._first_cost = self._round_cost = self.cost
         self._stage = "jacobian" if self._jacobian is None else "step"
+        if self._residual is None:
+            self._end("failed")
 
     def renew_jacobian(self) -> None:
         """Ask for a new Jacobian next, whatever the one at hand still promises."""
@@ -320,60 +304,44 @@ class LeastSquares:
             for place in np.flatnonzero(self._free)
         ]
 
-    def _differences(self) -> list[FloatArray]:
-        """The points of the columns that still want one."""
-        points = []
-        for column in self._columns:
-            if column.wanted is not None:
-                points.append(self._point.copy())
-                points[-1][column.place] = column.wanted
-        return points
-
     def _take_differences(self, residuals: list[FloatArray | None]) -> None:
-        assert self._residual is not None
-        if self._stage == "jacobian":
-            # A column that cannot be measured stays zero: that parameter is left alone this time.
-            self._jacobian = np.zeros((len(self._residual), len(self._point)))
-        assert self._jacobian is not None
-        asking = [column for column in self._columns if column.wanted is not None]
-        for column, residual in zip(asking, residuals, strict=True):
-            assert column.wanted is not None
-            change = None if residual is None else residual - self._residual
-            if change is not None:
-                self._jacobian[:, column.place] = change / (column.wanted - self._point[column.place])
-            column.take(None if change is None else float(np.linalg.norm(change)))
-        self._batch = self._differences()
-        if self._batch:
-            self._stage = "other side"
-            return
-        self._stale, self._moved, self._foretold, self._poor_steps = False, False, False, 0
-        self._round_cost = self.cost
-        self._stage = "step"
+        assert self._differences is not None
+        self._differences.take(residuals)
+        self._batch = self._differences.points
+        if not self._batch:
+            self._jacobian = self._differences.jacobian
+            self._fresh, self._poor_steps = True, 0
+            # It was the Jacobian that disappointed, perhaps not the length of the steps.
+            self._damping = self._known_damping
+            if (
+                self._predicted_gain(self._linear_step(self._damping)) <= self._worth
+                and self._idle_rounds < _IDLE_ROUNDS
+            ):
+                self._damping = self.settings.damping
+            self._round_cost = self.cost
+            self._stage = "step"
 
     # --- steps ----------------------------------------------------------------------------------------------
 
     def _step(self) -> list[FloatArray]:
-        step = self._curved_step()
-        if step is None:
-            step = self._linear_step(self._radius)
-            self._expected = self._predicted_gain(step)
+        """The next point; none where another Jacobian is wanted, or the fit has ended."""
+        step = self._linear_step(self._damping)
         if self._perfect():
             self._end("perfect")
-            return []
-        if self._expected <= self._worth and self._nothing_promised():
-            return self._nothing_left()
-        return [np.clip(self._point + step, self._box.lower, self._box.upper)]
+        elif self._predicted_gain(step) > self._worth:
+            return [np.clip(self._point + step, self._box.lower, self._box.upper)]
+        elif self._another_round():
+            self._stage = "jacobian"
+        else:
+            self._end(self._why_nothing_is_left())
+        return []
 
-    def _linear_step(self, radius: float) -> FloatArray:
+    def _linear_step(self, damping: float) -> FloatArray:
         jacobian, residual = self._linear_model()
-        return bounded_step(jacobian, residual, *self._room(), radius)
-
-    def _room(self) -> tuple[FloatArray, FloatArray]:
-        """How far each coordinate may move to either side."""
-        return (
-            np.where(self._free, self._box.lower - self._point, 0.0),
-            np.where(self._free, self._box.upper - self._point, 0.0),
-        )
+        reach = np.where(self._free, self.settings.radius, 0.0)
+        lower = np.maximum(self._box.lower - self._point, -reach)
+        upper = np.minimum(self._box.upper - self._point, reach)
+        return damped_step(jacobian, residual, lower, upper, damping)
 
     def _linear_model(self) -> tuple[FloatArray, FloatArray]:
         """Jacobian and residuals at the best point, the prior's rows included."""
@@ -389,115 +357,65 @@ class LeastSquares:
         jacobian, residual = self._linear_model()
         return self.cost - _squares(residual + jacobian @ step)
 
-    def _curved_step(self) -> FloatArray | None:
-        """A step that follows the bend a rejected one has shown; None where there is none, or it promises nothing.
-
-        Along the rejected step ``d`` the residuals are ``r + a J d + a^2 q``, ``q`` being what the linear model did not
-        foresee. A correction ``a^2 c`` takes off what of ``q`` the parameters can take off: through a curved valley of
-        the cost this leads much farther than a shorter straight step.
-        """
-        if self._rejected is None or self._stale:
-            return None
-        (place, seen), self._rejected = self._rejected, None
-        jacobian, residual = self._linear_model()
-        straight = place - self._point
-        surprise = np.concatenate([seen, self._box.prior * place]) - residual - jacobian @ straight
-        lower, upper = self._room()
-        length = float(np.linalg.norm(straight))
-        correction = bounded_step(jacobian, surprise, lower, upper, _BEND * length)
-        linear, bent = jacobian @ straight, surprise + jacobian @ correction
-        costs = [_squares(residual + share * linear + share**2 * bent) for share in _ALONG]
-        best = int(np.argmin(costs))
-        if self.cost - costs[best] <= self._worth:
-            return None
-        self._expected = self.cost - costs[best]
-        return np.asarray(_ALONG[best] * straight + _ALONG[best] ** 2 * correction)
-
     @property
     def _worth(self) -> float:
         """Gain in cost that is worth a simulation."""
         return max(self.settings.noise**2, self.settings.tolerance * self.cost)
 
-    def _nothing_promised(self) -> bool:
-        """Whether nothing worth a simulation is predicted; short steps predict little merely by being short."""
-        if self._expected <= _TRIFLE * self._worth:
-            return True
-        return self._predicted_gain(self._linear_step(self._restored)) <= self._worth
-
-    @property
-    def _restored(self) -> float:
-        """The radius that a new Jacobian is trusted with."""
-        return max(self._radius, _RESTORED * self.settings.radius)
-
-    def _nothing_left(self) -> list[FloatArray]:
-        """The model sees nothing to gain: look again if it may be wrong, else stop."""
-        if self._moved and not self._round_is_the_last():
-            self._stage = "jacobian"
-            return self.ask()
-        gain = self._predicted_gain(self._linear_step(self._restored))
-        self._end("noise" if gain <= self.settings.noise**2 else "misfit" if gain <= self._worth else "no progress")
-        return []
+    def _why_nothing_is_left(self) -> Ending:
+        # A short step promises little by being short: what counts is what one of the first length would gain.
+        gain = self._predicted_gain(self._linear_step(_LEAST))
+        return "noise" if gain <= self.settings.noise**2 else "misfit" if gain <= self._worth else "no progress"
 
     def _perfect(self) -> bool:
         assert self._residual is not None
         return self.cost <= max(_EXACT * self._first_cost, len(self._residual) * self.settings.enough**2)
 
-    def _round_is_the_last(self) -> bool:
-        """Note a round, and say whether another is no use: the model was right, or the last rounds gained nothing."""
-        if self.settings.ends_on_fresh:
+    def _another_round(self) -> bool:
+        """Whether a new Jacobian may show more than the one at hand."""
+        if self._fresh:
             return False
-        if self._foretold:
-            return True
-        if self._round_cost - self.cost < self._worth:
-            self._idle_rounds += 1
-        else:
-            self._idle_rounds = 0
-        return self._idle_rounds >= _IDLE_ROUNDS
+        idle = self._round_cost - self.cost <= self._worth
+        self._idle_rounds = self._idle_rounds + 1 if idle else 0
+        return self.settings.ends_on_fresh or self._idle_rounds < _IDLE_ROUNDS
 
     def _take_step(self, point: FloatArray, residual: FloatArray | None) -> None:
         assert self._residual is not None
         assert self._jacobian is not None
         step = point - self._point
-        length = float(np.linalg.norm(step))
-        before = self.cost
-        if residual is None:
-            self._radius = _AFTER_FAILURE * length
-            self._poor_steps += 1
-        else:
-            surprise = residual - (self._residual + self._jacobian @ step)
-            gained = before - self._cost_of(residual, point)
-            ratio = gained / max(self._expected, 1e-300)
-            self._resize(ratio, length)
-            slow = gained < _SLOW * (before - len(residual) * self.settings.noise**2)
-            self._poor_steps = self._poor_steps + 1 if ratio < _POOR or slow else 0
-            if gained <= 0:
-                self._rejected = (point, residual)
+        gained = -np.inf if residual is None else self.cost - self._cost_of(residual, point)
+        ratio = gained / max(self._predicted_gain(step), 1e-300)
+        fresh, failed = self._fresh, gained <= 0
+        if failed:
+            self._damping = self._shortening(step)
+        if residual is not None and not (failed and fresh):
             # Far away a rejected point says little of the slope here, if that was measured here.
-            if gained > 0 or self._stale:
-                self._jacobian += np.outer(surprise, step) / length**2
-                self._stale = True
-            if gained > 0:
-                self._point, self._residual, self._moved, self._rejected = point, residual, True, None
-                self._foretold = _squares(surprise) <= _FORETOLD * self.cost
-        self._next_stage()
-
-    def _resize(self, ratio: float, length: float) -> None:
-        if ratio < _POOR:
-            self._radius = _POOR * length if ratio < 0 else 0.5 * length
-        elif ratio > _GOOD and length > 0.8 * self._radius:
-            self._radius = min(2.0 * self._radius, self.settings.largest_radius)
-
-    def _next_stage(self) -> None:
-        short = self._radius < self.settings.smallest_radius
-        if short and not self._moved:
-            self._end("no progress")
-        elif self._moved and (short or self._poor_steps >= self.settings.poor_steps):
-            if self._round_is_the_last():
+            surprise = residual - self._residual - self._jacobian @ step
+            self._jacobian += np.outer(surprise, step) / _squares(step)
+            self._fresh = fresh and _squares(surprise) <= _FORETOLD * self.cost
+        if not failed:
+            assert residual is not None
+            self._point, self._residual = point, residual
+            self._damping = max(self._damping * (_LESS if ratio > _GOOD else _MORE if ratio < _POOR else 1.0), _LEAST)
+        if fresh or not failed:
+            self._known_damping = self._damping
+        # On a fresh Jacobian a failed step was too long; else it may be the Jacobian that is wrong.
+        self._poor_steps = self._poor_steps + 1 if ratio < _POOR and not (failed and fresh) else 0
+        if self._poor_steps >= _POOR_STEPS:
+            if self._another_round():
+                self._stage = "jacobian"
+            else:
                 self._end("no progress")
-                return
-            # It was the Jacobian that disappointed, perhaps not the length of the steps.
-            self._radius = self._restored
-            self._stage = "jacobian"
+
+    def _shortening(self, failed: FloatArray) -> float:
+        """The damping by which the next step is at most half as long as one that failed."""
+        norms = np.linalg.norm(self._linear_model()[0], axis=0)
+        damping = self._damping
+        for _ in range(_RAISES):
+            damping *= _MUCH_MORE
+            if np.linalg.norm(norms * self._linear_step(damping)) <= 0.5 * np.linalg.norm(norms * failed):
+                break
+        return damping
 
     def _cost_of(self, residual: FloatArray, point: FloatArray) -> float:
         return _squares(residual) + _squares(self._box.prior * point)

@@ -88,16 +88,19 @@ class Fitter:
         budget: int,
         tolerance: float = 2e-3,
         jacobian: FloatArray | None = None,
+        fresh: bool = False,
     ) -> Refit | None:
         """Fit at the present misfit; None if the start cannot be simulated."""
-        found = refit(self.residuals(effects), space, start, jacobian, budget, tolerance)
+        found = refit(self.residuals(effects), space, start, jacobian, budget, tolerance, fresh)
         return None if found is None else replace(found, deviation=self.problem.deviation())
 
     def onwards(self, effects: Sequence[Effect], fit: Refit, budget: int, tolerance: float = 2e-3) -> Refit:
         """Fit on from where a fit ended, whatever misfit it was made with: its Jacobian is weighed anew."""
-        known = None if fit.deviation is None else self.problem.deviation() / fit.deviation
+        deviation = self.problem.deviation()
+        known = None if fit.deviation is None else deviation / fit.deviation
         jacobian = None if known is None else fit.jacobian / known[:, None]
-        return self.fit(effects, fit.space, fit.u, budget, tolerance, jacobian) or fit
+        fresh = fit.fresh and known is not None and bool(np.all(known == 1.0))
+        return self.fit(effects, fit.space, fit.u, budget, tolerance, jacobian, fresh) or fit
 
     def again(self, explanation: Explanation, budget: int) -> Explanation:
         """The same explanation, fitted on from where it is with the present misfit."""
@@ -260,7 +263,7 @@ class Fitter:
         """
         self.problem.misfit_v = base.inflated_noise_v
         refitted = self.again(base, self.settings.refit_budget // 2)
-        if not refitted.fit.converged:
+        if not refitted.fit.fresh:
             # Scores and short refits stand on this Jacobian: after many updates it is no derivative any more.
             fit = refitted.fit
             refitted.fit = replace(fit, jacobian=slopes_at(self.residuals(base.effects), fit))

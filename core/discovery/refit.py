@@ -15,11 +15,10 @@ Residuals = Callable[[Sequence[dict[str, float]]], Sequence[FloatArray | None]]
 """Weighted residuals (data minus model, in standard deviations) of candidates that may be simulated side by side; None
 for one that cannot be simulated."""
 
-_SETTINGS = Settings(
-    radius=10.0, largest_radius=300.0, smallest_radius=1e-4, noise=1.0, poor_steps=1, visible=2.0, ends_on_fresh=True
-)
+_SETTINGS = Settings(radius=np.inf, noise=0.1, visible=2.0, ends_on_fresh=True)
 """Coordinates are in standard deviations of priors and in probes of effects, of which the largest are 320. Residuals
-are weighted, so that their noise is 1 and a slope is taken over twice that."""
+are weighted, so that their noise is 1 and a slope is taken over twice that. Where a misfit counts as noise, its
+correlation is part of the weights, and the whole cost is a few squares: a hundredth of one is worth a simulation."""
 
 _SHARE = 0.03
 """Difference of a coordinate without a prior as a share of its size: strengths are many probes."""
@@ -69,6 +68,11 @@ class Refit:
         return float(self.residual @ self.residual)
 
     @property
+    def fresh(self) -> bool:
+        """Whether the Jacobian was measured where the fit ended."""
+        return bool(np.isfinite(self.promised))
+
+    @property
     def prior_cost(self) -> float:
         """What the priors add to the cost."""
         return float(np.sum((self.space.prior_weights * self.u) ** 2))
@@ -91,6 +95,7 @@ def refit(
     jacobian: FloatArray | None = None,
     budget: int = 120,
     tolerance: float = 2e-3,
+    fresh: bool = False,
 ) -> Refit | None:
     """Minimise the sum of squares of weighted residuals and priors inside bounds; see `LeastSquares`.
 
@@ -108,13 +113,15 @@ def refit(
         Simulations at most.
     tolerance : float
         Relative gain in the cost below which the fit has converged.
+    fresh : bool
+        Whether the Jacobian was measured at the start itself.
 
     Returns
     -------
     Refit or None
         None if the start cannot be simulated.
     """
-    search = _search(space, start, jacobian, tolerance)
+    search = _search(space, start, jacobian, tolerance, fresh=fresh)
     solve(search, lambda points: residuals([space.at(point) for point in points]), budget)
     if search.residual is None:
         return None
@@ -141,6 +148,7 @@ def _search(
     jacobian: FloatArray | None,
     tolerance: float,
     residual: FloatArray | None = None,
+    fresh: bool = False,
 ) -> LeastSquares:
     box = Box(
         space.lowest,
@@ -149,4 +157,4 @@ def _search(
         np.array([parameter.difference for parameter in space]),
         np.array([0.0 if parameter.prior else _SHARE for parameter in space]),
     )
-    return LeastSquares(start, residual, replace(_SETTINGS, tolerance=tolerance), None, jacobian, box)
+    return LeastSquares(start, residual, replace(_SETTINGS, tolerance=tolerance), None, jacobian, box, fresh)

@@ -97,7 +97,7 @@ def rivals(best: Explanation, others: Sequence[Explanation]) -> list[Explanation
 
     Either their BIC is within `CLEAR_BIC`, or they predict the data not fitted clearly better. One that predicts
     a measured temperature clearly worse, which no fit was shown, is no rival; nor is one that predicts the data not
-    fitted clearly worse, if its fit has converged: what an unfinished fit predicts is no evidence against it.
+    fitted clearly worse, if its fit has settled: what an unfinished fit predicts is no evidence against it.
     """
     found = []
     for other in others:
@@ -105,7 +105,7 @@ def rivals(best: Explanation, others: Sequence[Explanation]) -> list[Explanation
             continue
         if set(best.names) < set(other.names):
             continue  # the best one with an ornament is no rival
-        predicts_worse = other.fit.converged and best.held_rmse_v < CLEAR_HELD * other.held_rmse_v
+        predicts_worse = other.settled and best.held_rmse_v < CLEAR_HELD * other.held_rmse_v
         if predicts_temperature(best, other) or predicts_worse:
             continue
         difference = bic_difference(other, best)

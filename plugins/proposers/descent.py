@@ -61,7 +61,7 @@ class DescentOptions(BaseModel, extra="forbid"):
     difference: float = Field(
         0.007, gt=0, le=0.2, description="Finite-difference step, as a share of each parameter's range."
     )
-    radius: float = Field(0.3, gt=0, le=2, description="Longest first step, in units of the ranges.")
+    radius: float = Field(0.3, gt=0, le=2, description="Longest step of a parameter, as a share of its range.")
     restarts: int = Field(2, ge=0, description="How often to begin elsewhere when the fit ends far from the record.")
 
 
@@ -172,7 +172,7 @@ class Descent:
     @property
     def jacobian_next(self) -> bool:
         """Whether the candidates asked for are finite differences rather than a step."""
-        return self._search is not None and self._search.stage in ("jacobian", "other side")
+        return self._search is not None and self._search.stage == "jacobian"
 
     def ask(self, limit: int, planning_budget: int | None = None) -> list[Candidate]:
         """What to simulate next, at most ``limit`` candidates; empty when done.

@@ -64,4 +64,4 @@ def numbers(descent: Descent) -> dict[str, float]:
     best = descent.best
     if best is None:
         return {}
-    return {"misfit_tolerances": descent.misfit, "noise_tolerances": descent.noise, "trust_radius": best.radius}
+    return {"misfit_tolerances": descent.misfit, "noise_tolerances": descent.noise, "damping": best.damping}

@@ -28,7 +28,7 @@ _USUAL_NOISE = 10.0
 """Standard deviation that is assumed at most, in tolerances: physical models of measured cells end at 5 to 15 mV. The
 misfit of a start says how wrong the start is, and priors that are weighed against it would hold it there."""
 
-_SETTINGS = Settings(radius=2.0, largest_radius=8.0, smallest_radius=1e-3, noise=1.0, tolerance=5e-3)
+_SETTINGS = Settings(radius=2.0, noise=1.0, tolerance=5e-3)
 """Coordinates are in standard deviations of the priors, residuals in standard deviations of the misfit: beyond two of
 the former a linear picture of a cell is a guess, and a gain of one of the latter says nothing."""
 
@@ -223,7 +223,7 @@ class _StageFit:
     @property
     def takes_slopes(self) -> bool:
         """Whether the candidates asked for are finite differences."""
-        return self._search.stage in ("jacobian", "other side")
+        return self._search.stage == "jacobian"
 
     def ask(self, simulations_left: int) -> list[Candidate]:
         """What to simulate next; empty when the stage has ended."""

@@ -87,7 +87,7 @@ def test_who_predicts_data_not_fitted_clearly_worse_is_no_rival():
     assert rivals(best, [other]) == [other]
     other.held_rmse_v = 1.2 * best.held_rmse_v
     assert rivals(best, [other]) == []
-    other.fit = replace(other.fit, converged=False)
+    other.fit = replace(other.fit, converged=False, promised=np.inf)
     assert rivals(best, [other]) == [other]  # what an unfinished fit predicts is no evidence against it
 
 

@@ -29,7 +29,7 @@ def test_it_recovers_the_hidden_cell_and_knows_when_to_stop(run_toy: RunToy) -> 
     assert result.status == "finished"
     assert len(result.trials) < 30
     assert result.best_metrics is not None
-    assert result.best_metrics.mape < 0.01
+    assert result.best_metrics.mape < 0.1
     for name, value in HIDDEN.items():
         assert result.best.candidate[name] == pytest.approx(value, rel=0.02), name
 
