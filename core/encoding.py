@@ -78,6 +78,7 @@ class TrialRecord:
     # Journals of before tasks could be reduced have neither.
     reduction: TaskReduction | None = None
     partial: str | None = None
+    limits: tuple[str, ...] = ()
 
 
 def encode_array(values: FloatArray) -> str:
@@ -257,6 +258,7 @@ def encode_trial(trial: Trial, folder: Path) -> Json:
         "seconds": trial.seconds,
         "reduction": None if trial.reduction is None else asdict(trial.reduction),
         "partial": None if trial.partial is None else encode_array(trial.partial),
+        "limits": list(trial.limits),
     }
 
 
@@ -285,6 +287,7 @@ def decode_trial(record: Mapping[str, Any], folder: Path) -> Trial:
         seconds=known.seconds,
         reduction=known.reduction,
         partial=None if known.partial is None else decode_array(known.partial),
+        limits=known.limits,
     )
 
 
@@ -294,6 +297,7 @@ def encode_outcome(outcome: Outcome) -> Json:
         {
             "trajectory": None if run.trajectory is None else encode_trajectory(run.trajectory),
             "failure": None if run.failure is None else asdict(run.failure),
+            "limits": list(run.limits),
         }
         for run in outcome.runs
     ]
@@ -306,6 +310,7 @@ def decode_outcome(record: Mapping[str, Any]) -> Outcome:
         ExperimentRun(
             None if run["trajectory"] is None else decode_trajectory(run["trajectory"]),
             None if run["failure"] is None else shaped(SimulationFailure, run["failure"]),
+            shaped(tuple[str, ...], run.get("limits", [])),
         )
         for run in record["runs"]
     )

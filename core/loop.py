@@ -333,6 +333,7 @@ class Run:
             seconds=outcome.seconds,
             reduction=reduction,
             partial=self._partial(outcome, reduction),
+            limits=outcome.limits,
         )
 
     def _feedback(

@@ -131,6 +131,7 @@ def _run(run: ExperimentRun, signals: Sequence[str]) -> None:
             _text(getattr(failure, name), f"SimulationFailure.{name}")
         instance(failure.cycle, int, "gave SimulationFailure.cycle = {}")
         _number(failure.reached_s, "SimulationFailure.reached_s")
+    _texts(run.limits, "ExperimentRun.limits")
     if run.trajectory is None:
         if run.failure is None:
             raise Unfit("yielded a run with neither a trajectory nor a failure")

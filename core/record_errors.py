@@ -77,17 +77,20 @@ class RecordErrors:
         Step by step, as far as the simulation got.
     failure : str
         Why the simulation ended early; the errors are then those of the part that it reached.
+    limits : tuple of str
+        See `ExperimentRun.limits`: such a fit is no good, however small its errors.
     """
 
     record: str
     signals: Mapping[str, SignalError]
     steps: tuple[StepErrors, ...] = ()
     failure: str = ""
+    limits: tuple[str, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """Plain dicts, lists, strings and numbers."""
         content = asdict(self)
-        return {**content, "steps": list(content["steps"])}
+        return {**content, "steps": list(content["steps"]), "limits": list(content["limits"])}
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> RecordErrors:
@@ -142,7 +145,7 @@ def errors_of_record(task: Task, experiment: Experiment, run: ExperimentRun) -> 
                 measured, ours = pair.curves(signal, (np.arange(_PER_STEP) + 0.5) / _PER_STEP)
                 found[signal.name] = _error(signal, np.ones(_PER_STEP), ours - measured)
         steps.append(StepErrors(pair.name, float(pair.measured.time[0]), pair.measured.duration, found))
-    return RecordErrors(experiment.name, whole, tuple(steps), failure)
+    return RecordErrors(experiment.name, whole, tuple(steps), failure, run.limits)
 
 
 def _why(failure: SimulationFailure, experiment: Experiment) -> str:

@@ -46,10 +46,14 @@ class ExperimentRun:
         What was reached; None if nothing was.
     failure : SimulationFailure or None
         Set when the trajectory is partial or missing.
+    limits : tuple of str
+        Limits that the simulation ran into and went on from, in plain words (``"the simulated cell was empty at
+        3,120 s of 3,600 s"``): what it shows from then on says how wrong it is, and nothing else.
     """
 
     trajectory: Trajectory | None
     failure: SimulationFailure | None = None
+    limits: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -71,6 +75,11 @@ class Outcome:
     def failure(self) -> SimulationFailure | None:
         """The first failure, or None if every experiment ran to its end."""
         return next((run.failure for run in self.runs if run.failure), None)
+
+    @property
+    def limits(self) -> tuple[str, ...]:
+        """The limits that any experiment ran into and went on from."""
+        return tuple(limit for run in self.runs for limit in run.limits)
 
     @property
     def ok(self) -> bool:

@@ -49,6 +49,8 @@ class Trial:
         Of a trial that failed: residuals of all cycles (see `partial_residuals`), NaN for steps that it did
         not finish. Of a reduced one: residuals against the record's first cycles. None where there is no record
         to compare with, or nothing was reached.
+    limits : tuple of str
+        See `ExperimentRun.limits`.
     """
 
     index: int
@@ -63,6 +65,7 @@ class Trial:
     seconds: float
     reduction: TaskReduction | None = None
     partial: FloatArray | None = None
+    limits: tuple[str, ...] = ()
 
     @property
     def ok(self) -> bool:

@@ -57,7 +57,8 @@ class PlainProgress:
         elif trial.objective < self._best:
             self._best = trial.objective
             cost = f", {usage.tokens} tokens, ${usage.cost_usd:.4f}" if usage.tokens else ""
-            self._say(f"  simulation {trial.index}: {trial.objective:.4g} {self._unit}{cost}")
+            limits = "".join(f"; {printable(limit, 120)}" for limit in trial.limits)
+            self._say(f"  simulation {trial.index}: {trial.objective:.4g} {self._unit}{cost}{limits}")
 
     def counted(self, purpose: str, done: int, total: int) -> None:
         """See `Listener.counted`."""

@@ -80,6 +80,7 @@ def simulate(
     return {
         "values": candidate,
         "failure": None if outcome.failure is None else outcome.failure.cause,
+        "limits": list(outcome.limits),
         "errors": {f"{one.label} [{one.unit}]": one.shown(metrics) for one in errors_of(task)},
         "feedback": dict(told),
         "curves": [_curve(run.trajectory) for run in outcome.runs],

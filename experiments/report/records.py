@@ -28,8 +28,9 @@ class ErrorRow:
         The error: root mean square, the same over 99 % of the time, and the largest.
     band, inside : str
         Half the width of the 95 % band that the parameters' covariance predicts, and the share of time within it.
-    failure : str
-        Why the simulation stopped early.
+    remark : str
+        That the simulation stopped early, or that the simulated cell ran into a limit; for a record that was not
+        simulated, why.
     steps : tuple of ErrorRow
         The same, step by step.
     """
@@ -44,20 +45,20 @@ class ErrorRow:
     largest: str
     band: str = ""
     inside: str = ""
-    failure: str = ""
+    remark: str = ""
     steps: tuple[ErrorRow, ...] = ()
 
     @property
     def line(self) -> str:
         """The row in words: ``"C20.csv, held out: voltage 12.1 mV rms (6.4 over 99 % of the time), 55 mV at most"``."""
         who = f"{self.record}, {self.use}"
-        stopped = f"; the simulation stopped early: {self.failure}" if self.failure else ""
+        remark = f"; {self.remark}" if self.remark else ""
         if not self.rms:
-            return f"{who}: not simulated: {self.failure}"
+            return f"{who}: not simulated: {self.remark}"
         band = f"; 95 % band ± {self.band} {self.unit} holds {self.inside} of the time" if self.band else ""
         return (
             f"{who}: {self.signal} {self.rms} {self.unit} rms ({self.most} over 99 % of the time), "
-            f"{self.largest} at most{band}{stopped}"
+            f"{self.largest} at most{band}{remark}"
         )
 
 
@@ -69,8 +70,10 @@ def error_rows(task: Task, records: Sequence[RecordErrors], held_out: Sequence[P
 
 def _rows(task: Task, errors: RecordErrors, use: str, bands: dict[str, Band]) -> list[ErrorRow]:
     if not errors.signals:
-        return [ErrorRow(errors.record, "", use, "", "", "", "", "", failure=errors.failure)]
+        return [ErrorRow(errors.record, "", use, "", "", "", "", "", remark=errors.failure)]
     words = {signal.name: signal.words for signal in (*task.observed, TEMPERATURE)}
+    stopped = f"the simulation stopped early: {errors.failure}" if errors.failure else ""
+    remark = "; ".join(part for part in (stopped, *errors.limits) if part)
     rows = []
     for name, error in errors.signals.items():
         steps = tuple(
@@ -80,7 +83,7 @@ def _rows(task: Task, errors: RecordErrors, use: str, bands: dict[str, Band]) ->
         )
         band = bands.get(name)
         told = ("", "") if band is None else (number(band.rms, _DIGITS), f"{number(100 * band.inside, 2)} %")
-        rows.append(ErrorRow(errors.record, "", use, *_printed(words[name], error), *told, errors.failure, steps))
+        rows.append(ErrorRow(errors.record, "", use, *_printed(words[name], error), *told, remark, steps))
     return rows
 
 

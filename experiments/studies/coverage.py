@@ -171,9 +171,10 @@ def _experiments(cell: CellModel, rng: np.random.Generator) -> tuple[Experiment,
 
 
 def _true_run(cell: CellModel, experiment: Experiment, change: CellChange, points: int) -> ExperimentRun:
-    from ...plugins.pybamm.compiled import Accuracy, CompiledExperiment
+    from ...plugins.pybamm.compiled import CompiledExperiment
+    from ...plugins.pybamm.compiled_cell import Resolution
 
-    fine = Accuracy(rtol=1e-7, atol=1e-7, points=points, standard_mesh=True)
+    fine = Resolution(rtol=1e-7, points=points, standard_mesh=True, least_atol=1e-7)
     return CompiledExperiment(cell, experiment, {}, fine, baked=change).solve({})
 
 

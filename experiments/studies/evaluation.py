@@ -79,7 +79,7 @@ def measure_evaluation(task_name: str = "demo", repeats: int = 15) -> Evaluation
     (experiment, *_), candidate = task.experiments, task.space.initial
     compiled = CompiledExperiment(task.cell, experiment, task.space.targets)
     compiled.solve(candidate)
-    inputs = compiled.inputs(candidate)
+    inputs = compiled.cell.inputs(candidate)
     # Near the start, where candidates of a fit lie; alike for one worker and for two.
     rng = np.random.default_rng(repeats)
     batch = [task.space.project({k: v * rng.uniform(0.98, 1.02) for k, v in candidate.items()}) for _ in range(8)]

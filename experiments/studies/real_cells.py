@@ -146,7 +146,7 @@ def _row(cell: str, errors: RecordErrors, role: str, result: RunResult) -> Recor
         nothing if kelvin is None else kelvin.rms,
         len(result.trials),
         result.simulator_s,
-        errors.failure,
+        errors.failure or "; ".join(errors.limits),
     )
 
 

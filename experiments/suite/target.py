@@ -124,13 +124,13 @@ def cache_folder() -> Path:
 
 
 def _solve(cell: CellModel, experiment: Experiment, candidate: Candidate) -> ExperimentRun:
-    from ...plugins.pybamm.compiled import Accuracy
+    from ...plugins.pybamm.compiled_cell import Resolution
     from ...plugins.pybamm.parameter_sets import pybamm
     from ...plugins.pybamm.solving import solve_reference
 
     pybamm.set_logging_level("CRITICAL")
-    accuracy = Accuracy(rtol=_RTOL, atol=_ATOL, standard_mesh=True)
-    return solve_reference(cell, experiment, CellChange(values=candidate), accuracy)
+    resolution = Resolution(rtol=_RTOL, standard_mesh=True, least_atol=_ATOL)
+    return solve_reference(cell, experiment, CellChange(values=candidate), resolution)
 
 
 def _noisy(clean: Trajectory, noise: Noise, key: str) -> Trajectory:

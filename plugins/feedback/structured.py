@@ -32,6 +32,7 @@ def events(task: Task, outcome: Outcome) -> list[str]:
     """What happened, in words; for a failure how far it got and how it ended."""
     lines: list[str] = []
     for experiment, run in zip(task.experiments, outcome.runs, strict=True):
+        lines += run.limits
         failure = run.failure
         if failure is None:
             continue
@@ -46,7 +47,7 @@ def events(task: Task, outcome: Outcome) -> list[str]:
                 f"reached {run.trajectory.duration:.6g} s ({share:.0f} % of the record), last "
                 f"{_last_values(task, run.trajectory)}"
             )
-    return lines or ["simulation_success"]
+    return lines if outcome.failure else ["simulation_success", *lines]
 
 
 def _last_values(task: Task, trajectory: Trajectory) -> str:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import casadi
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from ...core.errors import BsaError
-from ...core.task import Experiment
+from ...core.task import Protocol
 from ...core.trajectory import FloatArray, StepKind, Trajectory
 from .parameter_sets import pybamm
 
@@ -81,17 +82,15 @@ class CurrentFunction:
     finest_s: float | None
 
 
-def steps_of(experiment: Experiment) -> list[list[Any]]:
-    """The experiment as cycles of PyBaMM steps.
+def steps_of_protocol(protocol: Protocol) -> list[list[Any]]:
+    """A protocol as cycles of PyBaMM steps.
 
     Raises
     ------
     BsaError
         If a protocol string is not one that PyBaMM understands.
     """
-    if experiment.protocol is not None:
-        return [[_parse(text) for text in cycle] for cycle in experiment.protocol]
-    return [_measured_steps(experiment.target)]
+    return [[_parse(text) for text in cycle] for cycle in protocol]
 
 
 def _parse(text: str) -> Any:
@@ -110,7 +109,37 @@ def widen_cut_offs(values: Any) -> None:
     values.update({"Lower voltage cut-off [V]": _LOWEST_CUT_OFF_V, "Upper voltage cut-off [V]": _HIGHEST_CUT_OFF_V})
 
 
-def _measured_steps(record: Trajectory) -> list[Any]:
+class _Table(pybamm.Interpolant):  # type: ignore[misc]
+    """A piecewise linear function whose knots are stored once.
+
+    PyBaMM's own hands the whole table on at each evaluation: of a drive cycle with 45,000 knots that takes half of a
+    simulation's time.
+    """
+
+    def create_copy(self, new_children: Any = None, perform_simplifications: bool = True) -> _Table:
+        """See `pybamm.Symbol.new_copy`."""
+        children = self._children_for_copying(new_children)
+        return _Table(self.x, self.y, children, self.name, self.interpolator, entries_string=self.entries_string)
+
+    def _linear_to_casadi(self, converted_children: Any) -> Any:
+        return casadi.interpolant("current", "linear", [self.x[0]], self.y)(converted_children[0])
+
+
+def interpolant(current: CurrentFunction) -> Any:
+    """A measured current as a PyBaMM expression of time."""
+    return _Table(current.time, current.current, pybamm.t, interpolator="linear")
+
+
+def gate(begin: str, end: str) -> Any:
+    """1, and 0 between the two times that these inputs give."""
+
+    def rise(time: str) -> Any:
+        return pybamm.minimum(pybamm.maximum((pybamm.t - pybamm.InputParameter(time)) / JUMP_S, 0), 1)
+
+    return 1 - rise(begin) + rise(end)
+
+
+def steps_of_record(record: Trajectory) -> list[Any]:
     """One PyBaMM step for each piece of the record's current.
 
     The integrator restarts at each: as one bare interpolant over the whole record it would step clean
@@ -145,9 +174,12 @@ def current_function(record: Trajectory) -> CurrentFunction:
     time, current = np.concatenate(times), np.concatenate(currents)
     # A cycler that logs one sample at rest before it begins shows the voltage at rest there.
     first, before = float(record.time[0]), float(record.current[0])
+    time = np.concatenate([[first - 3600.0, first], time, [time[-1] + 3600.0]])
+    current = np.concatenate([[before, before], current, [current[-1]]])
+    apart = np.append(np.diff(time) > 0, True)
     return CurrentFunction(
-        np.concatenate([[first - 3600.0, first], time, [time[-1] + 3600.0]]),
-        np.concatenate([[before, before], current, [current[-1]]]),
+        time[apart],
+        current[apart],
         np.unique([first, *stops]),
         min(drives) if drives else None,
     )

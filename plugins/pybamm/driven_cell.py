@@ -1,4 +1,4 @@
-"""A cell with effects, driven by one measured current, compiled once and solved for any candidate."""
+"""A cell driven by one measured current, with or without effects, compiled once and solved for any candidate."""
 
 from __future__ import annotations
 
@@ -12,19 +12,12 @@ from numpy.typing import NDArray
 
 from ...core.border import border
 from ...core.effect import Effect
-from ...core.errors import BsaError
 from ...core.parameters import Candidate
-from ...core.target import Target, change_of
+from ...core.target import CellChange, Target
 from ...core.task import CellModel
 from ...core.trajectory import FloatArray, Trajectory
-from .augmentation import PyBaMMPart, augmented_cell, part_of
-from .compiled import make_model
-from .drive import JUMP_S, current_function, widen_cut_offs
-from .ocp_shape import keeping_ocp_falling
-from .parameter_sets import input_values, load, open_to_search, pybamm
-from .state_of_charge import InitialState, initial_concentration
-
-_LONGEST_SOLVE_STEPS = 30_000
+from .compiled_cell import PAUSE, SOLVER_ERRORS, CompiledCell, Resolution, Start, first_line
+from .drive import JUMP_S, current_function
 
 _EMPTY_V, _FULL_V = 0.5, 6.0
 """What an empty and an overfull cell show until the current changes: the widened cut-offs."""
@@ -35,34 +28,59 @@ _NEVER = (1e12, 1e12)
 _STUCK = 3
 """Times that the limit may be reached again within one pause."""
 
+_Part = tuple[FloatArray, FloatArray, FloatArray]
+"""Time, voltage and temperature of a stretch of a simulation."""
+
+_OUTPUTS = ("Voltage [V]", "Volume-averaged cell temperature [K]")
+
+SEARCH = Resolution(standard_mesh=True)
+FINE = Resolution(rtol=1e-7, points=40, standard_mesh=True)
+"""For a discovery, whose base parameters change no length of the mesh."""
+
 
 @dataclass(frozen=True)
-class Resolution:
-    """Mesh and tolerances.
+class Pause:
+    """A time in which the simulated cell could not follow the measured current: it passed none.
 
     Attributes
     ----------
-    rtol : float
-        Relative tolerance; the absolute one is a tenth of it.
-    points : int or None
-        Mesh points in every domain; None keeps PyBaMM's own.
-    radial_points : int or None
-        Mesh points in a particle, where it needs others.
+    start, end : float
+        When it reached its limit, and when the step of the record ended, s on the record's clock; infinite where
+        the simulation could not go on.
+    empty : bool
+        Whether it was empty; else it was full.
     """
 
-    rtol: float = 1e-5
-    points: int | None = None
-    radial_points: int | None = None
+    start: float
+    end: float
+    empty: bool
 
-    def mesh(self) -> dict[str, int]:
-        """Mesh points by the name of the coordinate, as PyBaMM's ``var_pts`` has them."""
-        radial = self.radial_points or self.points
-        chosen = {"x_n": self.points, "x_s": self.points, "x_p": self.points, "r_n": radial, "r_p": radial}
-        return {name: count for name, count in chosen.items() if count is not None}
+    def holds(self, times: FloatArray) -> NDArray[np.bool_]:
+        """Which times lie in it."""
+        return np.asarray((times > self.start) & (times <= self.end))
 
 
-SEARCH = Resolution()
-FINE = Resolution(rtol=1e-7, points=40)
+@dataclass(frozen=True, eq=False)
+class Response:
+    """What the cell did at the wanted times, as far as it was simulated.
+
+    Attributes
+    ----------
+    voltage, temperature : ndarray of shape (n,)
+        At the terminals, V, and averaged over the volume, K; constant after the end of a simulation that failed.
+    pauses : tuple of Pause
+        When the cell was empty or full.
+    reached : float
+        The last simulated time, s on the record's clock.
+    cause : str
+        Why the integrator gave up; empty if it did not.
+    """
+
+    voltage: FloatArray
+    temperature: FloatArray
+    pauses: tuple[Pause, ...]
+    reached: float
+    cause: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +105,7 @@ def within_limits(voltage: FloatArray) -> NDArray[np.bool_]:
 
 
 class DrivenCell:
-    """One record on one augmented model.
+    """One record on one cell model, with or without effects.
 
     Parameters
     ----------
@@ -103,6 +121,15 @@ class DrivenCell:
         Ambient and initial temperature; None keeps the set's.
     resolution : Resolution
         Mesh and tolerances.
+    start : Start, optional
+        Where the record begins, for `follow`; `solve` is told at each call.
+    baked : CellChange, optional
+        Values built into the model.
+
+    Attributes
+    ----------
+    heats : bool
+        Whether the temperature changes.
     """
 
     def __init__(
@@ -113,70 +140,35 @@ class DrivenCell:
         targets: Mapping[str, Target],
         temperature_k: float | None = None,
         resolution: Resolution = SEARCH,
+        start: Start | None = None,
+        baked: CellChange | None = None,
     ) -> None:
         self._effects = tuple(effects)
-        self._targets = dict(targets)
-        augmented = augmented_cell(cell, effects)
-        model = make_model(_with_averaged_reactions(augmented))
-        values = load(cell.parameter_set, cell.overrides)
-        if temperature_k is not None:
-            values.update({"Ambient temperature [K]": temperature_k, "Initial temperature [K]": temperature_k})
-        widen_cut_offs(values)
-        self._feasible = keeping_ocp_falling(values, self._targets)
-        open_to_search(values, self._targets)
-        self._initial = InitialState(load(cell.parameter_set, cell.overrides))
-        symbols = [
-            {p.name: pybamm.InputParameter(effect.full_name(p)) for p in effect.parameters} for effect in effects
-        ]
-        drive = current_function(record)
-        self._stops, self._drive = drive.stops, drive
-        current: Any = pybamm.Interpolant(drive.time, drive.current, pybamm.t, interpolator="linear")
-        for effect, p in zip(effects, symbols, strict=True):
-            current = add_values(values, part_of(effect), p, current)
-        values["Current function [A]"] = current * _gate()
-        for which in ("negative", "positive"):
-            values[initial_concentration(which)] = "[input]"
-        for effect, p in zip(effects, symbols, strict=True):
-            add_voltage(model, part_of(effect), p)
-        points = resolution.mesh()
-        for effect in effects:
-            points.update(part_of(effect).points)
-        # A near-singular candidate can spin for minutes and fill the memory with its steps: one that crawls has failed.
-        options: dict[str, Any] = {
-            "max_num_steps": _LONGEST_SOLVE_STEPS,
-            "num_steps_no_progress": 400,
-            "t_no_progress": 10.0,
-            "silence_sundials_errors": True,
-        }
-        if drive.finest_s is not None:
-            # The integrator must not step over what the record resolves.
-            options["dt_max"] = max(10.0, 5.0 * drive.finest_s)
-        try:
-            simulation = pybamm.Simulation(
-                model,
-                parameter_values=values,
-                var_pts={**model.default_var_pts, **points},
-            )
-            simulation.build()
-        except (KeyError, pybamm.ModelError, pybamm.OptionError, pybamm.DomainError) as error:
-            names = ", ".join(effect.key for effect in effects) or "no effect"
-            reason = str(error).strip().splitlines()
-            raise BsaError(
-                f"PyBaMM cannot build {augmented.model} with {names}: {reason[0] if reason else error!r}.",
-                "the parameter set may lack what the effect needs.",
-            ) from None
-        self._model = simulation.built_model
-        self._solver = pybamm.IDAKLUSolver(
-            rtol=resolution.rtol,
-            atol=0.1 * resolution.rtol,
-            output_variables=list(_OUTPUTS),
-            options=options,
+        self._drive = current_function(record)
+        self._stops = self._drive.stops
+        self._cell = CompiledCell(
+            cell,
+            targets,
+            start or Start(temperature_k=temperature_k),
+            resolution,
+            baked,
+            effects,
+            self._drive,
+            any_start=start is None,
         )
+        self.heats = self._cell.heats
+        self._model = self._cell.built_model()
+        # A near-singular candidate can spin for minutes and fill the memory with its steps: one that crawls has failed.
+        options: dict[str, Any] = {"max_num_steps": 30_000, "num_steps_no_progress": 400, "t_no_progress": 10.0}
+        if self._drive.finest_s is not None:
+            # The integrator must not step over what the record resolves.
+            options["dt_max"] = max(10.0, 5.0 * self._drive.finest_s)
+        self._solver = self._cell.solver(options, output_variables=list(_OUTPUTS), on_failure="ignore")
 
     def solve(
         self, candidate: Candidate, times: FloatArray, current: FloatArray, soc: float | None = None
     ) -> Curve | None:
-        """Simulate one candidate.
+        """Simulate one candidate as the instruments show it.
 
         Parameters
         ----------
@@ -199,126 +191,108 @@ class DrivenCell:
             if effect.measurement is not None and effect.measurement.clock is not None:
                 with border(f"effect {effect.key}", "clock"):
                     wanted = effect.measurement.clock(wanted, effect.values(candidate))
-        inside = np.clip(wanted, self._stops[0], self._stops[-1])
-        change = self._feasible(change_of(self._targets, candidate))
-        inputs = input_values(self._targets, change)
-        for effect in self._effects:
-            inputs.update({effect.full_name(p): effect.values(candidate)[p.name] for p in effect.parameters})
-        try:
-            inputs |= self._initial.concentrations(change, soc)
-        except ValueError:
+        response = self.follow(candidate, wanted, soc)
+        if response.cause:
             return None
-        solved = self._through_pauses(inputs, inside)
-        if solved is None:
-            return None
-        voltage, temperature = solved
+        voltage = response.voltage
         for effect in self._effects:
             if effect.measurement is not None and effect.measurement.voltage is not None:
                 with border(f"effect {effect.key}", "voltage"):
                     voltage = effect.measurement.voltage(voltage, current, effect.values(candidate))
-        return Curve(voltage, temperature) if np.all(np.isfinite(voltage)) else None
+        return Curve(voltage, response.temperature) if np.all(np.isfinite(voltage)) else None
 
-    def _through_pauses(self, inputs: dict[str, float], times: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-        """Voltage and temperature at the wanted times, whatever the cell runs into; None if the solver fails.
+    def follow(self, candidate: Candidate, times: FloatArray, soc: float | None = None) -> Response:
+        """Simulate the cell itself, whatever it runs into; arguments as for `solve`.
 
         A candidate that empties (or overfills) its cell before a step ends must say how wrong it is, not fail: it
         shows the limit and passes no current until the step ends, and goes on from there. So the error grows
         steadily with the charge that is lacking, and a fit finds its way back.
         """
+        first, last = float(self._stops[0]), float(self._stops[-1])
+        parts: list[_Part] = []
+        pauses: list[Pause] = []
+        times = np.clip(times, first, last)
+        try:
+            cause = self._go_through(self._cell.inputs(candidate, soc), times, parts, pauses)
+        except ValueError as error:
+            cause = first_line(error)
+        if not parts:
+            nothing = np.full(len(times), np.nan)
+            return Response(nothing, nothing, (), first, cause)
+        clock, voltage, kelvin = (np.concatenate(series) for series in zip(*parts, strict=True))
+        if cause and pauses:
+            # A cell at its limit that cannot be simulated on stays there.
+            pauses.append(replace(pauses[-1], start=float(clock[-1]), end=np.inf))
+            cause = ""
+        voltage, kelvin = np.interp(times, clock, voltage), np.interp(times, clock, kelvin)
+        for shown in pauses:
+            voltage[shown.holds(times)] = _EMPTY_V if shown.empty else _FULL_V
+        return Response(voltage, kelvin, tuple(pauses), float(clock[-1]), cause)
+
+    def _go_through(self, inputs: dict[str, float], times: FloatArray, parts: list[_Part], pauses: list[Pause]) -> str:
+        """Simulate the record part by part, with a pause after each but the last; why it ended early, if it did."""
         last = float(self._stops[-1])
-        parts: list[tuple[FloatArray, FloatArray, FloatArray]] = []
-        shown: list[tuple[float, float, float]] = []
-        state = self._advance(None, inputs, _NEVER, times)
+        state: Any = None
         pause, stuck = _NEVER, 0
-        if state is None:
-            return None
-        while True:
+        while stuck < _STUCK:
+            state, cause = self._advance(state, inputs, pause, times)
+            if state is None:
+                return cause
             parts.append((state.t, *(np.asarray(state[name].data).ravel() for name in _OUTPUTS)))
             reached = float(state.t[-1])
+            if cause and not self._beyond_cut_off(float(parts[-1][1][-1])):
+                return cause
             if reached >= last - JUMP_S:
-                break
+                return ""
             if reached < pause[1] and pause is not _NEVER:
                 stuck += 1
-            else:
-                drawn = float(np.interp(reached, self._drive.time, self._drive.current))
-                step_end = float(self._stops[self._stops > reached + JUMP_S][0])
-                shown.append((reached, step_end, _EMPTY_V if drawn > 0 else _FULL_V))
-                # Already over when the integrator goes on, so that the limit is not reached at once again.
-                pause, stuck = (reached - 2 * JUMP_S, step_end), 0
-            state = self._advance(state, inputs, pause, times) if stuck < _STUCK else None
-            if state is None:
-                shown.append((reached, np.inf, shown[-1][2]))
-                break
-        clock, voltage, kelvin = (np.concatenate(series) for series in zip(*parts, strict=True))
-        voltage, kelvin = np.interp(times, clock, voltage), np.interp(times, clock, kelvin)
-        for start, end, limit in shown:
-            voltage[(times > start) & (times <= end)] = limit
-        return voltage, kelvin
+                continue
+            drawn = float(np.interp(reached, self._drive.time, self._drive.current))
+            step_end = float(self._stops[self._stops > reached + JUMP_S][0])
+            pauses.append(Pause(reached, step_end, drawn > 0))
+            # Already over when the integrator goes on, so that the limit is not reached at once again.
+            pause, stuck = (reached - 2 * JUMP_S, step_end), 0
+        return "the cell is at its limit again as soon as no current passes"
+
+    def _beyond_cut_off(self, voltage: float) -> bool:
+        """Whether a cell that the integrator gave up on was about to run empty or full: there its voltage collapses."""
+        lowest, highest = self._cell.window_v
+        return not lowest < voltage < highest
+
+    def current(self, times: FloatArray, pauses: Sequence[Pause]) -> FloatArray:
+        """The current that the cell passed, A, shape (n,)."""
+        current = np.interp(times, self._drive.time, self._drive.current)
+        for pause in pauses:
+            current[pause.holds(times)] = 0.0
+        return current
 
     def _advance(
         self, before: Any, inputs: dict[str, float], pause: tuple[float, float], times: FloatArray
-    ) -> Any | None:
-        """Solve on from a solution (from the start, where it is None) until the record or the cell ends."""
+    ) -> tuple[Any, str]:
+        """Solve on from a solution (from the start, where it is None) until the record or the cell ends.
+
+        The solution, None if there is none, and why the integrator gave up, empty if it did not.
+        """
         start = float(self._stops[0] if before is None else before.t[-1])
         edges = [edge + after for edge in pause for after in (0.0, JUMP_S) if start < edge + after < self._stops[-1]]
         stops = np.unique([start, *self._stops[self._stops > start], *edges])
         grid = np.unique(np.concatenate([times[times > start], stops]))
         # Stops and samples closer than rounding would make steps of no length.
         stops, grid = (t[np.concatenate([[True], np.diff(t) > 1e-2 * JUMP_S])] for t in (stops, grid))
-        inputs = inputs | dict(zip(_PAUSE, pause, strict=True))
+        inputs = inputs | dict(zip(PAUSE, pause, strict=True))
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 if before is None:
-                    return self._solver.solve(self._model, t_eval=stops, t_interp=grid, inputs=inputs)
-                # PyBaMM does not go on from an event unless it is told that none was met.
-                state = before.last_state
-                state.termination = "final time"
-                clock, wanted = stops - start, grid - start
-                return self._solver.step(
-                    state, self._model, clock[-1], t_eval=clock, t_interp=wanted, inputs=inputs, save=False
-                )
-        except (pybamm.SolverError, ValueError, ArithmeticError, RuntimeError):
-            return None
-
-
-_OUTPUTS = ("Voltage [V]", "Volume-averaged cell temperature [K]")
-_PAUSE = ("Pause begins [s]", "Pause ends [s]")
-
-
-def _gate() -> Any:
-    """1, and 0 during a pause, as a function of time and inputs."""
-
-    def rise(begin: Any) -> Any:
-        return pybamm.minimum(pybamm.maximum((pybamm.t - begin) / JUMP_S, 0), 1)
-
-    start, end = (pybamm.InputParameter(name) for name in _PAUSE)
-    return 1 - rise(start) + rise(end)
-
-
-def _with_averaged_reactions(cell: CellModel) -> CellModel:
-    """The same with one SEI and one plated layer where an electrode is one particle: half as fast again, 0.1 mV off."""
-    option = "x-average side reactions"
-    if (
-        cell.model not in ("SPM", "SPMe")
-        or option in cell.options
-        or not {"SEI", "lithium plating"} & set(cell.options)
-    ):
-        return cell
-    return replace(cell, options={**cell.options, option: "true"})
-
-
-def add_values(values: Any, part: PyBaMMPart, p: Mapping[str, Any], current: Any) -> Any:
-    """Put an effect's parameter values into a set, in place, and return the current it makes of the given one."""
-    for name, value in part.borrowed.items():
-        if name not in values:
-            values.update({name: value}, check_already_exists=False)
-    if part.values is not None:
-        values.update(dict(part.values(values, p)), check_already_exists=False)
-    return part.current(current, p) if part.current is not None else current
-
-
-def add_voltage(model: Any, part: PyBaMMPart, p: Mapping[str, Any]) -> None:
-    """Add an effect's term to the terminal voltage of a model, in place."""
-    if part.voltage is not None:
-        model.variables["Voltage [V]"] = model.variables["Voltage [V]"] + part.voltage(model, p)
+                    found = self._solver.solve(self._model, t_eval=stops, t_interp=grid, inputs=inputs)
+                else:
+                    # PyBaMM does not go on from an event unless it is told that none was met.
+                    state = before.last_state
+                    state.termination = "final time"
+                    clock, wanted = stops - start, grid - start
+                    found = self._solver.step(
+                        state, self._model, clock[-1], t_eval=clock, t_interp=wanted, inputs=inputs, save=False
+                    )
+        except SOLVER_ERRORS as error:
+            return None, first_line(error)
+        return found, "the integrator gave up" if found.termination == "failure" else ""

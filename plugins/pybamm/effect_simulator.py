@@ -17,7 +17,8 @@ from ...core.parameters import Candidate
 from ...core.target import Target
 from ...core.task import CellModel
 from .augmentation import part_of
-from .driven_cell import FINE, SEARCH, Curve, DrivenCell, Resolution
+from .compiled_cell import Resolution
+from .driven_cell import FINE, SEARCH, Curve, DrivenCell
 
 _KEPT = 80
 """Compiled models that are kept warm; each takes a few megabytes."""

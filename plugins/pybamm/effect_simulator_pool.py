@@ -16,7 +16,7 @@ from ...core.errors import BsaError
 from ...core.parameters import Candidate
 from ...core.target import Target
 from ...core.task import CellModel
-from .driven_cell import Resolution
+from .compiled_cell import Resolution
 from .processes import Pool, Report
 
 _TIME_LIMIT_S = 120.0

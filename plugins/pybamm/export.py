@@ -14,7 +14,7 @@ from ...core.target import CellChange
 from ...core.task import CellModel, Experiment, ParameterFile, Task
 from ...core.trajectory import StepKind
 from . import drive
-from .compiled import MODELS, REFERENCE
+from .compiled_cell import MODELS, REFERENCE
 from .ocp_shape import BUMP_WIDTH, OcpCurves
 from .parameter_sets import FILL_FROM, bake, load, pybamm
 from .state_of_charge import InitialState
@@ -143,12 +143,12 @@ def _record(cell: CellModel, experiment: Experiment, change: CellChange, tables:
     }
     if experiment.protocol is not None:
         return {**content, "protocol": [(count, list(cycle)) for count, cycle in runs_of(experiment.protocol)]}
-    steps = drive.steps_of(experiment)[0]
+    steps = drive.steps_of_record(experiment.target)
     return {**content, "currents": [_current(step, tables) for step in steps], "dt_max": _longest_solver_step(steps)}
 
 
 def _initial_concentrations(cell: CellModel, change: CellChange, soc: float) -> dict[str, float]:
-    """As in `CompiledExperiment`: the state of charge as concentrations, of the calibrated cell."""
+    """As in `CompiledCell`: the state of charge as concentrations, of the calibrated cell."""
     values = load(cell.parameter_set, cell.overrides)
     bake(values, change)
     return InitialState(values).concentrations(CellChange(cyclable_lithium=change.cyclable_lithium), soc)
@@ -165,6 +165,6 @@ def _current(step: Any, tables: dict[str, str]) -> tuple[float | str, float]:
 
 
 def _longest_solver_step(steps: list[Any]) -> float | None:
-    """As in `CompiledExperiment`: the integrator must not step over what a drive cycle resolves."""
+    """The integrator must not step over what a drive cycle resolves."""
     spacing = [float(np.median(np.diff(s.input_value[:, 0]))) for s in steps if step_kind(s) is StepKind.DRIVE]
     return max(60.0, 20.0 * max(spacing)) if spacing else None

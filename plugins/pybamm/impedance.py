@@ -9,7 +9,7 @@ from ...core.parameters import Candidate, ParameterSpace
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.target import change_of
 from ...core.task import CellModel
-from .compiled import make_model
+from .compiled_cell import make_model
 from .parameter_sets import bake, load, pybamm
 from .state_of_charge import InitialState
 

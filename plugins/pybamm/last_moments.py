@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from .compiled_cell import SOLVER_ERRORS
 from .parameter_sets import pybamm
 
 _FIRST_S, _GROWTH, _BISECTIONS = 2.0, 4.0, 4
@@ -101,7 +102,7 @@ def _advance(simulation: Any, state: Any, step: Any, length_s: float, inputs: di
         found = solver.step(
             state, model, length_s, t_eval, t_interp=t_interp, save=False, inputs=step_inputs, state_mapper=mapper
         )
-    except (pybamm.SolverError, ValueError, ArithmeticError, RuntimeError):
+    except SOLVER_ERRORS:
         return None
     return found if found.termination == "final time" else None
 

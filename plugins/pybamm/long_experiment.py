@@ -17,7 +17,8 @@ from ...core.simulation import ExperimentRun, SimulationFailure
 from ...core.target import CellChange, Target
 from ...core.task import CellModel, Experiment
 from ...core.trajectory import FloatArray, Trajectory
-from .compiled import SEARCH, Accuracy, CompiledExperiment, first_line
+from .compiled import CompiledExperiment
+from .compiled_cell import SEARCH, SOLVER_ERRORS, Resolution, first_line
 from .cycle_jumps import TOLERANCE, CycleFailed, CycleRunner, SolvedCycle
 from .last_moments import last_moments, nearest_limit
 from .parameter_sets import pybamm
@@ -61,7 +62,7 @@ class LongExperiment:
 
     Parameters
     ----------
-    cell, targets, accuracy, baked
+    cell, targets, resolution, baked
         As for `CompiledExperiment`.
     experiment : Experiment
         A long one. The curves of its detailed cycles are kept.
@@ -74,7 +75,7 @@ class LongExperiment:
         cell: CellModel,
         experiment: Experiment,
         targets: Mapping[str, Target],
-        accuracy: Accuracy = SEARCH,
+        resolution: Resolution = SEARCH,
         baked: CellChange | None = None,
         leave_out: bool = True,
     ) -> None:
@@ -89,14 +90,14 @@ class LongExperiment:
         )
         self._places = [0, *accumulate(repeats)]
         self._tolerance = TOLERANCE if leave_out else None
-        self._compiled = CompiledExperiment(cell, replace(experiment, protocol=short), targets, accuracy, baked)
+        self._compiled = CompiledExperiment(cell, replace(experiment, protocol=short), targets, resolution, baked)
 
     def solve(self, candidate: Candidate, on_step: Callable[[str, int], None] | None = None) -> ExperimentRun:
         """Simulate one candidate; see `CompiledExperiment.solve`."""
         try:
-            inputs = self._compiled.inputs(candidate)
+            inputs = self._compiled.cell.inputs(candidate)
             self._compiled.simulation.build_for_experiment(inputs=inputs)
-        except (pybamm.SolverError, ValueError, ArithmeticError, RuntimeError) as error:
+        except SOLVER_ERRORS as error:
             return ExperimentRun(None, SimulationFailure(first_line(error)))
         life = _Life(self._kept)
         runner = CycleRunner(_restated, pybamm.EmptySolution(), self._tolerance)
@@ -177,7 +178,7 @@ class _Steps:
                 self._on_step(str(step), number)
             try:
                 part = self._step(step, state)
-            except (pybamm.SolverError, ValueError, ArithmeticError, RuntimeError) as error:
+            except SOLVER_ERRORS as error:
                 raise self._gave_up(first_line(error), number, position, parts, state) from None
             parts.append(part)
             if isinstance(part, pybamm.EmptySolution):
@@ -191,7 +192,7 @@ class _Steps:
                 cause = str(part.termination)
             else:
                 continue
-            limit = nearest_limit(part, self._compiled.window_v)
+            limit = nearest_limit(part, self._compiled.cell.window_v)
             raise self._stopped(cause, number, position, parts, limit, None)
         record = self._record(parts, None)
         if record is None:
@@ -227,7 +228,7 @@ class _Steps:
         if not isinstance(state, pybamm.EmptySolution):
             simulation = self._compiled.simulation
             simulation._solution = state
-            found = last_moments(simulation, self._steps[position], self._inputs, self._compiled.window_v)
+            found = last_moments(simulation, self._steps[position], self._inputs, self._compiled.cell.window_v)
             limit = found.limit
             if found.part is not None:
                 unfinished = Unfinished(found.part, 1, position)
@@ -249,7 +250,7 @@ class _Steps:
         return _Failed(failure, record)
 
     def _record(self, parts: list[Any], unfinished: Unfinished | None) -> Trajectory | None:
-        return to_trajectory(_Solved([_OneCycle(parts)]), [self._recipe], self._compiled.heats, unfinished)
+        return to_trajectory(_Solved([_OneCycle(parts)]), [self._recipe], self._compiled.cell.heats, unfinished)
 
 
 def _losses(state: Any) -> tuple[float, ...]:

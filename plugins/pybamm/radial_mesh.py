@@ -17,7 +17,8 @@ from ...core.discovery.observations import after_jumps, evenly
 from ...core.discovery.simulator import MeasuredRecord
 from ...core.task import CellModel
 from ...core.trajectory import FloatArray
-from .driven_cell import FINE, SEARCH, DrivenCell, Resolution, within_limits
+from .compiled_cell import Resolution
+from .driven_cell import FINE, SEARCH, DrivenCell, within_limits
 
 _POINTS = (20, 40, 80, 160)
 _SHIFT_V = 1e-2

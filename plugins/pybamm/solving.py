@@ -1,4 +1,4 @@
-"""Which way an experiment is simulated: whole, or as a long record."""
+"""Which way an experiment is simulated: by its protocol, as a long record, or by its measured current."""
 
 from __future__ import annotations
 
@@ -7,21 +7,29 @@ from collections.abc import Mapping
 from ...core.simulation import ExperimentRun
 from ...core.target import CellChange, Target
 from ...core.task import CellModel, Experiment
-from .compiled import REFERENCE, Accuracy, CompiledExperiment
+from .compiled import CompiledExperiment
+from .compiled_cell import REFERENCE, Resolution
+from .driven_experiment import DrivenExperiment
 from .long_experiment import LongExperiment
 
+Simulated = CompiledExperiment | DrivenExperiment | LongExperiment
 
-def compiled(
-    cell: CellModel, experiment: Experiment, targets: Mapping[str, Target]
-) -> CompiledExperiment | LongExperiment:
+
+def compiled(cell: CellModel, experiment: Experiment, targets: Mapping[str, Target]) -> Simulated:
     """An experiment, ready to be solved for many candidates with the search's accuracy."""
-    return (LongExperiment if experiment.long else CompiledExperiment)(cell, experiment, targets)
+    return _kind(experiment)(cell, experiment, targets)
 
 
 def solve_reference(
-    cell: CellModel, experiment: Experiment, change: CellChange, accuracy: Accuracy = REFERENCE
+    cell: CellModel, experiment: Experiment, change: CellChange, resolution: Resolution = REFERENCE
 ) -> ExperimentRun:
     """Simulate a changed cell on PyBaMM's standard mesh at tight tolerance, built for it alone, every cycle of it."""
     if experiment.long:
-        return LongExperiment(cell, experiment, {}, accuracy, baked=change, leave_out=False).solve({})
-    return CompiledExperiment(cell, experiment, {}, accuracy, baked=change).solve({})
+        return LongExperiment(cell, experiment, {}, resolution, baked=change, leave_out=False).solve({})
+    return _kind(experiment)(cell, experiment, {}, resolution, baked=change).solve({})
+
+
+def _kind(experiment: Experiment) -> type[Simulated]:
+    if experiment.protocol is None:
+        return DrivenExperiment
+    return LongExperiment if experiment.long else CompiledExperiment

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,10 +16,6 @@ _FIRST_SAMPLE_S, _SAMPLE_GROWTH, _LONGEST_SAMPLE_S = 0.1, 1.15, 30.0
 
 
 _CURRENT, _VOLTAGE, _TEMPERATURE = "Current [A]", "Voltage [V]", "Volume-averaged cell temperature [K]"
-
-
-_AT_JUMP_S = 1e-6
-"""A moment before or after a jump of the current, on a clock in seconds."""
 
 
 def step_kind(step: Any) -> StepKind:
@@ -141,43 +137,3 @@ def to_trajectory(
         np.concatenate(signals[_TEMPERATURE]) if with_temperature else None,
         tuple(steps),
     )
-
-
-def at_samples_of(record: Trajectory, simulated: Trajectory) -> Trajectory | None:
-    """A simulation under a measured current, at the samples and in the steps of the record.
-
-    Driven by the record's own current, the simulation shares its clock, and comparing sample by sample
-    needs no alignment. Of a simulation that stopped early, what it reached remains: its last step is then shorter
-    than the record's (`cut_short`).
-
-    Returns
-    -------
-    Trajectory or None
-        None if not even two samples of the first step were reached.
-    """
-    time = record.time - record.time[0]
-    query = time.copy()
-    # A step ends with its last sample, which still shows the step's own current.
-    query[[step.start for step in record.steps]] += _AT_JUMP_S
-    query[[step.stop - 1 for step in record.steps if step.stop - step.start > 1]] -= _AT_JUMP_S
-    whole = Trajectory(
-        record.time,
-        current=np.interp(query, simulated.time, simulated.current),
-        voltage=np.interp(query, simulated.time, simulated.voltage),
-        temperature=None if simulated.temperature is None else np.interp(query, simulated.time, simulated.temperature),
-        steps=record.steps,
-    )
-    count = int(np.searchsorted(time, simulated.duration + _AT_JUMP_S, side="right"))
-    # A single sample of a step says nothing of it.
-    steps = [
-        replace(step, stop=min(step.stop, count)) for step in record.steps if min(step.stop, step.start + 2) <= count
-    ]
-    if not steps:
-        return None
-    reached = whole.slice(0, steps[-1].stop)
-    return Trajectory(reached.time, steps=tuple(steps), signals=reached.signals)
-
-
-def cut_short(record: Trajectory, simulated: Trajectory | None) -> bool:
-    """Whether a simulation at the record's samples ended within a step of the record."""
-    return simulated is not None and simulated.steps[-1] not in record.steps

@@ -16,7 +16,8 @@ from bsa.experiments.discovery_bench.hidden_physics import EFFECTS, HiddenEffect
 from bsa.experiments.discovery_bench.making import DESCRIPTION, make_cases, unseal
 from bsa.experiments.discovery_bench.protocols import Step
 from bsa.experiments.effect_choice import effects_of
-from bsa.plugins.pybamm.driven_cell import DrivenCell, Resolution
+from bsa.plugins.pybamm.compiled_cell import Resolution
+from bsa.plugins.pybamm.driven_cell import DrivenCell
 
 CELL = ("hidden_cell", "hidden_physics", "protocols", "draws")
 
@@ -110,7 +111,7 @@ def test_the_catalogue_describes_the_hidden_cell(effect: HiddenEffect):
     record = segment(measure(hidden, steps, 0.9, ambient_k, np.random.default_rng(0))[0])
     (known,) = (entry for entry in effects_of(None) if entry.key == effect.key)
     cell = CellModel("Chen2020", hidden.model)
-    driven = DrivenCell(cell, (known,), record, {}, ambient_k, Resolution(rtol=1e-7, points=30))
+    driven = DrivenCell(cell, (known,), record, {}, ambient_k, Resolution(rtol=1e-7, points=30, standard_mesh=True))
     curve = driven.solve({effect.strength: strength}, after_jumps(record), record.current, 0.9)
     assert curve is not None
     error = np.sqrt(np.mean(np.square(curve.voltage - record.voltage)))

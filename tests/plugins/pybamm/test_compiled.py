@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from bsa.core.errors import BsaError
 from bsa.core.simulation import ExperimentRun
-from bsa.core.target import CellChange, change_of, targets_named
+from bsa.core.target import change_of, targets_named
 from bsa.core.task import CellModel, Experiment
-from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.core.trajectory import StepKind, Trajectory
 from bsa.plugins.pybamm.compiled import CompiledExperiment
 from bsa.plugins.pybamm.parameter_sets import initial_value
 from bsa.plugins.pybamm.solving import solve_reference
@@ -101,19 +101,6 @@ def test_an_impossible_state_is_a_failed_trial(chen: CompiledExperiment) -> None
 
 
 @pytest.mark.slow
-def test_a_measured_current_reproduces_the_protocol_it_came_from(measured: Trajectory) -> None:
-    experiment = Experiment("record", measured, None, initial_soc=0.5)
-    run = CompiledExperiment(CellModel("Chen2020"), experiment, {}).solve({})
-    assert run.failure is None
-    assert run.trajectory is not None
-    assert np.array_equal(run.trajectory.time, measured.time - measured.time[0])
-    assert [step.kind for step in run.trajectory.steps] == [step.kind for step in measured.steps]
-    inner = np.ones(len(measured), dtype=bool)
-    inner[[step.start for step in measured.steps]] = False  # on which side of a jump they lie is a convention
-    assert 1e3 * np.max(np.abs(run.trajectory.voltage - measured.voltage)[inner]) < 1.0
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ORegan2022", "Ecker2015", "Prada2013", "Marquis2019"])
 @pytest.mark.parametrize("model", ["SPM", "SPMe", "DFN"])
 def test_every_chemistry_and_model_runs(name: str, model: str) -> None:
@@ -146,29 +133,3 @@ def test_what_cannot_be_built_says_why(cell: CellModel, steps: list[str], words:
         CompiledExperiment(cell, Experiment("x", protocol().target, (tuple(steps),)), {})
     assert words in str(caught.value)
     assert caught.value.hint
-
-
-def test_a_record_at_rest_starts_at_its_voltage_whatever_the_candidate() -> None:
-    time = np.linspace(0.0, 60.0, 13)
-    rest = Trajectory(time, np.zeros(13), np.full(13, 3.9), None, (Step(StepKind.REST, 0, 13),))
-    factor = "Negative electrode OCP [V] factor"
-    compiled = CompiledExperiment(
-        CellModel("Chen2020", "SPM"), Experiment("rest", rest, initial_voltage=3.9), targets_named([factor])
-    )
-    for value in (1.0, 1.2):
-        run = compiled.solve({factor: value})
-        assert run.trajectory is not None
-        assert run.trajectory.voltage[-1] == pytest.approx(3.9, abs=2e-3)
-
-
-def test_a_cell_that_runs_empty_keeps_what_it_reached() -> None:
-    time = np.linspace(0.0, 7200.0, 721)
-    record = Trajectory(time, np.full(721, 5.0), np.full(721, 3.0), None, (Step(StepKind.CC_DISCHARGE, 0, 721),))
-    run = solve_reference(CellModel("Chen2020", "SPM"), Experiment("long", record, initial_soc=0.5), CellChange())
-    assert run.failure is not None
-    assert run.failure.unfinished
-    assert run.trajectory is not None
-    (step,) = run.trajectory.steps
-    assert step.stop == len(run.trajectory) < 721
-    assert 1500 < run.failure.reached_s < 2500
-    assert run.trajectory.voltage[-1] < 2.5

@@ -1,9 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bsa.core.discovery.simulator import MeasuredRecord
 from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory
-from bsa.plugins.pybamm.driven_cell import FINE, SEARCH, DrivenCell, Resolution
+from bsa.plugins.pybamm.compiled_cell import Resolution
+from bsa.plugins.pybamm.driven_cell import FINE, SEARCH, DrivenCell
 from bsa.plugins.pybamm.radial_mesh import radial_mesh
 
 
@@ -16,7 +19,7 @@ def discharge(current, duration):
 
 def voltage(cell, measured_record, points):
     driven = DrivenCell(
-        cell, (), measured_record.record, {}, measured_record.ambient_k, Resolution(radial_points=points)
+        cell, (), measured_record.record, {}, measured_record.ambient_k, replace(SEARCH, radial_points=points)
     )
     curve = driven.solve({}, measured_record.record.time, measured_record.record.current, 0.95)
     assert curve is not None

@@ -1,0 +1,310 @@
+"""A cell model whose searched parameters are inputs: one compilation serves every candidate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ...core.effect import Effect
+from ...core.errors import BsaError, did_you_mean
+from ...core.parameters import Candidate
+from ...core.target import CellChange, CyclableLithium, InitialSoc, Target, Value, change_of
+from ...core.task import CellModel, Experiment
+from . import drive
+from .augmentation import PyBaMMPart, augmented_cell, part_of
+from .mesh import search_spatial_methods, search_submeshes
+from .ocp_shape import keeping_ocp_falling
+from .parameter_sets import bake, input_values, load, open_to_search, pybamm
+from .state_of_charge import InitialState, initial_concentration
+
+MODELS = {"SPM": "SPM", "SPMe": "SPMe", "DFN": "DFN"}
+
+PAUSE = ("Pause begins [s]", "Pause ends [s]")
+"""Inputs of a cell that is driven by a measured current: no current passes between these two times."""
+
+SOLVER_ERRORS = (pybamm.SolverError, ValueError, ArithmeticError, RuntimeError)
+"""What a candidate can provoke in a solve."""
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """Mesh and tolerances of a solve.
+
+    Attributes
+    ----------
+    rtol : float
+        Relative tolerance of the integrator.
+    points : int or None
+        Mesh points in every domain; None keeps PyBaMM's own.
+    radial_points : int or None
+        Mesh points in a particle, where it needs others.
+    standard_mesh : bool
+        Whether to use PyBaMM's own mesh, whose lengths are numbers, instead of one whose lengths are inputs.
+    least_atol : float
+        The absolute tolerance is a tenth of the relative one, and at least this.
+    """
+
+    rtol: float = 1e-5
+    points: int | None = None
+    radial_points: int | None = None
+    standard_mesh: bool = False
+    least_atol: float = 0.0
+
+    @property
+    def atol(self) -> float:
+        """Absolute tolerance of the integrator."""
+        return max(0.1 * self.rtol, self.least_atol)
+
+    def mesh(self) -> dict[str, int]:
+        """Mesh points by the name of the coordinate, as PyBaMM's ``var_pts`` has them."""
+        radial = self.radial_points or self.points
+        chosen = {"x_n": self.points, "x_s": self.points, "x_p": self.points, "r_n": radial, "r_p": radial}
+        return {name: count for name, count in chosen.items() if count is not None}
+
+
+SEARCH = Resolution()
+REFERENCE = Resolution(rtol=1e-6, standard_mesh=True)
+"""For final scores. At an absolute tolerance of 1e-8 every experiment on Ecker2015 fails in its first rest."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """The state in which a simulation begins.
+
+    Attributes
+    ----------
+    record : str
+        Name of the record that is simulated: its initial state of charge may be searched.
+    soc : float or None
+        State of charge, 0 to 1; None leaves it to the voltage.
+    voltage : float or None
+        Open-circuit voltage, V; None keeps the parameter set's initial concentrations.
+    temperature_k : float or None
+        Ambient and initial temperature, K; None keeps the parameter set's.
+    """
+
+    record: str = ""
+    soc: float | None = None
+    voltage: float | None = None
+    temperature_k: float | None = None
+
+
+def start_of(experiment: Experiment) -> Start:
+    """Where an experiment begins."""
+    return Start(experiment.name, experiment.initial_soc, experiment.initial_voltage, experiment.temperature_k)
+
+
+def make_model(cell: CellModel) -> Any:
+    """The PyBaMM model of a cell.
+
+    Raises
+    ------
+    BsaError
+        If the model or one of its options does not exist.
+    """
+    if cell.model not in MODELS:
+        raise BsaError(
+            f'there is no model "{cell.model}".',
+            did_you_mean(cell.model, MODELS) or f"choose one of {', '.join(MODELS)}.",
+        )
+    options = {key: tuple(value) if isinstance(value, list) else value for key, value in cell.options.items()}
+    try:
+        return getattr(pybamm.lithium_ion, MODELS[cell.model])(options)
+    except pybamm.OptionError as error:
+        raise BsaError(
+            f"PyBaMM refuses the model options {options}: {' '.join(str(error).split())}",
+            "see pybamm's BatteryModelOptions.",
+        ) from None
+
+
+class CompiledCell:
+    """A cell with or without effects, at a resolution; its parameters, start and mesh are ready to be simulated.
+
+    Parameters
+    ----------
+    cell : CellModel
+        Equations and base parameters.
+    targets : mapping of str to Target
+        What is searched, by the names that candidates use; all become inputs.
+    start : Start
+        Where simulations begin.
+    resolution : Resolution
+        Mesh and tolerances.
+    baked : CellChange, optional
+        Values built into the model; needed for geometry on the standard mesh.
+    effects : sequence of Effect
+        What is added to the model; their parameters become inputs too.
+    measured_current : CurrentFunction, optional
+        Drives the cell, with the voltage cut-offs widened; without it an experiment does.
+    any_start : bool
+        Whether `inputs` may be asked for any state of charge.
+
+    Attributes
+    ----------
+    heats : bool
+        Whether the temperature changes.
+    window_v : tuple of float
+        Lower and upper voltage cut-off, V, of the parameter set.
+    """
+
+    def __init__(
+        self,
+        cell: CellModel,
+        targets: Mapping[str, Target],
+        start: Start,
+        resolution: Resolution = SEARCH,
+        baked: CellChange | None = None,
+        effects: Sequence[Effect] = (),
+        measured_current: drive.CurrentFunction | None = None,
+        any_start: bool = False,
+    ) -> None:
+        baked = baked or CellChange()
+        self._targets, self._effects, self._resolution = dict(targets), tuple(effects), resolution
+        own_soc = baked.soc_of(start.record)
+        self._start = start if own_soc is None else replace(start, soc=own_soc)
+        self._lithium = baked.cyclable_lithium
+        augmented = augmented_cell(cell, effects)
+        self._name = augmented.model
+        self._model = make_model(augmented if measured_current is None else _with_averaged_reactions(augmented))
+        self.heats = self._model.options["thermal"] != "isothermal"
+        values = load(cell.parameter_set, cell.overrides)
+        if start.temperature_k is not None:
+            values.update(
+                {"Ambient temperature [K]": start.temperature_k, "Initial temperature [K]": start.temperature_k}
+            )
+        bake(values, baked)
+        self._feasible = keeping_ocp_falling(values, self._targets)
+        starts = (InitialSoc(), InitialSoc(start.record), CyclableLithium())
+        by_state = (
+            any_start
+            or self._start.soc is not None
+            or start.voltage is not None
+            or baked.cyclable_lithium != 1.0
+            or any(target in starts for target in self._targets.values())
+        )
+        self._state = InitialState(values) if by_state else None
+        open_to_search(values, self._targets)
+        self.window_v = (float(values["Lower voltage cut-off [V]"]), float(values["Upper voltage cut-off [V]"]))
+        self._add_effects(values, measured_current)
+        if by_state:
+            concentrations = [initial_concentration(which) for which in ("Negative", "Positive")]
+            open_to_search(values, {name: Value(name) for name in concentrations})
+        self._values = values
+
+    def _add_effects(self, values: Any, measured: drive.CurrentFunction | None) -> None:
+        current: Any = None
+        if measured is not None:
+            drive.widen_cut_offs(values)
+            current = drive.interpolant(measured)
+        for effect in self._effects:
+            symbols = {p.name: pybamm.InputParameter(effect.full_name(p)) for p in effect.parameters}
+            current = add_values(values, part_of(effect), symbols, current)
+            add_voltage(self._model, part_of(effect), symbols)
+        if measured is not None:
+            values["Current function [A]"] = current * drive.gate(*PAUSE)
+
+    def simulation(self, solver: Any, **how: Any) -> Any:
+        """A PyBaMM simulation of the cell; ``how`` is handed on."""
+        standard = self._resolution.standard_mesh
+        points = self._resolution.mesh()
+        for effect in self._effects:
+            points.update(part_of(effect).points)
+        return pybamm.Simulation(
+            self._model,
+            parameter_values=self._values,
+            submesh_types=None if standard else search_submeshes(self._model),
+            spatial_methods=None if standard else search_spatial_methods(self._model),
+            var_pts={**self._model.default_var_pts, **points} if points else None,
+            solver=solver,
+            **how,
+        )
+
+    def built_model(self) -> Any:
+        """The discretised model of a cell that is driven by its measured current.
+
+        Raises
+        ------
+        BsaError
+            If the model cannot be built, with or without its effects.
+        """
+        simulation = self.simulation(None)
+        try:
+            simulation.build()
+        except (KeyError, pybamm.ModelError, pybamm.OptionError, pybamm.DomainError) as error:
+            names = ", ".join(effect.key for effect in self._effects) or "no effect"
+            raise BsaError(
+                f"PyBaMM cannot build {self._name} with {names}: {first_line(error)}.",
+                "the parameter set may lack what the effect needs.",
+            ) from None
+        return simulation.built_model
+
+    def solver(self, options: Mapping[str, Any], **how: Any) -> Any:
+        """An integrator with the cell's tolerances; ``how`` is handed on.
+
+        It reports a failure to its caller, never on the screen.
+        """
+        tolerances = {"rtol": self._resolution.rtol, "atol": self._resolution.atol}
+        return pybamm.IDAKLUSolver(**tolerances, options={"silence_sundials_errors": True, **options}, **how)
+
+    def inputs(self, candidate: Candidate, soc: float | None = None) -> dict[str, float]:
+        """What PyBaMM's solve is given for a candidate.
+
+        Parameters
+        ----------
+        candidate : Candidate
+            A value for every searched parameter and for the effects' parameters.
+        soc : float or None
+            State of charge at the start; None leaves it to the candidate, then to the `Start`.
+
+        Raises
+        ------
+        ValueError
+            If the electrodes cannot start at the wanted state of charge.
+        """
+        change = self._feasible(change_of(self._targets, candidate))
+        inputs = input_values(self._targets, change)
+        for effect in self._effects:
+            inputs.update({effect.full_name(p): effect.values(candidate)[p.name] for p in effect.parameters})
+        if self._state is not None:
+            change = replace(change, cyclable_lithium=self._lithium * change.cyclable_lithium)
+            wanted = [soc, change.soc_of(self._start.record), self._start.soc]
+            soc = next((known for known in wanted if known is not None), None)
+            if soc is None and self._start.voltage is not None:
+                soc = self._state.soc_at(self._start.voltage, change)
+            inputs |= self._state.concentrations(change, soc)
+        return inputs
+
+
+def first_line(error: Exception) -> str:
+    """What an error says, in a line."""
+    lines = str(error).strip().splitlines()
+    return lines[0][:200] if lines else type(error).__name__
+
+
+def _with_averaged_reactions(cell: CellModel) -> CellModel:
+    """The same with one SEI and one plated layer where an electrode is one particle: half as fast again, 0.1 mV off."""
+    option = "x-average side reactions"
+    if (
+        cell.model not in ("SPM", "SPMe")
+        or option in cell.options
+        or not {"SEI", "lithium plating"} & set(cell.options)
+    ):
+        return cell
+    return replace(cell, options={**cell.options, option: "true"})
+
+
+def add_values(values: Any, part: PyBaMMPart, p: Mapping[str, Any], current: Any) -> Any:
+    """Put an effect's parameter values into a set, in place, and return the current it makes of the given one."""
+    for name, value in part.borrowed.items():
+        if name not in values:
+            values.update({name: value}, check_already_exists=False)
+    if part.values is not None:
+        values.update(dict(part.values(values, p)), check_already_exists=False)
+    return part.current(current, p) if part.current is not None else current
+
+
+def add_voltage(model: Any, part: PyBaMMPart, p: Mapping[str, Any]) -> None:
+    """Add an effect's term to the terminal voltage of a model, in place."""
+    if part.voltage is not None:
+        model.variables["Voltage [V]"] = model.variables["Voltage [V]"] + part.voltage(model, p)

@@ -1,0 +1,102 @@
+"""A record that is calibrated by its measured current: simulated at its own samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...core.discovery.observations import after_jumps
+from ...core.parameters import Candidate
+from ...core.simulation import ExperimentRun, SimulationFailure
+from ...core.target import CellChange, Target
+from ...core.task import CellModel, Experiment
+from ...core.trajectory import Step, Trajectory
+from .compiled_cell import SEARCH, Resolution, start_of
+from .drive import JUMP_S
+from .driven_cell import DrivenCell, Pause
+
+
+class DrivenExperiment:
+    """An experiment that is driven by its measured current, ready to be simulated for many candidates.
+
+    Parameters
+    ----------
+    cell, targets, resolution, baked
+        As for `CompiledExperiment`.
+    experiment : Experiment
+        One without a protocol.
+    """
+
+    def __init__(
+        self,
+        cell: CellModel,
+        experiment: Experiment,
+        targets: Mapping[str, Target],
+        resolution: Resolution = SEARCH,
+        baked: CellChange | None = None,
+    ) -> None:
+        self._record = experiment.target
+        self._times = after_jumps(self._record)
+        self._driven = DrivenCell(
+            cell, (), self._record, targets, resolution=resolution, start=start_of(experiment), baked=baked
+        )
+
+    def solve(self, candidate: Candidate, on_step: Callable[[str, int], None] | None = None) -> ExperimentRun:
+        """Simulate one candidate at the samples and in the steps of the record.
+
+        A candidate whose cell runs empty or full goes on without current until the step of the record ends, and
+        says so (`ExperimentRun.limits`). One that the integrator gives up has the samples that it reached.
+        """
+        response = self._driven.follow(candidate, self._times)
+        limits = _in_words(response.pauses, self._record)
+        whole = (
+            Trajectory(
+                self._record.time - self._record.time[0],
+                current=self._driven.current(self._times, response.pauses),
+                voltage=response.voltage,
+                temperature=response.temperature if self._driven.heats else None,
+                steps=self._record.steps,
+            )
+            if np.all(np.isfinite(response.voltage))
+            else None
+        )
+        if not response.cause:
+            return ExperimentRun(whole, limits=limits)
+        count = int(np.searchsorted(self._times, response.reached + JUMP_S, side="right"))
+        reached_s = response.reached - float(self._record.time[0])
+        return ExperimentRun(*_until(whole, count, response.cause, reached_s), limits=limits)
+
+
+def _until(
+    whole: Trajectory | None, count: int, cause: str, reached_s: float
+) -> tuple[Trajectory | None, SimulationFailure]:
+    """The first samples of a simulation that failed, and its failure."""
+    # A single sample of a step says nothing of it.
+    steps = [] if whole is None else [step for step in whole.steps if min(step.stop, step.start + 2) <= count]
+    if whole is None or not steps:
+        return None, SimulationFailure(cause)
+    cut = replace(steps[-1], stop=min(steps[-1].stop, count))
+    reached = whole.slice(0, cut.stop)
+    trajectory = Trajectory(reached.time, steps=(*steps[:-1], cut), signals=reached.signals)
+    failure = SimulationFailure(cause, _named(cut), cut.cycle, reached_s, unfinished=cut != steps[-1])
+    return trajectory, failure
+
+
+def _named(step: Step) -> str:
+    return step.label or str(step.kind)
+
+
+def _in_words(pauses: Sequence[Pause], record: Trajectory) -> tuple[str, ...]:
+    """``"the simulated cell was empty at 3,120 s of 3,600 s"``, once for empty and once for full."""
+    words = []
+    for what, found in (
+        ("empty", [pause for pause in pauses if pause.empty]),
+        ("full", [pause for pause in pauses if not pause.empty]),
+    ):
+        if found:
+            at = found[0].start - float(record.time[0])
+            again = f", and {len(found) - 1} times more" if len(found) > 1 else ""
+            words.append(f"the simulated cell was {what} at {at:,.0f} s of {record.duration:,.0f} s{again}")
+    return tuple(words)

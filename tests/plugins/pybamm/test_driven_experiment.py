@@ -1,0 +1,128 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bsa.core.target import CellChange, targets_named
+from bsa.core.task import CellModel, Experiment
+from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.plugins.pybamm import drive
+from bsa.plugins.pybamm.driven_experiment import DrivenExperiment
+from bsa.plugins.pybamm.parameter_sets import pybamm
+from bsa.plugins.pybamm.solving import compiled, solve_reference
+
+SPM = CellModel("Chen2020", "SPM")
+LITHIUM = "Cyclable lithium factor"
+
+
+def discharge(current_a: float = 5.0, hours: float = 2.0) -> Trajectory:
+    """A discharge with a rest behind it."""
+    time = np.linspace(0.0, 3600.0 * hours, 721)
+    time = np.concatenate([time, time[-1] + np.arange(1.0, 61.0) * 10.0])
+    current = np.where(np.arange(781) < 721, current_a, 0.0)
+    steps = (Step(StepKind.CC_DISCHARGE, 0, 721), Step(StepKind.REST, 721, 781))
+    return Trajectory(time, current, np.full(781, 3.0), None, steps)
+
+
+@pytest.mark.slow
+def test_a_measured_current_reproduces_the_protocol_it_came_from(measured: Trajectory) -> None:
+    experiment = Experiment("record", measured, None, initial_soc=0.5)
+    run = compiled(CellModel("Chen2020"), experiment, {}).solve({})
+    assert isinstance(compiled(CellModel("Chen2020"), experiment, {}), DrivenExperiment)
+    assert run.failure is None
+    assert run.limits == ()
+    assert run.trajectory is not None
+    assert np.array_equal(run.trajectory.time, measured.time - measured.time[0])
+    assert run.trajectory.steps == measured.steps
+    inner = np.ones(len(measured), dtype=bool)
+    inner[[step.start for step in measured.steps]] = False  # on which side of a jump they lie is a convention
+    assert 1e3 * np.max(np.abs(run.trajectory.voltage - measured.voltage)[inner]) < 1.0
+    assert np.max(np.abs(run.trajectory.current - measured.current)[inner]) < 1e-6
+
+
+def test_a_record_at_rest_starts_at_its_voltage_whatever_the_candidate() -> None:
+    time = np.linspace(0.0, 60.0, 13)
+    rest = Trajectory(time, np.zeros(13), np.full(13, 3.9), None, (Step(StepKind.REST, 0, 13),))
+    factor = "Negative electrode OCP [V] factor"
+    driven = compiled(SPM, Experiment("rest", rest, initial_voltage=3.9), targets_named([factor]))
+    for value in (1.0, 1.2):
+        run = driven.solve({factor: value})
+        assert run.trajectory is not None
+        assert run.trajectory.voltage[-1] == pytest.approx(3.9, abs=2e-3)
+
+
+def test_a_cell_that_runs_empty_is_a_finite_error_and_says_so() -> None:
+    record = discharge()
+    driven = compiled(SPM, Experiment("long", record, initial_soc=0.5), targets_named([LITHIUM]))
+    reference = solve_reference(SPM, Experiment("long", record, initial_soc=0.5), CellChange())
+    for run in (driven.solve({LITHIUM: 1.0}), reference):
+        assert run.failure is None
+        (limit,) = run.limits
+        assert limit.startswith("the simulated cell was empty at 1,")
+        assert limit.endswith(" s of 7,800 s")
+        assert run.trajectory is not None
+        assert run.trajectory.steps == record.steps
+        assert np.all(run.trajectory.voltage[400:721] == 0.5)
+        assert np.all(run.trajectory.current[400:721] == 0.0)
+        assert 2.0 < run.trajectory.voltage[-1] < 3.5
+    lasted = [np.sum(driven.solve({LITHIUM: factor}).trajectory.voltage > 0.5) for factor in (0.95, 1.0, 1.05)]
+    assert len(set(lasted)) == 3
+
+
+def test_a_cell_that_runs_full_says_so() -> None:
+    record = discharge(-5.0)
+    run = compiled(SPM, Experiment("charge", record, initial_soc=0.5), {}).solve({})
+    assert run.failure is None
+    assert run.limits[0].startswith("the simulated cell was full at ")
+    assert run.trajectory is not None
+    assert run.trajectory.voltage[600] == 6.0
+
+
+def test_a_candidate_that_cannot_start_is_a_failure_with_its_reason() -> None:
+    run = compiled(SPM, Experiment("long", discharge(), initial_soc=0.5), targets_named([LITHIUM])).solve(
+        {LITHIUM: 4.0}
+    )
+    assert run.trajectory is None
+    assert run.failure is not None
+    assert run.failure.cause
+
+
+def test_what_the_integrator_reached_before_it_gave_up_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    driven = DrivenExperiment(SPM, Experiment("long", discharge(1.0, 1.0), initial_soc=0.9), {})
+    own = driven._driven
+    whole = own._solver.solve
+
+    def stopping(model: object, t_eval: np.ndarray, t_interp: np.ndarray, inputs: dict[str, float]) -> object:
+        short = t_interp[t_interp <= 1000.0]
+        found = whole(model, t_eval=np.append(t_eval[t_eval < 1000.0], short[-1]), t_interp=short, inputs=inputs)
+        found.termination = "failure"
+        return found
+
+    monkeypatch.setattr(own._solver, "solve", stopping)
+    run = driven.solve({})
+    assert run.failure is not None
+    assert run.failure.unfinished
+    assert run.failure.reached_s == pytest.approx(1000.0, abs=6.0)
+    assert run.trajectory is not None
+    assert run.trajectory.steps == (Step(StepKind.CC_DISCHARGE, 0, len(run.trajectory)),)
+
+
+def test_the_current_as_a_table_is_what_pybamm_interpolates() -> None:
+    time, current = np.array([0.0, 1.0, 1.5, 4.0]), np.array([0.0, 2.0, -1.0, 3.0])
+    known = drive.CurrentFunction(time, current, time[[0, -1]], None)
+    own = drive.interpolant(known)
+    assert type(own.create_copy()) is type(own)
+    for at in (0.0, 0.3, 1.0, 1.2, 3.9):
+        assert own.evaluate(t=at).item() == pytest.approx(np.interp(at, time, current))
+    import casadi
+
+    t = casadi.MX.sym("t")
+    function = casadi.Function("current", [t], [own.to_casadi(t)])
+    assert [float(function(at)) for at in (0.3, 1.2, 3.9)] == pytest.approx(np.interp([0.3, 1.2, 3.9], time, current))
+    assert isinstance(own, pybamm.Interpolant)
+
+
+def test_records_of_many_knots_need_no_knots_of_one_time() -> None:
+    record = discharge()
+    doubled = replace(record.steps[0], stop=720), replace(record.steps[0], start=720, stop=721), record.steps[1]
+    function = drive.current_function(Trajectory(record.time, steps=doubled, signals=record.signals))
+    assert np.all(np.diff(function.time) > 0)
