@@ -16,9 +16,9 @@ from .simulation import Outcome
 from .task import Experiment, Task
 from .trajectory import FloatArray, Trajectory
 
-_ZERO, _ZERO_SHARE = 1e-8, 1e-3
+_ZERO, _ZERO_SHARE = 1e-8, 5e-3
 """Reference samples smaller than this, or than this share of the largest, count as zero, since a relative error would
-mean nothing: a cycler writes a fraction of a milliampere while a cell rests."""
+mean nothing: cyclers write up to three thousandths of their current while a cell rests."""
 
 _DURATION_FLOOR_S = 1.0
 
