@@ -14,6 +14,7 @@ import pytest
 from bsa.core.errors import BsaError
 from bsa.core.journal import read_events
 from bsa.core.loop import RunResult
+from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.record import Record
 from bsa.core.residuals import residuals, rows_of
 from bsa.core.scaffold import Scaffold, load_scaffold
@@ -159,6 +160,21 @@ def test_an_offset_before_a_current_step_is_not_held_against_the_kinetics(task: 
     assert view(3.0 * rows.scale) == pytest.approx(0.0, abs=1e-9)
     jump = np.where(rows.step == 1, 3.0, 0.0) * rows.scale
     assert np.any(np.abs(view(jump)) > 1.0)
+
+
+def test_a_parameter_of_which_the_data_say_nothing_keeps_its_prior_and_costs_no_more(
+    run_toy: RunToy, tmp_path: Path
+) -> None:
+    idle = Parameter("Idle [1]", 1.0, 0.1, 10.0, "log", deviation=0.7, prior=True)
+    task = toy_task()
+    searched = ParameterSpace((*task.space, idle))
+    everything = staged(stages=[{"name": "all", "data": "everything"}], order=[])
+    result = run_toy(tmp_path / "run", task=replace(task, space=searched), scaffold=everything, simulations=60)
+    counts = [event["rationale"] for event in read_events(tmp_path / "run") if event["event"] == "proposal"]
+    assert "5 parameters" in counts[0]
+    assert all("4 parameters" in text for text in counts[1:-1])
+    assert result.best.candidate["Idle [1]"] == 1.0
+    assert result.best.candidate[CAPACITY] == pytest.approx(HIDDEN[CAPACITY], rel=0.02)
 
 
 def heated(volume: float, transfer: float) -> Record:
