@@ -16,6 +16,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 from scipy.stats import t as student
 
 from .local_model import BOX_VARIANCE
@@ -231,7 +232,7 @@ def identify(
     count = len(space)
     if noise is None:
         noise = residual_noise(residual, count, noise_floor)
-    covariance = _covariance(jacobian, noise)
+    covariance = covariance_of(jacobian, noise)
     factor = float(student.ppf(0.5 + _CONFIDENCE / 2, max(len(residual) - count, 1)))
     half = factor * np.sqrt(np.diag(covariance))
     position = space.to_unit(candidate)
@@ -282,8 +283,8 @@ def with_sample(found: Identifiability, draws: FloatArray, space: ParameterSpace
     return replace(found, intervals=intervals, covariance=tuple(tuple(row) for row in covariance.tolist()))
 
 
-def _covariance(jacobian: FloatArray, noise: float) -> FloatArray:
-    """Of the estimates in the unit box, shape (p, p); a direction nothing was measured of keeps the box's."""
+def covariance_of(jacobian: FloatArray, noise: float) -> FloatArray:
+    """Covariance of the estimates in the unit box, shape (p, p); a direction without data keeps that of the box."""
     singular, rows = _decomposed(jacobian)
     return np.asarray((rows.T * _variances(singular, noise)) @ rows)
 
@@ -317,21 +318,9 @@ def _combinations(jacobian: FloatArray, noise: float, factor: float, names: tupl
 
 def _correlated(covariance: FloatArray, names: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
     scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    linked = np.abs(covariance / np.outer(scale, scale)) > _CORRELATED
-    groups: list[tuple[str, ...]] = []
-    seen: set[int] = set()
-    for first in range(len(names)):
-        if first in seen:
-            continue
-        group, border = {first}, [first]
-        while border:
-            near = {int(place) for place in np.flatnonzero(linked[border.pop()])} - group
-            group |= near
-            border += sorted(near)
-        seen |= group
-        if len(group) > 1:
-            groups.append(tuple(names[place] for place in sorted(group)))
-    return tuple(groups)
+    count, group = connected_components(np.abs(covariance / np.outer(scale, scale)) > _CORRELATED, directed=False)
+    groups = [np.flatnonzero(group == number) for number in range(count)]
+    return tuple(tuple(names[place] for place in places) for places in groups if len(places) > 1)
 
 
 def unsettled(jacobian: FloatArray, residual: FloatArray, noise: float, names: tuple[str, ...]) -> tuple[str, ...]:
@@ -350,7 +339,7 @@ def unsettled(jacobian: FloatArray, residual: FloatArray, noise: float, names: t
     """
     if noise <= 0:
         return ()
-    covariance = _covariance(jacobian, noise)
+    covariance = covariance_of(jacobian, noise)
     step = -covariance @ (jacobian.T @ residual) / noise**2
     half = 1.96 * np.sqrt(np.diag(covariance))
     return tuple(name for name, moved, width in zip(names, step, half, strict=True) if abs(moved) > width)
@@ -367,63 +356,3 @@ def _verdict(half_width: float) -> Verdict:
     if half_width <= _FIXED:
         return "fixed"
     return "loose" if half_width <= _LOOSE else "open"
-
-
-@dataclass(frozen=True)
-class Forecast:
-    """What one more record would do to the intervals.
-
-    Attributes
-    ----------
-    protocol : str
-        The candidate's name.
-    worst : str
-        The parameter that would then be known worst.
-    worst_share : float
-        Half the width of its interval, as a share of the range.
-    shares : mapping of str to float
-        The same for every parameter.
-    """
-
-    protocol: str
-    worst: str
-    worst_share: float
-    shares: Mapping[str, float]
-
-
-def what_to_measure_next(
-    jacobian: FloatArray,
-    candidates: Mapping[str, FloatArray],
-    names: tuple[str, ...],
-    noise: float,
-) -> tuple[Forecast, ...]:
-    """Rank candidate protocols by how far each would shrink the widest interval (minimax design).
-
-    Parameters
-    ----------
-    jacobian : ndarray of shape (m, p)
-        Derivatives of the residuals of what was measured, in the unit box.
-    candidates : mapping of str to ndarray of shape (k, p)
-        For each protocol the derivatives of its residuals, in the same tolerances.
-    names : tuple of str
-        The parameters.
-    noise : float
-        Standard deviation of the residuals, in tolerances (`Identifiability.noise`).
-
-    Returns
-    -------
-    tuple of Forecast
-        Best first; among equals the one with the smaller mean width.
-
-    References
-    ----------
-    Pukelsheim, Optimal Design of Experiments (2006), Ch. 6.
-    """
-    forecasts: list[Forecast] = []
-    for protocol, rows in candidates.items():
-        covariance = _covariance(np.vstack([jacobian, rows]), noise)
-        widths = 1.96 * np.sqrt(np.diag(covariance))
-        shares = dict(zip(names, widths.tolist(), strict=True))
-        worst = max(shares, key=lambda name: shares[name])
-        forecasts.append(Forecast(protocol, worst, shares[worst], shares))
-    return tuple(sorted(forecasts, key=lambda item: (item.worst_share, sum(item.shares.values()))))

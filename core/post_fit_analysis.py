@@ -12,14 +12,13 @@ from typing import Any, Protocol
 import numpy as np
 
 from .derivatives import DIFFERENCE, beside, known_derivatives
+from .forecast import Forecast, what_to_measure_next
 from .identifiability import (
-    Forecast,
     Identifiability,
     effective_noise,
     identify,
     open_directions,
     unsettled,
-    what_to_measure_next,
     with_sample,
 )
 from .local_model import LocalModel

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from ..core.after_search import ANALYSIS, SCORE, read_record_errors
 from ..core.encoding import decode_task, decode_trial
@@ -18,66 +18,13 @@ from ..core.parameters import Parameter
 from ..core.post_fit_analysis import PostFitAnalysis
 from ..core.prediction import HELD_OUT, Prediction, decode_prediction
 from ..core.record_errors import RecordErrors
-from ..core.recording import LOST_CALL, REPLY, REVIEW, VOTE
 from ..core.shape import decoding, shaped
 from ..core.task import Task
 from ..core.trial import Phase, Trial, likeliest, lowest
-
-_EXCHANGED = (REPLY, LOST_CALL, VOTE, REVIEW)
+from .exchanges import EXCHANGED, Exchange, exchange_of
 
 UNFINISHED = "unfinished"
 """Status of a run that is still going on, or was killed."""
-
-
-@dataclass(frozen=True)
-class Turn:
-    """One message of a prompt.
-
-    Attributes
-    ----------
-    role : str
-        Who speaks.
-    text : str
-        What is said. Untrusted.
-    images : int
-        How many images went with it.
-    """
-
-    role: str
-    text: str
-    images: int = 0
-
-
-@dataclass(frozen=True)
-class Exchange:
-    """One call of the language model, or what votes or a reviewer made of its reply.
-
-    Attributes
-    ----------
-    prompt : tuple of Turn
-        What it was shown; empty for votes and reviews.
-    text : str
-        What it answered, untrusted; empty for a lost call.
-    lost : str
-        Why there was no answer, if there was none.
-    model, structured_by : str
-        As in `Reply`.
-    notes : tuple of str
-        What the backend did on the way.
-    usage : Usage
-        What it cost.
-    made_by : {'model', 'vote', 'review'}
-        Who the text is from.
-    """
-
-    prompt: tuple[Turn, ...]
-    text: str = ""
-    lost: str = ""
-    model: str = ""
-    structured_by: str = ""
-    notes: tuple[str, ...] = ()
-    usage: Usage = field(default_factory=Usage)
-    made_by: Literal["model", "vote", "review"] = "model"
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,7 +238,7 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
         status=_status(events),
         trials=trials,
         rounds=_rounds(events, trials),
-        exchanges=tuple(_exchange(event) for event in events if event["event"] in _EXCHANGED),
+        exchanges=tuple(exchange_of(event) for event in events if event["event"] in EXCHANGED),
         scores={index: decode_metrics(event["metrics"]) for index, event in scores.items()},
         notes=(*task.notes, *(str(event["text"]) for event in events if event["event"] == "note")),
         resumed=sum(event["event"] == "resumed" for event in events),
@@ -352,8 +299,8 @@ def _rounds(events: Iterable[Mapping[str, Any]], trials: tuple[Trial, ...]) -> t
     exchanges: list[Exchange] = []
     best = trials[0]
     for event in events:
-        if event["event"] in _EXCHANGED:
-            exchanges.append(_exchange(event))
+        if event["event"] in EXCHANGED:
+            exchanges.append(exchange_of(event))
         elif event["event"] == "proposal":
             phase, number = event["phase"], event["round"]
             mine = tuple(trial for trial in trials if (trial.phase, trial.round) == (phase, number))
@@ -364,50 +311,9 @@ def _rounds(events: Iterable[Mapping[str, Any]], trials: tuple[Trial, ...]) -> t
 
 
 def _round(event: Mapping[str, Any], base: Trial, trials: tuple[Trial, ...], exchanges: tuple[Exchange, ...]) -> Round:
-    return Round(
-        phase=event["phase"],
-        number=event["round"],
-        hypothesis=event["hypothesis"],
-        rationale=event["rationale"],
-        action=event["action"],
-        updates=event["updates"],
-        details=event["details"],
-        lost=event["lost"],
-        finished=event["finished"],
-        base=base,
-        trials=trials,
-        exchanges=exchanges,
-    )
+    told = {name: event[name] for name in _PROPOSED}
+    return Round(**told, number=event["round"], base=base, trials=trials, exchanges=exchanges)
 
 
-def _exchange(event: Mapping[str, Any]) -> Exchange:
-    if event["event"] == VOTE:
-        notes = [_ballot_words(number, ballot) for number, ballot in enumerate(event["ballots"], 1)]
-        return Exchange((), text=event["text"], notes=(event["rule"], *notes), made_by="vote")
-    if event["event"] == REVIEW:
-        return Exchange((), text=event["text"], notes=(_VERDICTS[event["verdict"]],), made_by="review")
-    prompt = tuple(Turn(turn["role"], turn["text"], turn["images"]) for turn in event["prompt"])
-    if event["event"] == LOST_CALL:
-        return Exchange(prompt, lost=event["reason"] or "no reason given")
-    return Exchange(
-        prompt,
-        text=event["text"],
-        model=event["model"],
-        structured_by=event["structured_by"],
-        notes=tuple(event["notes"]),
-        usage=Usage(**event["usage"]),
-    )
-
-
-_VERDICTS = {
-    "accept": "The reviewer accepted the reply.",
-    "edit": "The reviewer edited the reply; above is what was tried.",
-    "refuse": "The reviewer refused the reply; above is the reason.",
-}
-
-
-def _ballot_words(number: int, ballot: Mapping[str, Any]) -> str:
-    if ballot["problem"]:
-        return f"Reply {number} does not count: {ballot['problem']}"
-    changes = ", ".join(f"{name} {change}" for name, change in ballot["changes"].items())
-    return f"Reply {number} votes for {changes}"
+_PROPOSED = ("phase", "hypothesis", "rationale", "action", "updates", "details", "lost", "finished")
+"""What a round takes over from the event of its proposal."""

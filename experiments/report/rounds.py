@@ -11,7 +11,8 @@ from markupsafe import escape
 from ...core.parameters import ParameterSpace
 from ...core.reply_parsing import strip_control
 from ...core.trial import Trial
-from ..run_record import Exchange, Round, RunRecord
+from ..exchanges import Exchange
+from ..run_record import Round, RunRecord
 from .failures import failure_words
 from .wording import change, clipped, factor, number, quantity, short_name
 

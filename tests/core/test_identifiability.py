@@ -2,7 +2,8 @@ import json
 
 import numpy as np
 import pytest
-from bsa.core.identifiability import identify, residual_noise, what_to_measure_next
+from bsa.core.forecast import what_to_measure_next
+from bsa.core.identifiability import identify, residual_noise
 from bsa.core.least_squares import LeastSquares, solve
 from bsa.core.parameters import Parameter, ParameterSpace
 

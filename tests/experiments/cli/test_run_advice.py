@@ -4,7 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from bsa.core.cell import CELL
-from bsa.core.identifiability import Forecast, Identifiability, Interval
+from bsa.core.forecast import Forecast
+from bsa.core.identifiability import Identifiability, Interval
 from bsa.core.journal import read_events
 from bsa.core.post_fit_analysis import PostFitAnalysis, Suggestion
 from bsa.experiments.cli.run import discover_command
