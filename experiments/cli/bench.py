@@ -13,7 +13,7 @@ import typer
 from . import completion
 from . import shared_options as shared
 from .bench_discovery import discovery_app
-from .campaign import RESULTS, Execution, Metric, StoreOption, finish, print_outcome, say
+from .campaign import RESULTS, Execution, Executors, Metric, StoreOption, finish, print_outcome, say
 from .option_groups import with_options
 
 if TYPE_CHECKING:
@@ -239,25 +239,22 @@ def evaluation_command(
         str, typer.Argument(metavar="TASK", help="Task to evaluate.", autocompletion=completion.tasks)
     ] = "demo",
     repeats: Annotated[int, shared.search_option(min=3, metavar="N", help="Evaluations a median is over.")] = 15,
-    out: Annotated[Path, shared.output_option(metavar="FOLDER", help="For evaluation.csv.")] = RESULTS
-    / "grids"
-    / "evaluation",
+    store: StoreOption = RESULTS,
 ) -> None:
     """What one evaluation costs against PyBaMM by itself, and what the loop adds to a round."""
-    from dataclasses import asdict
+    from ..campaign.study_cell import plan_study
+    from ..studies.evaluation import measure, write_evaluation
 
-    from ...core.files import begins, entries, foreign, write_csv
-    from ..studies.evaluation import measure_evaluation
-
-    if entries(out) and not begins(out / "evaluation.csv", b"solver_s,"):
-        raise foreign(out, "a study")
-    cost = measure_evaluation(task, repeats)
-    write_csv(out / "evaluation.csv", [asdict(cost)])
-    print("\n".join(cost.lines()))
+    plan = plan_study("evaluation", measure, {task: {"task_name": task, "repeats": repeats}}, store)
+    rows = Executors(workers=1).run(plan)
+    print("\n".join(write_evaluation(plan)))
+    finish(rows)
 
 
 @bench_app.command("coverage")
+@with_options(Executors, workers=2)
 def coverage_command(
+    *,
     tasks: Annotated[int, shared.records_option(min=1, metavar="N", help="How many tasks.")] = 100,
     model: Annotated[str, shared.records_option(metavar="NAME", help="SPM, SPMe or DFN.")] = "SPMe",
     points: Annotated[
@@ -265,12 +262,17 @@ def coverage_command(
     ] = 30,
     simulations: Simulations = 100,
     seed: shared.Seed = 1234,
-    out: Annotated[Path, shared.output_option(metavar="FOLDER", help="For rows and tables.")] = RESULTS / "coverage",
+    execution: Executors,
+    store: StoreOption = RESULTS,
 ) -> None:
     """How often 95 % intervals contain the truth, on noisy synthetic tasks; the same command goes on after a stop."""
-    from ..studies.coverage import coverage_table, run_coverage
+    from ..studies.coverage import plan_coverage, write_coverage
 
-    print(coverage_table(run_coverage(out, tasks, seed, model, points, simulations, say)))
+    execution.check()
+    plan = plan_coverage(store, tasks, seed, model, points, simulations)
+    rows = execution.run(plan)
+    print(write_coverage(plan))
+    finish(rows)
 
 
 @bench_app.command("real-cells")

@@ -7,8 +7,7 @@ parameter, and of the voltage at a rate that was not measured, is compared with 
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -27,6 +26,8 @@ from ...core.task import CellModel, Experiment, Protocol, Task
 from ...core.trajectory import FloatArray, Trajectory
 from ...core.trial import Trial, likeliest
 from ...plugins.proposers.descent import Descent, DescentOptions
+from ..campaign.running import Plan
+from ..campaign.study_cell import StudyCell, plan_study, results_of
 from ..campaign.summary import exact_interval, grouped
 from ..campaign.text_tables import markdown_table
 
@@ -328,58 +329,33 @@ def _predicted(fitted: Fitted) -> list[tuple[float, float]]:
     return list(zip(voltages([fitted.best.candidate], True)[0].tolist(), half.tolist(), strict=True))
 
 
-def one_task(seed: int, number: int, model: str, points: int, simulations: int) -> Row:
+def one_task(seed: int, number: int, model: str, points: int, simulations: int) -> dict[str, Any]:
     """Draw a task, fit it, and compare; what is kept of it."""
     try:
         fitted = fit(draw(seed, number, model, points), simulations)
     except RuntimeError as error:
-        return {"task": number, "rows": [], "note": str(error)}
+        return {"rows": [], "summary": str(error)}
     if fitted is None:
-        return {"task": number, "rows": [], "note": "nothing simulates"}
-    return {"task": number, "rows": rows_of(fitted), "note": fitted.ending}
+        return {"rows": [], "summary": "nothing simulates"}
+    rows = rows_of(fitted)
+    contained = sum(row["contained"] for row in rows)
+    return {"rows": rows, "summary": f"{contained} of {len(rows)} intervals contain the truth. {fitted.ending}"}
 
 
-def run_coverage(
-    out: Path,
-    count: int,
-    seed: int,
-    model: str,
-    points: int,
-    simulations: int,
-    say: Callable[[str], None],
-) -> list[Row]:
-    """Every task that has no result yet; each is kept when it is done, and the same command goes on after a stop.
+def plan_coverage(store: Path, count: int, seed: int, model: str, points: int, simulations: int) -> Plan[StudyCell]:
+    """A cell for every task."""
+    asked = {"seed": seed, "model": model, "points": points, "simulations": simulations}
+    return plan_study("coverage", one_task, {f"task-{n}": {**asked, "number": n} for n in range(count)}, store)
 
-    Writes ``coverage-*.jsonl`` (a task a line), ``coverage.csv`` (an interval a row) and ``coverage.md``.
-    """
-    out.mkdir(parents=True, exist_ok=True)
-    # Tasks of other settings are other tasks.
-    path = out / f"coverage-{model}-{points}-{simulations}-{seed}.jsonl"
-    done = {entry["task"]: entry for entry in _entries(path)}
-    for number in range(count):
-        if number in done:
-            continue
-        done[number] = one_task(seed, number, model, points, simulations)
-        with path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(done[number]) + "\n")
-        found = [row["contained"] for row in done[number]["rows"]]
-        say(f"task {number}: {sum(found)} of {len(found)} intervals contain the truth. {done[number]['note']}")
-    rows = [row for number in sorted(done) if number < count for row in done[number]["rows"]]
+
+def write_coverage(plan: Plan[StudyCell]) -> str:
+    """Write ``coverage.csv`` (an interval a row) and ``coverage.md``; the table of the latter."""
+    rows = [row for result in results_of(plan) for row in result["rows"]]
+    table = coverage_table(rows)
     if rows:
-        write_csv(out / "coverage.csv", rows)
-        write_text(out / "coverage.md", coverage_table(rows) + "\n")
-    return rows
-
-
-def _entries(path: Path) -> list[Row]:
-    if not path.exists():
-        return []
-    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
-    whole = [line for line in lines if line.endswith("\n")]
-    if len(whole) < len(lines):
-        # What a crash has torn is a task to be done again.
-        write_text(path, "".join(whole))
-    return [json.loads(line) for line in whole]
+        write_csv(plan.folder / "coverage.csv", rows)
+        write_text(plan.folder / "coverage.md", table + "\n")
+    return table
 
 
 def coverage_table(rows: Sequence[Mapping[str, Any]]) -> str:

@@ -6,19 +6,23 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ...backends.rules.backend import RulesBackend
+from ...core.files import write_csv
 from ...core.parameters import Candidate
 from ...core.run_config import RunConfig
 from ...core.scaffold import load_scaffold
 from ...plugins.pybamm.compiled import CompiledExperiment
 from ...plugins.pybamm.solving import solve_reference
 from ...plugins.pybamm.worker import Assignment, WorkerPool
+from ..campaign.running import Plan
 from ..campaign.stopwatch import Stopwatch
+from ..campaign.study_cell import StudyCell, results_of
 from ..run import execute_run
 from ..tasks.find import find_task
 
@@ -63,6 +67,21 @@ class EvaluationCost:
             f"two workers, against one: {self.two_workers:.2f} x as fast",
             f"the loop's own cost a round: {1e3 * self.loop_s:.1f} ms",
         ]
+
+
+def measure(task_name: str, repeats: int) -> dict[str, Any]:
+    """The fields of an `EvaluationCost`, of one task."""
+    cost = measure_evaluation(task_name, repeats)
+    return {**asdict(cost), "summary": f"{cost.evaluation_s:.3f} s an evaluation"}
+
+
+def write_evaluation(plan: Plan[StudyCell]) -> list[str]:
+    """Write ``evaluation.csv``, and what it says, line by line."""
+    columns = [field.name for field in fields(EvaluationCost)]
+    costs = [EvaluationCost(**{name: result[name] for name in columns}) for result in results_of(plan)]
+    if costs:
+        write_csv(plan.folder / "evaluation.csv", [asdict(cost) for cost in costs])
+    return [line for cost in costs for line in cost.lines()]
 
 
 def measure_evaluation(task_name: str = "demo", repeats: int = 15) -> EvaluationCost:

@@ -1,4 +1,4 @@
-import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,38 +8,29 @@ from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.studies import coverage
 
 
-def entry(number: int, contained: list[int], grade: str = "fixed") -> dict[str, Any]:
-    rows = [{"task": number, "grade": grade, "contained": hit, "cost": 1.1, "true_cost": 1.0} for hit in contained]
-    return {"task": number, "rows": rows, "note": "ended"}
+def rows(number: int, contained: list[int]) -> list[dict[str, Any]]:
+    return [{"task": number, "grade": "fixed", "contained": hit, "cost": 1.1, "true_cost": 1.0} for hit in contained]
 
 
-def test_a_stopped_study_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[int] = []
-
-    def one_task(seed: int, number: int, model: str, points: int, simulations: int) -> dict[str, Any]:
-        asked.append(number)
-        if number == 2 and asked.count(2) == 1:
-            raise KeyboardInterrupt
-        return entry(number, [1, 1, 0])
-
-    monkeypatch.setattr(coverage, "one_task", one_task)
-
-    def run() -> list[dict[str, Any]]:
-        return coverage.run_coverage(tmp_path, 4, 1, "SPMe", 30, 10, lambda line: None)
-
-    with pytest.raises(KeyboardInterrupt):
-        run()
-    kept = tmp_path / "coverage-SPMe-30-10-1.jsonl"
-    kept.write_text(kept.read_text() + '{"task": 3, "rows"')  # torn by a crash
-    assert len(run()) == 12
-    assert asked == [0, 1, 2, 2, 3]
-    assert [json.loads(line)["task"] for line in kept.read_text().splitlines()] == [0, 1, 2, 3]
-    assert "| fixed | 12 | 67 % | exact 95 % interval 35 to 90 % |" in (tmp_path / "coverage.md").read_text()
+def test_every_task_is_a_cell_and_its_intervals_are_counted(tmp_path: Path) -> None:
+    plan = coverage.plan_coverage(tmp_path / "store", 4, 1, "SPMe", 30, 10)
+    assert [cell.asked["number"] for cell in plan.cells] == [0, 1, 2, 3]
+    assert len({cell.identity for cell in plan.cells}) == 4
+    fewer = coverage.plan_coverage(tmp_path / "store", 2, 1, "SPMe", 30, 10)
+    assert [cell.identity for cell in fewer.cells] == [cell.identity for cell in plan.cells[:2]]
+    other = coverage.plan_coverage(tmp_path / "store", 2, 1, "SPMe", 20, 10)
+    assert not {cell.identity for cell in other.cells} & {cell.identity for cell in plan.cells}
+    assert coverage.write_coverage(plan).count("\n") == 1  # a head without lines
+    for number, cell in enumerate(plan.cells[:3]):
+        answered = replace(cell, act=lambda number, **asked: {"rows": rows(number, [1, 1, 0])})
+        answered.run(plan.store.cell(cell.identity), plan.store)
+        assert cell.asked["number"] == number
+    assert "| fixed | 9 | 67 % | exact 95 % interval 30 to 93 % |" in coverage.write_coverage(plan)
+    assert len((plan.folder / "coverage.csv").read_text().splitlines()) == 10
 
 
 def test_excess_is_one_number_a_task() -> None:
-    rows = [*entry(0, [1, 0])["rows"], *entry(1, [1])["rows"]]
-    assert coverage.excesses(rows) == pytest.approx([0.1, 0.1])
+    assert coverage.excesses([*rows(0, [1, 0]), *rows(1, [1])]) == pytest.approx([0.1, 0.1])
 
 
 def test_a_sampled_record_keeps_the_ends_of_its_steps() -> None:

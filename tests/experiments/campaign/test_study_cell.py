@@ -1,0 +1,38 @@
+"""An item of a study is a cell like others: carried out once, kept, and told when it fails."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from bsa.experiments.campaign.running import run_campaign
+from bsa.experiments.campaign.study_cell import plan_study, results_of
+
+from .conftest import Here, Quiet
+
+
+def halved(number: float, seed: int = 0) -> dict[str, Any]:
+    if number < 0:
+        raise ValueError("a number below 0")
+    return {"half": number / 2, "summary": f"half of {number} is {number / 2}"}
+
+
+def carried_out(store: Path, items: dict[str, dict[str, Any]]) -> tuple[list[Any], list[dict[str, Any]], list[str]]:
+    plan, pool = plan_study("halves", halved, items, store), Here()
+    rows, remarks = run_campaign(plan, pool, lambda plan, pool: Quiet())
+    assert not remarks
+    assert (plan.folder / "cells.csv").is_file()
+    return rows, results_of(plan), pool.carried
+
+
+def test_an_item_is_carried_out_once_and_a_failure_is_told(tmp_path: Path) -> None:
+    items = {"four": {"number": 4.0}, "below": {"number": -1.0, "seed": 7}}
+    rows, found, carried = carried_out(tmp_path / "store", items)
+    assert [(row["task"], row["state"], row["seed"]) for row in rows] == [("four", "done", 0), ("below", "failed", 7)]
+    assert rows[1]["reason"] == "ValueError: a number below 0"
+    assert [result["half"] for result in found] == [2.0]
+    assert len(carried) == 2
+    more = {"six": {"number": 6.0}, **items}
+    _, found, carried = carried_out(tmp_path / "store", more)
+    assert [result["half"] for result in found] == [3.0, 2.0]
+    assert len(carried) == 2, "what is done is not done again, what failed is"
