@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from .fit_settings import Box, Settings
 from .trajectory import FloatArray
 
 _SMALLEST = 0.01
@@ -88,8 +90,14 @@ class Differences:
         Where.
     residual : ndarray of shape (m,)
         The residuals there.
-    columns : sequence of Column
-        The coordinates that are varied; the other columns are zero.
+    known : ndarray of shape (m, p) or None
+        An older Jacobian, which sets the steps.
+    box : Box
+        Bounds and usual steps.
+    settings : Settings
+        The other steps, and over which change a slope is taken.
+    free : ndarray of bool, shape (p,)
+        Which coordinates are varied; the other columns are zero.
 
     Attributes
     ----------
@@ -97,9 +105,26 @@ class Differences:
         What is known so far. A column that cannot be measured stays zero: a fit leaves that parameter alone.
     """
 
-    def __init__(self, point: FloatArray, residual: FloatArray, columns: Sequence[Column]) -> None:
-        self._point, self._residual, self._columns = point, residual, columns
+    def __init__(
+        self,
+        point: FloatArray,
+        residual: FloatArray,
+        known: FloatArray | None,
+        box: Box,
+        settings: Settings,
+        free: NDArray[np.bool_],
+    ) -> None:
+        self._point, self._residual = point, residual
         self.jacobian = np.zeros((len(residual), len(point)))
+        steps = np.full(len(point), settings.difference) if box.difference is None else box.difference
+        if box.share is not None:
+            steps = np.maximum(steps, box.share * np.abs(point))
+        slopes = np.zeros(len(point)) if known is None else np.linalg.norm(known, axis=0)
+        visible = settings.visible * float(np.sqrt(len(residual)))
+        self._columns = [
+            Column(int(at), point[at], box.lower[at], box.upper[at], steps[at], slopes[at], visible)
+            for at in np.flatnonzero(free)
+        ]
 
     @property
     def points(self) -> list[FloatArray]:

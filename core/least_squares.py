@@ -14,15 +14,15 @@ Comp. 19 (1965) 577. Nocedal & Wright, Numerical Optimization, 2nd ed. (2006), C
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .bounded_step import damped_step
-from .differences import Column, Differences
+from .differences import Differences
 from .errors import BsaError
+from .fit_settings import Box, Settings
 from .trajectory import FloatArray
 
 Stage = Literal["start", "jacobian", "step", "done"]
@@ -55,71 +55,6 @@ point."""
 
 _EXACT = 1e-24
 """Cost relative to the first at which nothing is left to fit."""
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How a fit proceeds; lengths are in units of the coordinates.
-
-    Attributes
-    ----------
-    difference : float
-        Finite-difference step. Integrators leave noise: at a relative tolerance of 1e-5, steps well below
-        0.005 of a parameter's range measure the noise instead.
-    radius : float
-        Longest step of a coordinate.
-    damping : float
-        Of the first step, relative to the squared norm of each column.
-    noise : float
-        Standard deviation of a residual. A gain in cost below its square says nothing about the parameters, and a fit
-        goes on until no more is predicted.
-    tolerance : float
-        Share of the cost that must be gained to be worth a step, where that is more than the noise.
-    enough : float
-        Root mean square of the residuals at which the fit is as good as perfect.
-    visible : float
-        Root mean square change of the residuals over which a slope is taken, where an older Jacobian tells it; 0
-        always takes ``difference``.
-    ends_on_fresh : bool
-        Whether the last Jacobian must have been taken at the best point, whatever the steps before it gained.
-    """
-
-    difference: float = 0.007
-    radius: float = 0.3
-    damping: float = 1e-5
-    noise: float = 0.0
-    tolerance: float = 1e-3
-    enough: float = 0.0
-    visible: float = 0.0
-    ends_on_fresh: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class Box:
-    """The coordinates of a fit, each array of shape (p,).
-
-    Attributes
-    ----------
-    lower, upper : ndarray
-        Bounds.
-    prior : ndarray
-        Cost of a unit of each coordinate: ``(prior x)^2`` is added to the sum of squares; 0 for no prior.
-    difference : ndarray or None
-        Finite-difference steps, where they are not all that of the settings.
-    share : ndarray or None
-        Finite-difference steps as shares of the coordinates' size, where these are longer.
-    """
-
-    lower: FloatArray
-    upper: FloatArray
-    prior: FloatArray
-    difference: FloatArray | None = None
-    share: FloatArray | None = None
-
-    @classmethod
-    def unit(cls, count: int) -> Box:
-        """The unit box, without priors (see `ParameterSpace.to_unit`)."""
-        return cls(np.zeros(count), np.ones(count), np.zeros(count))
 
 
 class LeastSquares:
@@ -243,7 +178,9 @@ class LeastSquares:
                 self._batch = [self._point]
             elif self._stage == "jacobian":
                 assert self._residual is not None
-                self._differences = Differences(self._point, self._residual, self._wanted_columns())
+                self._differences = Differences(
+                    self._point, self._residual, self._jacobian, self._box, self.settings, self._free
+                )
                 self._batch = self._differences.points
         return [point.copy() for point in self._batch]
 
@@ -284,26 +221,6 @@ class LeastSquares:
 
     # --- derivatives ----------------------------------------------------------------------------------------
 
-    def _wanted_columns(self) -> list[Column]:
-        assert self._residual is not None
-        count = len(self._point)
-        lengths = np.full(count, self.settings.difference) if self._box.difference is None else self._box.difference
-        if self._box.share is not None:
-            lengths = np.maximum(lengths, self._box.share * np.abs(self._point))
-        visible = self.settings.visible * float(np.sqrt(len(self._residual)))
-        return [
-            Column(
-                int(place),
-                float(self._point[place]),
-                float(self._box.lower[place]),
-                float(self._box.upper[place]),
-                float(lengths[place]),
-                0.0 if self._jacobian is None else float(np.linalg.norm(self._jacobian[:, place])),
-                visible,
-            )
-            for place in np.flatnonzero(self._free)
-        ]
-
     def _take_differences(self, residuals: list[FloatArray | None]) -> None:
         assert self._differences is not None
         self._differences.take(residuals)
@@ -313,10 +230,8 @@ class LeastSquares:
             self._fresh, self._poor_steps = True, 0
             # It was the Jacobian that disappointed, perhaps not the length of the steps.
             self._damping = self._known_damping
-            if (
-                self._predicted_gain(self._linear_step(self._damping)) <= self._worth
-                and self._idle_rounds < _IDLE_ROUNDS
-            ):
+            too_short = self._predicted_gain(self._linear_step(self._damping)) <= self._worth
+            if too_short and self._idle_rounds < _IDLE_ROUNDS:
                 self._damping = self.settings.damping
             self._round_cost = self.cost
             self._stage = "step"
@@ -363,7 +278,7 @@ class LeastSquares:
         return max(self.settings.noise**2, self.settings.tolerance * self.cost)
 
     def _why_nothing_is_left(self) -> Ending:
-        # A short step promises little by being short: what counts is what one of the first length would gain.
+        # A short step promises little by being short: what counts is what a full one would gain.
         gain = self._predicted_gain(self._linear_step(_LEAST))
         return "noise" if gain <= self.settings.noise**2 else "misfit" if gain <= self._worth else "no progress"
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..least_squares import Box, LeastSquares, Settings, solve
+from ..fit_settings import Box, Settings
+from ..least_squares import LeastSquares, solve
 from ..parameters import ParameterSpace
 from ..trajectory import FloatArray
 

@@ -17,7 +17,8 @@ import numpy as np
 
 from ...core.ageing.cycle_table import CycleTable
 from ...core.files import write_csv
-from ...core.least_squares import LeastSquares, Settings, solve
+from ...core.fit_settings import Settings
+from ...core.least_squares import LeastSquares, solve
 from ...core.parameters import Candidate, Parameter, ParameterSpace
 from ...core.target import Value
 from ...core.task import CellModel, Experiment

@@ -8,7 +8,8 @@ from typing import Literal
 import numpy as np
 from pydantic import BaseModel, Field
 
-from ...core.least_squares import LeastSquares, Settings
+from ...core.fit_settings import Settings
+from ...core.least_squares import LeastSquares
 from ...core.parameters import Candidate
 from ...core.residuals import noise_of_residuals, rms
 from ...core.task import Task

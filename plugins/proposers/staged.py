@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field, model_validator
 
 from ...core.errors import did_you_mean
+from ...core.fit_settings import Box, Settings
 from ...core.hooks import ProposeContext, RunContext, hookimpl
 from ...core.identifiability import effective_noise
-from ...core.least_squares import Box, LeastSquares, Settings
+from ...core.least_squares import LeastSquares
 from ...core.parameters import Candidate, ParameterSpace
 from ...core.proposal import Proposal
 from ...core.task import Task

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from bsa.core.bounded_step import bounded_step
 from bsa.core.errors import BsaError
-from bsa.core.least_squares import Box, LeastSquares, Settings, solve
+from bsa.core.fit_settings import Box, Settings
+from bsa.core.least_squares import LeastSquares, solve
 from bsa.core.parameters import Candidate, Parameter, ParameterSpace
 from hypothesis import example, given, settings
 from hypothesis import strategies as st

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ....core.least_squares import LeastSquares, Settings
+from ....core.fit_settings import Settings
+from ....core.least_squares import LeastSquares
 from ....core.parameters import Candidate, ParameterSpace
 from ....core.robust_loss import robust
 from ....core.trajectory import FloatArray
