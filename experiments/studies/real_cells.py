@@ -151,7 +151,7 @@ def _row(cell: str, errors: RecordErrors, role: str, result: RunResult) -> Recor
 
 
 def _protocol_row(cell: str, result: RunResult) -> ProtocolRow:
-    before, after = result.initial_metrics, result.best_metrics
+    before, after = result.initial_metrics, result.lowest_metrics  # the paper compares by the score
     errors = {key: float("nan") if after is None else after.value(key) for key in _PAPER_ERRORS}
     return ProtocolRow(
         cell=cell,
