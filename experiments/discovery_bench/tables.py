@@ -150,8 +150,9 @@ def case_table(graded: Sequence[Graded]) -> str:
     lines.append("| --- |" * 1 + " --- |" * 5 + " ---: |" * 4)
     for m in graded:
         error = "" if m.parameter_error is None else f"{m.parameter_error:.1%}"
+        seconds = "" if math.isnan(m.cpu_s) else f"{m.cpu_s:.0f}"
         lines.append(
             f"| {m.task} | {m.setting} | {' + '.join(m.hidden) or 'nothing'} | {m.verdict} | {' + '.join(m.named)} "
-            f"| {m.grade} | {m.closed:.3f} | {m.held_closed:.3f} | {error} | {m.cpu_s:.0f} |"
+            f"| {m.grade} | {m.closed:.3f} | {m.held_closed:.3f} | {error} | {seconds} |"
         )
     return "\n".join(lines) + "\n"
