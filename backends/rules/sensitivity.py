@@ -120,22 +120,18 @@ def _from_rules(rules: Sequence[DomainRule], parameters: tuple[str, ...], featur
 
 def _quantity(feature: str) -> tuple[str, float, float]:
     """Which quantity of the rules a feature shows, with its sign and the size of a typical effect."""
-    if "fade_mismatch" in feature:
-        return "fade", 1.0, _TYPICAL_PERCENT
-    if "resistance_mismatch" in feature:
-        return "resistance", 1.0, _TYPICAL_PERCENT
-    if "discharge_time" in feature:
-        return "discharge_time", 1.0, _TYPICAL_TIME_S
-    if "charge_time" in feature:
-        return "charge_time", 1.0, _TYPICAL_TIME_S
-    if "hold_time" in feature:
-        return "hold_time", 1.0, _TYPICAL_TIME_S
-    if "current_shift" in feature:
-        return "hold_time", 1.0, _TYPICAL_PERCENT
-    if "rest" in feature:
-        return "rest_voltage", 1.0, _TYPICAL_SHIFT_MV
-    if "discharge" in feature:
-        return "polarisation", -1.0, _TYPICAL_SHIFT_MV
-    if "shift_mv" in feature:
-        return "polarisation", 1.0, _TYPICAL_SHIFT_MV
-    return "", 1.0, 0.0
+    return next((told for part, told in _QUANTITIES.items() if part in feature), ("", 1.0, 0.0))
+
+
+_QUANTITIES = {
+    "fade_mismatch": ("fade", 1.0, _TYPICAL_PERCENT),
+    "resistance_mismatch": ("resistance", 1.0, _TYPICAL_PERCENT),
+    "discharge_time": ("discharge_time", 1.0, _TYPICAL_TIME_S),
+    "charge_time": ("charge_time", 1.0, _TYPICAL_TIME_S),
+    "hold_time": ("hold_time", 1.0, _TYPICAL_TIME_S),
+    "current_shift": ("hold_time", 1.0, _TYPICAL_PERCENT),
+    "rest": ("rest_voltage", 1.0, _TYPICAL_SHIFT_MV),
+    "discharge": ("polarisation", -1.0, _TYPICAL_SHIFT_MV),
+    "shift_mv": ("polarisation", 1.0, _TYPICAL_SHIFT_MV),
+}
+"""By a part of the feature's name; the first that it contains counts."""

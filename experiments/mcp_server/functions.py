@@ -130,7 +130,8 @@ def calibrate(options: Mapping[str, Any]) -> Json:
 
 def discover(options: Mapping[str, Any]) -> Json:
     """A discovery; see `bsa.discover`."""
-    return _discovered(discovery.discover(**options, progress=False))
+    found = discovery.discover(**options, progress=False)
+    return _told(found, verdict=found.verdict, effects=list(found.effects))
 
 
 def report(folder: Path) -> Json:
@@ -156,21 +157,13 @@ def _task(data: str | list[Path], options: Mapping[str, Any], cell: Mapping[str,
 
 
 def _calibrated(found: CalibrationResult) -> Json:
-    return {
-        "status": found.status,
-        "errors": found.errors,
-        "parameters": found.parameters,
-        "intervals_95": found.intervals,
-        "notes": list(found.notes),
-        "folder": str(found.folder),
-        "report": str(found.report),
-    }
+    return _told(found, status=found.status)
 
 
-def _discovered(found: DiscoveryResult) -> Json:
+def _told(found: CalibrationResult | DiscoveryResult, **head: Any) -> Json:
+    """What a calibration or a discovery found, behind what only one of them has."""
     return {
-        "verdict": found.verdict,
-        "effects": list(found.effects),
+        **head,
         "errors": found.errors,
         "parameters": found.parameters,
         "intervals_95": found.intervals,

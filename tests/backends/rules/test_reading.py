@@ -97,6 +97,7 @@ def answer(messages: list[Message]) -> None:
 @given(st.sampled_from([(heading, path) for heading in SECTIONS for path in places(SECTIONS[heading])]), ANY_JSON)
 @example((NUMERICS, ("status",)), "done")
 @example((SENSITIVITIES, ("effects", "rows")), [[A, 1, 0.0, 1e300]])
+@example((FEEDBACK, ("features", "rows")), True)
 def test_any_part_of_any_section_may_be_anything(place: tuple[str, tuple[Any, ...]], value: Any) -> None:
     heading, path = place
     answer(conversation(list((SECTIONS | {heading: replaced(SECTIONS[heading], path, value)}).items())))
