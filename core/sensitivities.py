@@ -106,7 +106,7 @@ class Sensitivities:
             if any(feature in effects for feature in features)
         ]
         return {
-            "meaning": "change of a feature when a parameter rises by its step; null or absent: not measured",
+            "meaning": "change when a parameter rises by its step; null or absent: not measured",
             "unit": self.unit,
             "learnt_from": self.learnt_from,
             "effects_on": AS_SHOWN if features and features == list(shown) else features,

@@ -319,6 +319,45 @@ def real_cells_command(
         write_csv(out / f"{study}.csv", [asdict(row) for row in rows])
 
 
+@bench_app.command("models")
+@with_options(Cases, suite="generated")
+@with_options(shared.LanguageModel, backend="rules")
+@with_options(Execution, workers=1)
+def models_command(
+    cases: Cases,
+    *,
+    scaffold: Annotated[str, shared.search_option(metavar="NAME", help="Scaffold of the calibrations.")] = "full",
+    simulations: Annotated[int, shared.search_option(min=1, metavar="N", help="Simulations a run at most.")] = 20,
+    reports: Annotated[
+        Path | None,
+        shared.records_option(metavar="FILE", help="Discrepancy reports to be ranked: reports.json of blind cases."),
+    ] = None,
+    seed: shared.Seed = 1234,
+    execution: Execution,
+    model: shared.LanguageModel,
+    out: Out = None,
+) -> None:
+    """A card of a language model: twelve calibrations, and discrepancy reports ranked with names and without."""
+    from dataclasses import replace
+
+    from ..campaign.running import plan_campaign
+    from ..discovery_bench.reports import read_reports
+    from ..studies.models import CASES, card, models_grid, plan_rankings, write_card
+
+    backend = _choice(model)
+    chosen = replace(cases, cases=cases.cases or ",".join(CASES)).filter(seed)
+    ranked = read_reports(reports) if reports is not None else []
+    execution.check()
+    grid = models_grid(chosen, backend, scaffold, simulations, seed)
+    plan = plan_campaign(grid, execution.store, out, say=say, make=not execution.dry_run)
+    rows = execution.run(plan)
+    rankings = (
+        execution.run(plan_rankings(ranked, backend, seed, execution.store, plan.folder / "rankings")) if ranked else []
+    )
+    print(write_card(card(backend.use, scaffold, rows, rankings, ranked, plan.store), plan.folder))
+    finish([*rows, *rankings])
+
+
 @bench_app.command("docs")
 def docs_command(
     root: Annotated[

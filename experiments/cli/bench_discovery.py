@@ -92,8 +92,9 @@ def score_command(folder: Folder, results: Results = "discovery") -> None:
 @with_options(Executors, workers=2)
 @with_options(shared.LanguageModel)
 def shortlist_command(folder: Folder, only: Only = None, *, execution: Executors, model: shared.LanguageModel) -> None:
-    """Rank the effects of each case, by score and by the backend; fit none of them."""
+    """Rank the effects of each case, by score and by the backend; fit none of them. Keeps what was ranked, too."""
     from ...core.files import write_csv
+    from ..discovery_bench.reports import write_reports
     from ..discovery_bench.shortlists import SHORTLISTS, shortlist_places, shortlist_table
 
     asked = {"backend": model.backend, "backend_options": model.options}
@@ -101,4 +102,5 @@ def shortlist_command(folder: Folder, only: Only = None, *, execution: Executors
     places = shortlist_places(folder)
     print(shortlist_table(places))
     write_csv(folder / "shortlists.csv", places)
+    write_reports(folder, folder / "reports.json")
     finish(rows)

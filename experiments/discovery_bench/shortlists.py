@@ -38,7 +38,8 @@ def shortlist(options: DiscoverOptions) -> dict[str, Any]:
     -------
     dict
         ``statistics``: keys of effects, the best first, none where the base model leaves noise only; ``named`` and
-        ``nameless``: the backend's, where there is one and something to rank.
+        ``nameless``: the backend's, where there is one and something to rank; ``possible`` and ``discrepancy``: the
+        effects that the records can show, and what is to be explained, in words.
     """
     setup = set_up(read_case(options), options)
     known = setup.engine(options.settings).shortlist()
@@ -46,10 +47,12 @@ def shortlist(options: DiscoverOptions) -> dict[str, Any]:
     found: dict[str, Any] = {
         "effects": len(possible),
         "statistics": [n.effect.key for n in possible if n.gain > 0],
+        "possible": [n.effect.key for n in possible],
+        "discrepancy": (setup.discrepancy(known.refitted) or []) if possible else [],
     }
+    words = found["discrepancy"]
     # Where nothing is to be ranked no model is loaded.
     with backend_or_none(options) if possible else nullcontext() as backend:
-        words = None if backend is None else setup.discrepancy(known.refitted)
         for how, hidden in (("named", False), ("nameless", True)):
             if backend is not None and words:
                 ranking = ask(backend, words, [n.effect for n in possible], options.seed, hidden)
@@ -68,7 +71,7 @@ def shortlist_places(folder: Path, name: str = SHORTLISTS) -> list[dict[str, Any
     """
     told = [(task, found, set(answer["names"])) for task, found, answer in read_results(folder, name)]
     return [
-        {"task": task, "ranked_by": words, "place": _place(found[how], hidden)}
+        {"task": task, "ranked_by": words, "place": place_of(found[how], hidden)}
         for how, words in _WORDS.items()
         for task, found, hidden in told
         if found.get("effects") and how in found and len(hidden) == 1
@@ -86,7 +89,7 @@ def shortlist_table(places: Sequence[Mapping[str, Any]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _place(keys: Sequence[str], hidden: set[str]) -> float:
+def place_of(keys: Sequence[str], hidden: set[str]) -> float:
     """Place of the hidden effect among distinct names, variants of an effect being one; infinite if it is not there."""
     names = list(dict.fromkeys(key.split(" (")[0] for key in keys))
     return min((names.index(name) + 1.0 for name in hidden if name in names), default=float("inf"))

@@ -17,8 +17,8 @@ Choose one action. Changes apply to the present values and are simulated as you 
 _ACTIONS: dict[Kind, str] = {
     "set": 'simulate the changes in "updated_params".',
     "simulate": f'simulate up to {MOST_AT_ONCE} sets of changes at once, listed in "candidates".',
-    "jacobian": 'measure effects again: each parameter in "params" (all if left out) is moved alone by half a step, '
-    "one simulation each.",
+    "jacobian": 'measure effects here: each parameter in "params" (default: all) moves alone by half a step, '
+    "a simulation each.",
     "predict": 'free: what the measured effects promise of "updated_params"; without it, the changes they suggest.',
     "look": 'free: the present curves of the step in "step", measured and simulated.',
     "refine": 'let the fit go on for "simulations" steps; with "params" only those parameters move for a while.',

@@ -191,7 +191,7 @@ class Situation:
             + ([*bounds.get(parameter.name, (None, None))] if bounds else [])
             for parameter in self.task.space
         ]
-        return table([*_PARAMETER, *(_BOUNDS if bounds else ())], rounded(rows, digits=5))
+        return table([*_PARAMETER, *(_BOUNDS if bounds else ())], rounded(rows))
 
     def room(self) -> tuple[np.ndarray, np.ndarray]:
         """How many typical steps each parameter may fall and rise, shapes (p,)."""

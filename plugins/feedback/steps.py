@@ -44,10 +44,10 @@ def by_step(task: Task, outcome: Outcome) -> dict[str, Any]:
     steps: list[list[Any]] = []
     along: list[list[Any]] = []
     for name, step, offset in told:
-        shares = {key: float(f"{100.0 * value / total:.2g}") for key, value in step.squares.items()}
+        shares = {key: round(float(f"{100.0 * value / total:.2g}"), 2) for key, value in step.squares.items()}
         duration = shares.pop(DURATION, None)
         measured_s, simulated_s = step.pair.duration_s
-        off = 100.0 * (simulated_s - measured_s) / measured_s if measured_s else None
+        off = round(100.0 * (simulated_s - measured_s) / measured_s, 3) if measured_s else None
         steps.append([name, measured_s, sum(shares.values()), *[simulated_s, off, offset, duration] * protocol])
         for signal in task.compared(step.pair.step.kind, step.experiment):
             rests = step.pair.step.kind is StepKind.REST

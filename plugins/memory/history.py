@@ -20,7 +20,7 @@ _STEP_DECIMALS = 2
 class HistoryOptions(BaseModel, extra="forbid"):
     """What the per-round memory shows."""
 
-    rounds: int = Field(7, ge=1, description="Trials shown at most: the closest ones and the latest ones.")
+    rounds: int = Field(6, ge=1, description="Trials shown at most: the closest ones and the latest ones.")
     with_features: int = Field(1, ge=0, description="So many of the latest of them are shown with all their features.")
 
 
@@ -46,7 +46,7 @@ class HistoryMemory:
         # A simulation of another task has no place in a table of fits.
         if trial.reduction is None:
             self._trials.append(trial)
-            self._notes.append((_author(trial, proposal, self._place), _note(trial, proposal)))
+            self._notes.append((_author(trial, proposal, self._place), self._note(trial, proposal)))
 
     @hookimpl
     def recall(self, budget: int) -> Recollection | None:
@@ -74,7 +74,10 @@ class HistoryMemory:
         content: dict[str, Any] = {
             "meaning": f"steps_from_present: of each parameter, in the order of the task, above trial {now.index}",
             "trials": rounded(
-                table(["trial", "asked_by", *["misfit_tolerances"] * told, *errors, "steps_from_present", "note"], rows)
+                table(
+                    ["trial", "asked_by", *["misfit_tolerances"] * told, *errors, "steps_from_present", "note"], rows
+                ),
+                SHOWN_DIGITS,
             ),
         }
         latest = [self._trials[place] for place in places if self._trials[place].ok and self._trials[place] is not now]
@@ -86,6 +89,12 @@ class HistoryMemory:
                 for trial in latest[-self._options.with_features :]
             }
         return content
+
+    def _note(self, trial: Trial, proposal: Proposal | None) -> str:
+        """Why a trial failed, or what the first one of a proposal was to show."""
+        if not trial.ok:
+            return "; ".join(map(str, trial.feedback.content.get("events", ())))[:_NOTE_CHARS]
+        return proposal.hypothesis[:_NOTE_CHARS] if proposal is not None and self._place == 0 else ""
 
     def _shown(self, count: int) -> list[int]:
         """The places of the closest half and the latest half, in order of time."""
@@ -102,9 +111,3 @@ def _author(trial: Trial, proposal: Proposal | None, place: int) -> str:
     if isinstance(authors, (list, tuple)) and place < len(authors):
         return str(authors[place])
     return trial.phase
-
-
-def _note(trial: Trial, proposal: Proposal | None) -> str:
-    if not trial.ok:
-        return "; ".join(map(str, trial.feedback.content.get("events", ())))[:_NOTE_CHARS]
-    return proposal.hypothesis[:_NOTE_CHARS] if proposal is not None else ""

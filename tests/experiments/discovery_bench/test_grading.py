@@ -207,7 +207,7 @@ def test_a_backend_ranks_the_effects_of_a_case_with_names_and_without(monkeypatc
     assert found["statistics"] == [R, H]
     # The rules backend reads signatures: a name says nothing to it.
     assert found["named"][0] == found["nameless"][0] == H
-    assert shortlist(options()).keys() == {"effects", "statistics", "summary"}
+    assert shortlist(options()).keys() == {"effects", "statistics", "possible", "discrepancy", "summary"}
 
 
 def write(folder, answers, rows, name="discovery"):

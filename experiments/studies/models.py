@@ -1,0 +1,208 @@
+"""``bsa bench models``: what a language model is worth, as one card that all models are measured by."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.files import write_csv, write_text
+from ...core.journal import read_events
+from ..campaign.grid_file import BackendChoice, GridFile, Included, SuiteFilter
+from ..campaign.results import check_grid_folder
+from ..campaign.running import Plan
+from ..campaign.store import Store
+from ..campaign.summary import Row, short
+from ..campaign.text_tables import markdown_table
+from ..discovery_bench.reports import HOW, RankingCell, Report, places
+from .grids import budget, study_grid, trace_of, with_results
+
+CASES = (
+    *("regular-10", "regular-57", "regular-94", "extreme-106"),  # Chen2020
+    *("regular-225", "regular-265", "extreme-447"),  # Ecker2015
+    *("regular-342", "regular-376", "extreme-641"),  # Prada2013
+    *("regular-448", "extreme-821"),  # Marquis2019
+)
+"""Tasks of the generated suite, chosen by their place in it: four base cells whose simulations are quick."""
+
+SIMULATIONS = 20
+
+_AMONG = (1, 3, 5)
+"""Places that are counted; a ranking names five effects at most."""
+
+
+@dataclass(frozen=True)
+class Card:
+    """What one backend did.
+
+    Attributes
+    ----------
+    backend : str
+        Its name.
+    tasks : int
+        Tasks that were calibrated to the end.
+    error_pct, rules_pct, hybrid_pct : float
+        Geometric mean of the total MAPE in percent, by the scaffold with this backend, with ``rules``, and by the
+        hybrid with ``rules``, over the same tasks.
+    improved : int
+        Tasks in which the search ended below the best of start and warm-up.
+    calls : int
+        Calls of the model, in calibrations and rankings.
+    valid_pct : float
+        Share of its replies that could be used, in percent.
+    tokens_a_call, seconds_a_call, cost_usd : float
+        Prompt and reply together; waiting for the model; of everything.
+    reports : int
+        Reports that were ranked.
+    named_1, named_3, named_5, nameless_1, nameless_3, nameless_5 : int
+        In how many the hidden effect is first, among three, among five, with names and without.
+    """
+
+    backend: str
+    tasks: int
+    error_pct: float
+    rules_pct: float
+    hybrid_pct: float
+    improved: int
+    calls: int
+    valid_pct: float
+    tokens_a_call: float
+    seconds_a_call: float
+    cost_usd: float
+    reports: int
+    named_1: int
+    named_3: int
+    named_5: int
+    nameless_1: int
+    nameless_3: int
+    nameless_5: int
+
+
+def models_grid(
+    cases: SuiteFilter, backend: BackendChoice, scaffold: str = "full", simulations: int = SIMULATIONS, seed: int = 1234
+) -> GridFile:
+    """Every case by the scaffold with the backend, and by what it is held against."""
+    against = [Included(scaffolds=["hybrid"], backends=[BackendChoice(use="rules")])]
+    if backend.use != "rules":
+        against.append(Included(scaffolds=[scaffold], backends=[BackendChoice(use="rules")]))
+    limits = budget(simulations)
+    against = [one.model_copy(update=limits) for one in against]
+    name = "models-" + re.sub(r"[^A-Za-z0-9]+", "-", backend.use)[:50]
+    return study_grid(name, cases, [scaffold], backend, simulations, seed, include=against)
+
+
+def plan_rankings(
+    reports: Sequence[Report], backend: BackendChoice, seed: int, store: Path, folder: Path
+) -> Plan[RankingCell]:
+    """The rankings as a campaign beside that of the calibrations."""
+    check_grid_folder(folder)
+    cells = [RankingCell(report, backend, seed) for report in reports]
+    return Plan({"name": "rankings"}, cells, Store(store), folder)
+
+
+def card(
+    backend: str, scaffold: str, rows: Sequence[Row], rankings: Sequence[Row], reports: Sequence[Report], store: Store
+) -> Card:
+    """The card of a backend.
+
+    Parameters
+    ----------
+    backend, scaffold : str
+        Whose it is, and the scaffold of its calibrations.
+    rows, rankings : sequence of dict
+        Of `models_grid` and `plan_rankings`.
+    reports : sequence of Report
+        Those that were ranked.
+    store : Store
+        Where the cells lie.
+    """
+    done = with_results(rows)
+    own = _by_task(done, scaffold=scaffold, backend=backend)
+    rules = _by_task(done, scaffold=scaffold, backend="rules")
+    hybrid = _by_task(done, scaffold="hybrid", backend="rules")
+    common = [task for task in own if task in rules and task in hybrid]
+    warm = {task: trace_of(own[task], store).best_before_search() for task in common}
+    told = {row["task"]: store.result(row["identity"]) or {} for row in rankings if row["state"] == "done"}
+    spent = [*(own[task] for task in common), *(row for row in rankings if row["state"] == "done")]
+    calls = sum(int(row["llm_calls"] or 0) for row in spent)
+    unusable = sum(_unusable(store.cell(own[task]["identity"])) for task in common)
+    unusable += sum(len(HOW) - int(result["replies"]) for result in told.values())
+    ranked = [places(report, told[report.name]) for report in reports if report.name in told]
+    error, with_rules, with_hybrid = (_geometric([found[t]["mape"] for t in common]) for found in (own, rules, hybrid))
+    return Card(
+        backend=backend,
+        tasks=len(common),
+        error_pct=error,
+        rules_pct=with_rules,
+        hybrid_pct=with_hybrid,
+        improved=sum(_below(own[task]["objective"], warm[task]) for task in common),
+        calls=calls,
+        valid_pct=100.0 * (1.0 - unusable / calls) if calls else math.nan,
+        tokens_a_call=_sum(spent, "tokens") / calls if calls else math.nan,
+        seconds_a_call=_sum(spent, "backend_s") / calls if calls else math.nan,
+        cost_usd=_sum(spent, "cost_usd"),
+        reports=len(ranked),
+        **{f"{how}_{k}": sum(found[how] <= k for found in ranked) for how in HOW for k in _AMONG},
+    )
+
+
+def _by_task(rows: Sequence[Row], **wanted: str) -> dict[str, Row]:
+    return {row["task"]: row for row in rows if all(row[name] == value for name, value in wanted.items())}
+
+
+def _geometric(values: Sequence[float]) -> float:
+    return float(np.exp(np.mean(np.log(np.maximum(values, 1e-12))))) if values else math.nan
+
+
+def _sum(rows: Sequence[Row], name: str) -> float:
+    return float(sum(row[name] or 0.0 for row in rows))
+
+
+def _below(value: float | None, reference: float | None) -> bool:
+    return value is not None and (reference is None or value < reference)
+
+
+def _unusable(folder: Path) -> int:
+    """Replies of a calibration that did not pass the check."""
+    proposals = [event for event in read_events(folder) if event["event"] == "proposal"]
+    problems = [problem for event in proposals for problem in event["details"].get("problems", ())]
+    return sum(not str(problem).startswith("no reply") for problem in problems)
+
+
+def write_card(found: Card, out: Path) -> str:
+    """``card.md`` and ``card.csv``; returns the first."""
+    text = cards_table([asdict(found)]) + "\n"
+    write_text(out / "card.md", text)
+    write_csv(out / "card.csv", [asdict(found)])
+    return text
+
+
+def cards_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """A column a backend."""
+    lines = [
+        ["tasks", *(str(row["tasks"]) for row in rows)],
+        ["error / %", *(short(row["error_pct"]) for row in rows)],
+        ["`rules` on the same tasks / %", *(short(row["rules_pct"]) for row in rows)],
+        ["hybrid with `rules` / %", *(short(row["hybrid_pct"]) for row in rows)],
+        ["better than its warm-up", *(f"{row['improved']} of {row['tasks']}" for row in rows)],
+        ["calls", *(str(row["calls"]) for row in rows)],
+        ["valid replies", *(f"{row['valid_pct']:.0f} %" for row in rows)],
+        ["tokens a call", *(f"{row['tokens_a_call']:.0f}" for row in rows)],
+        ["seconds a call", *(short(row["seconds_a_call"]) for row in rows)],
+        ["cost / $", *(short(row["cost_usd"]) for row in rows)],
+        ["reports ranked", *(str(row["reports"]) for row in rows)],
+        *(
+            [f"hidden effect first, among 3, among 5: {words}", *(_places(row, how) for row in rows)]
+            for how, words in (("named", "with names"), ("nameless", "names without meaning"))
+        ),
+    ]
+    return markdown_table(["", *(str(row["backend"]) for row in rows)], lines)
+
+
+def _places(row: Mapping[str, Any], how: str) -> str:
+    return ", ".join(str(row[f"{how}_{k}"]) for k in _AMONG) if row["reports"] else "–"
