@@ -50,20 +50,12 @@ class PastTrial:
         Its features or residuals, where they are told.
     asked_by : str
         Who asked for it.
-    misfit : float or None
-        What decides which trial is the present one; None where it is not told.
     """
 
     index: int
     steps: tuple[float, ...]
     numbers: Mapping[str, float]
     asked_by: str = ""
-    misfit: float | None = None
-
-    @property
-    def is_attempt(self) -> bool:
-        """Whether it was meant to come closer, and not only to learn."""
-        return self.asked_by in ("", "search", "agent")
 
 
 @dataclass(frozen=True)
@@ -200,7 +192,6 @@ def _trial(row: Mapping[str, Any], features: Mapping[str, float]) -> PastTrial:
         tuple(step for step in steps if step is not None and abs(step) < _MOST_STEPS),
         features or finite_numbers(row),
         str(row.get("asked_by", "")),
-        finite_number(row.get("misfit_tolerances")),
     )
 
 

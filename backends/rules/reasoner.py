@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -18,9 +16,6 @@ _LONGEST = 5.0
 """Typical steps, all parameters together, that one round may move."""
 _SHRINK = 0.4
 """Share of a change that was no better which the next one may have in length."""
-_GROWTH = 2.0
-"""How much longer than the latest change that was better the next one may be, if none failed just before it: the
-factors of a trust region (Nocedal & Wright, Numerical Optimization, algorithm 4.1)."""
 _LEAST = 0.02
 """Typical steps below which a change is lost in the rounding of the prompt."""
 _MOST_UNMEASURED = 0.6
@@ -48,29 +43,9 @@ def unmeasured(prompt: Prompt) -> list[str]:
 
 def failed_in_a_row(prompt: Prompt) -> list[float]:
     """Lengths of the changes tried from the present values that were no better, in typical steps."""
-    lengths = [_length(trial.steps) for trial in prompt.trials if trial.is_attempt and trial.index > prompt.present]
-    return lengths or ([_length(prompt.attempt)] if prompt.attempt else [])
-
-
-def _trusted(prompt: Prompt) -> float:
-    """Typical steps that the next change may be long."""
-    radius = min([_LONGEST, *(_SHRINK * length for length in failed_in_a_row(prompt)), _last_success(prompt)])
-    return max(radius, _LEAST)
-
-
-def _last_success(prompt: Prompt) -> float:
-    """How far to go after the change that led to the present trial; infinite where it is not known."""
-    now = next((trial for trial in prompt.trials if trial.index == prompt.present and trial.is_attempt), None)
-    before = [trial for trial in prompt.trials if trial.index < prompt.present and trial.misfit is not None]
-    if now is None or not before:
-        return math.inf
-    parent = min(before, key=lambda trial: trial.misfit or 0.0)
-    failed = any(trial.is_attempt and trial.index > parent.index for trial in before)
-    return _length(parent.steps) * (1.0 if failed else _GROWTH)
-
-
-def _length(steps: Sequence[float]) -> float:
-    return float(np.linalg.norm(steps))
+    tried = {trial.index: trial.steps for trial in prompt.trials if trial.asked_by in ("", "search", "agent")}
+    lengths = [float(np.linalg.norm(steps)) for index, steps in tried.items() if index > prompt.present]
+    return lengths or ([float(np.linalg.norm(prompt.attempt))] if prompt.attempt else [])
 
 
 def _step(prompt: Prompt, sensitivity: Sensitivity) -> Matrix:
@@ -84,9 +59,8 @@ def _step(prompt: Prompt, sensitivity: Sensitivity) -> Matrix:
                 for value in (prompt.bounds[name][0], prompt.parameters[name], prompt.bounds[name][1])
             )
             lower[place], upper[place] = low - now, high - now
-    return linear_change(
-        sensitivity.slopes, sensitivity.mismatch, sensitivity.tolerance, lower, upper, _trusted(prompt)
-    )
+    radius = max(min([_LONGEST, *(_SHRINK * length for length in failed_in_a_row(prompt))]), _LEAST)
+    return linear_change(sensitivity.slopes, sensitivity.mismatch, sensitivity.tolerance, lower, upper, radius)
 
 
 def _answer(prompt: Prompt, sensitivity: Sensitivity, change: Matrix) -> dict[str, Any]:

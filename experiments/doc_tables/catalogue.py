@@ -20,6 +20,7 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "no-harm": studies.no_harm,
     "ablation": studies.ablation,
     "agent-alone": studies.agent_alone,
+    "by-hand": studies.by_hand,
     "evaluation": studies.evaluation,
     "runtime": studies.runtime,
     "recovery": studies.recovery,

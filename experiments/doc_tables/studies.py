@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -225,16 +226,43 @@ def agent_alone(results: Results) -> str:
     errors = {v: {r["task"]: r["mape"] for r in rows if r["version"] == v} for v in ("before", "after")}
     start = {row["task"]: row["initial_mape"] for row in rows}
     lines = [[case, *(short(values[case]) for values in (start, *errors.values()))] for case in start]
-    means = {v: float(np.exp(np.mean(np.log(list(found.values()))))) for v, found in errors.items()}
-    lines.append(["geometric mean", "", *(short(mean) for mean in means.values())])
+    for cell, own in grouped(rows, "chemistry").items():
+        cases = {row["task"] for row in own}
+        means = [_geometric(values[case] for case in cases) for values in errors.values()]
+        lines.append([f"geometric mean, {len(cases)} of {cell}", "", *map(short, means)])
+    before, after = (_geometric(values.values()) for values in errors.values())
+    lines.append([f"geometric mean, all {len(start)}", "", short(before), short(after)])
     tokens = {
-        v: [row["prompt_tokens"] for row in results.rows("prompt_tokens") if row["version"] == v]
-        for v in ("before", "after")
+        version: [row["prompt_tokens"] for row in own]
+        for version, own in grouped(results.rows("prompt_tokens"), "version").items()
     }
     words = (
-        f"Ratio of the geometric means: {short(means['after'] / means['before'])}. "
+        f"Ratio of the geometric means: {short(after / before)}. "
         f"Tokens of a prompt on regular-37, mean (largest): "
         f"{', '.join(f'{v} {np.mean(found):.0f} ({max(found):.0f})' for v, found in tokens.items())}."
     )
     heads = ["error in % after 20 simulations", "start", "before", "after"]
     return results.framed("agent_alone prompt_tokens", markdown_table(heads, lines), words)
+
+
+def _geometric(values: Iterable[float]) -> float:
+    return float(np.exp(np.mean(np.log(list(values)))))
+
+
+def by_hand(results: Results) -> str:
+    """Runs whose prompts were answered by hand, beside the hybrid after 20 simulations."""
+    early = {row["task"]: row["early_objective"] for row in results.rows("published")}
+    lines = [
+        [
+            row["task"],
+            *(short(row[name]) for name in ("initial_mape", "mape")),
+            f"{row['simulations']:.0f}",
+            short(early[row["task"]]),
+            f"{row['calls']:.0f}",
+            f"{row['prompt_tokens'] / row['calls']:.0f}",
+            f"{row['reply_tokens'] / row['calls']:.0f}",
+        ]
+        for row in results.rows("by_hand")
+    ]
+    heads = ["error in %", "start", "by hand", "simulations", "hybrid with `rules` after 20", "calls"]
+    return results.framed("by_hand", markdown_table([*heads, "tokens a prompt", "tokens a reply"], lines))

@@ -125,14 +125,3 @@ def test_after_a_change_that_was_no_better_the_next_is_shorter() -> None:
     failed = section(LAST_ATTEMPT, {"trial": 3, "changed_by_steps": {CAPACITY: 2.0}})
     answer = ask(feedback(cc_discharge_time_mismatch_s=-600.0), learnt, failed)
     assert apply_change(1.0, answer["updated_params"][CAPACITY]) == pytest.approx(1.1**0.8, rel=1e-3)
-
-
-@pytest.mark.parametrize(("failed_before", "longest"), [(False, 2.0), (True, 1.0)])
-def test_a_change_that_was_better_bounds_the_next(failed_before: bool, longest: float) -> None:
-    learnt = effects(**{CAPACITY: {"cc_discharge_time_mismatch_s": 100.0}})
-    rows = [[1, "warm-up", [-1.0, 0.0], 9.0], [3, "search", [0.0, 0.0], 6.0]]
-    rows += [[2, "search", [4.0, 0.0], 12.0]] * failed_before
-    history = table(["trial", "asked_by", "steps_from_present", "misfit_tolerances"], rows)
-    now = section(FEEDBACK, {"trial": 3, **Feedback({"features": {"cc_discharge_time_mismatch_s": -600.0}}).told()})
-    answer = ask(now, learnt, section(TRIALS, {"trials": history}))
-    assert apply_change(1.0, answer["updated_params"][CAPACITY]) == pytest.approx(1.1**longest, rel=1e-3)
