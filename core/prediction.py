@@ -31,6 +31,9 @@ _NORMAL_95 = 1.96
 _SAMPLES_PER_STEP = 300
 """Samples of a step that a prediction's curve keeps, for drawing."""
 
+_WIDE = 0.1
+"""Share of a signal's measured range: no response of a cell is linear over as much."""
+
 _UNDER_LOAD = 0.05
 """Share of a record's largest current above which its first sample is no open-circuit voltage."""
 
@@ -49,11 +52,15 @@ class Band:
     inside : float
         Share of the time in which the measured signal lies in the band. The band knows the parameters' errors only,
         not the model's: well below 0.95 says that the model, not its parameters, is what is wrong.
+    wide : bool
+        Whether its half width is a tenth of the measured range or more: it is then larger than what a linear
+        propagation can say, and tells only that the fitted records leave the parameters open.
     """
 
     rms: float
     max: float
     inside: float
+    wide: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,4 +269,6 @@ def _band(simulated: Trajectory, experiment: Experiment, signal: str, scale: flo
     half = np.interp(time, simulated.time - simulated.time[0], simulated.values(band_of(signal)))
     weight = time_weights(time)
     inside = float(np.sum(weight[np.abs(difference) <= half]) / np.sum(weight))
-    return Band(scale * weighted_rms(weight, half), scale * float(half.max()), inside)
+    rms = weighted_rms(weight, half)
+    wide = rms >= _WIDE * float(np.ptp(experiment.scored_target.values(signal)))
+    return Band(scale * rms, scale * float(half.max()), inside, wide)

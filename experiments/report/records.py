@@ -13,6 +13,8 @@ from .wording import duration, number
 
 _DIGITS = 3
 
+TOO_WIDE = "the band is too wide to be linear: the fitted records leave the parameters open"
+
 FITTED, HELD_OUT = "fitted", "held out"
 
 
@@ -73,7 +75,6 @@ def _rows(task: Task, errors: RecordErrors, use: str, bands: dict[str, Band]) ->
         return [ErrorRow(errors.record, "", use, "", "", "", "", "", remark=errors.failure)]
     words = {signal.name: signal.words for signal in (*task.observed, TEMPERATURE)}
     stopped = f"the simulation stopped early: {errors.failure}" if errors.failure else ""
-    remark = "; ".join(part for part in (stopped, *errors.limits) if part)
     rows = []
     for name, error in errors.signals.items():
         steps = tuple(
@@ -83,6 +84,8 @@ def _rows(task: Task, errors: RecordErrors, use: str, bands: dict[str, Band]) ->
         )
         band = bands.get(name)
         told = ("", "") if band is None else (number(band.rms, _DIGITS), f"{number(100 * band.inside, 2)} %")
+        wide = TOO_WIDE if band is not None and band.wide else ""
+        remark = "; ".join(part for part in (stopped, *errors.limits, wide) if part)
         rows.append(ErrorRow(errors.record, "", use, *_printed(words[name], error), *told, remark, steps))
     return rows
 

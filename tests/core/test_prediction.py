@@ -13,6 +13,7 @@ from bsa.core.prediction import begins_under_load, decode_prediction, encode_pre
 from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.experiments.report.records import TOO_WIDE, error_rows
 from bsa.experiments.run import summary
 from bsa.experiments.run_record import read_run
 from bsa_toy_cell import HIDDEN, record, space, toy_task
@@ -110,6 +111,19 @@ def test_the_band_is_the_linear_propagation_of_the_covariance() -> None:
     assert found.bands["voltage"].inside == 1.0
     again = decode_prediction(encode_prediction(found))
     assert again.as_json() == found.as_json()
+
+
+def test_a_band_too_wide_to_be_linear_is_named() -> None:
+    task, target = linear_task()
+    fit, new = {"a": 0.2, "b": 0.3}, [Experiment("new", target)]
+    narrow, wide = (
+        predict(task, fit, new, Linear(target), [[variance, 0.0], [0.0, variance]])[0] for variance in (1e-6, 1e-2)
+    )
+    assert not narrow.bands["voltage"].wide
+    assert wide.bands["voltage"].wide
+    (told,), (silent,) = (error_rows(task, (), [found]) for found in (wide, narrow))
+    assert told.line.endswith(TOO_WIDE)
+    assert not silent.remark
 
 
 def test_a_record_that_begins_under_load_starts_where_its_first_sample_is_met() -> None:
