@@ -27,6 +27,10 @@ POINTS = 16
 _DRIVEN_POINTS = 40
 """Points of a signal in a step under a measured drive, where steps are few and long."""
 
+_AVERAGED = 10
+"""Points that each of a driven step's residuals averages: a cell that is empty for the last seconds of an hour, volts
+off, would fall between forty points."""
+
 _OSCILLATING_POINTS = 200
 """Points at least of a signal that swings within a step: ten for each of twenty periods."""
 
@@ -87,9 +91,9 @@ def residuals(task: Task, outcome: Outcome) -> FloatArray | None:
     Under a protocol each step of the scored cycle gives residuals of its compared signals (of a cell the
     voltage, during a voltage hold the current) at equal fractions of its own duration, and one residual for
     the logarithm of its duration. Under a measured drive the durations are given, and each step gives
-    residuals of the observed signals weighted by its share of time, so that the sum of squares is the mean
-    squared error times the number of points. Where the task's weights are robust, mismatches of more than ten
-    tolerances count by their order of magnitude (`robust`).
+    residuals of the observed signals, averages over equal parts of it, weighted by its share of time, so that the
+    sum of squares is the mean squared error times the number of residuals. Where the task's weights are robust,
+    mismatches of more than ten tolerances count by their order of magnitude (`robust`).
 
     Parameters
     ----------
@@ -209,8 +213,11 @@ def _driven(task: Task, pairs: list[StepPair], experiment: Experiment) -> list[F
         curves = []
         for signal in task.compared(pair.step.kind, experiment):
             points = _points(signal, _DRIVEN_POINTS)
-            # Midpoints: the ends of a step are where two records agree least about the clock.
-            curves.append(weight * _mismatch(task, pair, signal, experiment, (np.arange(points) + 0.5) / points))
+            # A swing would average out. Midpoints: the ends of a step are where two records agree least on the clock.
+            averaged = 1 if signal.oscillates else _AVERAGED
+            fractions = (np.arange(averaged * points) + 0.5) / (averaged * points)
+            mismatch = _mismatch(task, pair, signal, experiment, fractions)
+            curves.append(weight * mismatch.reshape(points, averaged).mean(axis=1))
         parts.append(np.concatenate(curves))
     return parts
 

@@ -173,7 +173,8 @@ class Discovery:
             rows.append(row | self._confirmed(explanation, nomination))
         for label, explanation in fitted.items():
             rows.append({"name": label, "variant": "", "score": None} | self._confirmed(explanation, None))
-        return rows
+        # What was fitted first, the best evidence leading; then what the score test alone has seen.
+        return sorted(rows, key=lambda row: math.inf if row["delta_bic"] is None else -row["delta_bic"])
 
     def _confirmed(self, explanation: Explanation | None, nomination: Nomination | None) -> Json:
         found = self.findings

@@ -38,4 +38,5 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "discovery-shortlists": discovery.shortlists,
     "measured-cells": discovery.measured_cells,
     "real-cells": real_cells.fitted_and_held_out,
+    "paper-cells": real_cells.as_in_the_paper,
 }

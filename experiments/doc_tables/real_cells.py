@@ -18,6 +18,7 @@ def fitted_and_held_out(results: Results) -> str:
             short(row["rms_mv"]),
             short(row["rms_99_mv"]),
             short(row["max_mv"]),
+            short(row["rms_k"]),
             f"{row['simulations']:.0f}",
             row["failure"] if isinstance(row["failure"], str) else "",
         ]
@@ -31,7 +32,29 @@ def fitted_and_held_out(results: Results) -> str:
         "rms / mV",
         "over 99 % of the time / mV",
         "largest / mV",
+        "temperature rms / K",
         "simulations",
         "ended early",
     ]
     return results.framed("real_cells", markdown_table(heads, lines, 3))
+
+
+def as_in_the_paper(results: Results) -> str:
+    """The paper's errors of first cycles whose steps are simulated."""
+    keys = ("start_mape", "mape", "q_mape", "i_mape", "v_mape", "v_rmse_mv")
+    lines = [
+        [row["cell"], *(short(row[key]) for key in keys), f"{row['simulations']:.0f}", f"{row['failed']:.0f}"]
+        for row in results.rows("paper_cells")
+    ]
+    heads = [
+        "cell",
+        "before / %",
+        "total MAPE / %",
+        "Q / %",
+        "I / %",
+        "V / %",
+        "voltage rms / mV",
+        "simulations",
+        "failed",
+    ]
+    return results.framed("paper_cells", markdown_table(heads, lines, 1))

@@ -82,6 +82,16 @@ def test_robust_weights_judge_by_most_of_the_time_and_flatten_far_residuals() ->
     assert flattened == pytest.approx(10.0 * np.arcsinh(10.0))
 
 
+def test_a_cell_that_is_empty_for_the_last_seconds_does_not_fall_between_the_residuals() -> None:
+    target = constant(1.0, 3.5, 3600)
+    emptied = target.changed(voltage=np.where(target.time > 3580.0, 0.5, 3.5))
+    task = Task("t", CellModel("x"), space(), (Experiment("r", target),))
+    found = residuals(task, outcome_of(emptied))
+    assert found is not None
+    assert np.abs(found[:-1]).max() == 0.0
+    assert abs(found[-1]) == pytest.approx(3000.0 * 20.0 / 90.0, rel=0.15)
+
+
 def test_a_weight_that_does_not_exist_is_refused() -> None:
     with pytest.raises(BsaError, match='"heavy"') as error:
         replace(toy_task(), weight="heavy")
