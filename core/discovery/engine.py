@@ -275,12 +275,12 @@ class Engine:
             return result
         leader = result[0]
         lost = [e for e in result[1:] if len(e.effects) == 1 and not e.settled and _may_yet_lead(e, leader)]
-        starts = [(e.effects, e.fit, e.score) for e in lost]
-        starts += [((n.effect,), n.screened, n.score) for n in near_ties if n.screened is not None]
+        starts = [(e.effects, e.fit) for e in lost]
+        starts += [((n.effect,), n.screened) for n in near_ties if n.screened is not None]
         found = self._side_by_side(
-            [partial(self._fitter.from_neighbour, effects, fit, leader, score) for effects, fit, score in starts]
+            [partial(self._fitter.from_neighbour, effects, fit, leader) for effects, fit in starts]
         )
-        for (_, fit, _), again in zip(starts, found, strict=True):
+        for (_, fit), again in zip(starts, found, strict=True):
             known = next((e for e in lost if e.fit is fit), None)
             if again is not None and (known is None or bic_difference(known, again) > 0):
                 self._fitter.tell(base, again)
@@ -343,7 +343,7 @@ class Engine:
         ahead = kept[0][1].promise + LAG if kept else 0.0
         fits = [(effects, n, fit) for place, (effects, n, fit) in enumerate(kept) if place < 2 or n.promise < ahead]
         early_fitter = early_fitter or self._fitter
-        running = [early_fitter.explain(effects, fit, n.score) for effects, n, fit in fits]
+        running = [early_fitter.explain(effects, fit) for effects, _, fit in fits]
         if early_fitter is not self._fitter:
             running = self._fitter.lengthened(early_fitter, running)
         return self._fitter.contest(base, running) if running else []

@@ -11,7 +11,6 @@ from ..robust_loss import robust
 from ..trajectory import FloatArray
 from .adequacy import Adequacy
 from .refit import Refit
-from .score import Score
 
 TEMPERATURE_DEVIATION_K = 2.0
 """How well a lumped model's temperature can be expected to agree with a sensor on the can, K."""
@@ -71,12 +70,8 @@ class Explanation:
         Root mean square error over the samples of the fitted records, V.
     held_rmse_v : float
         The same over data not fitted, V.
-    held_chi2 : float
-        Mean squared held-out error in standard deviations.
     errors, sigma : ndarray of shape (n,)
         Errors of the fitted stretches and their standard deviations, V, without any misfit.
-    score : Score or None
-        What nominated it.
     temperature_rms_k : float or None
         Error of the predicted temperature, K, where the records have one; no fit is shown it.
     temperature_without_k : dict of str to float
@@ -90,10 +85,8 @@ class Explanation:
     adequacy: Adequacy
     rmse_v: float
     held_rmse_v: float
-    held_chi2: float
     errors: FloatArray
     sigma: FloatArray
-    score: Score | None = None
     temperature_rms_k: float | None = None
     temperature_without_k: dict[str, float] = field(default_factory=dict)
     estimates: dict[str, tuple[Estimate, ...]] = field(default_factory=dict)

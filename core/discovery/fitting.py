@@ -20,7 +20,6 @@ from .first_cycles import first_cycle, longer, near_cycles
 from .problem import Problem
 from .refit import Refit, Residuals, refit, slopes_at
 from .rules import CLEAR_BIC, bic_difference
-from .score import Score
 from .side_by_side import side_by_side
 from .simulator import Prediction
 
@@ -105,16 +104,14 @@ class Fitter:
     def again(self, explanation: Explanation, budget: int) -> Explanation:
         """The same explanation, fitted on from where it is with the present misfit."""
         fit = self.onwards(explanation.effects, explanation.fit, budget)
-        return self.explain(explanation.effects, fit, explanation.score)
+        return self.explain(explanation.effects, fit)
 
-    def at(
-        self, effects: tuple[Effect, ...], space: ParameterSpace, u: FloatArray, score: Score | None = None
-    ) -> Explanation | None:
+    def at(self, effects: tuple[Effect, ...], space: ParameterSpace, u: FloatArray) -> Explanation | None:
         """What is explained at given coordinates, without a fit; None if they cannot be simulated."""
         here = self.residuals(effects)([space.at(u)])[0]
         if here is None:
             return None
-        return self.explain(effects, Refit(space, u, here, np.zeros((len(here), len(space))), False, 1), score)
+        return self.explain(effects, Refit(space, u, here, np.zeros((len(here), len(space))), False, 1))
 
     # --- the base model -------------------------------------------------------------------------------------
 
@@ -145,7 +142,7 @@ class Fitter:
         problem.misfit_v = _COARSE_V
         fit = self._fit_from_somewhere(np.zeros(len(self.space)) if self.as_new is None else self.as_new)
         for _ in range(3):
-            left = self.explain((), fit, None).misfit_v
+            left = self.explain((), fit).misfit_v
             left = left if left > _NEAR_V else 0.0
             if left > 0.7 * problem.misfit_v:
                 break
@@ -156,7 +153,7 @@ class Fitter:
         mesh_v = problem.correct_mesh((), fit.candidate)
         self._say(f"mesh and tolerances: {1e3 * mesh_v:.2f} mV, corrected")
         fit = self.onwards((), fit, budget)
-        base = self.explain((), fit, None)
+        base = self.explain((), fit)
         rng = np.random.default_rng(self.settings.seed)
         for number in range(1, starts if self.as_new is None else 1):
             if base.adequacy.adequate or (number > 1 and base.misfit_v < _NEAR_V):
@@ -166,7 +163,7 @@ class Fitter:
             other = self.fit((), self.space, start, budget // 2)
             if other is not None and other.cost < 0.98 * fit.cost:
                 fit = self.onwards((), other, budget)
-                base = self.explain((), fit, None)
+                base = self.explain((), fit)
         self._say(f"base model: {1e3 * base.rmse_v:.2f} mV" + " (not converged)" * (not base.settled))
         return base, mesh_v
 
@@ -213,7 +210,7 @@ class Fitter:
         fit = self.fit((), self.space, best.fit.u[: len(self.space)], budget)
         if fit is None:
             return base
-        again = self.explain((), fit if fit.converged else self.onwards((), fit, budget), None)
+        again = self.explain((), fit if fit.converged else self.onwards((), fit, budget))
         return again if again.adequacy.adequate or bic_difference(base, again) > 0 else base
 
     def pruned(self, explanation: Explanation) -> Explanation | None:
@@ -226,11 +223,9 @@ class Fitter:
         space = ParameterSpace(tuple(fit.space.parameters[number] for number in kept))
         start = replace(fit, space=space, u=fit.u[kept], jacobian=fit.jacobian[:, kept])
         found = self.onwards(rest, start, self.settings.refit_budget)
-        return None if found is start else self.explain(rest, found, None)
+        return None if found is start else self.explain(rest, found)
 
-    def from_neighbour(
-        self, effects: tuple[Effect, ...], known: Refit, leader: Explanation, score: Score | None
-    ) -> Explanation | None:
+    def from_neighbour(self, effects: tuple[Effect, ...], known: Refit, leader: Explanation) -> Explanation | None:
         """Effects fitted once more from the leader's base parameters; None where that leads nowhere near it.
 
         What is true of the base model is true whatever is added to it, and effects of one kind (all that cost
@@ -251,7 +246,7 @@ class Fitter:
         fit = None if np.isinf(costs[best]) else self.fit(effects, space, starts[best], budget // 3)
         if fit is None or fit.cost > leader.fit.cost + LAG:
             return None
-        return self.explain(effects, fit if fit.converged else self.onwards(effects, fit, budget), score)
+        return self.explain(effects, fit if fit.converged else self.onwards(effects, fit, budget))
 
     # --- misfit as noise ------------------------------------------------------------------------------------
 
@@ -287,7 +282,7 @@ class Fitter:
             return None
         near.problem.misfit_v = here.inflated_noise_v
         fit = near.fit((), self.space, self.as_new, 1 + len(self.space))
-        return None if fit is None else (near, near.explain((), fit, None))
+        return None if fit is None else (near, near.explain((), fit))
 
     def lengthened(self, near: Fitter, explanations: Sequence[Explanation]) -> list[Explanation]:
         """Explanations of the first cycles, fitted on over more and more of them; those that keep up, on all of them.
@@ -305,7 +300,7 @@ class Fitter:
 
     def moved(self, explanations: Sequence[Explanation]) -> list[Explanation]:
         """Explanations of part of the records on these, not fitted yet; without those that cannot be simulated."""
-        found = [self.at(e.effects, e.fit.space, e.fit.u, e.score) for e in explanations]
+        found = [self.at(e.effects, e.fit.space, e.fit.u) for e in explanations]
         return [explanation for explanation in found if explanation is not None]
 
     def contest(self, base: Explanation, explanations: Sequence[Explanation]) -> list[Explanation]:
@@ -352,7 +347,7 @@ class Fitter:
 
     # --- judgement ------------------------------------------------------------------------------------------
 
-    def explain(self, effects: tuple[Effect, ...], fit: Refit, score: Score | None) -> Explanation:
+    def explain(self, effects: tuple[Effect, ...], fit: Refit) -> Explanation:
         """A fit with its judgement: adequacy, errors on fitted and held-out data, estimates with intervals."""
         problem = self.problem
         predictions = problem.predict(effects, fit.candidate)
@@ -369,9 +364,9 @@ class Fitter:
         counts = np.concatenate([observed.count[mask] for observed, _, mask in masks])
         volts, sigma = np.concatenate(parts), np.concatenate(sigmas)
         rmse = _sample_rmse(volts, counts, self.problem.noise_v)
-        held_rmse, held_chi2 = self._held(effects, fit)
+        held_rmse = self._held(effects, fit)
         kelvin = _temperature_error(problem, predictions)
-        explanation = Explanation(effects, fit, adequacy, rmse, held_rmse, held_chi2, volts, sigma, score, kelvin)
+        explanation = Explanation(effects, fit, adequacy, rmse, held_rmse, volts, sigma, kelvin)
         explanation.estimates = estimates_of(effects, fit, explanation.dispersion(problem.misfit_v))
         if kelvin is not None:
             doubted = [effect for effect in effects if explanation.estimates[effect.key][0].holds_null]
@@ -397,14 +392,13 @@ class Fitter:
                 found[effect.key] = kelvin
         return found
 
-    def _held(self, effects: tuple[Effect, ...], fit: Refit) -> tuple[float, float]:
+    def _held(self, effects: tuple[Effect, ...], fit: Refit) -> float:
         held = self.problem.held_out(effects, fit.candidate)
         if held is None:
-            return float("inf"), float("inf")
+            return float("inf")
         errors = np.concatenate([error for _, error in held])
         counts = np.concatenate([observed.count for observed, _ in held])
-        sigma = np.concatenate([observed.sigma for observed, _ in held])
-        return _sample_rmse(errors, counts, self.problem.held_noise_v), float(np.mean((errors / sigma) ** 2))
+        return _sample_rmse(errors, counts, self.problem.held_noise_v)
 
     def tell(self, base: Explanation, explanation: Explanation) -> None:
         """Say in one line how an explanation did."""

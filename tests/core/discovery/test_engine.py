@@ -91,7 +91,7 @@ def test_an_effect_that_the_records_cannot_show_is_left_out():
 def test_a_base_fit_that_stopped_short_is_no_missing_effect(monkeypatch):
     def stopped_short(self):
         fit = self.fit((), self.space, np.array([0.2, 4.9, 4.9]), 4)
-        return self.explain((), fit, None), 0.0
+        return self.explain((), fit), 0.0
 
     monkeypatch.setattr(Fitter, "calibrate", stopped_short)
     monkeypatch.setattr(Fitter, "temper", lambda self, base: base)
@@ -103,7 +103,7 @@ def test_a_base_fit_that_stopped_short_is_no_missing_effect(monkeypatch):
 def fitted(fitter, effects, budget):
     space = ParameterSpace((*fitter.space, *(p for effect in effects for p in effect.searched)))
     fit = fitter.fit(effects, space, np.concatenate([[0.2], np.zeros(len(space) - 1)]), budget)
-    return fitter.explain(effects, fit, None)
+    return fitter.explain(effects, fit)
 
 
 def test_two_effects_that_hide_behind_each_other_are_tried_together_whatever_a_score_promises():

@@ -15,7 +15,7 @@ def explanation(name, kelvin, rmse=1.0):
     fit = Refit(ParameterSpace(effect.searched), np.zeros(1), np.full(80, rmse), np.ones((80, 1)), True, 1)
     errors = rmse * np.where(np.arange(80) % 2, 1e-3, -1e-3)
     sigma = np.full(80, 1e-3)
-    found = Explanation((effect,), fit, Adequacy(0.5, 0.5, 0.0, 1.0), 1e-3, 1e-3, 1.0, errors, sigma, None, kelvin)
+    found = Explanation((effect,), fit, Adequacy(0.5, 0.5, 0.0, 1.0), 1e-3, 1e-3, errors, sigma, kelvin)
     found.estimates = {effect.key: (Estimate("size", "", 1.0, (0.9, 1.1), 0.0, False),)}
     return found
 
