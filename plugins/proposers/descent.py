@@ -138,11 +138,6 @@ class Descent:
         return self._out_of_ideas
 
     @property
-    def exhausted(self) -> bool:
-        """Whether advice can do no harm: nothing is left to try, or nothing but guesses at a feasible start."""
-        return self.done or (self._search is None and self._feasibility is not None and self._feasibility.guesses)
-
-    @property
     def misfit(self) -> float:
         """Root mean square of the best residuals, in tolerances."""
         return rms(self.best.residual) if self.best is not None else float("inf")
