@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import casadi
@@ -74,12 +74,15 @@ class CurrentFunction:
         clean over a pulse after a long rest.
     finest_s : float or None
         Typical interval between knots where the current varies all the time (drive cycles), s.
+    varying : ndarray of shape (j,)
+        The knots there, s.
     """
 
     time: FloatArray
     current: FloatArray
     stops: FloatArray
     finest_s: float | None
+    varying: FloatArray = field(default_factory=lambda: np.empty(0))
 
 
 def steps_of_protocol(protocol: Protocol) -> list[list[Any]]:
@@ -163,6 +166,7 @@ def current_function(record: Trajectory) -> CurrentFunction:
     times: list[FloatArray] = []
     currents: list[FloatArray] = []
     stops: list[float] = []
+    varying: list[float] = []
     for piece in pieces:
         # The jump lies behind the last sample of the step before, which still shows that step's current.
         start, end = piece.begin + JUMP_S, piece.begin + piece.duration
@@ -170,6 +174,7 @@ def current_function(record: Trajectory) -> CurrentFunction:
         times.append(np.concatenate([[start], piece.begin + piece.time[inside], [end]]))
         currents.append(np.interp(times[-1] - piece.begin, piece.time, piece.current))
         stops += [start, end]
+        varying += times[-1].tolist() if piece.kind is StepKind.DRIVE else []
     drives = [float(np.median(np.diff(piece.time))) for piece in pieces if piece.kind is StepKind.DRIVE]
     time, current = np.concatenate(times), np.concatenate(currents)
     # A cycler that logs one sample at rest before it begins shows the voltage at rest there.
@@ -182,6 +187,7 @@ def current_function(record: Trajectory) -> CurrentFunction:
         current[apart],
         np.unique([first, *stops]),
         min(drives) if drives else None,
+        np.array(varying),
     )
 
 

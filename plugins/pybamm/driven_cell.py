@@ -25,6 +25,9 @@ _EMPTY_V, _FULL_V = 0.5, 6.0
 _NEVER = (1e12, 1e12)
 """A pause that never comes, s."""
 
+_T_NO_PROGRESS_S = 10.0
+"""A solve that advances less than this in 400 steps has failed, s."""
+
 _STUCK = 3
 """Times that the limit may be reached again within one pause."""
 
@@ -36,6 +39,21 @@ _OUTPUTS = ("Voltage [V]", "Volume-averaged cell temperature [K]")
 SEARCH = Resolution(standard_mesh=True)
 FINE = Resolution(rtol=1e-7, points=40, standard_mesh=True)
 """For a discovery, whose base parameters change no length of the mesh."""
+
+
+def _options_of_drive(finest_s: float) -> dict[str, Any]:
+    """Of a current that varies all the time, for an integrator that starts afresh at every knot.
+
+    Potentials follow the current at once: their error test would cut the steps at every knot to a hundredth of the
+    sampling interval, where concentrations allow a quarter of it. At a knot all potentials are solved for anyway.
+    """
+    return {
+        "dt_init": 0.25 * finest_s,
+        # Beside the drive too no step may be long, since voltages between steps are interpolated.
+        "dt_max": max(10.0, 5.0 * finest_s),
+        "suppress_algebraic_error": True,
+        "t_no_progress": min(_T_NO_PROGRESS_S, 20.0 * finest_s),
+    }
 
 
 @dataclass(frozen=True)
@@ -146,6 +164,7 @@ class DrivenCell:
         self._effects = tuple(effects)
         self._drive = current_function(record)
         self._stops = self._drive.stops
+        self._restarts = np.union1d(self._stops, self._drive.varying)
         self._cell = CompiledCell(
             cell,
             targets,
@@ -159,10 +178,13 @@ class DrivenCell:
         self.heats = self._cell.heats
         self._model = self._cell.built_model()
         # A near-singular candidate can spin for minutes and fill the memory with its steps: one that crawls has failed.
-        options: dict[str, Any] = {"max_num_steps": 30_000, "num_steps_no_progress": 400, "t_no_progress": 10.0}
+        options: dict[str, Any] = {
+            "max_num_steps": 30_000,
+            "num_steps_no_progress": 400,
+            "t_no_progress": _T_NO_PROGRESS_S,
+        }
         if self._drive.finest_s is not None:
-            # The integrator must not step over what the record resolves.
-            options["dt_max"] = max(10.0, 5.0 * self._drive.finest_s)
+            options |= _options_of_drive(self._drive.finest_s)
         self._solver = self._cell.solver(options, output_variables=list(_OUTPUTS), on_failure="ignore")
 
     def solve(
@@ -275,7 +297,7 @@ class DrivenCell:
         """
         start = float(self._stops[0] if before is None else before.t[-1])
         edges = [edge + after for edge in pause for after in (0.0, JUMP_S) if start < edge + after < self._stops[-1]]
-        stops = np.unique([start, *self._stops[self._stops > start], *edges])
+        stops = np.unique([start, *self._restarts[self._restarts > start], *edges])
         grid = np.unique(np.concatenate([times[times > start], stops]))
         # Stops and samples closer than rounding would make steps of no length.
         stops, grid = (t[np.concatenate([[True], np.diff(t) > 1e-2 * JUMP_S])] for t in (stops, grid))

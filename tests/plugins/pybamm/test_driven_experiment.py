@@ -6,6 +6,7 @@ from bsa.core.target import CellChange, targets_named
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.pybamm import drive
+from bsa.plugins.pybamm.compiled_cell import Resolution
 from bsa.plugins.pybamm.driven_experiment import DrivenExperiment
 from bsa.plugins.pybamm.parameter_sets import pybamm
 from bsa.plugins.pybamm.solving import compiled, solve_reference
@@ -126,3 +127,22 @@ def test_records_of_many_knots_need_no_knots_of_one_time() -> None:
     doubled = replace(record.steps[0], stop=720), replace(record.steps[0], start=720, stop=721), record.steps[1]
     function = drive.current_function(Trajectory(record.time, steps=doubled, signals=record.signals))
     assert np.all(np.diff(function.time) > 0)
+
+
+def test_a_drive_cycle_is_followed_from_sample_to_sample() -> None:
+    rng = np.random.default_rng(0)
+    time = 0.1 * np.arange(151)
+    current = np.repeat(rng.uniform(-5.0, 15.0, 31), 5)[:151] + rng.normal(0.0, 0.002, 151)
+    record = Trajectory(time, current, np.full(151, 3.7), None, (Step(StepKind.DRIVE, 0, 151),))
+    experiment = Experiment("drive", record, initial_soc=0.7)
+    ours = compiled(CellModel("Chen2020", "SPMe"), experiment, {}).solve({})
+    fine = Resolution(rtol=1e-8)
+    theirs = solve_reference(CellModel("Chen2020", "SPMe"), experiment, CellChange(), fine)
+    assert ours.failure is None
+    assert ours.trajectory is not None
+    assert theirs.trajectory is not None
+    assert 1e3 * np.max(np.abs(ours.trajectory.voltage - theirs.trajectory.voltage)) < 0.1
+    # What is ohmic follows each sample at once.
+    jumps = np.abs(np.diff(current)) > 1.0
+    change = np.diff(ours.trajectory.voltage)[jumps] / np.diff(current)[jumps]
+    assert np.all(change < -0.01)
