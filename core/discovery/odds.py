@@ -116,7 +116,7 @@ class Odds:
 
     def probability(self, names: Names) -> float:
         """Probability that some effects are there: alone, or with others."""
-        return sum(share for found, share in self.probabilities.items() if set(found) >= set(names))
+        return min(1.0, sum(share for found, share in self.probabilities.items() if set(found) >= set(names)))
 
     def statement(self, names: Names) -> str:
         """The odds of what the rules name, in one sentence; empty where they name nothing."""

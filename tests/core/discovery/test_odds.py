@@ -49,6 +49,13 @@ def test_two_that_are_as_likely_are_ambiguous_and_an_ornament_is_no_rival():
     assert (ornament.verdict, ornament.rivals) == ("effect-found", [])
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_no_probability_is_above_one(seed):
+    weights = np.random.default_rng(seed).normal(200.0, 2.0, 6)
+    odds = weighed(BASE, *((("a", f"{place}"), 1e-3, weight) for place, weight in enumerate(weights)))
+    assert 0.99 < odds.probability(("a",)) <= 1.0
+
+
 def test_what_leaves_most_of_the_discrepancy_is_not_named_however_likely():
     odds = weighed(BASE, (("a",), 1.1 * MOST * 5e-3, 500.0))
     assert (odds.verdict, odds.names) == ("unexplained", ())
