@@ -328,6 +328,9 @@ def models_command(
     *,
     scaffold: Annotated[str, shared.search_option(metavar="NAME", help="Scaffold of the calibrations.")] = "full",
     simulations: Annotated[int, shared.search_option(min=1, metavar="N", help="Simulations a run at most.")] = 20,
+    warmup: Annotated[
+        int | None, shared.search_option(min=0, metavar="N", help="Warm-up simulations; default: a fifth of all.")
+    ] = None,
     reports: Annotated[
         Path | None,
         shared.records_option(metavar="FILE", help="Discrepancy reports to be ranked: reports.json of blind cases."),
@@ -348,7 +351,7 @@ def models_command(
     chosen = replace(cases, cases=cases.cases or ",".join(CASES)).filter(seed)
     ranked = read_reports(reports) if reports is not None else []
     execution.check()
-    grid = models_grid(chosen, backend, scaffold, simulations, seed)
+    grid = models_grid(chosen, backend, scaffold, simulations, seed, warmup)
     plan = plan_campaign(grid, execution.store, out, say=say, make=not execution.dry_run)
     rows = execution.run(plan)
     rankings = (

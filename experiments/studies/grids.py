@@ -68,7 +68,7 @@ def study_grid(
     if not tasks:
         (first, *included) = included
         tasks, simulations = first.tasks or [], first.simulations or simulations
-    content = {"backends": [backend], "seeds": [seed], "include": included, **budget(simulations), **more}
+    content = {"backends": [backend], "seeds": [seed], "include": included} | budget(simulations) | more
     return GridFile(name=name, tasks=tasks, scaffolds=list(scaffolds), **content)
 
 

@@ -84,16 +84,21 @@ class Card:
 
 
 def models_grid(
-    cases: SuiteFilter, backend: BackendChoice, scaffold: str = "full", simulations: int = SIMULATIONS, seed: int = 1234
+    cases: SuiteFilter,
+    backend: BackendChoice,
+    scaffold: str = "full",
+    simulations: int = SIMULATIONS,
+    seed: int = 1234,
+    warm_up: int | None = None,
 ) -> GridFile:
-    """Every case by the scaffold with the backend, and by what it is held against."""
+    """Every case by the scaffold with the backend, and by what it is held against; see `study_grid`."""
     against = [Included(scaffolds=["hybrid"], backends=[BackendChoice(use="rules")])]
     if backend.use != "rules":
         against.append(Included(scaffolds=[scaffold], backends=[BackendChoice(use="rules")]))
-    limits = budget(simulations)
+    limits = budget(simulations) | ({} if warm_up is None else {"warm_up": warm_up})
     against = [one.model_copy(update=limits) for one in against]
     name = "models-" + re.sub(r"[^A-Za-z0-9]+", "-", backend.use)[:50]
-    return study_grid(name, cases, [scaffold], backend, simulations, seed, include=against)
+    return study_grid(name, cases, [scaffold], backend, simulations, seed, include=against, warm_up=limits["warm_up"])
 
 
 def plan_rankings(

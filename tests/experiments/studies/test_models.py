@@ -82,7 +82,8 @@ def test_a_card_sets_a_backend_beside_rules_and_hybrid(tmp_path: Path, monkeypat
         lambda case, search=None, cache=None: toy_task(case.hidden, case.key),
     )
     bad = BackendChoice(use="adversarial-advice")
-    grid = models_grid(SuiteFilter(suite="generated"), bad, "full", 12)
+    grid = models_grid(SuiteFilter(suite="generated"), bad, "full", 12, warm_up=3)
+    assert [one.warm_up for one in (grid, *grid.include)] == [3, 3, 3]
     assert grid.name == "models-adversarial-advice"
     (first, *_) = plan_campaign(grid, tmp_path / "store").cells
     assert (first.config.backend, first.config.simulations) == ("adversarial-advice", 12)
