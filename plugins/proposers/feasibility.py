@@ -119,11 +119,6 @@ class Feasibility:
         self._asked: Reductions = ()
 
     @property
-    def guesses(self) -> bool:
-        """Whether rules of thumb and continuations are used up."""
-        return not self._strides and not self._continuations and self._continuation is None
-
-    @property
     def reductions(self) -> Reductions:
         """How the task is reduced for each of the points just asked for; empty where it is not."""
         return self._asked
