@@ -38,7 +38,11 @@ _UNDER_LOAD = 0.05
 """Share of a record's largest current above which its first sample is no open-circuit voltage."""
 
 _STARTS_TRIED = 2
-"""Simulations that move the start of a record until its first sample is met; each leaves about a tenth."""
+"""Simulations that move the start of a record until its beginning is met; each leaves about a tenth."""
+
+_BEGINNING = 0.01
+"""Share of a record that is its beginning: over a percent of its charge the open-circuit voltage hardly moves. Its very
+first sample may have been taken before the current was switched on."""
 
 
 @dataclass(frozen=True)
@@ -154,7 +158,7 @@ def predict(
     BsaError
         If the simulator knows the task alone.
     """
-    chosen, spent = _meeting_first_samples(candidate, tuple(experiments), simulating)
+    chosen, spent = _meeting_beginnings(candidate, tuple(experiments), simulating)
     exact = _simulated([candidate], chosen, simulating, True)[0]
     slopes: list[dict[str, FloatArray]] = [{}] * len(chosen)
     if len(covariance):
@@ -179,11 +183,14 @@ def _simulated(
     return [found[place] for place in range(len(candidates))]
 
 
-def _meeting_first_samples(
+def _meeting_beginnings(
     candidate: Candidate, experiments: tuple[Experiment, ...], simulating: Simulating
 ) -> tuple[tuple[Experiment, ...], int]:
-    """The experiments, those that begin under load started where the fitted cell shows their first sample."""
-    spent = 0
+    """The experiments, those that begin under load started where the fitted cell shows their beginning.
+
+    One that cannot be simulated from there starts where its first sample is its open-circuit voltage.
+    """
+    spent, as_given = 0, experiments
     for _ in range(_STARTS_TRIED):
         places = [
             place
@@ -197,11 +204,21 @@ def _meeting_first_samples(
         moved = list(experiments)
         for place, run in zip(places, outcome.runs, strict=True):
             voltage = experiments[place].initial_voltage
-            if run.trajectory is not None and voltage is not None:
-                lacking = float(experiments[place].target.voltage[0] - run.trajectory.voltage[0])
+            if run.failure is None and run.trajectory is not None and voltage is not None:
+                lacking = _lacking_at_first(run.trajectory, experiments[place].target)
                 moved[place] = replace(experiments[place], initial_voltage=voltage + lacking)
+            else:
+                moved[place] = as_given[place]
         experiments = tuple(moved)
     return experiments, spent
+
+
+def _lacking_at_first(simulated: Trajectory, measured: Trajectory) -> float:
+    """Median of measured minus simulated voltage over the beginning of a record, V."""
+    since = measured.time - measured.time[0]
+    early = np.flatnonzero(since <= max(_BEGINNING * since[-1], since[min(2, len(since) - 1)]))
+    predicted = np.interp(since[early], simulated.time - simulated.time[0], simulated.voltage)
+    return float(np.median(measured.voltage[early] - predicted))
 
 
 def _spread(

@@ -126,7 +126,7 @@ def test_a_band_too_wide_to_be_linear_is_named() -> None:
     assert not silent.remark
 
 
-def test_a_record_that_begins_under_load_starts_where_its_first_sample_is_met() -> None:
+def test_a_record_that_begins_under_load_starts_where_its_beginning_is_met() -> None:
     task, target = linear_task()
     assert begins_under_load(target)
     assert not begins_under_load(replace_current(target))
@@ -136,6 +136,17 @@ def test_a_record_that_begins_under_load_starts_where_its_first_sample_is_met() 
     assert found.errors.signals["voltage"].max < 1e-6
     (rested,) = predict(task, {"a": 0.2, "b": 0.3}, [replace(loaded, target=replace_current(target))], simulating)
     assert rested.simulations == 0
+
+
+def test_a_first_sample_from_before_the_current_was_switched_on_does_not_set_the_start() -> None:
+    task, target = linear_task()
+    voltage = target.voltage.copy()
+    voltage[0] += 0.1
+    record = target.changed(voltage=voltage)
+    loaded = Experiment("loaded", record, initial_voltage=float(record.voltage[0]))
+    (found,) = predict(task, {"a": 0.2, "b": 0.3}, [loaded], Linear(target))
+    assert found.curve is not None
+    assert np.allclose(found.curve.voltage, target.voltage, atol=1e-6)
 
 
 def replace_current(target: Trajectory) -> Trajectory:

