@@ -198,6 +198,7 @@ def build_task(
     if any(request.protocol == RECOGNISED for request in records):
         fixed |= _wide_window(values, loaded, given)
     cell = CellModel(parameter_set, model, options, fixed)
+    capacity_ah = equilibrium_capacity_ah(parameter_set, fixed)
     space = resolve_space(parameter_set, search, fixed, options)
     if isinstance(search, str) and Path(search).suffix not in (".yaml", ".yml"):
         # A preset does not know what this person knows.
@@ -210,7 +211,7 @@ def build_task(
         soc = request.initial_soc
         if soc is None and request.as_measured:
             voltage, words = _open_circuit_start(record.trajectory)
-            soc = soc_at_voltage(cell, voltage)
+            soc = _with_room_for(record.trajectory, soc_at_voltage(cell, voltage), capacity_ah)
             notes.append(f"{record.name}: {words}, taken as a state of charge of {soc:.3f}.")
         if soc is not None:
             socs.append(soc)
@@ -344,6 +345,18 @@ def _open_circuit_start(record: Trajectory) -> tuple[float, str]:
         f"begins under load ({current:.3g} A, {voltage:.3f} V), with {loss}: the open-circuit voltage is about "
         f"{voltage + ohm * current:.3f} V (--initial-soc says it better)"
     )
+
+
+def _with_room_for(record: Trajectory, soc: float, capacity_ah: float) -> float:
+    """The state of charge nearest to ``soc`` from which a record that begins under load can be passed at all.
+
+    A cell gives no more than it holds, and takes no more than it has room for. Over later cycles the count drifts.
+    """
+    if record.steps[0].kind is StepKind.REST or not begins_under_load(record):
+        return soc
+    drawn = record.cycle(record.cycles[0]).discharge_capacity / capacity_ah
+    lowest, highest = min(float(np.max(drawn)), 1.0), max(1.0 + float(np.min(drawn)), 0.0)
+    return float(np.clip(soc, lowest, highest)) if lowest <= highest else soc
 
 
 def _with_contact_resistance(space: ParameterSpace, records: Sequence[Record]) -> ParameterSpace:

@@ -215,13 +215,16 @@ class _StageFit:
         self._noise = self._misfit_noise()
         self._search = self._from_here()
 
-    def _from_here(self, jacobian: FloatArray | None = None) -> LeastSquares:
-        """A fit from the present point; with derivatives, of those parameters alone that the data tell something of."""
+    def _from_here(self, jacobian: FloatArray | None = None, fresh: bool = False) -> LeastSquares:
+        """A fit from the present point; with derivatives, of those parameters alone that the data tell something of.
+
+        ``fresh`` is whether the derivatives were measured there.
+        """
         self._free = self._chosen if jacobian is None else self._chosen & self._told(jacobian)
         point = np.array([p.coordinate(self._here.candidate[p.name]) for p in self._space])
         steps = [p.difference if p.deviation is not None else _SHARE_OF_RANGE for p in self._space]
         box = Box(self._space.lowest, self._space.highest, self._space.prior_weights, np.array(steps))
-        return LeastSquares(point, self._weighed(self._here), _SETTINGS, self._free, jacobian, box)
+        return LeastSquares(point, self._weighed(self._here), _SETTINGS, self._free, jacobian, box, fresh)
 
     def _told(self, jacobian: FloatArray) -> NDArray[np.bool_]:
         """Of which parameters the data say something beside their priors; all of those without one."""
@@ -243,8 +246,8 @@ class _StageFit:
         points = self._search.ask(limit) if limit > 0 else []
         if not points and self._improved():
             before, self._noise = self._noise, self._misfit_noise()
-            known = self._search.jacobian
-            self._search = self._from_here(None if known is None else before / self._noise * known)
+            known, fresh = self._search.jacobian, bool(np.isfinite(self._search.predicted))
+            self._search = self._from_here(None if known is None else before / self._noise * known, fresh)
             points = self._search.ask(limit) if limit > 0 else []
         return [self._space.at(point) for point in points] if len(points) <= limit else []
 
@@ -268,7 +271,7 @@ class _StageFit:
                 self._here = trial
         jacobian = self._search.jacobian
         if first and jacobian is not None and self._search.stage == "step":
-            self._search = self._from_here(jacobian)
+            self._search = self._from_here(jacobian, fresh=True)
         return self._here
 
     def numbers(self) -> dict[str, float]:

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from bsa.core.record import Record
 from bsa.core.trajectory import Step, StepKind, Trajectory
-from bsa.experiments.tasks.records import CONTACT, RESISTANCE, WIDTH, RecordRequest, _jump_resistances, build_task
+from bsa.experiments.tasks.records import (
+    CONTACT,
+    RESISTANCE,
+    WIDTH,
+    RecordRequest,
+    _jump_resistances,
+    _with_room_for,
+    build_task,
+)
 from bsa.plugins.pybamm.model_options import in_pybamm_spelling
 
 SOC = "Initial state of charge"
@@ -111,11 +119,13 @@ def test_a_value_that_is_known_better_is_not_searched_by_a_preset() -> None:
 def test_a_voltage_under_load_is_no_open_circuit_voltage() -> None:
     at_rest, loaded = (task_of(record(rest=rest), search="cell") for rest in (True, False))
     assert at_rest.experiments[0].initial_soc == pytest.approx(loaded.experiments[0].initial_soc, abs=0.3)
-    assert loaded.experiments[0].initial_soc < at_rest.experiments[0].initial_soc
+    assert loaded.experiments[0].initial_soc > 0.95  # it gives five of its 5.15 A.h
     (note,) = [note for note in loaded.notes if "begins under load" in note]
     assert "no current step that would show its resistance" in note
-    jumps = task_of(record(rest=False, cycles=2), search="cell")
-    assert jumps.experiments[0].initial_soc > loaded.experiments[0].initial_soc
+    few = record(rest=False, amperes=0.5)
+    shown = record(rest=False, amperes=0.5, cycles=2)
+    unknown, jumps = (task_of(one, search="cell", scale_to_capacity=False) for one in (few, shown))
+    assert jumps.experiments[0].initial_soc > unknown.experiments[0].initial_soc
     asked = build_task("t", "Chen2020", [RecordRequest(record(rest=False), initial_soc=0.9)], model="SPM")
     assert asked.experiments[0].initial_soc == asked.space[SOC].initial == 0.9
 
@@ -148,3 +158,17 @@ def test_an_option_of_a_person_is_kept() -> None:
     off = task_of(record(), options={"Contact resistance": False})
     assert off.cell.options[CONTACT] == "false"
     assert RESISTANCE not in off.space
+
+
+def test_a_discharge_that_begins_under_load_starts_with_the_charge_that_it_gives() -> None:
+    time = np.linspace(0.0, 3600.0, 61)
+    current = np.full(61, 2.0)
+    voltage = np.linspace(3.6, 2.6, 61)
+    record = Trajectory(time, current, voltage, None, (Step(StepKind.CC_DISCHARGE, 0, 61),))
+    assert _with_room_for(record, 0.6, capacity_ah=2.5) == pytest.approx(0.8)
+    assert _with_room_for(record, 0.9, capacity_ah=2.5) == pytest.approx(0.9)
+    assert _with_room_for(record, 0.6, capacity_ah=1.9) == 1.0
+    charge = record.changed(current=-current)
+    assert _with_room_for(charge, 0.6, capacity_ah=2.5) == pytest.approx(0.2)
+    rested = record.changed(current=np.r_[0.0, current[1:]])
+    assert _with_room_for(rested, 0.6, capacity_ah=2.5) == 0.6

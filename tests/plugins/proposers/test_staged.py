@@ -13,6 +13,7 @@ import pybamm
 import pytest
 from bsa.core.errors import BsaError
 from bsa.core.journal import read_events
+from bsa.core.least_squares import LeastSquares
 from bsa.core.loop import RunResult
 from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.record import Record
@@ -23,6 +24,7 @@ from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.task import Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.run_record import read_run
+from bsa.plugins.proposers import staged as staged_module
 from bsa.plugins.proposers.stage_data import view_of
 from bsa.plugins.proposers.staged import StagedOptions
 from bsa_toy_cell import CAPACITY, HIDDEN, POLARISATION, RELAXATION, SERIES, toy_scaffold, toy_task
@@ -57,6 +59,22 @@ def test_stages_follow_each_other_and_end_at_the_hidden_cell(run_toy: RunToy, tm
     assert result.status == "finished"
     for name, value in HIDDEN.items():
         assert result.best.candidate[name] == pytest.approx(value, rel=0.02), name
+
+
+def test_derivatives_just_measured_are_not_measured_again(
+    run_toy: RunToy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun: list[float] = []
+
+    class Watched(LeastSquares):
+        def __init__(self, *arguments: Any) -> None:
+            super().__init__(*arguments)
+            if self.jacobian is not None:
+                begun.append(self.predicted)
+
+    monkeypatch.setattr(staged_module, "LeastSquares", Watched)
+    run_toy(tmp_path / "run", scaffold=staged(order=["all"]), simulations=40)
+    assert np.isfinite(begun[0])  # infinite where the derivatives are not those of the start
 
 
 def test_a_stage_without_data_is_skipped_with_the_reason(run_toy: RunToy, tmp_path: Path) -> None:
