@@ -21,6 +21,7 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "ablation": studies.ablation,
     "agent-alone": studies.agent_alone,
     "by-hand": studies.by_hand,
+    "models": studies.models,
     "evaluation": studies.evaluation,
     "runtime": studies.runtime,
     "recovery": studies.recovery,

@@ -11,6 +11,7 @@ from ..campaign.statistics import compare
 from ..campaign.summary import exact_interval, grouped, statistic
 from ..campaign.text_tables import markdown_table
 from ..studies.coverage import FIT_POINTS, coverage_table, excesses
+from ..studies.models import cards_table
 from ..studies.no_harm import summary, verdict_of
 from .layout import bold, short, spread
 from .results import Results
@@ -266,3 +267,8 @@ def by_hand(results: Results) -> str:
     ]
     heads = ["error in %", "start", "by hand", "simulations", "hybrid with `rules` after 20", "calls"]
     return results.framed("by_hand", markdown_table([*heads, "tokens a prompt", "tokens a reply"], lines))
+
+
+def models(results: Results) -> str:
+    """The cards of language models, a column each."""
+    return results.framed("models", cards_table(results.rows("models")))

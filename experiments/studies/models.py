@@ -190,17 +190,17 @@ def write_card(found: Card, out: Path) -> str:
 def cards_table(rows: Sequence[Mapping[str, Any]]) -> str:
     """A column a backend."""
     lines = [
-        ["tasks", *(str(row["tasks"]) for row in rows)],
+        ["tasks", *(f"{row['tasks']:.0f}" for row in rows)],
         ["error / %", *(short(row["error_pct"]) for row in rows)],
         ["`rules` on the same tasks / %", *(short(row["rules_pct"]) for row in rows)],
         ["hybrid with `rules` / %", *(short(row["hybrid_pct"]) for row in rows)],
-        ["better than its warm-up", *(f"{row['improved']} of {row['tasks']}" for row in rows)],
-        ["calls", *(str(row["calls"]) for row in rows)],
+        ["better than its warm-up", *(f"{row['improved']:.0f} of {row['tasks']:.0f}" for row in rows)],
+        ["calls", *(f"{row['calls']:.0f}" for row in rows)],
         ["valid replies", *(f"{row['valid_pct']:.0f} %" for row in rows)],
         ["tokens a call", *(f"{row['tokens_a_call']:.0f}" for row in rows)],
         ["seconds a call", *(short(row["seconds_a_call"]) for row in rows)],
         ["cost / $", *(short(row["cost_usd"]) for row in rows)],
-        ["reports ranked", *(str(row["reports"]) for row in rows)],
+        ["reports ranked", *(f"{row['reports']:.0f}" for row in rows)],
         *(
             [f"hidden effect first, among 3, among 5: {words}", *(_places(row, how) for row in rows)]
             for how, words in (("named", "with names"), ("nameless", "names without meaning"))
