@@ -173,9 +173,11 @@ def build_task(
     values = load(parameter_set, fixed)
     given = starts_given(search) | set(fixed)
     as_measured = all(request.as_measured for request in records)
+    capacity_ah = equilibrium_capacity_ah(parameter_set, fixed)
     if scale_to_capacity and WIDTH not in given and as_measured:
-        factor, note = _size_factor(loaded, values, equilibrium_capacity_ah(parameter_set, fixed))
+        factor, note = _size_factor(loaded, values, capacity_ah)
         if note:
+            capacity_ah *= factor
             fixed[WIDTH] = float(values[WIDTH]) * factor
             fixed |= {
                 name: float(values[name]) * factor**power
@@ -198,7 +200,6 @@ def build_task(
     if any(request.protocol == RECOGNISED for request in records):
         fixed |= _wide_window(values, loaded, given)
     cell = CellModel(parameter_set, model, options, fixed)
-    capacity_ah = equilibrium_capacity_ah(parameter_set, fixed)
     space = resolve_space(parameter_set, search, fixed, options)
     if isinstance(search, str) and Path(search).suffix not in (".yaml", ".yml"):
         # A preset does not know what this person knows.
@@ -330,13 +331,17 @@ def _resting_voltage(record: Trajectory) -> float:
     return float(record.voltage[first.stop - 1 if first.kind is StepKind.REST else 0])
 
 
+def _starts_at_rest(record: Trajectory) -> bool:
+    return record.steps[0].kind is StepKind.REST or not begins_under_load(record)
+
+
 def _open_circuit_start(record: Trajectory) -> tuple[float, str]:
     """The open-circuit voltage that a record starts from, V, and how it is known.
 
     A voltage under load is none: what the current's steps show as resistance is put back.
     """
     voltage = _resting_voltage(record)
-    if record.steps[0].kind is StepKind.REST or not begins_under_load(record):
+    if _starts_at_rest(record):
         return voltage, f"starts at {voltage:.3f} V"
     current, jumps = float(record.current[0]), _jump_resistances(record)
     ohm = float(np.median(jumps)) if jumps else 0.0
@@ -352,7 +357,7 @@ def _with_room_for(record: Trajectory, soc: float, capacity_ah: float) -> float:
 
     A cell gives no more than it holds, and takes no more than it has room for. Over later cycles the count drifts.
     """
-    if record.steps[0].kind is StepKind.REST or not begins_under_load(record):
+    if _starts_at_rest(record):
         return soc
     drawn = record.cycle(record.cycles[0]).discharge_capacity / capacity_ah
     lowest, highest = min(float(np.max(drawn)), 1.0), max(1.0 + float(np.min(drawn)), 0.0)
