@@ -25,21 +25,13 @@ _loading = threading.Lock()
 
 @dataclass(eq=False)
 class LoadedModel:
-    """Weights and tokenizer.
+    """Weights and tokenizer."""
 
-    Attributes
-    ----------
-    tokenizer, model
-        Of transformers.
-    description : str
-        Device and number format, for the journal.
-    lock : threading.Lock
-        Held while generating: the random state and the device are shared.
-    """
-
+    # tokenizer, model: Of transformers.
     tokenizer: Any
     model: Any
-    description: str
+    description: str  # Device and number format, for the journal.
+    # Held while generating: the random state and the device are shared.
     lock: threading.Lock = field(default_factory=threading.Lock)
 
     @property

@@ -19,22 +19,13 @@ USER_FILE = "bsa-presets.yaml"
 
 @dataclass(frozen=True)
 class Preset:
-    """A model under a short name.
+    """A model under a short name."""
 
-    Attributes
-    ----------
-    name : str
-        The short name.
-    models : mapping of str to tuple of str
-        The model's names under each route, routes in the order in which they are tried. Whether there are such routes
-        is found out when the preset is used: plugins may add some.
-    file : str
-        Where the preset is written, for messages.
-    """
-
-    name: str
+    name: str  # The short name.
+    # The model's names under each route, routes in the order in which they are tried. Whether there are such routes is
+    # found out when the preset is used: plugins may add some.
     models: Mapping[str, tuple[str, ...]]
-    file: str = ""
+    file: str = ""  # Where the preset is written, for messages.
 
     @property
     def summary(self) -> str:

@@ -12,33 +12,15 @@ from .presets import Preset, load_presets
 
 @dataclass(frozen=True)
 class Readiness:
-    """Whether a model can be asked by one route.
+    """Whether a model can be asked by one route."""
 
-    Attributes
-    ----------
-    backend : str
-        What to write behind ``--backend``.
-    route : str
-        The route.
-    model : str
-        The model's name under that route.
-    ready : bool
-        Whether it can be asked now.
-    detail : str
-        Why, or why not.
-    remedy : str
-        The command that would make it ready; empty if it is.
-    made_ready_by_opening : bool
-        Whether opening it does the same.
-    """
-
-    backend: str
+    backend: str  # What to write behind ``--backend``.
     route: str
-    model: str
-    ready: bool
-    detail: str
-    remedy: str = ""
-    made_ready_by_opening: bool = False
+    model: str  # The model's name under that route.
+    ready: bool  # Whether it can be asked now.
+    detail: str  # Why, or why not.
+    remedy: str = ""  # The command that would make it ready; empty if it is.
+    made_ready_by_opening: bool = False  # Whether opening it does the same.
 
 
 def survey(options: BackendOptions | None = None) -> list[Readiness]:

@@ -64,18 +64,10 @@ class UnreachableError(TransientError):
 
 @dataclass(frozen=True)
 class Patience:
-    """How long a call may take.
+    """How long a call may take."""
 
-    Attributes
-    ----------
-    timeout_s : float
-        Longest wait for one attempt.
-    limit_s : float
-        No further attempt begins, or lasts, later than this after the first began.
-    """
-
-    timeout_s: float
-    limit_s: float
+    timeout_s: float  # Longest wait for one attempt.
+    limit_s: float  # No further attempt begins, or lasts, later than this after the first began.
 
 
 class Persistence:

@@ -21,18 +21,10 @@ from ..core.reply_parsing import parse_object, strip_control
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a reviewer decided.
+    """What a reviewer decided."""
 
-    Attributes
-    ----------
-    kind : {'accept', 'edit', 'refuse'}
-        The decision.
-    text : str
-        The edited reply, or the reason of a refusal.
-    """
-
-    kind: Literal["accept", "edit", "refuse"]
-    text: str = ""
+    kind: Literal["accept", "edit", "refuse"]  # The decision.
+    text: str = ""  # The edited reply, or the reason of a refusal.
 
     def on(self, reply: Reply) -> Reply:
         """The reply as it passes on.

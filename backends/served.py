@@ -36,49 +36,23 @@ _FAULTS_OF_A_FORM = 3
 
 @dataclass(frozen=True)
 class Answer:
-    """What a server said.
+    """What a server said."""
 
-    Attributes
-    ----------
-    text : str
-        The model's words.
-    model : str
-        The model, in the server's words.
-    usage : Usage
-        Tokens and cost; the time is measured by the caller.
-    cut : bool
-        Whether the reply was ended by its length.
-    """
-
-    text: str
-    model: str
-    usage: Usage
-    cut: bool = False
+    text: str  # The model's words.
+    model: str  # The model, in the server's words.
+    usage: Usage  # Tokens and cost; the time is measured by the caller.
+    cut: bool = False  # Whether the reply was ended by its length.
 
 
 @dataclass(frozen=True)
 class Request:
-    """What a server is asked once.
+    """What a server is asked once."""
 
-    Attributes
-    ----------
-    messages : sequence of Message
-        The conversation.
-    schema : mapping
-        JSON Schema of the wanted object.
-    form : {'schema', 'json', 'text'}
-        How the server shall hold the model to it.
-    seed : int
-        Seed for sampling, below 2**31: some servers keep it in 32 bits with a sign.
-    timeout_s : float
-        Longest wait.
-    """
-
-    messages: Sequence[Message]
-    schema: JsonSchema
-    form: StructuredBy
-    seed: int
-    timeout_s: float
+    messages: Sequence[Message]  # The conversation.
+    schema: JsonSchema  # JSON Schema of the wanted object.
+    form: StructuredBy  # How the server shall hold the model to it.
+    seed: int  # Seed for sampling, below 2**31: some servers keep it in 32 bits with a sign.
+    timeout_s: float  # Longest wait.
 
 
 class ServedBackend(ABC):

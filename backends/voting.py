@@ -30,18 +30,10 @@ Kind = Literal["factor", "difference", "value"]
 
 @dataclass(frozen=True)
 class Change:
-    """One change, on the scale on which it is averaged.
+    """One change, on the scale on which it is averaged."""
 
-    Attributes
-    ----------
-    kind : {'factor', 'difference', 'value'}
-        ``"*1.2"``, ``"+0.02"`` or an absolute value.
-    amount : float
-        Logarithm of a factor; the number itself otherwise.
-    """
-
-    kind: Kind
-    amount: float
+    kind: Kind  # ``"*1.2"``, ``"+0.02"`` or an absolute value.
+    amount: float  # Logarithm of a factor; the number itself otherwise.
 
     @classmethod
     def read(cls, written: Any) -> Change | None:
@@ -72,21 +64,11 @@ class Change:
 
 @dataclass(frozen=True)
 class Ballot:
-    """What one reply voted for.
+    """What one reply voted for."""
 
-    Attributes
-    ----------
-    content : mapping
-        The reply as an object; empty if it could not be read.
-    changes : mapping of str to Change
-        Its changes.
-    problem : str
-        Why it does not count, if it does not.
-    """
-
-    content: Mapping[str, Any]
+    content: Mapping[str, Any]  # The reply as an object; empty if it could not be read.
     changes: Mapping[str, Change]
-    problem: str = ""
+    problem: str = ""  # Why it does not count, if it does not.
 
     @classmethod
     def read(cls, text: str, schema: JsonSchema) -> Ballot:

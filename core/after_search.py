@@ -37,18 +37,10 @@ class Watching(Protocol):
 
 @dataclass(frozen=True)
 class Score:
-    """A trial, scored with the simulator's reference accuracy.
+    """A trial, scored with the simulator's reference accuracy."""
 
-    Attributes
-    ----------
-    metrics : Metrics or None
-        Its errors; None where nothing could be compared.
-    records : tuple of RecordErrors
-        Record by record; empty where it did not run with that accuracy.
-    """
-
-    metrics: Metrics | None
-    records: tuple[RecordErrors, ...] = ()
+    metrics: Metrics | None  # Its errors; None where nothing could be compared.
+    records: tuple[RecordErrors, ...] = ()  # Record by record; empty where it did not run with that accuracy.
 
 
 class AfterSearch:

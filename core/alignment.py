@@ -19,26 +19,13 @@ from .trajectory import FloatArray, Step, Trajectory
 
 @dataclass(frozen=True, eq=False)
 class StepPair:
-    """One step of the target beside its counterpart.
+    """One step of the target beside its counterpart."""
 
-    Attributes
-    ----------
-    step : Step
-        The target's step.
-    measured : Trajectory
-        The target's samples of the step.
-    simulated : Trajectory or None
-        The simulation's samples; None if the step vanished or was never reached.
-    name : str
-        ``"CC charge"``, with a number where the kind occurs more than once (``"rest 2"``).
-    fallback : mapping of str to float, or None
-        The simulated signals where the step should have been, for a vanished step; None if never reached.
-    """
-
-    step: Step
-    measured: Trajectory
-    simulated: Trajectory | None
-    name: str
+    step: Step  # The target's step.
+    measured: Trajectory  # The target's samples of the step.
+    simulated: Trajectory | None  # The simulation's samples; None if the step vanished or was never reached.
+    name: str  # ``"CC charge"``, with a number where the kind occurs more than once (``"rest 2"``).
+    # The simulated signals where the step should have been, for a vanished step; None if never reached.
     fallback: Mapping[str, float] | None
 
     @property

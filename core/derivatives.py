@@ -25,15 +25,9 @@ _SAME = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Derivatives:
-    """What the trials of a run tell of the Jacobian at a candidate.
+    """What the trials of a run tell of the Jacobian at a candidate."""
 
-    Attributes
-    ----------
-    columns : dict of int to ndarray of shape (m,)
-        By the parameter's place, in the unit box.
-    """
-
-    columns: dict[int, FloatArray]
+    columns: dict[int, FloatArray]  # By the parameter's place, in the unit box. Shape (m,).
 
     def missing(self, count: int) -> list[int]:
         """The places of the parameters of which nothing is known."""

@@ -11,61 +11,37 @@ from .trajectory import FloatArray
 
 @dataclass(frozen=True)
 class Settings:
-    """How a fit proceeds; lengths are in units of the coordinates.
+    """How a fit proceeds; lengths are in units of the coordinates."""
 
-    Attributes
-    ----------
-    difference : float
-        Finite-difference step. Integrators leave noise: at a relative tolerance of 1e-5, steps well below
-        0.005 of a parameter's range measure the noise instead.
-    radius : float
-        Longest step of a coordinate.
-    damping : float
-        Of the first step, relative to the squared norm of each column.
-    noise : float
-        Standard deviation of a residual. A gain in cost below its square says nothing about the parameters, and a fit
-        goes on until no more is predicted.
-    tolerance : float
-        Share of the cost that must be gained to be worth a step, where that is more than the noise.
-    enough : float
-        Root mean square of the residuals at which the fit is as good as perfect.
-    visible : float
-        Root mean square change of the residuals over which a slope is taken, where an older Jacobian tells it; 0
-        always takes ``difference``.
-    ends_on_fresh : bool
-        Whether the last Jacobian must have been taken at the best point, whatever the steps before it gained.
-    """
-
+    # Finite-difference step. Integrators leave noise: at a relative tolerance of 1e-5, steps well below 0.005 of a
+    # parameter's range measure the noise instead.
     difference: float = 0.007
-    radius: float = 0.3
-    damping: float = 1e-5
+    radius: float = 0.3  # Longest step of a coordinate.
+    damping: float = 1e-5  # Of the first step, relative to the squared norm of each column.
+    # Standard deviation of a residual. A gain in cost below its square says nothing about the parameters, and a fit
+    # goes on until no more is predicted.
     noise: float = 0.0
+    # Share of the cost that must be gained to be worth a step, where that is more than the noise.
     tolerance: float = 1e-3
-    enough: float = 0.0
+    enough: float = 0.0  # Root mean square of the residuals at which the fit is as good as perfect.
+    # Root mean square change of the residuals over which a slope is taken, where an older Jacobian tells it; 0 always
+    # takes ``difference``.
     visible: float = 0.0
+    # Whether the last Jacobian must have been taken at the best point, whatever the steps before it gained.
     ends_on_fresh: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """The coordinates of a fit, each array of shape (p,).
+    """The coordinates of a fit, each array of shape (p,)."""
 
-    Attributes
-    ----------
-    lower, upper : ndarray
-        Bounds.
-    prior : ndarray
-        Cost of a unit of each coordinate: ``(prior x)^2`` is added to the sum of squares; 0 for no prior.
-    difference : ndarray or None
-        Finite-difference steps, where they are not all that of the settings.
-    share : ndarray or None
-        Finite-difference steps as shares of the coordinates' size, where these are longer.
-    """
-
+    # lower, upper: Bounds.
     lower: FloatArray
     upper: FloatArray
+    # Cost of a unit of each coordinate: ``(prior x)^2`` is added to the sum of squares; 0 for no prior.
     prior: FloatArray
-    difference: FloatArray | None = None
+    difference: FloatArray | None = None  # Finite-difference steps, where they are not all that of the settings.
+    # Finite-difference steps as shares of the coordinates' size, where these are longer.
     share: FloatArray | None = None
 
     @classmethod

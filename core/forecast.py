@@ -13,24 +13,12 @@ from .trajectory import FloatArray
 
 @dataclass(frozen=True)
 class Forecast:
-    """What one more record would do to the intervals.
+    """What one more record would do to the intervals."""
 
-    Attributes
-    ----------
-    protocol : str
-        The candidate's name.
-    worst : str
-        The parameter that would then be known worst.
-    worst_share : float
-        Half the width of its interval, as a share of the range.
-    shares : mapping of str to float
-        The same for every parameter.
-    """
-
-    protocol: str
-    worst: str
-    worst_share: float
-    shares: Mapping[str, float]
+    protocol: str  # The candidate's name.
+    worst: str  # The parameter that would then be known worst.
+    worst_share: float  # Half the width of its interval, as a share of the range.
+    shares: Mapping[str, float]  # The same for every parameter.
 
 
 def what_to_measure_next(

@@ -41,72 +41,36 @@ _MOST_ALIKE = 0.98
 
 @dataclass(frozen=True)
 class Interval:
-    """One parameter's 95 % interval.
+    """One parameter's 95 % interval."""
 
-    Attributes
-    ----------
-    value, lower, upper : float
-        The fitted value and the interval's ends in the parameter's unit, cut at the bounds.
-    share_of_range : float
-        Half the interval's width as a share of the searched range, on the parameter's own scale.
-    verdict : {'fixed', 'loose', 'open'}
-        What that share amounts to.
-    """
-
+    # value, lower, upper: The fitted value and the interval's ends in the parameter's unit, cut at the bounds.
     value: float
     lower: float
     upper: float
-    share_of_range: float
-    verdict: Verdict
+    share_of_range: float  # Half the interval's width as a share of the searched range, on the parameter's own scale.
+    verdict: Verdict  # What that share amounts to.
 
 
 @dataclass(frozen=True)
 class Combination:
-    """A direction of the unit box that the records see as one thing.
+    """A direction of the unit box that the records see as one thing."""
 
-    Attributes
-    ----------
-    weights : mapping of str to float
-        The parameters that take part, with sign, the largest first.
-    singular_value : float
-        Change of the residuals, in tolerances, per unit of the box along it.
-    share_of_range : float
-        Half the width of its 95 % interval.
-    verdict : {'fixed', 'loose', 'open'}
-        As for a parameter.
-    """
-
-    weights: Mapping[str, float]
-    singular_value: float
-    share_of_range: float
-    verdict: Verdict
+    weights: Mapping[str, float]  # The parameters that take part, with sign, the largest first.
+    singular_value: float  # Change of the residuals, in tolerances, per unit of the box along it.
+    share_of_range: float  # Half the width of its 95 % interval.
+    verdict: Verdict  # As for a parameter.
 
 
 @dataclass(frozen=True)
 class Identifiability:
-    """What a fit determines. JSON-ready through `as_json`.
+    """What a fit determines. JSON-ready through `as_json`."""
 
-    Attributes
-    ----------
-    intervals : mapping of str to Interval
-        By parameter.
-    combinations : tuple of Combination
-        Best determined first.
-    correlated : tuple of tuple of str
-        Groups of parameters whose estimates are correlated by more than 0.9.
-    noise : float
-        Standard deviation of the residuals that was assumed, in tolerances.
-    points : int
-        How many residuals there were.
-    covariance : tuple of tuple of float
-        Of the estimates in the unit box, in the order of ``intervals``; empty in journals that do not have it.
-    """
-
-    intervals: Mapping[str, Interval]
-    combinations: tuple[Combination, ...]
-    correlated: tuple[tuple[str, ...], ...]
-    noise: float
-    points: int
+    intervals: Mapping[str, Interval]  # By parameter.
+    combinations: tuple[Combination, ...]  # Best determined first.
+    correlated: tuple[tuple[str, ...], ...]  # Groups of parameters whose estimates are correlated by more than 0.9.
+    noise: float  # Standard deviation of the residuals that was assumed, in tolerances.
+    points: int  # How many residuals there were.
+    # Of the estimates in the unit box, in the order of ``intervals``; empty in journals that do not have it.
     covariance: tuple[tuple[float, ...], ...] = ()
 
     @property

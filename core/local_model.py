@@ -32,27 +32,13 @@ _LEAST_ROOM = 0.25
 
 @dataclass(frozen=True, eq=False)
 class LocalModel:
-    """The residuals around a candidate, in units of their standard deviation; coordinates are those of the unit box.
+    """The residuals around a candidate, in units of their standard deviation; coordinates are those of the unit box."""
 
-    Attributes
-    ----------
-    centre : ndarray of shape (p,)
-        Where the candidate is.
-    residual : ndarray of shape (m,)
-        The residuals there.
-    jacobian : ndarray of shape (m, p)
-        Their derivatives.
-    directions : ndarray of shape (q, p)
-        Unit vectors along which the residuals are curved.
-    curvature : ndarray of shape (q, m)
-        Second derivatives along them.
-    """
-
-    centre: FloatArray
-    residual: FloatArray
-    jacobian: FloatArray
-    directions: FloatArray
-    curvature: FloatArray
+    centre: FloatArray  # Where the candidate is. Shape (p,).
+    residual: FloatArray  # The residuals there. Shape (m,).
+    jacobian: FloatArray  # Their derivatives. Shape (m, p).
+    directions: FloatArray  # Unit vectors along which the residuals are curved. Shape (q, p).
+    curvature: FloatArray  # Second derivatives along them. Shape (q, m).
 
     @classmethod
     def straight(cls, centre: FloatArray, residual: FloatArray, jacobian: FloatArray) -> LocalModel:

@@ -58,52 +58,29 @@ class Listener(Watching, Protocol):
 
 @dataclass(frozen=True, eq=False)
 class RunResult:
-    """How a run ended.
+    """How a run ended."""
 
-    Attributes
-    ----------
-    status : str
-        Why it ended.
-    best : Trial
-        The likeliest trial: its parameters and intervals are the run's answer.
-    lowest : Trial
-        The trial with the lowest objective, by which benchmarks score; often the same.
-    initial_metrics, best_metrics, lowest_metrics : Metrics or None
-        Scored with the simulator's reference accuracy (PyBaMM's standard mesh).
-    trials : tuple of Trial
-        Everything that was tried.
-    usage : Usage
-        Tokens and cost.
-    llm_calls, lost_calls : int
-        Calls of the backend, lost ones included; those that gave no reply.
-    wall_s, simulator_s : float
-        Time of this process from start to end, and of all simulations of the search, in seconds.
-    analysis : PostFitAnalysis or None
-        What the records fix, where that was asked for and something simulated.
-    reason : str
-        Why the language model was not asked any more, where that stopped the run before its end.
-    records : tuple of RecordErrors
-        Of the best candidate, record by record, with reference accuracy; empty where it was not scored so.
-    held_out : tuple of Prediction
-        Of the task's records that were not fitted.
-    """
-
-    status: Status
-    best: Trial
-    lowest: Trial
+    status: Status  # Why it ended.
+    best: Trial  # The likeliest trial: its parameters and intervals are the run's answer.
+    lowest: Trial  # The trial with the lowest objective, by which benchmarks score; often the same.
+    # initial_metrics, best_metrics, lowest_metrics: Scored with the simulator's reference accuracy (PyBaMM's standard
+    # mesh).
     initial_metrics: Metrics | None
     best_metrics: Metrics | None
     lowest_metrics: Metrics | None
-    trials: tuple[Trial, ...]
-    usage: Usage
+    trials: tuple[Trial, ...]  # Everything that was tried.
+    usage: Usage  # Tokens and cost.
+    # llm_calls, lost_calls: Calls of the backend, lost ones included; those that gave no reply.
     llm_calls: int
     lost_calls: int
+    # wall_s, simulator_s: Time of this process from start to end, and of all simulations of the search, in seconds.
     wall_s: float
     simulator_s: float
-    analysis: PostFitAnalysis | None = None
-    reason: str = ""
+    analysis: PostFitAnalysis | None = None  # What the records fix, where that was asked for and something simulated.
+    reason: str = ""  # Why the language model was not asked any more, where that stopped the run before its end.
+    # Of the best candidate, record by record, with reference accuracy; empty where it was not scored so.
     records: tuple[RecordErrors, ...] = ()
-    held_out: tuple[Prediction, ...] = ()
+    held_out: tuple[Prediction, ...] = ()  # Of the task's records that were not fitted.
 
 
 class Run:

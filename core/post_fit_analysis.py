@@ -64,62 +64,31 @@ class Simulating(Protocol):
 
 @dataclass(frozen=True)
 class Suggestion:
-    """A further record, and what it would do.
+    """A further record, and what it would do."""
 
-    Attributes
-    ----------
-    name : str
-        ``"C/20 discharge"``.
-    protocol : tuple of tuple of str
-        Its cycles of steps, from a fully charged cell.
-    hours : float
-        How long the fitted cell takes for it, h.
-    forecast : Forecast
-        The intervals with it.
-    """
-
-    name: str
-    protocol: StepProtocol
-    hours: float
-    forecast: Forecast
+    name: str  # ``"C/20 discharge"``.
+    protocol: StepProtocol  # Its cycles of steps, from a fully charged cell.
+    hours: float  # How long the fitted cell takes for it, h.
+    forecast: Forecast  # The intervals with it.
 
 
 @dataclass(frozen=True)
 class PostFitAnalysis:
-    """What is known after a fit.
+    """What is known after a fit."""
 
-    Attributes
-    ----------
-    base : int
-        Index of the trial that was judged.
-    identifiability : Identifiability
-        What the records fix there.
-    unknown : tuple of str
-        Parameters whose derivative could not be had (their neighbours fail); they count as undetermined.
-    unsettled : tuple of str
-        Parameters that one more step of the fit would move beyond their interval: it had not converged.
-    worst : str
-        The parameter with the widest interval.
-    measure_next : tuple of Suggestion
-        Further records, the one that would shrink the widest interval most first; empty if nothing is left
-        open, or the simulator does not know other protocols.
-    simulations : int
-        Simulations it took, none of which counts for the search; each suggested record is one.
-    reused : int
-        Derivatives that trials of the search had shown already.
-    seconds : float
-        Wall time of these simulations, those that ran side by side added up.
-    """
-
-    base: int
-    identifiability: Identifiability
+    base: int  # Index of the trial that was judged.
+    identifiability: Identifiability  # What the records fix there.
+    # Parameters whose derivative could not be had (their neighbours fail); they count as undetermined.
     unknown: tuple[str, ...] = ()
+    # Parameters that one more step of the fit would move beyond their interval: it had not converged.
     unsettled: tuple[str, ...] = ()
-    worst: str = ""
+    worst: str = ""  # The parameter with the widest interval.
+    # Further records, the one that would shrink the widest interval most first; empty if nothing is left open, or the
+    # simulator does not know other protocols.
     measure_next: tuple[Suggestion, ...] = ()
-    simulations: int = 0
-    reused: int = 0
-    seconds: float = 0.0
+    simulations: int = 0  # Simulations it took, none of which counts for the search; each suggested record is one.
+    reused: int = 0  # Derivatives that trials of the search had shown already.
+    seconds: float = 0.0  # Wall time of these simulations, those that ran side by side added up.
 
     def as_json(self) -> dict[str, Any]:
         """Plain dicts, lists, strings and numbers; what the records fix stands at the top level."""

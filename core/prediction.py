@@ -47,47 +47,29 @@ first sample may have been taken before the current was switched on."""
 
 @dataclass(frozen=True)
 class Band:
-    """What the covariance of the fitted parameters says of one predicted signal, in its shown unit.
+    """What the covariance of the fitted parameters says of one predicted signal, in its shown unit."""
 
-    Attributes
-    ----------
-    rms, max : float
-        Half the width of the 95 % band, root mean square over time and largest.
-    inside : float
-        Share of the time in which the measured signal lies in the band. The band knows the parameters' errors only,
-        not the model's: well below 0.95 says that the model, not its parameters, is what is wrong.
-    wide : bool
-        Whether its half width is a tenth of the measured range or more: it is then larger than what a linear
-        propagation can say, and tells only that the fitted records leave the parameters open.
-    """
-
+    # rms, max: Half the width of the 95 % band, root mean square over time and largest.
     rms: float
     max: float
+    # Share of the time in which the measured signal lies in the band. The band knows the parameters' errors only, not
+    # the model's: well below 0.95 says that the model, not its parameters, is what is wrong.
     inside: float
+    # Whether its half width is a tenth of the measured range or more: it is then larger than what a linear propagation
+    # can say, and tells only that the fitted records leave the parameters open.
     wide: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """A record that was not fitted, as the fitted model predicts it.
+    """A record that was not fitted, as the fitted model predicts it."""
 
-    Attributes
-    ----------
-    errors : RecordErrors
-        Of the record.
-    bands : mapping of str to Band
-        By signal; empty where the covariance is not known.
-    curve : Trajectory or None
-        What was predicted, thinned, with half the width of each band as a signal (`band_of`); None if nothing was
-        simulated.
-    simulations : int
-        What the band and the start took, beside the prediction itself.
-    """
-
-    errors: RecordErrors
-    bands: Mapping[str, Band]
+    errors: RecordErrors  # Of the record.
+    bands: Mapping[str, Band]  # By signal; empty where the covariance is not known.
+    # What was predicted, thinned, with half the width of each band as a signal (`band_of`); None if nothing was
+    # simulated.
     curve: Trajectory | None
-    simulations: int = 0
+    simulations: int = 0  # What the band and the start took, beside the prediction itself.
 
     def as_json(self) -> dict[str, Any]:
         """Errors and bands as plain dicts, lists, strings and numbers; without the curve."""

@@ -23,69 +23,34 @@ _PER_STEP = 200
 
 @dataclass(frozen=True)
 class SignalError:
-    """How far one signal is off, in its shown unit (mV for a voltage).
+    """How far one signal is off, in its shown unit (mV for a voltage)."""
 
-    Attributes
-    ----------
-    unit : str
-        The shown unit.
-    rms : float
-        Root mean square over time.
-    max : float
-        Largest absolute error; steps of a single sample, which stand at a jump of the current, do not count.
-    rms_99 : float
-        Root mean square over the 99 % of the time in which the error is smallest.
-    """
-
-    unit: str
-    rms: float
-    max: float
-    rms_99: float
+    unit: str  # The shown unit.
+    rms: float  # Root mean square over time.
+    max: float  # Largest absolute error; steps of a single sample, which stand at a jump of the current, do not count.
+    rms_99: float  # Root mean square over the 99 % of the time in which the error is smallest.
 
 
 @dataclass(frozen=True)
 class StepErrors:
-    """Errors of one step.
+    """Errors of one step."""
 
-    Attributes
-    ----------
-    name : str
-        ``"CC discharge"``, numbered where a kind occurs more than once.
-    start_s, duration_s : float
-        On the record's clock, s.
-    signals : mapping of str to SignalError
-        By signal.
-    """
-
-    name: str
+    name: str  # ``"CC discharge"``, numbered where a kind occurs more than once.
+    # start_s, duration_s: On the record's clock, s.
     start_s: float
     duration_s: float
-    signals: Mapping[str, SignalError]
+    signals: Mapping[str, SignalError]  # By signal.
 
 
 @dataclass(frozen=True)
 class RecordErrors:
-    """Errors of one record. JSON-ready through `as_json`.
+    """Errors of one record. JSON-ready through `as_json`."""
 
-    Attributes
-    ----------
-    record : str
-        The record's name. Untrusted.
-    signals : mapping of str to SignalError
-        Of the whole record, by signal; empty where nothing was simulated.
-    steps : tuple of StepErrors
-        Step by step, as far as the simulation got.
-    failure : str
-        Why the simulation ended early; the errors are then those of the part that it reached.
-    limits : tuple of str
-        See `ExperimentRun.limits`: such a fit is no good, however small its errors.
-    """
-
-    record: str
-    signals: Mapping[str, SignalError]
-    steps: tuple[StepErrors, ...] = ()
-    failure: str = ""
-    limits: tuple[str, ...] = ()
+    record: str  # The record's name. Untrusted.
+    signals: Mapping[str, SignalError]  # Of the whole record, by signal; empty where nothing was simulated.
+    steps: tuple[StepErrors, ...] = ()  # Step by step, as far as the simulation got.
+    failure: str = ""  # Why the simulation ended early; the errors are then those of the part that it reached.
+    limits: tuple[str, ...] = ()  # See `ExperimentRun.limits`: such a fit is no good, however small its errors.
 
     def as_json(self) -> dict[str, Any]:
         """Plain dicts, lists, strings and numbers."""

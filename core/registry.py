@@ -46,21 +46,11 @@ _NAME = re.compile(r"[a-z0-9][a-z0-9.+-]*")
 
 @dataclass(frozen=True)
 class Listing:
-    """An entry and where it comes from.
+    """An entry and where it comes from."""
 
-    Attributes
-    ----------
-    kind : str
-        ``"simulator"``, ``"memory"``, ...
-    entry : Entry
-        What the plugin declared.
-    origin : str
-        Distribution and version, ``"battery-sim-agent 0.1.0"``.
-    """
-
-    kind: Kind
-    entry: Entry
-    origin: str
+    kind: Kind  # ``"simulator"``, ``"memory"``, ...
+    entry: Entry  # What the plugin declared.
+    origin: str  # Distribution and version, ``"battery-sim-agent 0.1.0"``.
 
     @property
     def who(self) -> str:
@@ -75,24 +65,12 @@ class Listing:
 
 @dataclass(frozen=True)
 class Unusable:
-    """What a distribution offers and nobody can use.
+    """What a distribution offers and nobody can use."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the entry, or of the entry point where the fault is not that of one entry.
-    reason : str
-        What is wrong, in one line.
-    origin : str
-        Distribution and version.
-    kind : str or None
-        Kind of the entry; None for a whole plugin, or one of its hooks.
-    """
-
-    name: str
-    reason: str
-    origin: str
-    kind: Kind | None = None
+    name: str  # Name of the entry, or of the entry point where the fault is not that of one entry.
+    reason: str  # What is wrong, in one line.
+    origin: str  # Distribution and version.
+    kind: Kind | None = None  # Kind of the entry; None for a whole plugin, or one of its hooks.
 
 
 class Registry:

@@ -48,21 +48,11 @@ no weight (5 s for a cell)."""
 
 @dataclass(frozen=True, eq=False)
 class StepMisfit:
-    """What one step adds to the sum of squared residuals.
+    """What one step adds to the sum of squared residuals."""
 
-    Attributes
-    ----------
-    experiment : Experiment
-        The record.
-    pair : StepPair
-        The step, measured and simulated.
-    squares : mapping of str to float
-        Sum of squares by signal, and under ``"duration"`` that of the step's duration.
-    """
-
-    experiment: Experiment
-    pair: StepPair
-    squares: Mapping[str, float]
+    experiment: Experiment  # The record.
+    pair: StepPair  # The step, measured and simulated.
+    squares: Mapping[str, float]  # Sum of squares by signal, and under ``"duration"`` that of the step's duration.
 
 
 def misfits(task: Task, outcome: Outcome) -> list[StepMisfit]:
@@ -243,25 +233,14 @@ def _points(signal: Signal, usual: int) -> int:
 
 @dataclass(frozen=True, eq=False)
 class ResidualRows:
-    """What each residual of a task is about; arrays of shape (m,), see `residuals`.
+    """What each residual of a task is about; arrays of shape (m,), see `residuals`."""
 
-    Attributes
-    ----------
-    record, step : ndarray of int
-        The experiment's place in the task and the step's place in its record.
-    signal : ndarray of str
-        Name of the signal; empty for the duration of a step and for a row of a table of cycles.
-    since_s : ndarray
-        Time since the step began, s.
-    scale : ndarray
-        The residual of a mismatch of one tolerance.
-    """
-
+    # record, step: The experiment's place in the task and the step's place in its record.
     record: NDArray[np.intp]
     step: NDArray[np.intp]
-    signal: NDArray[np.str_]
-    since_s: FloatArray
-    scale: FloatArray
+    signal: NDArray[np.str_]  # Name of the signal; empty for the duration of a step and for a row of a table of cycles.
+    since_s: FloatArray  # Time since the step began, s.
+    scale: FloatArray  # The residual of a mismatch of one tolerance.
 
 
 def rows_of(task: Task) -> ResidualRows:

@@ -40,18 +40,10 @@ _BROADCAST = ("recall", "remember", "close")
 
 @dataclass(frozen=True, eq=False)
 class Participant:
-    """A plugin of a run.
+    """A plugin of a run."""
 
-    Attributes
-    ----------
-    who : str
-        Kind, name, distribution and version.
-    hooks : mapping of str to pluggy.HookImpl
-        What it implements.
-    """
-
-    who: str
-    hooks: Mapping[str, pluggy.HookImpl]
+    who: str  # Kind, name, distribution and version.
+    hooks: Mapping[str, pluggy.HookImpl]  # What it implements.
 
     def call(self, hook: str, **arguments: Any) -> Any:
         """Call one of its hooks, with those arguments that it names."""

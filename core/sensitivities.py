@@ -40,29 +40,16 @@ AS_SHOWN = "what the feedback lists, in its order"
 
 @dataclass(frozen=True)
 class Sensitivities:
-    """Change of each feature when one parameter rises by its unit of change.
+    """Change of each feature when one parameter rises by its unit of change."""
 
-    Attributes
-    ----------
-    effects : mapping of str to (mapping of str to float)
-        By parameter, then by feature, in the feature's unit. What was not measured is absent.
-    learnt_from : str
-        Where the effects come from, in words.
-    remarks : mapping
-        What else is to be told of them, JSON-ready.
-    unit : {'typical_step'}
-        The change that the effects are told for: `Parameter.typical_step`, counted by `Parameter.in_steps`.
-    points : mapping of str to int
-        How many simulations moved each parameter.
-    misprediction_pct : mapping of str to float
-        What the effects leave unexplained of those simulations, in percent: 0 where a parameter acts linearly.
-    """
-
+    # By parameter, then by feature, in the feature's unit. What was not measured is absent.
     effects: Mapping[str, Mapping[str, float]]
-    learnt_from: str = ""
-    remarks: Mapping[str, Any] = field(default_factory=dict)
+    learnt_from: str = ""  # Where the effects come from, in words.
+    remarks: Mapping[str, Any] = field(default_factory=dict)  # What else is to be told of them, JSON-ready.
+    # The change that the effects are told for: `Parameter.typical_step`, counted by `Parameter.in_steps`.
     unit: Unit = "typical_step"
-    points: Mapping[str, int] = field(default_factory=dict)
+    points: Mapping[str, int] = field(default_factory=dict)  # How many simulations moved each parameter.
+    # What the effects leave unexplained of those simulations, in percent: 0 where a parameter acts linearly.
     misprediction_pct: Mapping[str, float] = field(default_factory=dict)
 
     def content(self, budget: int, shown: Sequence[str] = ()) -> dict[str, Any]:

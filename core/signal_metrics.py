@@ -16,15 +16,9 @@ from .task import Task
 
 @dataclass(frozen=True)
 class Metrics:
-    """Errors of one trial.
+    """Errors of one trial."""
 
-    Attributes
-    ----------
-    objective : float
-        The number that "best" means.
-    """
-
-    objective: float
+    objective: float  # The number that "best" means.
 
     def value(self, key: str) -> float:
         """An error by its name."""
@@ -37,27 +31,13 @@ class Metrics:
 
 @dataclass(frozen=True)
 class Quantity:
-    """An error as it is shown.
+    """An error as it is shown."""
 
-    Attributes
-    ----------
-    key : str
-        Its name in `Metrics.as_json`.
-    label : str
-        Its name for people, at the beginning of a line.
-    unit : str
-        Unit in which it is shown.
-    scale : float
-        How many shown units its value's unit is.
-    told : str
-        Its name in a prompt, unit included.
-    """
-
-    key: str
-    label: str
-    unit: str
-    scale: float = 1.0
-    told: str = ""
+    key: str  # Its name in `Metrics.as_json`.
+    label: str  # Its name for people, at the beginning of a line.
+    unit: str  # Unit in which it is shown.
+    scale: float = 1.0  # How many shown units its value's unit is.
+    told: str = ""  # Its name in a prompt, unit included.
 
     @property
     def words(self) -> str:

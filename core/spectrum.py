@@ -106,31 +106,20 @@ class ImpedanceSpectrum:
 
 @dataclass(frozen=True)
 class SpectrumErrors:
-    """A simulated spectrum against a measured one, both read at the frequencies that the measured one marks.
+    """A simulated spectrum against a measured one, both read at the frequencies that the measured one marks."""
 
-    Attributes
-    ----------
-    record : str
-        The measured spectrum's name. Untrusted.
-    soc : float
-        State of charge at which it was simulated.
-    rms_mohm : float
-        Root mean square of the distance in the complex plane, over the frequencies up to ``ohmic_hz``: the inductance
-        of leads is in no cell model.
-    ohmic_hz, ohmic_mohm, ohmic_simulated_mohm : float
-        Where the measured spectrum crosses the real axis (its highest frequency, if it does not), and the real parts
-        there.
-    arcs_hz, arcs_mohm, arcs_simulated_mohm : float or None
-        Where the measured arcs end, and by how much the real part grows up to there; None if they run into the
-        tail.
-    """
-
-    record: str
-    soc: float
+    record: str  # The measured spectrum's name. Untrusted.
+    soc: float  # State of charge at which it was simulated.
+    # Root mean square of the distance in the complex plane, over the frequencies up to ``ohmic_hz``: the inductance of
+    # leads is in no cell model.
     rms_mohm: float
+    # ohmic_hz, ohmic_mohm, ohmic_simulated_mohm: Where the measured spectrum crosses the real axis (its highest
+    # frequency, if it does not), and the real parts there.
     ohmic_hz: float
     ohmic_mohm: float
     ohmic_simulated_mohm: float
+    # arcs_hz, arcs_mohm, arcs_simulated_mohm: Where the measured arcs end, and by how much the real part grows up to
+    # there; None if they run into the tail.
     arcs_hz: float | None = None
     arcs_mohm: float | None = None
     arcs_simulated_mohm: float | None = None

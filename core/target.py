@@ -19,41 +19,23 @@ _OCP_SHAPE = re.compile(r"(Negative|Positive) electrode OCP correction at stoich
 
 @dataclass(frozen=True)
 class Value:
-    """Replaces a number of the parameter set.
+    """Replaces a number of the parameter set."""
 
-    Attributes
-    ----------
-    name : str
-        PyBaMM's name of it.
-    """
-
-    name: str
+    name: str  # PyBaMM's name of it.
 
 
 @dataclass(frozen=True)
 class Factor:
-    """Multiplies what the parameter set has, a number or a function.
+    """Multiplies what the parameter set has, a number or a function."""
 
-    Attributes
-    ----------
-    name : str
-        PyBaMM's name of what is multiplied.
-    """
-
-    name: str
+    name: str  # PyBaMM's name of what is multiplied.
 
 
 @dataclass(frozen=True)
 class InitialSoc:
-    """The state of charge at which a record starts, 0 to 1.
+    """The state of charge at which a record starts, 0 to 1."""
 
-    Attributes
-    ----------
-    record : str
-        Name of the record; empty for all records.
-    """
-
-    record: str = ""
+    record: str = ""  # Name of the record; empty for all records.
 
 
 @dataclass(frozen=True)
@@ -63,18 +45,10 @@ class CyclableLithium:
 
 @dataclass(frozen=True)
 class OcpShape:
-    """Adds a smooth bump to the open-circuit potential of an electrode.
+    """Adds a smooth bump to the open-circuit potential of an electrode."""
 
-    Attributes
-    ----------
-    electrode : str
-        ``"Negative"`` or ``"Positive"``.
-    stoichiometry : float
-        Where the bump has its height, between 0 and 1.
-    """
-
-    electrode: str
-    stoichiometry: float
+    electrode: str  # ``"Negative"`` or ``"Positive"``.
+    stoichiometry: float  # Where the bump has its height, between 0 and 1.
 
     @property
     def ocp(self) -> str:
@@ -84,14 +58,9 @@ class OcpShape:
 
 @dataclass(frozen=True)
 class EffectValue:
-    """A parameter that exists only when an effect does.
+    """A parameter that exists only when an effect does."""
 
-    Attributes
-    ----------
-    effect, parameter : str
-        Name of the effect, and the parameter's short name in it.
-    """
-
+    # effect, parameter: Name of the effect, and the parameter's short name in it.
     effect: str
     parameter: str
 
@@ -152,26 +121,16 @@ def targets_named(names: Iterable[str]) -> dict[str, Target]:
 
 @dataclass(frozen=True)
 class CellChange:
-    """What a candidate changes about a cell, sorted by target.
+    """What a candidate changes about a cell, sorted by target."""
 
-    Attributes
-    ----------
-    values : mapping of str to float
-        Numbers that replace those of the parameter set, by PyBaMM's names.
-    factors : mapping of str to float
-        What values and functions of the set are multiplied by, by PyBaMM's names.
-    cyclable_lithium : float
-        Multiplies the lithium that both electrodes share.
-    initial_soc : mapping of str to float
-        State of charge at which a record starts, by the record's name; under the empty name that of all others.
-    ocp_shape : mapping of OcpShape to float
-        Heights of the bumps that are added to open-circuit potentials, V.
-    """
-
+    # Numbers that replace those of the parameter set, by PyBaMM's names.
     values: Mapping[str, float] = field(default_factory=dict)
+    # What values and functions of the set are multiplied by, by PyBaMM's names.
     factors: Mapping[str, float] = field(default_factory=dict)
-    cyclable_lithium: float = 1.0
+    cyclable_lithium: float = 1.0  # Multiplies the lithium that both electrodes share.
+    # State of charge at which a record starts, by the record's name; under the empty name that of all others.
     initial_soc: Mapping[str, float] = field(default_factory=dict)
+    # Heights of the bumps that are added to open-circuit potentials, V.
     ocp_shape: Mapping[OcpShape, float] = field(default_factory=dict)
 
     def soc_of(self, record: str) -> float | None:

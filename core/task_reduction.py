@@ -10,19 +10,12 @@ from .task import Experiment
 
 @dataclass(frozen=True)
 class TaskReduction:
-    """How a task is reduced. An reduced simulation never counts as a fit of the task.
+    """How a task is reduced. An reduced simulation never counts as a fit of the task."""
 
-    Attributes
-    ----------
-    rate : float
-        Factor on every current, more than 0 and at most 1. There is no record at lower currents, so these
-        simulations only say whether the cell runs, and how polarised it is.
-    cycles : int or None
-        Only so many cycles, which are compared with the record's first ones; None for all.
-    """
-
+    # Factor on every current, more than 0 and at most 1. There is no record at lower currents, so these simulations
+    # only say whether the cell runs, and how polarised it is.
     rate: float = 1.0
-    cycles: int | None = None
+    cycles: int | None = None  # Only so many cycles, which are compared with the record's first ones; None for all.
 
     def __post_init__(self) -> None:
         if not 0.0 < self.rate <= 1.0:

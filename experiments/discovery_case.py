@@ -105,25 +105,15 @@ class DiscoverOptions(BaseModel, extra="forbid"):
 
 @dataclass(frozen=True)
 class Case:
-    """A discovery's input, read.
+    """A discovery's input, read."""
 
-    Attributes
-    ----------
-    cell : CellModel
-        The base model.
-    measured_records, held : tuple of MeasuredRecord
-        Records to fit and to predict.
-    initial_soc : mapping of str to float
-        By record, where the search for its initial state of charge starts.
-    notes : tuple of str
-        What was assumed or repaired.
-    """
-
-    cell: CellModel
+    cell: CellModel  # The base model.
+    # measured_records, held: Records to fit and to predict.
     measured_records: tuple[MeasuredRecord, ...]
     held: tuple[MeasuredRecord, ...] = ()
+    # By record, where the search for its initial state of charge starts.
     initial_soc: Mapping[str, float] | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # What was assumed or repaired.
 
 
 def read_case(options: DiscoverOptions) -> Case:

@@ -22,18 +22,10 @@ KIND = "discovery"
 
 @dataclass(frozen=True)
 class OpenJournal:
-    """The journal of a discovery that is under way.
+    """The journal of a discovery that is under way."""
 
-    Attributes
-    ----------
-    file : Journal
-        Open for writing.
-    earlier : list of mapping
-        Events from before the discovery was stopped; none of a new one.
-    """
-
-    file: Journal
-    earlier: list[dict[str, Any]]
+    file: Journal  # Open for writing.
+    earlier: list[dict[str, Any]]  # Events from before the discovery was stopped; none of a new one.
 
 
 @contextmanager

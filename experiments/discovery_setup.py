@@ -27,39 +27,17 @@ from .effect_choice import effects_of
 
 @dataclass(frozen=True, eq=False)
 class DiscoverySetup:
-    """Records, simulator and catalogue.
+    """Records, simulator and catalogue."""
 
-    Attributes
-    ----------
-    case : Case
-        What was asked.
-    problem : Problem
-        The records, condensed, and the simulator.
-    space : ParameterSpace
-        The uncertain parameters of the base model.
-    catalogue : tuple of Effect
-        What may be missing.
-    simulator : Simulator
-        The problem's, with what it refused to build.
-    mesh : RadialMesh
-        How finely the particles are resolved.
-    capacity_ah : float
-        Nominal capacity of the cell, A.h.
-    began : float
-        When it was begun to be set up, on the clock of `time.perf_counter`, s.
-    passed_over : tuple of str
-        Effects that cannot be used, and why.
-    """
-
-    case: Case
-    problem: Problem
-    space: ParameterSpace
-    catalogue: tuple[Effect, ...]
-    simulator: Simulator
-    mesh: RadialMesh
-    capacity_ah: float
-    began: float
-    passed_over: tuple[str, ...] = ()
+    case: Case  # What was asked.
+    problem: Problem  # The records, condensed, and the simulator.
+    space: ParameterSpace  # The uncertain parameters of the base model.
+    catalogue: tuple[Effect, ...]  # What may be missing.
+    simulator: Simulator  # The problem's, with what it refused to build.
+    mesh: RadialMesh  # How finely the particles are resolved.
+    capacity_ah: float  # Nominal capacity of the cell, A.h.
+    began: float  # When it was begun to be set up, on the clock of `time.perf_counter`, s.
+    passed_over: tuple[str, ...] = ()  # Effects that cannot be used, and why.
 
     @property
     def notes(self) -> list[str]:

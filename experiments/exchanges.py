@@ -15,53 +15,26 @@ EXCHANGED = (REPLY, LOST_CALL, VOTE, REVIEW)
 
 @dataclass(frozen=True)
 class Turn:
-    """One message of a prompt.
+    """One message of a prompt."""
 
-    Attributes
-    ----------
-    role : str
-        Who speaks.
-    text : str
-        What is said. Untrusted.
-    images : int
-        How many images went with it.
-    """
-
-    role: str
-    text: str
-    images: int = 0
+    role: str  # Who speaks.
+    text: str  # What is said. Untrusted.
+    images: int = 0  # How many images went with it.
 
 
 @dataclass(frozen=True)
 class Exchange:
-    """One call of the language model, or what votes or a reviewer made of its reply.
+    """One call of the language model, or what votes or a reviewer made of its reply."""
 
-    Attributes
-    ----------
-    prompt : tuple of Turn
-        What it was shown; empty for votes and reviews.
-    text : str
-        What it answered, untrusted; empty for a lost call.
-    lost : str
-        Why there was no answer, if there was none.
-    model, structured_by : str
-        As in `Reply`.
-    notes : tuple of str
-        What the backend did on the way.
-    usage : Usage
-        What it cost.
-    made_by : {'model', 'vote', 'review'}
-        Who the text is from.
-    """
-
-    prompt: tuple[Turn, ...]
-    text: str = ""
-    lost: str = ""
+    prompt: tuple[Turn, ...]  # What it was shown; empty for votes and reviews.
+    text: str = ""  # What it answered, untrusted; empty for a lost call.
+    lost: str = ""  # Why there was no answer, if there was none.
+    # model, structured_by: As in `Reply`.
     model: str = ""
     structured_by: str = ""
-    notes: tuple[str, ...] = ()
-    usage: Usage = field(default_factory=Usage)
-    made_by: Literal["model", "vote", "review"] = "model"
+    notes: tuple[str, ...] = ()  # What the backend did on the way.
+    usage: Usage = field(default_factory=Usage)  # What it cost.
+    made_by: Literal["model", "vote", "review"] = "model"  # Who the text is from.
 
 
 def exchange_of(event: Mapping[str, Any]) -> Exchange:

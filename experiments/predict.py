@@ -40,21 +40,11 @@ class PredictedSpectrum:
 
 @dataclass(frozen=True, eq=False)
 class ScoredRecords:
-    """Records that a run did not fit, as its best candidate predicts them.
+    """Records that a run did not fit, as its best candidate predicts them."""
 
-    Attributes
-    ----------
-    run : RunRecord
-        The run; its task holds out these records in place of those that it held out itself.
-    predictions : tuple of Prediction
-        In the order of the records.
-    spectra : tuple of PredictedSpectrum
-        In the order of the spectra.
-    """
-
-    run: RunRecord
-    predictions: tuple[Prediction, ...]
-    spectra: tuple[PredictedSpectrum, ...] = ()
+    run: RunRecord  # The run; its task holds out these records in place of those that it held out itself.
+    predictions: tuple[Prediction, ...]  # In the order of the records.
+    spectra: tuple[PredictedSpectrum, ...] = ()  # In the order of the spectra.
 
     def to_json(self) -> dict[str, Any]:
         """What ``prediction.json`` holds."""

@@ -24,39 +24,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RunRequest:
-    """A run that is about to start.
+    """A run that is about to start."""
 
-    Attributes
-    ----------
-    task : Task
-        What is to be matched.
-    config : RunConfig
-        Scaffold, budgets, seed.
-    folder : Path
-        Where it goes.
-    """
-
-    task: Task
-    config: RunConfig
-    folder: Path
+    task: Task  # What is to be matched.
+    config: RunConfig  # Scaffold, budgets, seed.
+    folder: Path  # Where it goes.
 
 
 @dataclass(frozen=True)
 class Overrides:
-    """What replaces the defaults of a run's configuration.
+    """What replaces the defaults of a run's configuration."""
 
-    Attributes
-    ----------
-    rounds, warm_up, simulations, seed : int
-        As in `RunConfig`.
-    settings : dict
-        Any other key: a field of `RunConfig`, or a dotted path into the scaffold (``feedback.use``).
-    """
-
+    # rounds, warm_up, simulations, seed: As in `RunConfig`.
     rounds: int
     warm_up: int
     simulations: int
     seed: int
+    # Any other key: a field of `RunConfig`, or a dotted path into the scaffold (``feedback.use``).
     settings: dict[str, Any] = field(default_factory=dict)
 
     def config(self, scaffold: str | Scaffold, backend: str, options: dict[str, Any], simulator: str = "") -> RunConfig:

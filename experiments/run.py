@@ -31,17 +31,10 @@ _VERSIONED = ("battery-sim-agent", "pybamm", "numpy", "scipy")
 
 @dataclass(frozen=True)
 class Resources:
-    """What a run may use; none of it changes what the run finds.
+    """What a run may use; none of it changes what the run finds."""
 
-    Attributes
-    ----------
-    workers : int
-        Simulations side by side.
-    max_tokens, max_cost_usd : optional
-        Allowance for the language model; once spent, the run stops and can be resumed.
-    """
-
-    workers: int = 1
+    workers: int = 1  # Simulations side by side.
+    # max_tokens, max_cost_usd: Allowance for the language model; once spent, the run stops and can be resumed.
     max_tokens: int | None = None
     max_cost_usd: float | None = None
 

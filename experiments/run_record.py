@@ -29,41 +29,21 @@ UNFINISHED = "unfinished"
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """One proposal with what led to it and what came of it.
+    """One proposal with what led to it and what came of it."""
 
-    Attributes
-    ----------
-    phase : {'warm-up', 'search'}
-        The phase it belongs to.
-    number : int
-        The round of its phase, from 1.
-    hypothesis, rationale, action, lost : str
-        As in `Proposal`. Untrusted.
-    updates : mapping of str to str
-        The changes as they were proposed.
-    details : mapping
-        Whatever else the proposer kept.
-    finished : bool
-        Whether the proposer asked to stop.
-    base : Trial
-        The trial with the lowest objective before this round.
-    trials : tuple of Trial
-        The candidates that were tried, in order; empty for a lost round.
-    exchanges : tuple of Exchange
-        The calls of the language model that led to the proposal, votes and reviews among them.
-    """
-
-    phase: Phase
-    number: int
+    phase: Phase  # The phase it belongs to.
+    number: int  # The round of its phase, from 1.
+    # hypothesis, rationale, action, lost: As in `Proposal`. Untrusted.
     hypothesis: str
     rationale: str
     action: str
-    updates: Mapping[str, str]
-    details: Mapping[str, Any]
+    updates: Mapping[str, str]  # The changes as they were proposed.
+    details: Mapping[str, Any]  # Whatever else the proposer kept.
     lost: str
-    finished: bool
-    base: Trial
-    trials: tuple[Trial, ...]
+    finished: bool  # Whether the proposer asked to stop.
+    base: Trial  # The trial with the lowest objective before this round.
+    trials: tuple[Trial, ...]  # The candidates that were tried, in order; empty for a lost round.
+    # The calls of the language model that led to the proposal, votes and reviews among them.
     exchanges: tuple[Exchange, ...]
 
     @property
@@ -79,57 +59,26 @@ class Round:
 
 @dataclass(frozen=True, eq=False)
 class RunRecord:
-    """Everything a journal tells of a run.
+    """Everything a journal tells of a run."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the run's folder.
-    task : Task
-        What was to be matched.
-    config : mapping
-        The run's configuration, as `RunConfig` writes it.
-    versions : mapping of str to str
-        What was installed when the run began.
-    identity : str
-        Hash of task, configuration and versions.
-    status : str
-        Why it ended, or `UNFINISHED`.
-    trials : tuple of Trial
-        Everything that was tried, by index.
-    rounds : tuple of Round
-        Every proposal, warm-up included, in order.
-    exchanges : tuple of Exchange
-        Every call of the language model, votes and reviews among them, those of a round that was cut off included.
-    scores : mapping of int to (Metrics or None)
-        Metrics of reference accuracy by trial, as far as they were computed.
-    notes : tuple of str
-        What the run had to say, task's assumptions first.
-    resumed : int
-        How often it was taken up again.
-    analysis : PostFitAnalysis or None
-        What the records fix, if the run looked.
-    records : tuple of RecordErrors
-        Of the best trial, record by record, where it was scored with reference accuracy.
-    held_out : tuple of Prediction
-        Of the records that were not fitted, in the order of the task's.
-    """
-
-    name: str
-    task: Task
-    config: Mapping[str, Any]
-    versions: Mapping[str, str]
-    identity: str
-    status: str
-    trials: tuple[Trial, ...]
-    rounds: tuple[Round, ...]
+    name: str  # Name of the run's folder.
+    task: Task  # What was to be matched.
+    config: Mapping[str, Any]  # The run's configuration, as `RunConfig` writes it.
+    versions: Mapping[str, str]  # What was installed when the run began.
+    identity: str  # Hash of task, configuration and versions.
+    status: str  # Why it ended, or `UNFINISHED`.
+    trials: tuple[Trial, ...]  # Everything that was tried, by index.
+    rounds: tuple[Round, ...]  # Every proposal, warm-up included, in order.
+    # Every call of the language model, votes and reviews among them, those of a round that was cut off included.
     exchanges: tuple[Exchange, ...]
+    # Metrics of reference accuracy by trial, as far as they were computed.
     scores: Mapping[int, Metrics | None] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    resumed: int = 0
-    analysis: PostFitAnalysis | None = None
+    notes: tuple[str, ...] = ()  # What the run had to say, task's assumptions first.
+    resumed: int = 0  # How often it was taken up again.
+    analysis: PostFitAnalysis | None = None  # What the records fix, if the run looked.
+    # Of the best trial, record by record, where it was scored with reference accuracy.
     records: tuple[RecordErrors, ...] = ()
-    held_out: tuple[Prediction, ...] = ()
+    held_out: tuple[Prediction, ...] = ()  # Of the records that were not fitted, in the order of the task's.
 
     @property
     def initial(self) -> Trial:

@@ -22,43 +22,22 @@ Extra = Literal["step", "cycle", "date", "net_ah", "charged_ah", "discharged_ah"
 
 @dataclass(frozen=True)
 class Samples:
-    """The signals of a file in SI units, in the sign convention of the file.
+    """The signals of a file in SI units, in the sign convention of the file."""
 
-    Attributes
-    ----------
-    source : str
-        Name of the file, for messages.
-    time, voltage, current : ndarray of shape (n,)
-        s, V and A; NaN where a cell is empty.
-    temperature : ndarray of shape (n,) or None
-        Kelvin, NaN where a cell is empty.
-    rows : ndarray of shape (n,)
-        Row of each sample in its file or sheet, from 1, for messages; left out, the samples are counted.
-    names : mapping
-        Columns as the file names them, for messages.
-    notes : tuple of str
-        What was done so far.
-    ambient_k : float or None
-        Ambient temperature, where the file has it.
-    sheets : tuple of str
-        Parts that the samples come from: ``"sheet Channel_1-008"``, or the names of files.
-    sheet : ndarray of shape (n,)
-        Part of each sample.
-    extra : mapping of str to ndarray of shape (n,)
-        What the file says beside the signals (see `Extra`), NaN where a cell is empty.
-    """
-
-    source: str
+    source: str  # Name of the file, for messages.
+    # time, voltage, current: s, V and A; NaN where a cell is empty. Shape (n,).
     time: FloatArray
     voltage: FloatArray
     current: FloatArray
-    temperature: FloatArray | None = None
+    temperature: FloatArray | None = None  # Kelvin, NaN where a cell is empty. Shape (n,).
+    # Row of each sample in its file or sheet, from 1, for messages; left out, the samples are counted. Shape (n,).
     rows: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    names: Mapping[Signal, str] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    ambient_k: float | None = None
-    sheets: tuple[str, ...] = ()
-    sheet: NDArray[np.int64] | None = None
+    names: Mapping[Signal, str] = field(default_factory=dict)  # Columns as the file names them, for messages.
+    notes: tuple[str, ...] = ()  # What was done so far.
+    ambient_k: float | None = None  # Ambient temperature, where the file has it.
+    sheets: tuple[str, ...] = ()  # Parts that the samples come from: ``"sheet Channel_1-008"``, or the names of files.
+    sheet: NDArray[np.int64] | None = None  # Part of each sample. Shape (n,).
+    # What the file says beside the signals (see `Extra`), NaN where a cell is empty. Shape (n,).
     extra: Mapping[Extra, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -75,39 +75,25 @@ class SlowCurve:
 
 @dataclass(frozen=True)
 class RecordSummary:
-    """What a record says.
+    """What a record says."""
 
-    Attributes
-    ----------
-    name : str
-        The record's.
-    samples, duration_s, interval_s
-        Number of samples, seconds in all, and the least, the usual and the longest interval in s.
-    voltage, current : tuple of float
-        Least and largest, V and A (positive on discharge).
-    temperature_c : tuple of float or None
-        First, least and largest, degC.
-    ambient_c : float or None
-        Around the cell.
-    steps, cycles, resistances, slow : tuple
-        In order of time.
-    problems : tuple of str
-        What was assumed, repaired or cannot be trusted.
-    """
-
-    name: str
+    name: str  # The record's.
+    # samples, duration_s, interval_s: Number of samples, seconds in all, and the least, the usual and the longest
+    # interval in s.
     samples: int
     duration_s: float
     interval_s: tuple[float, float, float]
+    # voltage, current: Least and largest, V and A (positive on discharge).
     voltage: tuple[float, float]
     current: tuple[float, float]
-    temperature_c: tuple[float, float, float] | None
-    ambient_c: float | None
+    temperature_c: tuple[float, float, float] | None  # First, least and largest, degC.
+    ambient_c: float | None  # Around the cell.
+    # steps, cycles, resistances, slow: In order of time.
     steps: tuple[StepRow, ...]
     cycles: tuple[CycleRow, ...]
     resistances: tuple[ResistanceRow, ...]
     slow: tuple[SlowCurve, ...]
-    problems: tuple[str, ...]
+    problems: tuple[str, ...]  # What was assumed, repaired or cannot be trusted.
 
 
 def summary(record: Record) -> RecordSummary:

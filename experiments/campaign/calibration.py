@@ -23,51 +23,26 @@ from .store import RESULT, TRACE, Store
 
 @dataclass(frozen=True)
 class TaskLabel:
-    """A task as tables see it.
+    """A task as tables see it."""
 
-    Attributes
-    ----------
-    key : str
-        Its name, unique in the grid.
-    mode, chemistry, rates : str
-        Mode of the suite, parameter set, C-rates.
-    digest : str
-        Of the encoded task in the store; empty while it is not made, or cannot be.
-    trouble : str
-        Why there is no task: PyBaMM cannot simulate the true cell.
-    simulator : str
-        The simulator that the task names; empty leaves it to the scaffold.
-    """
-
-    key: str
+    key: str  # Its name, unique in the grid.
+    # mode, chemistry, rates: Mode of the suite, parameter set, C-rates.
     mode: str
     chemistry: str
     rates: str = ""
-    digest: str = ""
-    trouble: str = ""
-    simulator: str = ""
+    digest: str = ""  # Of the encoded task in the store; empty while it is not made, or cannot be.
+    trouble: str = ""  # Why there is no task: PyBaMM cannot simulate the true cell.
+    simulator: str = ""  # The simulator that the task names; empty leaves it to the scaffold.
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """A calibration; see `Cell`.
+    """A calibration; see `Cell`."""
 
-    Attributes
-    ----------
-    task : TaskLabel
-        What is fitted.
-    backend : BackendChoice
-        The language model, with where it is.
-    config : RunConfig
-        What, with the task and the code, determines the result.
-    identity : str
-        Hash of all that; empty while the task is not made.
-    """
-
-    task: TaskLabel
-    backend: BackendChoice
-    config: RunConfig
-    identity: str = ""
+    task: TaskLabel  # What is fitted.
+    backend: BackendChoice  # The language model, with where it is.
+    config: RunConfig  # What, with the task and the code, determines the result.
+    identity: str = ""  # Hash of all that; empty while the task is not made.
 
     @property
     def axes(self) -> dict[Axis, str]:

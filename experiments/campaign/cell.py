@@ -60,27 +60,13 @@ class Order:
 
 @dataclass(frozen=True)
 class Report:
-    """What became of an order.
+    """What became of an order."""
 
-    Attributes
-    ----------
-    identity : str
-        Of the cell.
-    state : {'done', 'busy', 'stopped', 'failed', 'lost'}
-        ``busy``: another process has it. ``stopped``: interrupted. ``lost``: its worker died.
-    result : mapping
-        What ``result.json`` holds, where there is one.
-    reason : str
-        Why it failed.
-    memory_mb : float
-        Resident memory of the worker afterwards.
-    """
-
-    identity: str
-    state: State
-    result: Mapping[str, Any] = field(default_factory=dict)
-    reason: str = ""
-    memory_mb: float = 0.0
+    identity: str  # Of the cell.
+    state: State  # ``busy``: another process has it. ``stopped``: interrupted. ``lost``: its worker died.
+    result: Mapping[str, Any] = field(default_factory=dict)  # What ``result.json`` holds, where there is one.
+    reason: str = ""  # Why it failed.
+    memory_mb: float = 0.0  # Resident memory of the worker afterwards.
 
 
 def carry_out(order: Order) -> Report:

@@ -18,31 +18,16 @@ EARLY = 20
 
 @dataclass(frozen=True)
 class Facts:
-    """What is known of a cell when its row is written.
+    """What is known of a cell when its row is written."""
 
-    Attributes
-    ----------
-    campaign : str
-        Name of the campaign.
-    entry : mapping
-        Of the manifest: axes, method and identity.
-    state, reason : str
-        What became of the cell, and why it has no result.
-    folder : Path
-        The cell's.
-    result : mapping
-        Of ``result.json``; empty for a cell that is not done.
-    lost_calls : int or None
-        Calls of the model without a reply, told of cells that failed for it, too.
-    """
-
-    campaign: str
-    entry: Mapping[str, Any]
+    campaign: str  # Name of the campaign.
+    entry: Mapping[str, Any]  # Of the manifest: axes, method and identity.
+    # state, reason: What became of the cell, and why it has no result.
     state: str
     reason: str
-    folder: Path
-    result: Mapping[str, Any]
-    lost_calls: int | None = None
+    folder: Path  # The cell's.
+    result: Mapping[str, Any]  # Of ``result.json``; empty for a cell that is not done.
+    lost_calls: int | None = None  # Calls of the model without a reply, told of cells that failed for it, too.
 
     @cached_property
     def trace(self) -> Trace:
@@ -64,30 +49,14 @@ def _finite(value: Any) -> float | None:
 
 @dataclass(frozen=True)
 class Column:
-    """One column of ``cells.csv``, ``cells.parquet`` and the page.
+    """One column of ``cells.csv``, ``cells.parquet`` and the page."""
 
-    Attributes
-    ----------
-    name : str
-        Its head in the files.
-    kind : type
-        Type of its values; None stands for what is not known.
-    value : callable
-        From what is known of a cell to the value.
-    page : str
-        Its head on the page; empty for a column that is not shown there.
-    error : str
-        What tables call it, where it is an error of a fit.
-    effort : str
-        What the table of effort calls its mean; empty for a column that is not in it.
-    """
-
-    name: str
-    kind: type[str] | type[int] | type[float]
-    value: Callable[[Facts], Any]
-    page: str = ""
-    error: str = ""
-    effort: str = ""
+    name: str  # Its head in the files.
+    kind: type[str] | type[int] | type[float]  # Type of its values; None stands for what is not known.
+    value: Callable[[Facts], Any]  # From what is known of a cell to the value.
+    page: str = ""  # Its head on the page; empty for a column that is not shown there.
+    error: str = ""  # What tables call it, where it is an error of a fit.
+    effort: str = ""  # What the table of effort calls its mean; empty for a column that is not in it.
 
 
 def _axis(name: str, page: str = "", kind: type[str] | type[int] = str) -> Column:

@@ -32,29 +32,16 @@ _CALL_S = 10.0
 
 @dataclass(frozen=True)
 class Need:
-    """What cells take.
+    """What cells take."""
 
-    Attributes
-    ----------
-    cells, simulations, calls : int
-        Runs; simulations and calls of a language model at most.
-    seconds : float
-        Time of all runs, one after the other.
-    tokens : int
-        Prompt and reply together.
-    cost_usd : float or None
-        None where nobody knows a price.
-    learnt : bool
-        Whether time and tokens come from finished cells rather than from a rule of thumb.
-    """
-
+    # cells, simulations, calls: Runs; simulations and calls of a language model at most.
     cells: int = 0
     simulations: int = 0
     calls: int = 0
-    seconds: float = 0.0
-    tokens: int = 0
-    cost_usd: float | None = 0.0
-    learnt: bool = False
+    seconds: float = 0.0  # Time of all runs, one after the other.
+    tokens: int = 0  # Prompt and reply together.
+    cost_usd: float | None = 0.0  # None where nobody knows a price.
+    learnt: bool = False  # Whether time and tokens come from finished cells rather than from a rule of thumb.
 
     def __add__(self, other: Need) -> Need:
         costs = (self.cost_usd, other.cost_usd)

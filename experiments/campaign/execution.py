@@ -24,14 +24,9 @@ _TICK_S = 0.5
 
 @dataclass(frozen=True)
 class Allowance:
-    """What a campaign may spend on language models; once spent, no further cell is begun.
+    """What a campaign may spend on language models; once spent, no further cell is begun."""
 
-    Attributes
-    ----------
-    max_tokens, max_cost_usd : optional
-        Over all cells that this process sees finish.
-    """
-
+    # max_tokens, max_cost_usd: Over all cells that this process sees finish.
     max_tokens: int | None = None
     max_cost_usd: float | None = None
 

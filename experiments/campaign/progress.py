@@ -21,21 +21,14 @@ _MOST_ROWS = 24
 
 @dataclass
 class Tally:
-    """How far the cells of one method are.
+    """How far the cells of one method are."""
 
-    Attributes
-    ----------
-    total, done, failed, running : int
-        Cells; ``done`` counts those found finished too, ``failed`` the stopped ones too.
-    best : float
-        Lowest objective.
-    """
-
+    # total, done, failed, running: Cells; ``done`` counts those found finished too, ``failed`` the stopped ones too.
     total: int = 0
     done: int = 0
     failed: int = 0
     running: int = 0
-    best: float = math.inf
+    best: float = math.inf  # Lowest objective.
 
 
 class _Counting(ABC):

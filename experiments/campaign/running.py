@@ -31,27 +31,14 @@ class WatcherContext(Watcher, AbstractContextManager["WatcherContext"], Protocol
 
 @dataclass(frozen=True)
 class Plan(Generic[Kind]):
-    """A campaign that is about to run.
+    """A campaign that is about to run."""
 
-    Attributes
-    ----------
-    about : mapping
-        Its ``name``, and what else its manifest is to tell: a grid's file, with what replaced it.
-    cells : sequence of Cell
-        Its cells.
-    store : Store
-        Where results lie.
-    folder : Path
-        For its manifest and tables.
-    only : sequence of str, optional
-        Tasks that are run this time; all by default.
-    """
-
+    # Its ``name``, and what else its manifest is to tell: a grid's file, with what replaced it.
     about: Mapping[str, Any]
     cells: Sequence[Kind]
-    store: Store
-    folder: Path
-    only: Sequence[str] | None = None
+    store: Store  # Where results lie.
+    folder: Path  # For its manifest and tables.
+    only: Sequence[str] | None = None  # Tasks that are run this time; all by default.
 
     @property
     def chosen(self) -> list[Kind]:

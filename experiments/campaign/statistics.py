@@ -25,39 +25,22 @@ _SEED = 20_260
 
 @dataclass(frozen=True)
 class Comparison:
-    """A method against the reference, case by case.
+    """A method against the reference, case by case."""
 
-    Attributes
-    ----------
-    method, reference : str
-        What is compared.
-    cases : int
-        Pairs; seeds of a case are averaged (geometric mean) before it is paired, for they are not new cases.
-    missing : int
-        Cases in which one of them has no result.
-    ratio : float
-        Geometric mean of the method's error over the reference's: 2 is twice the error.
-    low, high : float
-        Bootstrap interval of the ratio, 95 %, over cases (bias-corrected).
-    worse, better : int
-        Cases in which the method's error is larger, smaller.
-    p : float
-        Two-sided Wilcoxon signed-rank test on the logarithms.
-    adjusted_p : float
-        The same after Holm's correction for all comparisons of its family.
-    """
-
+    # method, reference: What is compared.
     method: str
     reference: str
-    cases: int
-    missing: int
-    ratio: float
+    cases: int  # Pairs; seeds of a case are averaged (geometric mean) before it is paired, for they are not new cases.
+    missing: int  # Cases in which one of them has no result.
+    ratio: float  # Geometric mean of the method's error over the reference's: 2 is twice the error.
+    # low, high: Bootstrap interval of the ratio, 95 %, over cases (bias-corrected).
     low: float
     high: float
+    # worse, better: Cases in which the method's error is larger, smaller.
     worse: int
     better: int
-    p: float
-    adjusted_p: float
+    p: float  # Two-sided Wilcoxon signed-rank test on the logarithms.
+    adjusted_p: float  # The same after Holm's correction for all comparisons of its family.
 
     @property
     def holds(self) -> bool:

@@ -12,24 +12,12 @@ from ...core.trial import Phase, Trial
 
 @dataclass(frozen=True)
 class RoundTime:
-    """One round of the search.
+    """One round of the search."""
 
-    Attributes
-    ----------
-    proposer_s : float
-        From the last simulation's end to the proposal, the model's time included.
-    backend_s : float
-        Of it, in the model.
-    round_s : float
-        Wall time of the whole round.
-    simulations : int
-        Simulations of the round.
-    """
-
-    proposer_s: float
-    backend_s: float
-    round_s: float
-    simulations: int
+    proposer_s: float  # From the last simulation's end to the proposal, the model's time included.
+    backend_s: float  # Of it, in the model.
+    round_s: float  # Wall time of the whole round.
+    simulations: int  # Simulations of the round.
 
 
 class Stopwatch:

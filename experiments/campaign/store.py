@@ -32,15 +32,9 @@ _PARTS = frozenset({"cells", "grids", "places", "tasks"})
 
 @dataclass(frozen=True)
 class Store:
-    """A folder that campaigns, processes and machines share.
+    """A folder that campaigns, processes and machines share."""
 
-    Attributes
-    ----------
-    root : Path
-        Holds ``cells/<identity>/`` (an ordinary run folder each), ``tasks/`` and ``grids/<name>/``.
-    """
-
-    root: Path
+    root: Path  # Holds ``cells/<identity>/`` (an ordinary run folder each), ``tasks/`` and ``grids/<name>/``.
 
     def check(self) -> None:
         """Refuse a folder that holds anything else than a store; nothing is written.

@@ -19,28 +19,16 @@ from .store import RESULT, Store
 
 @dataclass(frozen=True)
 class StudyCell:
-    """One item of a study; see `Cell`.
+    """One item of a study; see `Cell`."""
 
-    Attributes
-    ----------
-    study, item : str
-        Names of both.
-    act : callable
-        Given what was asked as keywords, answers with plain values: a ``summary`` in words, and what the study needs.
-    asked : mapping
-        Plain values.
-    identity : str
-        Hash of all that and the code.
-    trouble : str
-        Empty: an item can be carried out.
-    """
-
+    # study, item: Names of both.
     study: str
     item: str
+    # Given what was asked as keywords, answers with plain values: a ``summary`` in words, and what the study needs.
     act: Callable[..., Mapping[str, Any]]
-    asked: Mapping[str, Any]
-    identity: str
-    trouble: str = ""
+    asked: Mapping[str, Any]  # Plain values.
+    identity: str  # Hash of all that and the code.
+    trouble: str = ""  # Empty: an item can be carried out.
 
     @property
     def axes(self) -> dict[Axis, str]:

@@ -20,25 +20,14 @@ Row = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Statistic:
-    """Mean and standard deviation over the cells of one table entry.
+    """Mean and standard deviation over the cells of one table entry."""
 
-    Attributes
-    ----------
-    mean, deviation : float
-        The deviation has n - 1 in its denominator, as in the paper; NaN for one cell.
-    worst : float
-        Largest value.
-    count : int
-        Cells with a value.
-    missing : int
-        Cells in which nothing could be compared; they are not in the mean, and are said in the table.
-    """
-
+    # mean, deviation: The deviation has n - 1 in its denominator, as in the paper; NaN for one cell.
     mean: float
     deviation: float
-    worst: float
-    count: int
-    missing: int = 0
+    worst: float  # Largest value.
+    count: int  # Cells with a value.
+    missing: int = 0  # Cells in which nothing could be compared; they are not in the mean, and are said in the table.
 
     def __str__(self) -> str:
         spread = "" if math.isnan(self.deviation) else f" ± {short(self.deviation)}"

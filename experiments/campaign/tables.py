@@ -31,24 +31,12 @@ RESULTS = Path("results")
 
 @dataclass(frozen=True)
 class Block:
-    """A table: a row a method, a column a chemistry.
+    """A table: a row a method, a column a chemistry."""
 
-    Attributes
-    ----------
-    title : str
-        What stands over it.
-    columns : tuple of str
-        Heads, without the first.
-    rows : mapping of str to (tuple of (Statistic or None))
-        By method.
-    quoted : mapping of str to (tuple of (Statistic or None))
-        The paper's rows, which are not ranked.
-    """
-
-    title: str
-    columns: tuple[str, ...]
-    rows: dict[str, tuple[Statistic | None, ...]]
-    quoted: dict[str, tuple[Statistic | None, ...]]
+    title: str  # What stands over it.
+    columns: tuple[str, ...]  # Heads, without the first.
+    rows: dict[str, tuple[Statistic | None, ...]]  # By method.
+    quoted: dict[str, tuple[Statistic | None, ...]]  # The paper's rows, which are not ranked.
 
     @property
     def ranked(self) -> list[tuple[str, list[tuple[Statistic | None, Emphasis]]]]:
@@ -67,30 +55,14 @@ class Block:
 
 @dataclass(frozen=True)
 class Campaign:
-    """A campaign that was run, finished or not, as tables and pages see it.
+    """A campaign that was run, finished or not, as tables and pages see it."""
 
-    Attributes
-    ----------
-    about : mapping
-        Its name, and how it was made.
-    methods : list of str
-        What is compared.
-    rows : list of dict
-        The results table.
-    store : Store
-        Where its cells lie.
-    folder : Path
-        Where its tables lie.
-    metric : str
-        The error that is compared and drawn.
-    """
-
-    about: dict[str, Any]
-    methods: list[str]
-    rows: list[Row]
-    store: Store
-    folder: Path
-    metric: str
+    about: dict[str, Any]  # Its name, and how it was made.
+    methods: list[str]  # What is compared.
+    rows: list[Row]  # The results table.
+    store: Store  # Where its cells lie.
+    folder: Path  # Where its tables lie.
+    metric: str  # The error that is compared and drawn.
 
     @property
     def reference(self) -> str:

@@ -16,30 +16,15 @@ from .store import TRACE
 
 @dataclass(frozen=True)
 class Trace:
-    """What tables and figures need of every simulation and round, so that they need not read journals of megabytes.
+    """What tables and figures need of every simulation and round, so that they need not read journals of megabytes."""
 
-    Attributes
-    ----------
-    objective : list of (float or None)
-        Of every simulation, in order; None for a failed one.
-    phase : str
-        First letters of the simulations' phases: initial, warm-up, search.
-    rounds : list of RoundTime
-        Times round by round; none of a run that was taken up again.
-    proposer_s : float or None
-        Time of the proposer without its language model.
-    resumed : bool
-        Whether the run was taken up again; its times are of the last part.
-    run_s : float
-        Wall time of the run in its process.
-    """
-
-    objective: list[float | None] = field(default_factory=list)
-    phase: str = ""
+    objective: list[float | None] = field(default_factory=list)  # Of every simulation, in order; None for a failed one.
+    phase: str = ""  # First letters of the simulations' phases: initial, warm-up, search.
+    # Times round by round; none of a run that was taken up again.
     rounds: list[RoundTime] = field(default_factory=list)
-    proposer_s: float | None = None
-    resumed: bool = False
-    run_s: float = 0.0
+    proposer_s: float | None = None  # Time of the proposer without its language model.
+    resumed: bool = False  # Whether the run was taken up again; its times are of the last part.
+    run_s: float = 0.0  # Wall time of the run in its process.
 
     def best_after(self, simulations: int) -> float | None:
         """Least objective among the first simulations; None where none succeeded."""

@@ -31,18 +31,10 @@ class Origin(BaseModel, extra="forbid"):
 
 @dataclass(frozen=True)
 class Results:
-    """A folder of rows.
+    """A folder of rows."""
 
-    Attributes
-    ----------
-    folder : Path
-        Where the CSV files and `ORIGINS` lie.
-    link : str
-        The folder's address as the document being written sees it.
-    """
-
-    folder: Path
-    link: str = "results"
+    folder: Path  # Where the CSV files and `ORIGINS` lie.
+    link: str = "results"  # The folder's address as the document being written sees it.
 
     def rows(self, study: str) -> list[dict[str, Any]]:
         """The rows of a study.

@@ -26,18 +26,10 @@ _NOTHING_PCT = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Life:
-    """One long record with its simulations.
+    """One long record with its simulations."""
 
-    Attributes
-    ----------
-    chart : Chart
-        Capacity above resistance above losses, by cycle.
-    remark : str
-        What the reader must know to read it, and what it comes to.
-    """
-
-    chart: Chart
-    remark: str
+    chart: Chart  # Capacity above resistance above losses, by cycle.
+    remark: str  # What the reader must know to read it, and what it comes to.
 
 
 def lives(run: RunRecord) -> list[Life]:

@@ -19,23 +19,15 @@ _FAR = 5000.0
 
 @dataclass(frozen=True)
 class Axis:
-    """From values to pixels.
+    """From values to pixels."""
 
-    Attributes
-    ----------
-    low, high : float
-        Values at the ends.
-    start, end : float
-        Pixels at the ends.
-    log : bool
-        Whether the axis is logarithmic.
-    """
-
+    # low, high: Values at the ends.
     low: float
     high: float
+    # start, end: Pixels at the ends.
     start: float
     end: float
-    log: bool = False
+    log: bool = False  # Whether the axis is logarithmic.
 
     def pixels(self, values: FloatArray | float) -> FloatArray:
         """Where values lie; far outside they stay just far outside."""
@@ -127,17 +119,10 @@ class Band:
 
 @dataclass(frozen=True)
 class Chart:
-    """Everything the template draws.
+    """Everything the template draws."""
 
-    Attributes
-    ----------
-    name : str
-        Unique on the page; letters, digits and hyphens.
-    title, description : str
-        For readers who do not see the drawing.
-    """
-
-    name: str
+    name: str  # Unique on the page; letters, digits and hyphens.
+    # title, description: For readers who do not see the drawing.
     title: str
     description: str
     panels: Sequence[Panel]

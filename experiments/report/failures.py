@@ -27,24 +27,12 @@ class FailureRow:
 
 @dataclass(frozen=True)
 class Failures:
-    """Everything the template prints.
+    """Everything the template prints."""
 
-    Attributes
-    ----------
-    summary : str
-        How many failed, and which limits they met.
-    remedy : sequence of str
-        What the rounds after a failed start tried, in order.
-    rows : sequence of FailureRow
-        The simulations.
-    left_out : int
-        How many more there were.
-    """
-
-    summary: str
-    remedy: Sequence[str]
-    rows: Sequence[FailureRow]
-    left_out: int
+    summary: str  # How many failed, and which limits they met.
+    remedy: Sequence[str]  # What the rounds after a failed start tried, in order.
+    rows: Sequence[FailureRow]  # The simulations.
+    left_out: int  # How many more there were.
 
 
 def failures(run: RunRecord) -> Failures | None:

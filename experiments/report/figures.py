@@ -28,23 +28,12 @@ _LEAST_RESIDUAL = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
-    """One record with its simulations.
+    """One record with its simulations."""
 
-    Attributes
-    ----------
-    name : str
-        The record's name. Untrusted.
-    chart : Chart
-        What was driven above what was observed, each above its residual.
-    remarks : tuple of str
-        What the reader must know to read it.
-    fit : str
-        Root-mean-square residuals of the stored curves before and after, in a sentence for each observed signal.
-    """
-
-    name: str
-    chart: Chart
-    remarks: tuple[str, ...]
+    name: str  # The record's name. Untrusted.
+    chart: Chart  # What was driven above what was observed, each above its residual.
+    remarks: tuple[str, ...]  # What the reader must know to read it.
+    # Root-mean-square residuals of the stored curves before and after, in a sentence for each observed signal.
     fit: str
 
 

@@ -22,13 +22,7 @@ from .wording import number, short_name, unit
 
 @dataclass(frozen=True)
 class IntervalRow:
-    """A parameter with its 95 % interval, printed.
-
-    Attributes
-    ----------
-    start, end, place : float
-        The interval's ends and the fitted value as shares of the range, on the parameter's own scale.
-    """
+    """A parameter with its 95 % interval, printed."""
 
     name: str
     unit: str
@@ -37,6 +31,7 @@ class IntervalRow:
     upper: str
     share: str
     verdict: str
+    # start, end, place: The interval's ends and the fitted value as shares of the range, on the parameter's own scale.
     start: float
     end: float
     place: float

@@ -65,15 +65,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class ParameterRow:
-    """A line of the parameter table, printed values throughout.
-
-    Attributes
-    ----------
-    start, place : float
-        Initial and best value as shares of the range, on the parameter's own scale.
-    bound : {'', 'lower', 'upper'}
-        The bound on which the best value sits.
-    """
+    """A line of the parameter table, printed values throughout."""
 
     name: str
     unit: str
@@ -83,9 +75,10 @@ class ParameterRow:
     lower: str
     upper: str
     scale: str
+    # start, place: Initial and best value as shares of the range, on the parameter's own scale.
     start: float
     place: float
-    bound: str
+    bound: str  # The bound on which the best value sits. One of '', 'lower', 'upper'.
 
 
 def build_report(folder: Path, out: Path | None = None) -> Path:

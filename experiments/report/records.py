@@ -20,35 +20,26 @@ FITTED, HELD_OUT = "fitted", "held out"
 
 @dataclass(frozen=True)
 class ErrorRow:
-    """One signal of one record, or of one of its steps, printed.
+    """One signal of one record, or of one of its steps, printed."""
 
-    Attributes
-    ----------
-    record, part, use : str
-        The record (untrusted), its step (empty for all of it), and whether it was fitted.
-    signal, unit, rms, most, largest : str
-        The error: root mean square, the same over 99 % of the time, and the largest.
-    band, inside : str
-        Half the width of the 95 % band that the parameters' covariance predicts, and the share of time within it.
-    remark : str
-        That the simulation stopped early, or that the simulated cell ran into a limit; for a record that was not
-        simulated, why.
-    steps : tuple of ErrorRow
-        The same, step by step.
-    """
-
+    # record, part, use: The record (untrusted), its step (empty for all of it), and whether it was fitted.
     record: str
     part: str
     use: str
+    # signal, unit, rms, most, largest: The error: root mean square, the same over 99 % of the time, and the largest.
     signal: str
     unit: str
     rms: str
     most: str
     largest: str
+    # band, inside: Half the width of the 95 % band that the parameters' covariance predicts, and the share of time
+    # within it.
     band: str = ""
     inside: str = ""
+    # That the simulation stopped early, or that the simulated cell ran into a limit; for a record that was not
+    # simulated, why.
     remark: str = ""
-    steps: tuple[ErrorRow, ...] = ()
+    steps: tuple[ErrorRow, ...] = ()  # The same, step by step.
 
     @property
     def line(self) -> str:

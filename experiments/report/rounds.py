@@ -25,21 +25,14 @@ _SHOWN_CHANGES = 3
 
 @dataclass(frozen=True)
 class Change:
-    """One value that a candidate changed.
+    """One value that a candidate changed."""
 
-    Attributes
-    ----------
-    name, before, after, factor : str
-        As they are printed.
-    weight : float
-        Size of the change as a share of the parameter's range, on its own scale.
-    """
-
+    # name, before, after, factor: As they are printed.
     name: str
     before: str
     after: str
     factor: str
-    weight: float
+    weight: float  # Size of the change as a share of the parameter's range, on its own scale.
 
 
 @dataclass(frozen=True)
@@ -79,43 +72,26 @@ class Call:
 
 @dataclass(frozen=True)
 class Chapter:
-    """A round, ready to be printed.
+    """A round, ready to be printed."""
 
-    Attributes
-    ----------
-    title : str
-        ``"Round 3"`` or ``"Warm-up"``.
-    verdict : {'improved', 'worse', 'failed', 'lost', 'stop', 'open'}
-        What came of it.
-    hypothesis, rationale, lost : str
-        In the proposer's words.
-    before, after, effect : str
-        The best objective before, the round's own, and the relative change.
-    main, other : sequence of Change
-        The largest changes, and the rest.
-    rows : sequence of TrialRow
-        The simulations, where there are several.
-    remarks : sequence of str
-        Problems with replies, and values that were projected.
-    calls : sequence of Call
-        What was asked and answered.
-    """
-
-    title: str
-    verdict: str
+    title: str  # ``"Round 3"`` or ``"Warm-up"``.
+    verdict: str  # What came of it. One of 'improved', 'worse', 'failed', 'lost', 'stop', 'open'.
+    # hypothesis, rationale, lost: In the proposer's words.
     hypothesis: str
     rationale: str
     lost: str
+    # before, after, effect: The best objective before, the round's own, and the relative change.
     before: str
     after: str
     effect: str
     failure: str
     simulations: str
+    # main, other: The largest changes, and the rest.
     main: Sequence[Change]
     other: Sequence[Change]
-    rows: Sequence[TrialRow]
-    remarks: Sequence[str]
-    calls: Sequence[Call]
+    rows: Sequence[TrialRow]  # The simulations, where there are several.
+    remarks: Sequence[str]  # Problems with replies, and values that were projected.
+    calls: Sequence[Call]  # What was asked and answered.
 
 
 def chapters(run: RunRecord) -> list[Chapter]:

@@ -63,42 +63,18 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """A task with its truth.
+    """A task with its truth."""
 
-    Attributes
-    ----------
-    number : int
-        Of the task.
-    task : Task
-        What is fitted.
-    truth : mapping of str to float
-        The true value of every searched parameter.
-    noise_v : float
-        Standard deviation of the voltage's noise, V.
-    sampling_s : float
-        Between samples, s.
-    points : int
-        Mesh points of the truth.
-    changes : int
-        Parameters that differ from the base cell's.
-    unseen : Experiment
-        A discharge that was not measured.
-    unseen_v : FloatArray
-        Its true voltage at `_SHARES` of its duration, V.
-    unseen_s : FloatArray
-        When that is, s.
-    """
-
-    number: int
-    task: Task
-    truth: Candidate
-    noise_v: float
-    sampling_s: float
-    points: int
-    changes: int
-    unseen: Experiment
-    unseen_v: FloatArray
-    unseen_s: FloatArray
+    number: int  # Of the task.
+    task: Task  # What is fitted.
+    truth: Candidate  # The true value of every searched parameter.
+    noise_v: float  # Standard deviation of the voltage's noise, V.
+    sampling_s: float  # Between samples, s.
+    points: int  # Mesh points of the truth.
+    changes: int  # Parameters that differ from the base cell's.
+    unseen: Experiment  # A discharge that was not measured.
+    unseen_v: FloatArray  # Its true voltage at `_SHARES` of its duration, V.
+    unseen_s: FloatArray  # When that is, s.
 
 
 def draw(seed: int, number: int, model: str, points: int) -> Drawn:

@@ -29,33 +29,15 @@ from ..tasks.find import find_task
 
 @dataclass(frozen=True)
 class EvaluationCost:
-    """Medians of one process on one machine, in seconds.
+    """Medians of one process on one machine, in seconds."""
 
-    Attributes
-    ----------
-    solver_s : float
-        PyBaMM's own solve of the compiled model: the floor.
-    evaluation_s : float
-        Our evaluation in the same process: solve and trajectory.
-    worker_s : float
-        The same through a worker process, as runs do it.
-    rebuild_s : float
-        Building the model for every evaluation, on the standard mesh.
-    two_workers : float
-        How many times as fast two worker processes get through a batch as one does.
-    loop_s : float
-        What the loop, the memories, the rules and the journal add to a round.
-    repeats : int
-        How many evaluations each median is over.
-    """
-
-    solver_s: float
-    evaluation_s: float
-    worker_s: float
-    rebuild_s: float
-    two_workers: float
-    loop_s: float
-    repeats: int
+    solver_s: float  # PyBaMM's own solve of the compiled model: the floor.
+    evaluation_s: float  # Our evaluation in the same process: solve and trajectory.
+    worker_s: float  # The same through a worker process, as runs do it.
+    rebuild_s: float  # Building the model for every evaluation, on the standard mesh.
+    two_workers: float  # How many times as fast two worker processes get through a batch as one does.
+    loop_s: float  # What the loop, the memories, the rules and the journal add to a round.
+    repeats: int  # How many evaluations each median is over.
 
     def lines(self) -> list[str]:
         """The figures as ratios and times, one a line."""

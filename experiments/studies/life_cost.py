@@ -32,28 +32,17 @@ _CASE = "sei-0"
 
 @dataclass(frozen=True)
 class LifeCost:
-    """One way of simulating a life.
+    """One way of simulating a life."""
 
-    Attributes
-    ----------
-    way : str
-        Which.
-    cycles, simulated : int
-        Of the record, and of them solved.
-    first_s, evaluation_s : float
-        Processor time of the first evaluation, which builds and compiles, and of a later one, s.
-    peak_mb : float
-        Largest memory of the process so far; the cheapest way comes first.
-    fade_error_pct : float
-        Largest difference of the capacity from that of PyBaMM's own experiment, in percent of the first capacity.
-    """
-
-    way: str
+    way: str  # Which.
+    # cycles, simulated: Of the record, and of them solved.
     cycles: int
     simulated: int
+    # first_s, evaluation_s: Processor time of the first evaluation, which builds and compiles, and of a later one, s.
     first_s: float
     evaluation_s: float
-    peak_mb: float
+    peak_mb: float  # Largest memory of the process so far; the cheapest way comes first.
+    # Largest difference of the capacity from that of PyBaMM's own experiment, in percent of the first capacity.
     fade_error_pct: float
 
 

@@ -38,43 +38,25 @@ _AMONG = (1, 3, 5)
 
 @dataclass(frozen=True)
 class Card:
-    """What one backend did.
+    """What one backend did."""
 
-    Attributes
-    ----------
-    backend : str
-        Its name.
-    tasks : int
-        Tasks that were calibrated to the end.
-    error_pct, rules_pct, hybrid_pct : float
-        Geometric mean of the total MAPE in percent, by the scaffold with this backend, with ``rules``, and by the
-        hybrid with ``rules``, over the same tasks.
-    improved : int
-        Tasks in which the search ended below the best of start and warm-up.
-    calls : int
-        Calls of the model, in calibrations and rankings.
-    valid_pct : float
-        Share of its replies that could be used, in percent.
-    tokens_a_call, seconds_a_call, cost_usd : float
-        Prompt and reply together; waiting for the model; of everything.
-    reports : int
-        Reports that were ranked.
-    named_1, named_3, named_5, nameless_1, nameless_3, nameless_5 : int
-        In how many the hidden effect is first, among three, among five, with names and without.
-    """
-
-    backend: str
-    tasks: int
+    backend: str  # Its name.
+    tasks: int  # Tasks that were calibrated to the end.
+    # error_pct, rules_pct, hybrid_pct: Geometric mean of the total MAPE in percent, by the scaffold with this backend,
+    # with ``rules``, and by the hybrid with ``rules``, over the same tasks.
     error_pct: float
     rules_pct: float
     hybrid_pct: float
-    improved: int
-    calls: int
-    valid_pct: float
+    improved: int  # Tasks in which the search ended below the best of start and warm-up.
+    calls: int  # Calls of the model, in calibrations and rankings.
+    valid_pct: float  # Share of its replies that could be used, in percent.
+    # tokens_a_call, seconds_a_call, cost_usd: Prompt and reply together; waiting for the model; of everything.
     tokens_a_call: float
     seconds_a_call: float
     cost_usd: float
-    reports: int
+    reports: int  # Reports that were ranked.
+    # named_1, named_3, named_5, nameless_1, nameless_3, nameless_5: In how many the hidden effect is first, among
+    # three, among five, with names and without.
     named_1: int
     named_3: int
     named_5: int

@@ -43,24 +43,18 @@ final score; what is better on one may be that much worse on the other.
 
 @dataclass(frozen=True)
 class Verdict:
-    """One case with one adviser, against least squares.
+    """One case with one adviser, against least squares."""
 
-    Attributes
-    ----------
-    task, chemistry, rates, adviser : str
-        Which pair it is.
-    alone, advised : float
-        Lowest total MAPE of the search in percent, of least squares and of the hybrid; NaN if nothing ran.
-    alone_score, advised_score : float
-        The same with reference accuracy.
-    """
-
+    # task, chemistry, rates, adviser: Which pair it is.
     task: str
     chemistry: str
     rates: str
     adviser: str
+    # alone, advised: Lowest total MAPE of the search in percent, of least squares and of the hybrid; NaN if nothing
+    # ran.
     alone: float
     advised: float
+    # alone_score, advised_score: The same with reference accuracy.
     alone_score: float
     advised_score: float
 

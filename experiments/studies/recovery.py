@@ -32,21 +32,11 @@ _ERRORS = ("mape", "v_mape", "v_rmse_mv")
 
 @dataclass(frozen=True)
 class Recovered:
-    """A finished cell with the truth that it was to find.
+    """A finished cell with the truth that it was to find."""
 
-    Attributes
-    ----------
-    row : mapping
-        Of the results table.
-    case : SuiteCase
-        What was fitted.
-    run : RunRecord
-        Its journal.
-    """
-
-    row: Row
-    case: SuiteCase
-    run: RunRecord
+    row: Row  # Of the results table.
+    case: SuiteCase  # What was fitted.
+    run: RunRecord  # Its journal.
 
     @property
     def space(self) -> ParameterSpace:

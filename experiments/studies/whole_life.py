@@ -63,27 +63,15 @@ _BESIDE = 0.02
 
 @dataclass(frozen=True)
 class Foretold:
-    """The capacity of one cycle.
+    """The capacity of one cycle."""
 
-    Attributes
-    ----------
-    cell : str
-        Which.
-    fitted_to : int
-        The last cycle of the fit.
-    cycle : int
-        Its number.
-    measured_ah, predicted_ah : float
-        Its capacity, A.h.
-    low_ah, high_ah : float
-        95 % band of a single cycle: of the parameters, and of the scatter about the fit.
-    """
-
-    cell: str
-    fitted_to: int
-    cycle: int
+    cell: str  # Which.
+    fitted_to: int  # The last cycle of the fit.
+    cycle: int  # Its number.
+    # measured_ah, predicted_ah: Its capacity, A.h.
     measured_ah: float
     predicted_ah: float
+    # low_ah, high_ah: 95 % band of a single cycle: of the parameters, and of the scatter about the fit.
     low_ah: float
     high_ah: float
 

@@ -20,18 +20,11 @@ _AMBIENT = ("Ambient temperature [K]", "Initial temperature [K]")
 
 @dataclass(frozen=True)
 class Noise:
-    """Measurement noise put on a target.
+    """Measurement noise put on a target."""
 
-    Attributes
-    ----------
-    voltage_v : float
-        Standard deviation of the voltage, V.
-    current : float
-        Standard deviation of the current relative to its value (a gain error at every sample): a rest stays
-        a rest, because the paper's relative current error would mean nothing on a noisy zero.
-    """
-
-    voltage_v: float = 0.0
+    voltage_v: float = 0.0  # Standard deviation of the voltage, V.
+    # Standard deviation of the current relative to its value (a gain error at every sample): a rest stays a rest,
+    # because the paper's relative current error would mean nothing on a noisy zero.
     current: float = 0.0
 
     def __bool__(self) -> bool:
@@ -40,34 +33,17 @@ class Noise:
 
 @dataclass(frozen=True)
 class SuiteCase:
-    """A benchmark case; the truth in it is never shown to a proposer.
+    """A benchmark case; the truth in it is never shown to a proposer."""
 
-    Attributes
-    ----------
-    mode : {'regular', 'extreme', 'sei', 'random'}
-        How the truth was made.
-    number : int
-        Identifier within its mode.
-    parameter_set : str
-        The base cell, where every search starts.
-    charge_rate, discharge_rate : float
-        C-rates of the constant-current steps.
-    changes : mapping of str to float
-        The true values of the parameters that differ from the base cell.
-    cycles : int
-        Cycles of the protocol.
-    noise : Noise
-        Measurement noise of the target.
-    """
-
-    mode: str
-    number: int
-    parameter_set: str
+    mode: str  # How the truth was made. One of 'regular', 'extreme', 'sei', 'random'.
+    number: int  # Identifier within its mode.
+    parameter_set: str  # The base cell, where every search starts.
+    # charge_rate, discharge_rate: C-rates of the constant-current steps.
     charge_rate: float
     discharge_rate: float
-    changes: Mapping[str, float]
-    cycles: int = 2
-    noise: Noise = field(default_factory=Noise)
+    changes: Mapping[str, float]  # The true values of the parameters that differ from the base cell.
+    cycles: int = 2  # Cycles of the protocol.
+    noise: Noise = field(default_factory=Noise)  # Measurement noise of the target.
 
     @property
     def key(self) -> str:

@@ -59,34 +59,19 @@ _SAME_SIZE = (0.8, 1.25)
 
 @dataclass(frozen=True)
 class RecordRequest:
-    """A record to be matched.
+    """A record to be matched."""
 
-    Attributes
-    ----------
-    source : Path or Record
-        The file, or what was read from it.
-    read : ReadOptions
-        What its header does not say.
-    reader : str or None
-        The reader to use; None finds the one that fits.
-    reader_options : mapping
-        The reader's own options.
-    protocol : Protocol, "recognised" or None
-        As in `Experiment`; ``"recognised"`` for that which the record's own steps show.
-    scored_cycle, temperature_k, initial_soc
-        As in `Experiment`.
-    detailed_cycles : sequence of int or "auto", optional
-        Makes a long record of it: these cycles are compared by their curves, all others by the cycle table.
-    """
-
-    source: Path | Record
-    read: ReadOptions = field(default_factory=ReadOptions)
-    reader: str | None = None
-    reader_options: Mapping[str, Any] = field(default_factory=dict)
+    source: Path | Record  # The file, or what was read from it.
+    read: ReadOptions = field(default_factory=ReadOptions)  # What its header does not say.
+    reader: str | None = None  # The reader to use; None finds the one that fits.
+    reader_options: Mapping[str, Any] = field(default_factory=dict)  # The reader's own options.
+    # As in `Experiment`; ``"recognised"`` for that which the record's own steps show.
     protocol: Protocol | Literal["recognised"] | None = None
+    # scored_cycle, temperature_k, initial_soc: As in `Experiment`.
     scored_cycle: int | None = None
     temperature_k: float | None = None
     initial_soc: float | None = None
+    # Makes a long record of it: these cycles are compared by their curves, all others by the cycle table.
     detailed_cycles: Sequence[int] | Literal["auto"] | None = None
 
     @property

@@ -39,14 +39,9 @@ _MOST_FAILURES = 4
 
 @dataclass(frozen=True, eq=False)
 class Secant:
-    """Two trials, and what lies between them.
+    """Two trials, and what lies between them."""
 
-    Attributes
-    ----------
-    trial, parent : Trial
-        The later one, and the nearest of those before its round.
-    """
-
+    # trial, parent: The later one, and the nearest of those before its round.
     trial: Trial
     parent: Trial
 
@@ -62,17 +57,11 @@ class Secant:
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """A regression of features on parameters around one trial.
+    """A regression of features on parameters around one trial."""
 
-    Attributes
-    ----------
-    matrix : ndarray of shape (f, p)
-        Change of each feature per typical step; NaN for parameters that no trial showing it moved.
-    changes, responses : ndarray of shape (n, p) and (n, f)
-        What it was fitted to.
-    """
-
+    # Change of each feature per typical step; NaN for parameters that no trial showing it moved. Shape (f, p).
     matrix: FloatArray
+    # changes, responses: What it was fitted to. Shape (n, p) and (n, f).
     changes: FloatArray
     responses: FloatArray
 

@@ -20,34 +20,23 @@ class PyBaMMPart:
 
     The functions must be importable (no lambdas), since models are also built in other processes, and should
     use nothing but `pybamm`, `np` and their arguments: ``augmented_model.py`` quotes their source.
-
-    Attributes
-    ----------
-    options : mapping
-        Model options to add, ``{"contact resistance": "true"}``.
-    model : str
-        Model that replaces the base model; empty keeps it.
-    borrowed : mapping
-        Parameter values that the equations need and many sets lack; used only where the set has none.
-    points : mapping of str to int
-        Mesh points of domains that the effect adds, ``{"R_n": 8}``.
-    values : callable or None
-        ``values(known, p)`` returns parameters that replace those of the set; ``known[name]`` is the present value.
-    voltage : callable or None
-        ``voltage(model, p)`` returns an expression in V that is added to the terminal voltage, for example
-        ``-p["resistance"] * model.variables["Current [A]"]``. It may add a state to ``model.rhs`` and
-        ``model.initial_conditions``.
-    current : callable or None
-        ``current(measured, p)`` returns the current through the electrodes (A, positive on discharge) from the
-        measured one.
     """
 
+    # Model options to add, ``{"contact resistance": "true"}``.
     options: Mapping[str, Any] = field(default_factory=dict)
-    model: str = ""
+    model: str = ""  # Model that replaces the base model; empty keeps it.
+    # Parameter values that the equations need and many sets lack; used only where the set has none.
     borrowed: Mapping[str, Any] = field(default_factory=dict)
+    # Mesh points of domains that the effect adds, ``{"R_n": 8}``.
     points: Mapping[str, int] = field(default_factory=dict)
+    # ``values(known, p)`` returns parameters that replace those of the set; ``known[name]`` is the present value.
     values: Callable[[Mapping[str, Any], Symbols], Mapping[str, Any]] | None = None
+    # ``voltage(model, p)`` returns an expression in V that is added to the terminal voltage, for example
+    # ``-p["resistance"] * model.variables["Current [A]"]``. It may add a state to ``model.rhs`` and
+    # ``model.initial_conditions``.
     voltage: Callable[[Any, Symbols], Any] | None = None
+    # ``current(measured, p)`` returns the current through the electrodes (A, positive on discharge) from the measured
+    # one.
     current: Callable[[Any, Symbols], Any] | None = None
 
 

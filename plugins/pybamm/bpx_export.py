@@ -44,18 +44,10 @@ _OUTSIDE = ("thermal", "contact resistance", "calculate discharge energy")
 
 @dataclass(frozen=True)
 class BpxExport:
-    """A BPX file.
+    """A BPX file."""
 
-    Attributes
-    ----------
-    content : mapping
-        The file.
-    left_out : tuple of str
-        What of the cell it cannot say, each in a sentence.
-    """
-
-    content: Mapping[str, Any]
-    left_out: tuple[str, ...]
+    content: Mapping[str, Any]  # The file.
+    left_out: tuple[str, ...]  # What of the cell it cannot say, each in a sentence.
 
     @property
     def text(self) -> str:

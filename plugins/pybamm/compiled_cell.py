@@ -29,27 +29,14 @@ SOLVER_ERRORS = (pybamm.SolverError, ValueError, ArithmeticError, RuntimeError)
 
 @dataclass(frozen=True)
 class Resolution:
-    """Mesh and tolerances of a solve.
+    """Mesh and tolerances of a solve."""
 
-    Attributes
-    ----------
-    rtol : float
-        Relative tolerance of the integrator.
-    points : int or None
-        Mesh points in every domain; None keeps PyBaMM's own.
-    radial_points : int or None
-        Mesh points in a particle, where it needs others.
-    standard_mesh : bool
-        Whether to use PyBaMM's own mesh, whose lengths are numbers, instead of one whose lengths are inputs.
-    least_atol : float
-        The absolute tolerance is a tenth of the relative one, and at least this.
-    """
-
-    rtol: float = 1e-5
-    points: int | None = None
-    radial_points: int | None = None
+    rtol: float = 1e-5  # Relative tolerance of the integrator.
+    points: int | None = None  # Mesh points in every domain; None keeps PyBaMM's own.
+    radial_points: int | None = None  # Mesh points in a particle, where it needs others.
+    # Whether to use PyBaMM's own mesh, whose lengths are numbers, instead of one whose lengths are inputs.
     standard_mesh: bool = False
-    least_atol: float = 0.0
+    least_atol: float = 0.0  # The absolute tolerance is a tenth of the relative one, and at least this.
 
     @property
     def atol(self) -> float:
@@ -70,24 +57,12 @@ REFERENCE = Resolution(rtol=1e-6, standard_mesh=True)
 
 @dataclass(frozen=True)
 class Start:
-    """The state in which a simulation begins.
+    """The state in which a simulation begins."""
 
-    Attributes
-    ----------
-    record : str
-        Name of the record that is simulated: its initial state of charge may be searched.
-    soc : float or None
-        State of charge, 0 to 1; None leaves it to the voltage.
-    voltage : float or None
-        Open-circuit voltage, V; None keeps the parameter set's initial concentrations.
-    temperature_k : float or None
-        Ambient and initial temperature, K; None keeps the parameter set's.
-    """
-
-    record: str = ""
-    soc: float | None = None
-    voltage: float | None = None
-    temperature_k: float | None = None
+    record: str = ""  # Name of the record that is simulated: its initial state of charge may be searched.
+    soc: float | None = None  # State of charge, 0 to 1; None leaves it to the voltage.
+    voltage: float | None = None  # Open-circuit voltage, V; None keeps the parameter set's initial concentrations.
+    temperature_k: float | None = None  # Ambient and initial temperature, K; None keeps the parameter set's.
 
 
 def start_of(experiment: Experiment) -> Start:

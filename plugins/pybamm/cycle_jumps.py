@@ -46,49 +46,24 @@ class CycleFailed(Exception):
 
 @dataclass(frozen=True, eq=False)
 class SolvedCycle:
-    """One simulated cycle.
+    """One simulated cycle."""
 
-    Attributes
-    ----------
-    number : int
-        From 1.
-    state : object
-        Where it ended; whatever the simulator starts the next one from.
-    vector : ndarray of shape (m,)
-        The state as numbers.
-    capacity_ah : float
-        Charge drawn in its discharge; 0 without one.
-    record : Trajectory
-        Its curves, from its own start.
-    losses : tuple of float
-        What was lost up to its end, as in a `CycleTable`; empty where the model cannot tell.
-    """
-
-    number: int
-    state: Any
-    vector: FloatArray
-    capacity_ah: float
-    record: Trajectory
+    number: int  # From 1.
+    state: Any  # Where it ended; whatever the simulator starts the next one from.
+    vector: FloatArray  # The state as numbers. Shape (m,).
+    capacity_ah: float  # Charge drawn in its discharge; 0 without one.
+    record: Trajectory  # Its curves, from its own start.
+    # What was lost up to its end, as in a `CycleTable`; empty where the model cannot tell.
     losses: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class Pace:
-    """The change from one cycle's end to the next one's.
+    """The change from one cycle's end to the next one's."""
 
-    Attributes
-    ----------
-    place : float
-        Half way between the two cycle numbers.
-    vector : ndarray of shape (m,)
-        Change of the state.
-    capacity_ah : float
-        Change of the capacity.
-    """
-
-    place: float
-    vector: FloatArray
-    capacity_ah: float
+    place: float  # Half way between the two cycle numbers.
+    vector: FloatArray  # Change of the state. Shape (m,).
+    capacity_ah: float  # Change of the capacity.
 
     @classmethod
     def between(cls, before: SolvedCycle, after: SolvedCycle) -> Pace:

@@ -31,23 +31,14 @@ JUMP_S = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """The current between two of its steps.
+    """The current between two of its steps."""
 
-    Attributes
-    ----------
-    begin : float
-        When it begins, s on the record's clock.
-    time, current : ndarray of shape (k,)
-        Knots in s since ``begin`` and A, positive on discharge; linear in between. Two knots of one height are a
-        constant current.
-    kind : str
-        What the cycler was doing.
-    """
-
-    begin: float
+    begin: float  # When it begins, s on the record's clock.
+    # time, current: Knots in s since ``begin`` and A, positive on discharge; linear in between. Two knots of one height
+    # are a constant current. Shape (k,).
     time: FloatArray
     current: FloatArray
-    kind: str
+    kind: str  # What the cycler was doing.
 
     @property
     def duration(self) -> float:
@@ -62,27 +53,17 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class CurrentFunction:
-    """A measured current as one piecewise linear function of time.
+    """A measured current as one piecewise linear function of time."""
 
-    Attributes
-    ----------
-    time, current : ndarray of shape (k,)
-        Knots in s on the record's clock and A, positive on discharge. Reaches an hour beyond the record on both
-        sides, so that nothing is ever extrapolated.
-    stops : ndarray of shape (m,)
-        Where the integrator must stop and start afresh: both ends of every step. Without them it would step
-        clean over a pulse after a long rest.
-    finest_s : float or None
-        Typical interval between knots where the current varies all the time (drive cycles), s.
-    varying : ndarray of shape (j,)
-        The knots there, s.
-    """
-
+    # time, current: Knots in s on the record's clock and A, positive on discharge. Reaches an hour beyond the record on
+    # both sides, so that nothing is ever extrapolated. Shape (k,).
     time: FloatArray
     current: FloatArray
+    # Where the integrator must stop and start afresh: both ends of every step. Without them it would step clean over a
+    # pulse after a long rest. Shape (m,).
     stops: FloatArray
-    finest_s: float | None
-    varying: FloatArray = field(default_factory=lambda: np.empty(0))
+    finest_s: float | None  # Typical interval between knots where the current varies all the time (drive cycles), s.
+    varying: FloatArray = field(default_factory=lambda: np.empty(0))  # The knots there, s. Shape (j,).
 
 
 def steps_of_protocol(protocol: Protocol) -> list[list[Any]]:

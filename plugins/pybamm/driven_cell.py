@@ -58,20 +58,13 @@ def _options_of_drive(finest_s: float) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Pause:
-    """A time in which the simulated cell could not follow the measured current: it passed none.
+    """A time in which the simulated cell could not follow the measured current: it passed none."""
 
-    Attributes
-    ----------
-    start, end : float
-        When it reached its limit, and when the step of the record ended, s on the record's clock; infinite where
-        the simulation could not go on.
-    empty : bool
-        Whether it was empty; else it was full.
-    """
-
+    # start, end: When it reached its limit, and when the step of the record ended, s on the record's clock; infinite
+    # where the simulation could not go on.
     start: float
     end: float
-    empty: bool
+    empty: bool  # Whether it was empty; else it was full.
 
     def holds(self, times: FloatArray) -> NDArray[np.bool_]:
         """Which times lie in it."""
@@ -80,41 +73,23 @@ class Pause:
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """What the cell did at the wanted times, as far as it was simulated.
+    """What the cell did at the wanted times, as far as it was simulated."""
 
-    Attributes
-    ----------
-    voltage, temperature : ndarray of shape (n,)
-        At the terminals, V, and averaged over the volume, K; constant after the end of a simulation that failed.
-    pauses : tuple of Pause
-        When the cell was empty or full.
-    reached : float
-        The last simulated time, s on the record's clock.
-    cause : str
-        Why the integrator gave up; empty if it did not.
-    """
-
+    # voltage, temperature: At the terminals, V, and averaged over the volume, K; constant after the end of a simulation
+    # that failed. Shape (n,).
     voltage: FloatArray
     temperature: FloatArray
-    pauses: tuple[Pause, ...]
-    reached: float
-    cause: str = ""
+    pauses: tuple[Pause, ...]  # When the cell was empty or full.
+    reached: float  # The last simulated time, s on the record's clock.
+    cause: str = ""  # Why the integrator gave up; empty if it did not.
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """What the cell did at the wanted times.
+    """What the cell did at the wanted times."""
 
-    Attributes
-    ----------
-    voltage : ndarray of shape (n,)
-        Volt, as the instrument writes it down.
-    temperature : ndarray of shape (n,)
-        Volume-averaged temperature, kelvin.
-    """
-
-    voltage: FloatArray
-    temperature: FloatArray
+    voltage: FloatArray  # Volt, as the instrument writes it down. Shape (n,).
+    temperature: FloatArray  # Volume-averaged temperature, kelvin. Shape (n,).
 
 
 def within_limits(voltage: FloatArray) -> NDArray[np.bool_]:

@@ -35,18 +35,10 @@ Window = tuple[float, float]
 
 @dataclass(frozen=True)
 class LastMoments:
-    """The end of a failed step.
+    """The end of a failed step."""
 
-    Attributes
-    ----------
-    part : pybamm.Solution or None
-        What of it could be solved.
-    limit : str
-        Which limit is near, in plain words; what the states are where none is; empty where nobody can tell.
-    """
-
-    part: Any
-    limit: str
+    part: Any  # What of it could be solved.
+    limit: str  # Which limit is near, in plain words; what the states are where none is; empty where nobody can tell.
 
 
 def last_moments(simulation: Any, step: Any, inputs: dict[str, float], window_v: Window) -> LastMoments:

@@ -30,20 +30,13 @@ _UNKNOWN_SOC = 0.9
 
 @dataclass(frozen=True)
 class RadialMesh:
-    """Mesh and tolerances that resolve the particles.
+    """Mesh and tolerances that resolve the particles."""
 
-    Attributes
-    ----------
-    usual, fine : Resolution
-        For a search, and for the check on it. PyBaMM's own radial mesh, and one of twice the points, where that is
-        enough.
-    shift_v : float
-        What twice PyBaMM's points change, V (root mean square); infinite if it could not be simulated.
-    """
-
+    # usual, fine: For a search, and for the check on it. PyBaMM's own radial mesh, and one of twice the points, where
+    # that is enough.
     usual: Resolution
     fine: Resolution
-    shift_v: float
+    shift_v: float  # What twice PyBaMM's points change, V (root mean square); infinite if it could not be simulated.
 
     @property
     def note(self) -> str:

@@ -55,21 +55,11 @@ def _sample_times(part: Any, kind: StepKind) -> FloatArray:
 
 @dataclass(frozen=True)
 class Unfinished:
-    """What could be solved of the step in which a simulation died.
+    """What could be solved of the step in which a simulation died."""
 
-    Attributes
-    ----------
-    part : pybamm.Solution
-        Its beginning.
-    cycle : int
-        Its cycle, from 1.
-    position : int
-        Its place in the cycle, from 0.
-    """
-
-    part: Any
-    cycle: int
-    position: int
+    part: Any  # Its beginning.
+    cycle: int  # Its cycle, from 1.
+    position: int  # Its place in the cycle, from 0.
 
 
 def to_trajectory(

@@ -20,21 +20,11 @@ _REFERENCE_ALLOWANCE = 10.0
 
 @dataclass(frozen=True)
 class Assignment:
-    """What a worker simulates, over and over: the task without its bounds.
+    """What a worker simulates, over and over: the task without its bounds."""
 
-    Attributes
-    ----------
-    cell : CellModel
-        Equations and base parameters.
-    experiments : tuple of Experiment
-        The records to simulate.
-    targets : mapping of str to Target
-        What a candidate sets, by the names that it uses.
-    """
-
-    cell: CellModel
-    experiments: tuple[Experiment, ...]
-    targets: Mapping[str, Target]
+    cell: CellModel  # Equations and base parameters.
+    experiments: tuple[Experiment, ...]  # The records to simulate.
+    targets: Mapping[str, Target]  # What a candidate sets, by the names that it uses.
 
 
 class CandidateService:

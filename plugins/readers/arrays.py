@@ -18,30 +18,16 @@ from .table import Numbers, no_row, row_conditions, same
 
 @dataclass(frozen=True)
 class ArrayTable:
-    """Columns of one length, read with the names, units and checks of a text table.
+    """Columns of one length, read with the names, units and checks of a text table."""
 
-    Attributes
-    ----------
-    source : str
-        Printable name of the file.
-    header : tuple of str
-        Names of the columns.
-    columns : sequence of ndarray of shape (n,)
-        Numbers, texts or any objects; a cell that is None or blank is missing.
-    rows : ndarray of shape (n,), optional
-        Rows in the file, from 1, for messages; left out, they are counted.
-    units : tuple of str, optional
-        Row of units beneath the header.
-    place : str
-        Where the table stands in its file, for messages: ``"sheet Channel_1-008, "``.
-    """
-
-    source: str
-    header: tuple[str, ...]
+    source: str  # Printable name of the file.
+    header: tuple[str, ...]  # Names of the columns.
+    # Numbers, texts or any objects; a cell that is None or blank is missing. Shape (n,).
     columns: Sequence[NDArray[Any]]
+    # Rows in the file, from 1, for messages; left out, they are counted. Shape (n,).
     rows: NDArray[np.int64] | None = None
-    units: tuple[str, ...] | None = None
-    place: str = ""
+    units: tuple[str, ...] | None = None  # Row of units beneath the header.
+    place: str = ""  # Where the table stands in its file, for messages: ``"sheet Channel_1-008, "``.
 
     def numbers(self, wanted: Mapping[int, str], where: Mapping[str, str], texts: Sequence[int] = ()) -> Numbers:
         """Read columns; see `Table.numbers`."""

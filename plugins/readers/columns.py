@@ -77,24 +77,12 @@ _SUFFIX = re.compile(r"^(?P<base>.+)[_ ](?P<unit>[A-Za-z]+)$")
 
 @dataclass(frozen=True)
 class Column:
-    """One signal's column.
+    """One signal's column."""
 
-    Attributes
-    ----------
-    signal : {'time', 'voltage', 'current', 'temperature'}
-        What it holds.
-    index : int
-        Place in the table, from 0.
-    name : str
-        Name in the file.
-    unit : str or None
-        Unit as written, folded to lower case; None where the file has none.
-    """
-
-    signal: Signal
-    index: int
-    name: str
-    unit: str | None
+    signal: Signal  # What it holds.
+    index: int  # Place in the table, from 0.
+    name: str  # Name in the file.
+    unit: str | None  # Unit as written, folded to lower case; None where the file has none.
 
     def in_si(self, values: FloatArray) -> FloatArray:
         """Values in s, V, A or K; without a unit they are taken to be in s, V, A or degC."""

@@ -37,24 +37,12 @@ _VALUES = 8
 
 @dataclass(frozen=True)
 class _Test:
-    """A struct with columns of one length.
+    """A struct with columns of one length."""
 
-    Attributes
-    ----------
-    path : tuple of str
-        Names of the structs around it and its own; elements of struct arrays count from 1.
-    columns : dict of str to ndarray of shape (n,)
-        Its columns.
-    fields : dict of str to str
-        Single values in it and in the structs around it.
-    start : float or None
-        When it began, in s since 1970, where a struct around it has a date vector.
-    """
-
-    path: tuple[str, ...]
-    columns: dict[str, NDArray[Any]]
-    fields: dict[str, str]
-    start: float | None = None
+    path: tuple[str, ...]  # Names of the structs around it and its own; elements of struct arrays count from 1.
+    columns: dict[str, NDArray[Any]]  # Shape (n,).
+    fields: dict[str, str]  # Single values in it and in the structs around it.
+    start: float | None = None  # When it began, in s since 1970, where a struct around it has a date vector.
 
     @property
     def name(self) -> str:

@@ -23,55 +23,26 @@ _MISSING = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"}
 
 @dataclass
 class Numbers:
-    """The wanted columns.
+    """The wanted columns."""
 
-    Attributes
-    ----------
-    rows : ndarray of shape (n,)
-        Line numbers in the file.
-    values : dict of int to ndarray of shape (n,)
-        Numbers by the place of their column; NaN where a cell is empty.
-    texts : dict of int to list of str
-        Columns that hold no numbers, such as dates.
-    notes : list of str
-        What was left out.
-    """
-
-    rows: NDArray[np.int64]
-    values: dict[int, FloatArray]
-    texts: dict[int, list[str]] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
+    rows: NDArray[np.int64]  # Line numbers in the file. Shape (n,).
+    values: dict[int, FloatArray]  # Numbers by the place of their column; NaN where a cell is empty. Shape (n,).
+    texts: dict[int, list[str]] = field(default_factory=dict)  # Columns that hold no numbers, such as dates.
+    notes: list[str] = field(default_factory=list)  # What was left out.
 
 
 @dataclass(frozen=True)
 class Table:
-    """Where the numbers of a text file are.
+    """Where the numbers of a text file are."""
 
-    Attributes
-    ----------
-    source : str
-        Printable name of the file.
-    header : tuple of str
-        Names of the columns; ``"1"``, ``"2"``, ... where the file names none.
-    units : tuple of str or None
-        Row of units beneath the header.
-    cells : callable
-        Gives the number, from 1, and the cells of each row that is not blank.
-    separator : str or None
-        What parts the cells; None for white space.
-    decimal_comma : bool
-        Whether the numbers are written like ``3,7``.
-    place : str
-        Where the table stands in its file, for messages: ``"sheet Channel_1-008, "``.
-    """
-
-    source: str
-    header: tuple[str, ...]
-    units: tuple[str, ...] | None
+    source: str  # Printable name of the file.
+    header: tuple[str, ...]  # Names of the columns; ``"1"``, ``"2"``, ... where the file names none.
+    units: tuple[str, ...] | None  # Row of units beneath the header.
+    # Gives the number, from 1, and the cells of each row that is not blank.
     cells: Callable[[], Iterator[tuple[int, list[str]]]]
-    separator: str | None
-    decimal_comma: bool = False
-    place: str = ""
+    separator: str | None  # What parts the cells; None for white space.
+    decimal_comma: bool = False  # Whether the numbers are written like ``3,7``.
+    place: str = ""  # Where the table stands in its file, for messages: ``"sheet Channel_1-008, "``.
 
     def numbers(self, wanted: Mapping[int, str], where: Mapping[str, str], texts: Sequence[int] = ()) -> Numbers:
         """Read columns.
