@@ -42,10 +42,7 @@ def shown(address: str) -> str:
 def openai_address(by_option: str | None = None) -> str | None:
     """Where an OpenAI-compatible server is looked for: as named, else by ``OPENAI_BASE_URL``; None if by neither.
 
-    Raises
-    ------
-    BsaError
-        If the variable holds no address.
+    Raises `BsaError` if the variable holds no address.
     """
     named = by_option or os.environ.get("OPENAI_BASE_URL", "").strip()
     if not named:
@@ -60,10 +57,7 @@ def ollama_address(by_option: str | None = None) -> str:
     The variable is read as Ollama's own client reads it: ``host``, ``host:port`` or a full address. A server that
     listens on all interfaces is asked on this one.
 
-    Raises
-    ------
-    BsaError
-        If the variable holds no address.
+    Raises `BsaError` if the variable holds no address.
     """
     named = (by_option or os.environ.get("OLLAMA_HOST", "")).strip().rstrip("/") or "127.0.0.1"
     if "://" not in named:

@@ -20,10 +20,7 @@ def within(seconds: float, call: Callable[[], T]) -> T:
     HTTP clients limit the wait for each byte, not for the answer: a server that sends one byte a second
     would hold them for ever. The call is left behind in a daemon thread, which its own time-outs end.
 
-    Raises
-    ------
-    TimeoutError
-        If there is no result after ``seconds``.
+    Raises `TimeoutError` if there is no result after ``seconds``.
     """
     box: _Box[T] = _Box()
 

@@ -65,10 +65,7 @@ class LoadedModel:
 def load(name: str, quantisation: Quantisation) -> LoadedModel:
     """The model from a folder or the Hugging Face hub, from memory if this process has it.
 
-    Raises
-    ------
-    BsaError
-        If transformers is not installed, or the model cannot be found or does not fit.
+    Raises `BsaError` if transformers is not installed, or the model cannot be found or does not fit.
     """
     with _loading:
         key = (name, quantisation)

@@ -37,10 +37,7 @@ class TerminalBackend:
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
         """See `bsa.core.messages.Backend.complete`.
 
-        Raises
-        ------
-        BudgetSpent
-            At the end of the input: there is nobody left to answer, and the run stops cleanly.
+        Raises `BudgetSpent` at the end of the input: there is nobody left to answer, and the run stops cleanly.
         """
         started = time.monotonic()
         target = self._target or sys.stderr

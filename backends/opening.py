@@ -98,10 +98,7 @@ def _parted(spec: str, options: Given | None, registry: Registry) -> tuple[str, 
 def open_preset(preset: Preset, options: BackendOptions) -> Backend:
     """A preset's model by ``options.via``, or by the first route that is ready.
 
-    Raises
-    ------
-    BsaError
-        If the preset has no such route, or none is ready; the hint names the way to each.
+    Raises `BsaError` if the preset has no such route, or none is ready; the hint names the way to each.
     """
     from .looking import forget_looks
     from .readiness import check_preset

@@ -36,10 +36,7 @@ class Preset:
 def load_presets() -> dict[str, Preset]:
     """The presets of the package, and over them the user's.
 
-    Raises
-    ------
-    BsaError
-        If the user's file cannot be read or holds something else than presets.
+    Raises `BsaError` if the user's file cannot be read or holds something else than presets.
     """
     presets = _parse(read_yaml(_SHIPPED), _SHIPPED.name)
     named = os.environ.get(USER_FILE_VARIABLE)

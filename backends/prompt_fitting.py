@@ -33,10 +33,7 @@ def drop_memory(messages: Sequence[Message]) -> tuple[list[Message], str] | None
 def fit(messages: Sequence[Message], fits: Callable[[Sequence[Message]], bool], notes: list[str]) -> list[Message]:
     """Drop memories until the conversation fits.
 
-    Raises
-    ------
-    ContextTooSmallError
-        If it does not fit without any memory.
+    Raises `ContextTooSmallError` if it does not fit without any memory.
     """
     messages = list(messages)
     while not fits(messages):

@@ -38,10 +38,7 @@ class ReplayBackend:
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
         """See `bsa.core.messages.Backend.complete`.
 
-        Raises
-        ------
-        BudgetSpent
-            When no reply is left, so that the run stops cleanly where the original did.
+        Raises `BudgetSpent` when no reply is left, so that the run stops cleanly where the original did.
         """
         if not self._given:
             raise BudgetSpent(f"all {self._count} replies of {self.name} have been given")

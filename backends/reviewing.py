@@ -27,13 +27,7 @@ class Verdict:
     text: str = ""  # The edited reply, or the reason of a refusal.
 
     def on(self, reply: Reply) -> Reply:
-        """The reply as it passes on.
-
-        Raises
-        ------
-        ReplyRefused
-            If it does not.
-        """
+        """The reply as it passes on. Raises `ReplyRefused` if it does not."""
         if self.kind == "refuse":
             raise ReplyRefused(reply, self.text or "no reason given")
         return replace(reply, text=self.text) if self.kind == "edit" else reply
@@ -68,13 +62,7 @@ class ReviewingBackend:
         return ReviewingBackend(recorder.around(self._inner), self._reviewer, recorder)
 
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
-        """See `bsa.core.messages.Backend.complete`.
-
-        Raises
-        ------
-        ReplyRefused
-            If the person refuses the reply.
-        """
+        """See `bsa.core.messages.Backend.complete`. Raises `ReplyRefused` if the person refuses the reply."""
         reply = self._inner.complete(messages, schema, seed=seed)
         return self._verdict(reply, schema).on(reply)
 

@@ -87,13 +87,7 @@ def encode_array(values: FloatArray) -> str:
 
 
 def decode_array(text: str) -> FloatArray:
-    """The inverse of `encode_array`.
-
-    Raises
-    ------
-    ValueError
-        If the text is no array, or one of more than `_MOST_BYTES`.
-    """
+    """The inverse of `encode_array`. Raises `ValueError` if the text is no array, or one of more than `_MOST_BYTES`."""
     packed = zlib.decompressobj()
     try:
         content = packed.decompress(base64.b64decode(text, validate=True), _MOST_BYTES)

@@ -58,10 +58,7 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
     The draft lies in the same folder under a name that nobody can foresee, and is made anew: neither a link at its
     name nor one at ``path`` is followed. The folder is made if missing.
 
-    Raises
-    ------
-    BsaError
-        If the file cannot be written; what stood at ``path`` before is untouched then.
+    Raises `BsaError` if the file cannot be written; what stood at ``path`` before is untouched then.
     """
     draft = path.with_name(f".{secrets.token_hex(8)}{_DRAFT}")
     try:
@@ -82,33 +79,21 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
 def write_text(path: Path, text: str) -> None:
     """Write a text as UTF-8, whole or not at all; what UTF-8 cannot hold becomes a question mark.
 
-    Raises
-    ------
-    BsaError
-        If the file cannot be written.
+    Raises `BsaError` if the file cannot be written.
     """
     with replacing(path) as file:
         file.write(text.encode("utf-8", errors="replace"))
 
 
 def write_json(path: Path, content: Mapping[str, Any], indent: int | None = None) -> None:
-    """Write a JSON object, whole or not at all.
-
-    Raises
-    ------
-    BsaError
-        If the file cannot be written.
-    """
+    """Write a JSON object, whole or not at all. Raises `BsaError` if the file cannot be written."""
     write_text(path, json.dumps(content, indent=indent, ensure_ascii=False) + "\n")
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """Write flat rows under a header of their keys, whole or not at all; what is not a number is left empty.
 
-    Raises
-    ------
-    BsaError
-        If the file cannot be written.
+    Raises `BsaError` if the file cannot be written.
     """
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, list(rows[0]) if rows else [])
@@ -130,10 +115,7 @@ def read_json(path: Path) -> dict[str, Any] | None:
 def entries(folder: Path) -> set[str]:
     """Names in a folder, drafts of killed processes left out; none if there is no folder.
 
-    Raises
-    ------
-    BsaError
-        If it is not a folder, or cannot be read.
+    Raises `BsaError` if it is not a folder, or cannot be read.
     """
     try:
         return {name for name in os.listdir(folder) if not name.endswith(_DRAFT)}
@@ -148,10 +130,7 @@ def entries(folder: Path) -> set[str]:
 def begins(path: Path, beginning: bytes) -> bool:
     """Whether the path is a plain file, no link, that begins like this, or was cut short while it began so.
 
-    Raises
-    ------
-    BsaError
-        If it cannot be read.
+    Raises `BsaError` if it cannot be read.
     """
     try:
         if path.is_symlink() or not path.is_file():

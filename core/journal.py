@@ -77,10 +77,8 @@ class Journal:
     def append(self, event: str, **fields: Any) -> None:
         """Write one event and wait until it is on disk.
 
-        Raises
-        ------
-        BsaError
-            If it cannot be written; the journal then ends with the event before, and the run can be resumed.
+        Raises `BsaError` if it cannot be written; the journal then ends with the event before, and the run can be
+        resumed.
         """
         line = json.dumps({"event": event, **fields}, ensure_ascii=False, separators=(",", ":"))
         left = line.encode("utf-8", errors="replace") + b"\n"
@@ -110,10 +108,7 @@ class Journal:
 def check_run_folder(folder: Path) -> None:
     """Refuse a folder that holds anything else than a run; nothing is written.
 
-    Raises
-    ------
-    BsaError
-        If there are files without a journal, or a journal that is not ours.
+    Raises `BsaError` if there are files without a journal, or a journal that is not ours.
     """
     found = entries(folder)
     if FILE_NAME not in found:
@@ -128,10 +123,7 @@ def check_run_folder(folder: Path) -> None:
 def check_calibration(first: Event, path: Path) -> None:
     """Refuse a journal whose first event is not that of a calibration.
 
-    Raises
-    ------
-    BsaError
-        With what goes on with a discovery, where it is one.
+    Raises `BsaError` with what goes on with a discovery, where it is one.
     """
     if first.get("kind") == "discovery":
         raise BsaError(f"{path} is the journal of a discovery.", "bsa discover --resume goes on with it.")
@@ -142,10 +134,7 @@ def check_calibration(first: Event, path: Path) -> None:
 def read_events(folder: Path) -> Iterator[dict[str, Any]]:
     """The events of a run, oldest first; a torn last line is passed over.
 
-    Raises
-    ------
-    BsaError
-        If there is no journal, it is damaged, or it was written by newer code.
+    Raises `BsaError` if there is no journal, it is damaged, or it was written by newer code.
     """
     from .event_shapes import check_event  # needs numpy, which `bsa --help` does not
 

@@ -187,10 +187,7 @@ class LeastSquares:
     def tell(self, residuals: Sequence[FloatArray | None]) -> None:
         """Take in the residuals of the batch, in order; None for a point that failed to simulate.
 
-        Raises
-        ------
-        BsaError
-            If their number is not that of the points asked for.
+        Raises `BsaError` if their number is not that of the points asked for.
         """
         if len(residuals) != len(self._batch):
             raise BsaError(f"{len(self._batch)} points were asked for, but {len(residuals)} residuals were told.")

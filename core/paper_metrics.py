@@ -112,10 +112,7 @@ def errors_of(task: Task) -> tuple[Quantity, ...]:
 def require_paper(task: Task, who: str) -> None:
     """Refuse a task that has no errors of charge, current and voltage apart.
 
-    Raises
-    ------
-    BsaError
-        Naming who needs them.
+    Raises `BsaError` naming who needs them.
     """
     if task.domain.metric != "paper":
         raise BsaError(

@@ -37,13 +37,7 @@ def written(protocol: Sequence[Cycle]) -> list[list[str] | str]:
 
 
 def read_protocol(lines: Sequence[Sequence[str] | str]) -> tuple[Cycle, ...]:
-    """The inverse of `written`.
-
-    Raises
-    ------
-    BsaError
-        If a text is not of the form ``200 x [step, step]``.
-    """
+    """The inverse of `written`. Raises `BsaError` if a text is not of the form ``200 x [step, step]``."""
     cycles: list[Cycle] = []
     for line in lines:
         if not isinstance(line, str):

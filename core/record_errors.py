@@ -59,13 +59,7 @@ class RecordErrors:
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> RecordErrors:
-        """The inverse of `as_json`.
-
-        Raises
-        ------
-        ValueError
-            If the content is of another shape.
-        """
+        """The inverse of `as_json`. Raises `ValueError` if the content is of another shape."""
         found: RecordErrors = shaped(cls, content)
         return found
 

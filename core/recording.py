@@ -93,10 +93,7 @@ class Recorder:
     def recorded(self, *kinds: str) -> Mapping[str, Any] | None:
         """The next event of the interrupted run; None once all were given.
 
-        Raises
-        ------
-        BsaError
-            If it is none of these kinds.
+        Raises `BsaError` if it is none of these kinds.
         """
         if not self._recorded:
             return None
@@ -128,13 +125,7 @@ class Recorder:
         self.lost += 1
 
     def check_allowance(self) -> None:
-        """Whether another call may be made.
-
-        Raises
-        ------
-        BudgetSpent
-            If not.
-        """
+        """Whether another call may be made. Raises `BudgetSpent` if not."""
         if self._max_tokens is not None and self.usage.tokens >= self._max_tokens:
             raise BudgetSpent(f"{self.usage.tokens} tokens used of --max-tokens {self._max_tokens}")
         if self._max_cost_usd is not None and self.usage.cost_usd >= self._max_cost_usd:

@@ -180,10 +180,8 @@ class Registry:
     def find(self, kind: Kind, name: str) -> Listing:
         """The entry of this kind and name, with its origin.
 
-        Raises
-        ------
-        BsaError
-            If there is none, with the nearest name, or if nobody can use it, with the reason and who offers it.
+        Raises `BsaError` if there is none, with the nearest name, or if nobody can use it, with the reason and who
+        offers it.
         """
         listing = self._listings.get((_NAMED_AMONG.get(kind, kind), name))
         if listing is not None and _is(listing.kind, kind):
@@ -207,10 +205,7 @@ class Registry:
     def configure(self, kind: Kind, name: str, options: Mapping[str, Any]) -> Any:
         """Check a plugin's options against its configuration type.
 
-        Raises
-        ------
-        BsaError
-            Naming the plugin, the key and the nearest valid key.
+        Raises `BsaError` naming the plugin, the key and the nearest valid key.
         """
         listing = self.find(kind, name)
         with border(listing.who, "its options"):
@@ -222,10 +217,7 @@ class Registry:
     def make(self, kind: Kind, name: str, options: Mapping[str, Any], *more: Any) -> Any:
         """What the factory of this kind and name makes of checked options and whatever else it takes.
 
-        Raises
-        ------
-        BsaError
-            If there is no such plugin, an option is wrong, or the factory fails.
+        Raises `BsaError` if there is no such plugin, an option is wrong, or the factory fails.
         """
         listing, checked = self.find(kind, name), self.configure(kind, name, options)
         with border(listing.who, "its factory"):

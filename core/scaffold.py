@@ -49,10 +49,7 @@ class Scaffold(BaseModel, extra="forbid"):
 def load_scaffold(name_or_path: str) -> Scaffold:
     """A built-in scaffold by name, or one from a YAML file.
 
-    Raises
-    ------
-    BsaError
-        If there is no such scaffold, or the file is not a valid one.
+    Raises `BsaError` if there is no such scaffold, or the file is not a valid one.
     """
     path = Path(name_or_path)
     if path.suffix not in (".yaml", ".yml"):

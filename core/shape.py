@@ -46,10 +46,7 @@ def shaped(kind: Any, content: Any) -> Any:
 def check_json(kind: Any, text: bytes) -> None:
     """Hold JSON to a type; no number may be text, and no text a number.
 
-    Raises
-    ------
-    ValueError
-        If it is of another type, with the place.
+    Raises `ValueError` if it is of another type, with the place.
     """
     try:
         _adapter(kind).validate_json(text, strict=True)

@@ -104,10 +104,7 @@ def parse_yaml(text: str, where: str) -> Any:
 def read_yaml(path: Path) -> Any:
     """The content of a YAML file written by a person.
 
-    Raises
-    ------
-    BsaError
-        If the file is missing, is not YAML or goes beyond the bounds, with the line.
+    Raises `BsaError` if the file is missing, is not YAML or goes beyond the bounds, with the line.
     """
     try:
         with path.open(encoding="utf-8") as file:

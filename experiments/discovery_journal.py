@@ -32,10 +32,7 @@ class OpenJournal:
 def opened(options: DiscoverOptions) -> Iterator[OpenJournal]:
     """The journal in the discovery's folder, begun or found to be of the same options and records.
 
-    Raises
-    ------
-    BsaError
-        If a record cannot be read, or the folder holds anything else.
+    Raises `BsaError` if a record cannot be read, or the folder holds anything else.
     """
     asked = {"options": _dumped(options), "records": _digests(options)}
     file = Journal(options.out)
@@ -67,13 +64,7 @@ def _begin(file: Journal, earlier: list[dict[str, Any]], asked: Mapping[str, Any
 
 
 def read_options(folder: Path) -> DiscoverOptions:
-    """The options of an earlier discovery, from its journal.
-
-    Raises
-    ------
-    BsaError
-        If the folder holds no discovery.
-    """
+    """The options of an earlier discovery, from its journal. Raises `BsaError` if the folder holds no discovery."""
     first = next(read_events(folder), {})
     if first.get("kind") != KIND:
         hint = "bsa run --resume goes on with a calibration." if first else "give the folder of an earlier discovery."

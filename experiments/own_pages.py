@@ -17,10 +17,7 @@ _HEAD_BYTES = 2048
 def check_page(path: Path) -> None:
     """Refuse a path at which something else lies than a page of ours.
 
-    Raises
-    ------
-    BsaError
-        If there is a folder, a link or another file.
+    Raises `BsaError` if there is a folder, a link or another file.
     """
     if not path.exists() and not path.is_symlink():
         return

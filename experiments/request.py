@@ -97,13 +97,7 @@ def _put(content: dict[str, Any], path: Sequence[str], value: Any, key: str) -> 
 
 
 def key_texts(pairs: Sequence[str] | None, option: str) -> dict[str, str]:
-    """``["a=010", "b=x"]`` as a mapping of texts.
-
-    Raises
-    ------
-    BsaError
-        If a pair has no ``=``.
-    """
+    """``["a=010", "b=x"]`` as a mapping of texts. Raises `BsaError` if a pair has no ``=``."""
     result: dict[str, str] = {}
     for pair in pairs or ():
         key, sign, value = (part.strip() for part in pair.partition("="))
@@ -116,10 +110,7 @@ def key_texts(pairs: Sequence[str] | None, option: str) -> dict[str, str]:
 def key_values(pairs: Sequence[str] | None, option: str) -> dict[str, Any]:
     """``["a=1", "b=x"]`` as a mapping; values are read as YAML, and stay text where they are none.
 
-    Raises
-    ------
-    BsaError
-        If a pair has no ``=``.
+    Raises `BsaError` if a pair has no ``=``.
     """
     result: dict[str, Any] = {}
     for key, text in key_texts(pairs, option).items():
@@ -133,13 +124,7 @@ def key_values(pairs: Sequence[str] | None, option: str) -> dict[str, Any]:
 def read_options(
     columns: Mapping[str, str], units: Mapping[str, str], where: Mapping[str, str], cycles: str | None, **others: Any
 ) -> ReadOptions:
-    """What a person says about a file.
-
-    Raises
-    ------
-    BsaError
-        If an option is not valid.
-    """
+    """What a person says about a file. Raises `BsaError` if an option is not valid."""
     from .tasks.records import parse_cycles
 
     content: dict[str, Any] = {
@@ -242,10 +227,7 @@ def task_of_records(
 def weighted(task: Task, weight: str | None) -> Task:
     """The task with the weight of errors that was asked for; its own where none was.
 
-    Raises
-    ------
-    BsaError
-        If there is no such weight.
+    Raises `BsaError` if there is no such weight.
     """
     return task if weight is None else replace(task, weight=cast("Weight", weight))
 

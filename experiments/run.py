@@ -167,13 +167,7 @@ def _open_chapter(journal: Journal, earlier: list[dict[str, Any]], task: Task, c
 
 
 def read_request(folder: Path) -> tuple[Task, RunConfig]:
-    """The task and configuration of an earlier run, from its journal.
-
-    Raises
-    ------
-    BsaError
-        If the folder holds no run.
-    """
+    """The task and configuration of an earlier run, from its journal. Raises `BsaError` if the folder holds no run."""
     path = folder / FILE_NAME
     first = next(read_events(folder), {})
     check_calibration(first, path)

@@ -26,10 +26,7 @@ def with_clock(samples: Samples) -> Samples:
 
     Two samples may share a stamp where the current switches; both are kept.
 
-    Raises
-    ------
-    BsaError
-        If the clock restarts, or runs back too often.
+    Raises `BsaError` if the clock restarts, or runs back too often.
     """
     spikes = np.zeros(len(samples), dtype=np.bool_)
     time = samples.time

@@ -15,10 +15,7 @@ from .samples import Samples
 def with_sign(samples: Samples, options: ReadOptions) -> Samples:
     """Turn the current positive on discharge, after asking the voltage whether the stated sign can be true.
 
-    Raises
-    ------
-    BsaError
-        If the voltage contradicts the stated sign, or cannot tell where ``auto`` asks it.
+    Raises `BsaError` if the voltage contradicts the stated sign, or cannot tell where ``auto`` asks it.
     """
     _refuse_still_current(samples)
     evidence, start, stop = _discharge_positive(samples)

@@ -108,10 +108,7 @@ def read_record(
 ) -> Record:
     """Read a record over time from one or several files; see `read_file`.
 
-    Raises
-    ------
-    BsaError
-        Also if the file holds an impedance spectrum.
+    Raises `BsaError` also if the file holds an impedance spectrum.
     """
     found = read_file(path, options, registry, reader, reader_options)
     if isinstance(found, ImpedanceSpectrum):
@@ -129,13 +126,7 @@ def read_spectrum(
     reader: str | None = None,
     reader_options: Mapping[str, Any] | None = None,
 ) -> ImpedanceSpectrum:
-    """Read an impedance spectrum; see `read_file`.
-
-    Raises
-    ------
-    BsaError
-        Also if the file holds a record over time.
-    """
+    """Read an impedance spectrum; see `read_file`. Raises `BsaError` also if the file holds a record over time."""
     found = read_file(path, options, registry, reader, reader_options)
     if isinstance(found, Record):
         raise BsaError(

@@ -76,10 +76,7 @@ def _with_temperature(samples: Samples) -> Samples:
 def check_size(samples: Samples) -> None:
     """Refuse numbers that no instrument writes, before anything is reckoned with them.
 
-    Raises
-    ------
-    BsaError
-        Naming the row and its value.
+    Raises `BsaError` naming the row and its value.
     """
     signals: dict[Signal, FloatArray] = {"time": samples.time, "voltage": samples.voltage, "current": samples.current}
     for signal, values in signals.items():
@@ -96,10 +93,7 @@ def check_size(samples: Samples) -> None:
 def check_units(samples: Samples) -> None:
     """Refuse values that are off by the factor of a forgotten unit.
 
-    Raises
-    ------
-    BsaError
-        With the option that names the unit.
+    Raises `BsaError` with the option that names the unit.
     """
     voltage = float(np.median(samples.voltage))
     if abs(voltage) > 100.0:
@@ -140,13 +134,7 @@ def _refuse_unit(samples: Samples, signal: Signal, value: str, unit: str) -> Non
 
 
 def without_glitches(samples: Samples) -> Samples:
-    """Leave out lone voltage samples that no cell can produce.
-
-    Raises
-    ------
-    BsaError
-        If there are many.
-    """
+    """Leave out lone voltage samples that no cell can produce. Raises `BsaError` if there are many."""
     v, i = samples.voltage, samples.current
     if len(samples) < 3:
         return samples
@@ -172,13 +160,7 @@ def without_glitches(samples: Samples) -> Samples:
 
 
 def check_range(samples: Samples) -> None:
-    """Refuse voltages outside `VOLTAGE_RANGE_V`.
-
-    Raises
-    ------
-    BsaError
-        Naming the first row and its value.
-    """
+    """Refuse voltages outside `VOLTAGE_RANGE_V`. Raises `BsaError` naming the first row and its value."""
     low, high = VOLTAGE_RANGE_V
     bad = np.flatnonzero((samples.voltage < low) | (samples.voltage > high))
     if len(bad):

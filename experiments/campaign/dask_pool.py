@@ -64,13 +64,7 @@ def slurm_cluster(config: SlurmConfig) -> Any:
 
 
 def load_slurm(path: Path) -> SlurmConfig:
-    """Read the description of a SLURM job.
-
-    Raises
-    ------
-    BsaError
-        Naming the key at fault.
-    """
+    """Read the description of a SLURM job. Raises `BsaError` naming the key at fault."""
     content = read_yaml(path)
     try:
         return SlurmConfig.model_validate(content or {})
@@ -81,10 +75,8 @@ def load_slurm(path: Path) -> SlurmConfig:
 def check_cluster(where: str) -> None:
     """Refuse what names no cluster, before anything is made for it.
 
-    Raises
-    ------
-    BsaError
-        If it is neither the address of a scheduler nor a description of SLURM jobs, or that cannot be read.
+    Raises `BsaError` if it is neither the address of a scheduler nor a description of SLURM jobs, or that cannot be
+    read.
     """
     if where.startswith(_SLURM):
         load_slurm(Path(where.removeprefix(_SLURM)))

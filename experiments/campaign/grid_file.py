@@ -133,13 +133,7 @@ def load_grid(name_or_path: str, changes: Mapping[str, Any] | None = None) -> Gr
 
 
 def grid_path(name_or_path: str) -> Path:
-    """Where a grid's file lies.
-
-    Raises
-    ------
-    BsaError
-        If no shipped grid has this name.
-    """
+    """Where a grid's file lies. Raises `BsaError` if no shipped grid has this name."""
     path = Path(name_or_path)
     if path.suffix in (".yaml", ".yml"):
         return path

@@ -82,10 +82,7 @@ class _Manifest:
 def check_grid_folder(folder: Path) -> None:
     """Refuse a folder that holds anything else than a campaign; nothing is written.
 
-    Raises
-    ------
-    BsaError
-        If there are files without a manifest of ours.
+    Raises `BsaError` if there are files without a manifest of ours.
     """
     if entries(folder) and not begins(folder / MANIFEST, _BEGINNING):
         raise foreign(folder, "a campaign")
@@ -107,10 +104,7 @@ def _methods(axes: Sequence[Mapping[Axis, str]]) -> dict[tuple[str, str], str]:
 def grid_folder(grid: str | Path, store: Store) -> Path:
     """The folder of a campaign that was run, by its name, its file or its folder.
 
-    Raises
-    ------
-    BsaError
-        If no such campaign was run in this store.
+    Raises `BsaError` if no such campaign was run in this store.
     """
     path = Path(grid)
     if (path / MANIFEST).is_file():
@@ -127,13 +121,7 @@ def grid_folder(grid: str | Path, store: Store) -> Path:
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """What `write_manifest` noted.
-
-    Raises
-    ------
-    BsaError
-        If it is missing or damaged.
-    """
+    """What `write_manifest` noted. Raises `BsaError` if it is missing or damaged."""
     content = read_json(folder / MANIFEST)
     if content is None:
         raise BsaError(f"{folder / MANIFEST} is missing or damaged.", _AGAIN)

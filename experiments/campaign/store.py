@@ -39,10 +39,7 @@ class Store:
     def check(self) -> None:
         """Refuse a folder that holds anything else than a store; nothing is written.
 
-        Raises
-        ------
-        BsaError
-            If there is something in it, and nothing that campaigns make.
+        Raises `BsaError` if there is something in it, and nothing that campaigns make.
         """
         found = entries(self.root)
         if found and not found & _PARTS:
@@ -81,13 +78,7 @@ class Store:
         return digest
 
     def get_task(self, digest: str) -> Task:
-        """A task that was kept.
-
-        Raises
-        ------
-        BsaError
-            If it is not there, or damaged.
-        """
+        """A task that was kept. Raises `BsaError` if it is not there, or damaged."""
         content = read_json(self._task(digest)) if self.has_task(digest) else None
         if content is None:
             raise BsaError(f"{self._task(digest)} is missing or damaged.", "give the command again; it writes it anew.")

@@ -78,13 +78,7 @@ def _from_suite(wanted: SuiteFilter, store: Store, say: Say, make: bool) -> Iter
 
 
 def suite_cases(wanted: SuiteFilter) -> dict[str, SuiteCase]:
-    """The cases that a filter takes, by key.
-
-    Raises
-    ------
-    BsaError
-        If the filter leaves nothing.
-    """
+    """The cases that a filter takes, by key. Raises `BsaError` if the filter leaves nothing."""
     count = wanted.cases if isinstance(wanted.cases, int) else 40
     cases = load_suite(
         wanted.suite,

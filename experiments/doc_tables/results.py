@@ -37,13 +37,7 @@ class Results:
     link: str = "results"  # The folder's address as the document being written sees it.
 
     def rows(self, study: str) -> list[dict[str, Any]]:
-        """The rows of a study.
-
-        Raises
-        ------
-        BsaError
-            If there is no such file.
-        """
+        """The rows of a study. Raises `BsaError` if there is no such file."""
         path = self.folder / f"{study}.csv"
         if not path.is_file():
             raise BsaError(f"{path} is missing.", "a table of the documentation is made of it; run its study.")
@@ -51,13 +45,7 @@ class Results:
 
     @cached_property
     def origins(self) -> dict[str, Origin]:
-        """Where each file comes from, by study.
-
-        Raises
-        ------
-        BsaError
-            If the file that says so is not valid.
-        """
+        """Where each file comes from, by study. Raises `BsaError` if the file that says so is not valid."""
         path = self.folder / ORIGINS
         try:
             return TypeAdapter(dict[str, Origin]).validate_python(read_yaml(path))

@@ -38,10 +38,8 @@ class Folders:
     def inside(self, name: str) -> Path:
         """The path of a file or folder that an assistant names.
 
-        Raises
-        ------
-        BsaError
-            If it leads out of the folders, goes through ``..``, or a link stands on its way or, for a folder, in it.
+        Raises `BsaError` if it leads out of the folders, goes through ``..``, or a link stands on its way or, for a
+        folder, in it.
         """
         path = self.first / name if "\0" not in name else Path()
         root = next((root for root in self._roots if path.is_relative_to(root)), None)

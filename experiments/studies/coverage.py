@@ -80,10 +80,7 @@ class Drawn:
 def draw(seed: int, number: int, model: str, points: int) -> Drawn:
     """The task of a number, whose truth has so many mesh points; it depends on nothing but its arguments.
 
-    Raises
-    ------
-    RuntimeError
-        If no drawn cell could be simulated.
+    Raises `RuntimeError` if no drawn cell could be simulated.
     """
     from ...plugins.pybamm.presets import preset_space
 

@@ -91,13 +91,7 @@ def cells(study: str = MEASURED_CURRENT) -> tuple[TaskFile, ...]:
 
 
 def chosen(names: Sequence[str], study: str = MEASURED_CURRENT) -> list[TaskFile]:
-    """The cells of these names; all of them if there are none.
-
-    Raises
-    ------
-    BsaError
-        If there is no such cell.
-    """
+    """The cells of these names; all of them if there are none. Raises `BsaError` if there is no such cell."""
     known = {cell.name: cell for cell in cells(study)}
     for name in names:
         if name not in known:

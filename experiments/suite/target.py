@@ -157,10 +157,7 @@ def _decode(record: dict[str, Any]) -> ExperimentRun:
 def discharged_in_scored_part(run: ExperimentRun, experiment: Experiment) -> float | None:
     """Charge of the scored discharge, A.h; None if the cell did not get through.
 
-    Raises
-    ------
-    BsaError
-        If the experiment scores a cycle that it does not have.
+    Raises `BsaError` if the experiment scores a cycle that it does not have.
     """
     if run.failure is not None or run.trajectory is None:
         return None

@@ -25,10 +25,7 @@ def packaged_tasks() -> Iterator[tuple[str, str]]:
 def find_task(name_or_path: str) -> Task:
     """A packaged task, a case of the published suite (``regular-134``), a plugin's task, or a task file.
 
-    Raises
-    ------
-    BsaError
-        If there is no such task, with the nearest name.
+    Raises `BsaError` if there is no such task, with the nearest name.
     """
     path = Path(name_or_path)
     if path.suffix in SUFFIXES:

@@ -60,22 +60,13 @@ def parameter_source(given: str) -> ParameterSource:
 def calibrated(folder: Path) -> ParameterFile:
     """The cell that a run found, as a set of its own.
 
-    Raises
-    ------
-    BsaError
-        If the folder holds no run of a PyBaMM cell, or no simulation of it succeeded.
+    Raises `BsaError` if the folder holds no run of a PyBaMM cell, or no simulation of it succeeded.
     """
     return _calibrated(read_finished(folder))
 
 
 def read_finished(folder: Path) -> RunRecord:
-    """A run of a PyBaMM cell that found something.
-
-    Raises
-    ------
-    BsaError
-        As `calibrated`.
-    """
+    """A run of a PyBaMM cell that found something. Raises `BsaError`: as `calibrated`."""
     run = read_run(folder)
     if not run.task.cell.parameter_set:
         raise BsaError(f"{folder} calibrated no cell of PyBaMM.", "name the run of a PyBaMM cell.")

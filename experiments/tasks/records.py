@@ -86,13 +86,7 @@ class RecordRequest:
         return self.protocol
 
     def load(self) -> Record | ImpedanceSpectrum:
-        """What its source holds.
-
-        Raises
-        ------
-        BsaError
-            If the file cannot be read.
-        """
+        """What its source holds. Raises `BsaError` if the file cannot be read."""
         from ...core.reading.reading import read_file
 
         if isinstance(self.source, Record):
@@ -238,10 +232,8 @@ def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
     Each starts at the state of charge that its request names, or where the fitted cell shows the record's first
     open-circuit voltage.
 
-    Raises
-    ------
-    BsaError
-        If a file cannot be read, is fitted as well, or the task's simulator is not driven by a cell's record.
+    Raises `BsaError` if a file cannot be read, is fitted as well, or the task's simulator is not driven by a cell's
+    record.
     """
     if not requests:
         return task
@@ -397,13 +389,7 @@ def _with_initial_soc(
 
 
 def parse_cycles(text: str) -> tuple[int, int]:
-    """``"3"`` or ``"2-5"`` as a first and a last cycle.
-
-    Raises
-    ------
-    BsaError
-        If the text is neither.
-    """
+    """``"3"`` or ``"2-5"`` as a first and a last cycle. Raises `BsaError` if the text is neither."""
     first, _, last = text.partition("-")
     try:
         return int(first), int(last or first)

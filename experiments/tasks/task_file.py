@@ -73,10 +73,7 @@ def load_task_file(path: Path) -> Task:
     A file that names a simulator describes signals, parameters and records of any kind (`SignalTaskFile`); one that
     does not describes a cell (`TaskFile`). JSON may also hold a task as `bsa.core.encoding.encode_task` writes it.
 
-    Raises
-    ------
-    BsaError
-        Naming the file, the key and the nearest valid key.
+    Raises `BsaError` naming the file, the key and the nearest valid key.
     """
     found = _read_json(path) if path.suffix == ".json" else read_yaml(path)
     if isinstance(found, dict) and "simulator" in found and "space" not in found:
@@ -96,10 +93,7 @@ def load_task_file(path: Path) -> Task:
 def task_from(content: TaskFile, folder: Path) -> Task:
     """The task of a task file whose records lie in a folder.
 
-    Raises
-    ------
-    BsaError
-        If a record, a parameter set or a parameter does not exist or makes no sense.
+    Raises `BsaError` if a record, a parameter set or a parameter does not exist or makes no sense.
     """
     task = build_task(
         name=content.name,

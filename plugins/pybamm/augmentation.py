@@ -43,10 +43,7 @@ class PyBaMMPart:
 def part_of(effect: Effect) -> PyBaMMPart:
     """The PyBaMM part of an effect; an empty one for effects of the instrument alone.
 
-    Raises
-    ------
-    BsaError
-        If the effect was written for another simulator.
+    Raises `BsaError` if the effect was written for another simulator.
     """
     if effect.physics is None:
         return PyBaMMPart()
@@ -59,13 +56,7 @@ def part_of(effect: Effect) -> PyBaMMPart:
 
 
 def augmented_cell(cell: CellModel, effects: Sequence[Effect]) -> CellModel:
-    """The cell model with the options of all effects.
-
-    Raises
-    ------
-    BsaError
-        If two of them ask for different things.
-    """
+    """The cell model with the options of all effects. Raises `BsaError` if two of them ask for different things."""
     model, options = cell.model, dict(cell.options)
     asked: dict[str, str] = {}
     for effect in effects:

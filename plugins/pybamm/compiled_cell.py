@@ -71,13 +71,7 @@ def start_of(experiment: Experiment) -> Start:
 
 
 def make_model(cell: CellModel) -> Any:
-    """The PyBaMM model of a cell.
-
-    Raises
-    ------
-    BsaError
-        If the model or one of its options does not exist.
-    """
+    """The PyBaMM model of a cell. Raises `BsaError` if the model or one of its options does not exist."""
     if cell.model not in MODELS:
         raise BsaError(
             f'there is no model "{cell.model}".',
@@ -198,10 +192,7 @@ class CompiledCell:
     def built_model(self) -> Any:
         """The discretised model of a cell that is driven by its measured current.
 
-        Raises
-        ------
-        BsaError
-            If the model cannot be built, with or without its effects.
+        Raises `BsaError` if the model cannot be built, with or without its effects.
         """
         simulation = self.simulation(None)
         try:

@@ -109,10 +109,7 @@ class CycleRunner:
     def run(self, simulate: Simulate, first: int, last: int, needed: Collection[int]) -> Iterator[SolvedCycle]:
         """The simulated cycles among ``first`` to ``last``, those needed and the last one in any case.
 
-        Raises
-        ------
-        CycleFailed
-            If a cycle cannot be simulated from where the one before it ended.
+        Raises `CycleFailed` if a cycle cannot be simulated from where the one before it ended.
         """
         self._paces: list[Pace] = []
         self._longest = _FIRST_LEFT_OUT

@@ -69,10 +69,7 @@ class CurrentFunction:
 def steps_of_protocol(protocol: Protocol) -> list[list[Any]]:
     """A protocol as cycles of PyBaMM steps.
 
-    Raises
-    ------
-    BsaError
-        If a protocol string is not one that PyBaMM understands.
+    Raises `BsaError` if a protocol string is not one that PyBaMM understands.
     """
     return [[_parse(text) for text in cycle] for cycle in protocol]
 

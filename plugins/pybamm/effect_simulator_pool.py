@@ -120,10 +120,7 @@ class EffectSimulatorPool:
     def predict(self, requests: Sequence[Request]) -> list[Prediction | None]:
         """Simulate side by side; see `Simulator.predict`.
 
-        Raises
-        ------
-        BsaError
-            If an effect cannot be sent to another process.
+        Raises `BsaError` if an effect cannot be sent to another process.
         """
         with self._lock:
             jobs = [self._job(request) for request in requests]

@@ -117,13 +117,7 @@ def parsed(name: str, text: str) -> ParameterFile:
 
 
 def read_values(file: ParameterFile) -> dict[str, Any]:
-    """The values of a parameter file by PyBaMM's names.
-
-    Raises
-    ------
-    BsaError
-        If the file is not what it says it is.
-    """
+    """The values of a parameter file by PyBaMM's names. Raises `BsaError` if the file is not what it says it is."""
     readers = {"bpx": _bpx, "parameter-values": _parameter_values, "calibrated": _calibrated}
     try:
         return readers[file.kind](file)

@@ -49,10 +49,7 @@ def _load(name: ParameterSource) -> Mapping[str, Any]:
 def load(name: ParameterSource, overrides: Mapping[str, float] | None = None) -> pybamm.ParameterValues:
     """A parameter set, gaps filled from Chen2020, with overrides put in.
 
-    Raises
-    ------
-    BsaError
-        If the set, or an overridden parameter, does not exist.
+    Raises `BsaError` if the set, or an overridden parameter, does not exist.
     """
     values = pybamm.ParameterValues(dict(_load(name)))
     for key, value in (overrides or {}).items():
@@ -61,13 +58,7 @@ def load(name: ParameterSource, overrides: Mapping[str, float] | None = None) ->
 
 
 def require(set_name: ParameterSource, key: str) -> str:
-    """The key itself, if the set knows it.
-
-    Raises
-    ------
-    BsaError
-        With the nearest name otherwise.
-    """
+    """The key itself, if the set knows it. Raises `BsaError` with the nearest name otherwise."""
     known = _load(set_name)
     if key in known:
         return key
@@ -95,11 +86,8 @@ def parameters(set_name: ParameterSource) -> dict[str, float | str]:
 def target_in(set_name: ParameterSource, name: str) -> Target:
     """What a person's name for a parameter acts on in a set.
 
-    Raises
-    ------
-    BsaError
-        If the set has no such parameter, or a multiplier is asked for where the value itself can be searched, or the
-        reverse.
+    Raises `BsaError` if the set has no such parameter, or a multiplier is asked for where the value itself can be
+    searched, or the reverse.
     """
     known = _load(set_name)
     target = target_named(name, known)
@@ -119,10 +107,7 @@ _START_SOC = 0.5
 def initial_value(set_name: ParameterSource, name: str, overrides: Mapping[str, float] | None = None) -> float:
     """The value at which a search over ``name`` starts: the set's own, 1 for a factor, 0 for a correction.
 
-    Raises
-    ------
-    BsaError
-        As `target_in`, unless an override gives a function a number.
+    Raises `BsaError`: as `target_in`, unless an override gives a function a number.
     """
     if name in (overrides or {}):
         return float((overrides or {})[require(set_name, name)])

@@ -36,10 +36,7 @@ class Service(Protocol[Job, Answer]):
     def prepare(self) -> None:
         """Import and compile in the worker what every job needs.
 
-        Raises
-        ------
-        BsaError
-            If no job can be done at all; the whole pool is then of no use, and says so.
+        Raises `BsaError` if no job can be done at all; the whole pool is then of no use, and says so.
         """
         ...
 
@@ -147,10 +144,7 @@ class Worker(Generic[Job, Answer]):
     def receive(self) -> tuple[Answer] | None:
         """Read one message; the answer (in a tuple of one) if this was it, None if more is to come.
 
-        Raises
-        ------
-        BsaError
-            If no job can be done at all.
+        Raises `BsaError` if no job can be done at all.
         """
         assert self.connection is not None
         try:

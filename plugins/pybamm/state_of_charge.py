@@ -125,10 +125,7 @@ class InitialState:
     def soc_at(self, voltage: float, change: CellChange | None = None) -> float:
         """The state of charge of a changed cell at an open-circuit voltage; beyond 0 and 1 outside its limits.
 
-        Raises
-        ------
-        ValueError
-            As `concentrations`.
+        Raises `ValueError`: as `concentrations`.
         """
         x, curve, *_ = self._balance(change or CellChange())
         empty, full = np.interp(self._limits, curve, x)

@@ -50,10 +50,7 @@ of this very type."""
 def default_spread(name: str) -> tuple[float, float, float]:
     """Deviation of the logarithm, lower and upper bound of a default parameter.
 
-    Raises
-    ------
-    BsaError
-        If there is no default for it.
+    Raises `BsaError` if there is no default for it.
     """
     if name not in _SPREADS:
         hint = did_you_mean(name, _SPREADS) or "give it a spread, a lower and an upper bound."

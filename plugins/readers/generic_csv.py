@@ -32,13 +32,7 @@ class GenericCsv:
 
 
 def read_text_table(path: Path, options: ReadOptions) -> Samples:
-    """Read the table in a text file.
-
-    Raises
-    ------
-    BsaError
-        Naming the file, the row or column at fault and its value.
-    """
+    """Read the table in a text file. Raises `BsaError` naming the file, the row or column at fault and its value."""
     source = shown(path.name)
     if options.sheet is not None:
         raise BsaError(

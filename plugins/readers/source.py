@@ -62,10 +62,7 @@ def _damaged(source: str, kind: str, hint: str, error: Exception) -> BsaError:
 def refuse_zip_bomb(path: Path, source: str, kind: str, most: int) -> None:
     """Look at the sizes that the parts of a zip archive declare, which is all that is unpacked of them.
 
-    Raises
-    ------
-    BsaError
-        If it is no zip archive, or unpacks to more than ``most`` bytes or `MAX_RATIO` times its size.
+    Raises `BsaError` if it is no zip archive, or unpacks to more than ``most`` bytes or `MAX_RATIO` times its size.
     """
     try:
         with zipfile.ZipFile(path) as package:
@@ -103,10 +100,7 @@ def head(path: Path) -> bytes:
 def load_text(path: Path) -> tuple[str, list[str]]:
     """The whole file as text, with notes on how it was decoded.
 
-    Raises
-    ------
-    BsaError
-        If the file cannot be read, is empty, is larger than `MAX_BYTES` or is not text.
+    Raises `BsaError` if the file cannot be read, is empty, is larger than `MAX_BYTES` or is not text.
     """
     name = shown(path.name)
     try:

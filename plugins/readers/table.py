@@ -98,10 +98,7 @@ class Table:
 def find_table(text: str, source: str) -> Table:
     """Find the header and the first row of numbers.
 
-    Raises
-    ------
-    BsaError
-        If there is no table, or a header without rows.
+    Raises `BsaError` if there is no table, or a header without rows.
     """
     # `splitlines` would also cut at form feeds and the like, and row numbers would not be those of an editor.
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
@@ -208,10 +205,7 @@ def _rows(lines: list[str], first: int, separator: str | None, source: str) -> I
 def row_conditions(header: Sequence[str], where: Mapping[str, str], source: str) -> list[tuple[int, str]]:
     """Places of the columns that a row is chosen by, and the values that they must have.
 
-    Raises
-    ------
-    BsaError
-        If there is no such column.
+    Raises `BsaError` if there is no such column.
     """
     found = []
     for name, value in where.items():
