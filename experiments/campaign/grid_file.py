@@ -18,6 +18,12 @@ from .cell import Axis
 SHIPPED = Path(__file__).parent.parent / "grids"
 
 
+def _counted(numbers: list[int], what: str) -> list[int]:
+    if any(number < 0 for number in numbers):
+        raise ValueError(f"a {what} is 0 or more")
+    return numbers
+
+
 class SuiteFilter(BaseModel, extra="forbid"):
     """A part of a benchmark suite."""
 
@@ -30,8 +36,19 @@ class SuiteFilter(BaseModel, extra="forbid"):
     )
     draw: int = Field(0, ge=0, description="Which of them a number takes; for the random suite, its seed.")
     search: str | None = Field(None, description="Search-space preset; the case's own if left out.")
+    starts: list[int] = Field(
+        default_factory=lambda: [0],
+        min_length=1,
+        description="Where searches start, each a task of its own: 0 is the base cell; 1, 2, ... are drawn by "
+        "number, in the middle half of every range.",
+    )
     noise_mv: float = Field(0.0, ge=0, description="Noise put on the voltage of the targets, mV.")
     folder: Path | None = Field(None, description="Where the published files are, if not beside the repository.")
+
+    @field_validator("starts")
+    @classmethod
+    def _not_negative(cls, starts: list[int]) -> list[int]:
+        return _counted(starts, "start")
 
 
 class BackendChoice(BaseModel, extra="forbid"):
@@ -100,9 +117,7 @@ class GridFile(Budgets):
     @field_validator("seeds")
     @classmethod
     def _not_negative(cls, seeds: list[int]) -> list[int]:
-        if any(seed < 0 for seed in seeds):
-            raise ValueError("a seed is 0 or more")
-        return seeds
+        return _counted(seeds, "seed")
 
 
 def load_grid(name_or_path: str, changes: Mapping[str, Any] | None = None) -> GridFile:

@@ -14,6 +14,7 @@ from ...core.files import read_json, write_json
 from ...core.task import Task
 from ..suite.case import Noise, SuiteCase
 from ..suite.selection import choose, load_suite
+from ..suite.starts import start_name, started
 from .calibration import TaskLabel
 from .grid_file import SuiteFilter, TaskChoice
 from .identity import versions_of
@@ -74,7 +75,8 @@ def _read(name: str, near: Path) -> Task:
 
 def _from_suite(wanted: SuiteFilter, store: Store, say: Say, make: bool) -> Iterator[TaskLabel]:
     for case in suite_cases(wanted).values():
-        yield _case(case, wanted.search, store, say, make)
+        for start in wanted.starts:
+            yield _case(case, wanted.search, start, store, say, make)
 
 
 def suite_cases(wanted: SuiteFilter) -> dict[str, SuiteCase]:
@@ -104,9 +106,9 @@ def _listed(value: str | Iterable[str] | None) -> set[str]:
     return {value} if isinstance(value, str) else set(value or ())
 
 
-def _case(case: SuiteCase, search: str | None, store: Store, say: Say, make: bool) -> TaskLabel:
-    label = TaskLabel(case.key, case.mode, case.parameter_set, case.rates)
-    note = store.root / "tasks" / f"{_reference(case, search)}.case.json"
+def _case(case: SuiteCase, search: str | None, start: int, store: Store, say: Say, make: bool) -> TaskLabel:
+    label = TaskLabel(start_name(case.key, start), case.mode, case.parameter_set, case.rates)
+    note = store.root / "tasks" / f"{_reference(case, search, start)}.case.json"
     known = read_json(note)
     if known is not None:
         digest, trouble = str(known.get("digest", "")), str(known.get("trouble", ""))
@@ -116,19 +118,20 @@ def _case(case: SuiteCase, search: str | None, store: Store, say: Say, make: boo
         return label
     from ..suite.build import build_task
 
-    say(f"making the target of {case.key} ({case.parameter_set}, {case.rates})")
+    say(f"making the target of {label.key} ({case.parameter_set}, {case.rates})")
     try:
-        label = replace(label, digest=store.put_task(build_task(case, search)))
+        label = replace(label, digest=store.put_task(started(build_task(case, search), start)))
     except BsaError as error:
         label = replace(label, trouble=error.message)
     write_json(note, {"digest": label.digest, "trouble": label.trouble})
     return label
 
 
-def _reference(case: SuiteCase, search: str | None) -> str:
+def _reference(case: SuiteCase, search: str | None, start: int) -> str:
     content: dict[str, Any] = {
         "case": asdict(replace(case, changes=dict(case.changes))),
         "search": search,
+        "start": start,
         "versions": versions_of(()),
     }
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]

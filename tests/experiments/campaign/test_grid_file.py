@@ -76,6 +76,7 @@ def test_shipped_grids_expand(name, tmp_path, monkeypatch):
         "rules-ablation": 10 * 6,
         "scaffold-ablation": 8 * 9 * 3,
         "ageing": 5 * 3,
+        "ageing-baselines": 5 * 5,
     }
     assert grid.name == name
     assert len(cells) == runs[name]

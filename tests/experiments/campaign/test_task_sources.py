@@ -1,0 +1,36 @@
+"""Tasks of a grid: each start of a case is a task of its own."""
+
+import pytest
+from bsa.core.errors import BsaError
+from bsa.experiments.campaign.grid_file import SuiteFilter, load_grid
+from bsa.experiments.campaign.store import Store
+from bsa.experiments.campaign.task_sources import gather
+from bsa.experiments.suite.case import SuiteCase
+from bsa_toy_cell import toy_task
+
+from .conftest import write_grid
+
+
+@pytest.fixture
+def one_case(monkeypatch):
+    case = SuiteCase("regular", 7, "Chen2020", 1.0, 1.0, {"Negative electrode thickness [m]": 1e-4})
+    monkeypatch.setattr("bsa.experiments.suite.selection.generated_cases", lambda: {case.key: case})
+    monkeypatch.setattr("bsa.experiments.suite.build.build_task", lambda case, search: toy_task(name=case.key))
+
+
+def test_every_start_of_a_case_is_a_task_and_is_kept(one_case, tmp_path):
+    store, said = Store(tmp_path), []
+    wanted = SuiteFilter(suite="generated", starts=[0, 1, 2])
+    labels = gather([wanted], store, tmp_path, said.append)
+    assert [label.key for label in labels] == ["regular-7", "regular-7-start-1", "regular-7-start-2"]
+    starts = {tuple(store.get_task(label.digest).space.initial.values()) for label in labels}
+    assert len(starts) == len(said) == 3
+    assert gather([wanted], store, tmp_path, said.append) == labels
+    assert len(said) == 3
+
+
+@pytest.mark.parametrize("starts", [[-1], []])
+def test_starts_are_checked(tmp_path, starts):
+    path = write_grid(tmp_path)
+    with pytest.raises(BsaError, match="starts"):
+        load_grid(str(path), {"tasks.0": {"suite": "generated", "starts": starts}})
