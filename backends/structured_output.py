@@ -75,11 +75,6 @@ def descend(
 _NAMES: dict[StructuredBy, str] = {"schema": "a JSON schema", "json": "JSON mode", "text": "plain text"}
 
 
-def forget_refusals() -> None:
-    """Start anew, for tests."""
-    _accepted.clear()
-
-
 def with_schema_in_prompt(messages: Sequence[Message], schema: JsonSchema, form: StructuredBy) -> list[Message]:
     """The conversation, which says itself what is wanted where the server does not enforce it."""
     messages = list(messages)

@@ -83,11 +83,6 @@ def ocp_name(electrode: str) -> str:
     return f"{electrode} electrode OCP [V]"
 
 
-def ocp_shape_name(electrode: str, stoichiometry: float) -> str:
-    """Name of the height of a bump in the open-circuit potential of an electrode."""
-    return f"{electrode} electrode OCP correction at stoichiometry {stoichiometry:g} [V]"
-
-
 def target_named(name: str, known: Iterable[str] = ()) -> Target:
     """The target that a person's notation means.
 
@@ -112,11 +107,6 @@ def target_named(name: str, known: Iterable[str] = ()) -> Target:
     if name.endswith(_FACTOR) and name not in known:
         return Factor(name.removesuffix(_FACTOR))
     return Value(name)
-
-
-def targets_named(names: Iterable[str]) -> dict[str, Target]:
-    """What several names in a person's notation mean, by the names."""
-    return {name: target_named(name) for name in names}
 
 
 @dataclass(frozen=True)

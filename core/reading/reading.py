@@ -119,23 +119,6 @@ def read_record(
     return found
 
 
-def read_spectrum(
-    path: Path | str,
-    options: ReadOptions | None = None,
-    registry: Registry | None = None,
-    reader: str | None = None,
-    reader_options: Mapping[str, Any] | None = None,
-) -> ImpedanceSpectrum:
-    """Read an impedance spectrum; see `read_file`. Raises `BsaError` also if the file holds a record over time."""
-    found = read_file(path, options, registry, reader, reader_options)
-    if isinstance(found, Record):
-        raise BsaError(
-            f"{found.name} is a record over time, not an impedance spectrum.",
-            "give a table of frequency, real and imaginary impedance.",
-        )
-    return found
-
-
 def _made(registry: Registry, name: str, options: Mapping[str, Any]) -> Reader:
     made = registry.make("reader", name, options)
     with border(registry.find("reader", name).who, "its factory"):

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from bsa.backends import structured_output
 from bsa.backends.looking import forget_looks
-from bsa.backends.structured_output import forget_refusals
 from bsa.core.messages import Message
 from bsa.core.proposal import CHANGE_PATTERN
 
@@ -24,7 +24,7 @@ PARAMETERS = ("Electrode height [m]", "Positive particle radius [m]", "Separator
 @pytest.fixture(autouse=True)
 def _fresh(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> None:
     """No test sees another's refusals, nor the keys and presets of whoever runs it."""
-    forget_refusals()
+    structured_output._accepted.clear()
     forget_looks()
     for name in list(os.environ):
         if name.endswith(("_API_KEY", "_BASE_URL")) or name in ("OLLAMA_HOST", "BSA_PRESETS", "HF_TOKEN"):

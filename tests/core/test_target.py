@@ -10,10 +10,8 @@ from bsa.core.target import (
     OcpShape,
     Value,
     change_of,
-    ocp_shape_name,
     soc_name,
     target_named,
-    targets_named,
 )
 
 
@@ -50,8 +48,8 @@ def test_a_parameter_acts_on_the_number_of_its_name_unless_it_says_otherwise():
 
 def test_a_candidate_is_sorted_by_what_it_acts_on():
     candidate = {"R [m]": 2.0, "D factor": 3.0, soc_name("a"): 0.4, "Cyclable lithium factor": 0.9}
-    candidate |= {ocp_shape_name("Negative", 0.25): 0.01, "unknown": 7.0}
-    targets = targets_named(name for name in candidate if name != "unknown") | {"x: y": EffectValue("x", "y")}
+    candidate |= {"Negative electrode OCP correction at stoichiometry 0.25 [V]": 0.01, "unknown": 7.0}
+    targets = {name: target_named(name) for name in candidate if name != "unknown"} | {"x: y": EffectValue("x", "y")}
     change = change_of(targets, {**candidate, "x: y": 1.0})
     assert change == CellChange({"R [m]": 2.0}, {"D": 3.0}, 0.9, {"a": 0.4}, {OcpShape("Negative", 0.25): 0.01})
     assert (change.soc_of("a"), change.soc_of("b")) == (0.4, None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bsa.core.target import CellChange, targets_named
+from bsa.core.target import CellChange, target_named
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Trajectory
 from bsa.plugins.pybamm.compiled import CompiledExperiment
@@ -28,7 +28,9 @@ def short_experiment(soc: float | None = 0.5) -> Experiment:
 def chen() -> CompiledExperiment:
     """A compiled DFN of Chen2020 with searched geometry, a factor and the state of charge."""
     searched = (*GEOMETRY, "Negative electrode exchange-current density [A.m-2] factor", "Initial state of charge")
-    return CompiledExperiment(CellModel("Chen2020"), short_experiment(None), targets_named(searched))
+    return CompiledExperiment(
+        CellModel("Chen2020"), short_experiment(None), {key: target_named(key) for key in searched}
+    )
 
 
 @pytest.fixture(scope="session")

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bsa.core.discovery.simulator import MeasuredRecord
-from bsa.core.target import CellChange, targets_named
+from bsa.core.target import CellChange, target_named
 from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.effects.catalogue import EFFECTS
@@ -38,7 +38,7 @@ def test_the_script_needs_pybamm_alone_and_gives_the_same_curve(tmp_path, keys):
         candidate |= {effect.full_name(p): p.probe for p in effect.parameters}
     cell = CellModel("Chen2020", "SPMe")
     path = tmp_path / "augmented_model.py"
-    targets = targets_named([name, measured_record.soc_name])
+    targets = {key: target_named(key) for key in [name, measured_record.soc_name]}
     path.write_text(augmented_script(cell, effects, candidate, targets, [measured_record]), encoding="utf-8")
     code = (
         "import sys; sys.modules['bsa'] = None\n"
@@ -47,7 +47,7 @@ def test_the_script_needs_pybamm_alone_and_gives_the_same_curve(tmp_path, keys):
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr[-2000:]
-    expected = DrivenCell(cell, effects, driven, targets_named([name]), 298.15, FINE).solve(
+    expected = DrivenCell(cell, effects, driven, {name: target_named(name)}, 298.15, FINE).solve(
         candidate, driven.time, driven.current, 0.9
     )
     assert expected is not None
@@ -61,7 +61,7 @@ def test_a_set_from_a_file_stands_in_the_script(tmp_path):
     measured_record = MeasuredRecord("a", record(), 298.15)
     name = "Positive particle diffusivity [m2.s-1] factor"
     candidate = {measured_record.soc_name: 0.9, name: 0.8}
-    targets = targets_named([name, measured_record.soc_name])
+    targets = {key: target_named(key) for key in [name, measured_record.soc_name]}
     script = {"__name__": "augmented_model"}
     exec(augmented_script(CellModel(file, "SPM"), (), candidate, targets, [measured_record]), script)
     values = script["parameter_values"]()
@@ -76,12 +76,18 @@ def test_words_of_other_people_stay_comments_and_texts():
     measured_record = MeasuredRecord(breakout, record(), 298.15)
     candidate = {strange.full_name(p): p.probe for p in strange.parameters} | {measured_record.soc_name: 0.9}
     cell = CellModel("Chen2020", "SPM")
-    text = augmented_script(cell, (strange,), candidate, targets_named([measured_record.soc_name]), [measured_record])
+    text = augmented_script(
+        cell,
+        (strange,),
+        candidate,
+        {measured_record.soc_name: target_named(measured_record.soc_name)},
+        [measured_record],
+    )
     plain = augmented_script(
         cell,
         (effect,),
         {effect.full_name(p): p.probe for p in effect.parameters} | {MeasuredRecord("a", record()).soc_name: 0.9},
-        targets_named([MeasuredRecord("a", record()).soc_name]),
+        {key: target_named(key) for key in [MeasuredRecord("a", record()).soc_name]},
         [MeasuredRecord("a", record(), 298.15)],
     )
     assert {"\x1b", "\u202e", "\u2028", "\r"}.isdisjoint(text)

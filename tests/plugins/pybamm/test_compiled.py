@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from bsa.core.errors import BsaError
 from bsa.core.simulation import ExperimentRun
-from bsa.core.target import change_of, targets_named
+from bsa.core.target import change_of, target_named
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import StepKind, Trajectory
 from bsa.plugins.pybamm.compiled import CompiledExperiment
@@ -53,7 +53,9 @@ def test_searching_gives_what_a_rebuild_on_the_standard_mesh_gives(
     chen: CompiledExperiment, changes: dict[str, float]
 ) -> None:
     candidate = {name: value * changes.get(name, 1.0) for name, value in base().items()}
-    rebuilt = solve_reference(CellModel("Chen2020"), protocol(), change_of(targets_named(candidate), candidate))
+    rebuilt = solve_reference(
+        CellModel("Chen2020"), protocol(), change_of({key: target_named(key) for key in candidate}, candidate)
+    )
     assert largest_difference_mv(chen.solve(candidate), rebuilt) < 0.1
 
 
@@ -108,7 +110,7 @@ def test_every_chemistry_and_model_runs(name: str, model: str) -> None:
         "x", protocol().target, (("Discharge at 1C for 2 minutes", "Rest for 1 minute"),), initial_soc=0.7
     )
     thickness = "Negative electrode thickness [m]"
-    compiled = CompiledExperiment(CellModel(name, model), experiment, targets_named([thickness]))
+    compiled = CompiledExperiment(CellModel(name, model), experiment, {thickness: target_named(thickness)})
     run = compiled.solve({thickness: initial_value(name, thickness)})
     assert run.failure is None
 

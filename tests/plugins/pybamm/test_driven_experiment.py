@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bsa.core.target import CellChange, targets_named
+from bsa.core.target import CellChange, target_named
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.pybamm import drive
@@ -44,7 +44,7 @@ def test_a_record_at_rest_starts_at_its_voltage_whatever_the_candidate() -> None
     time = np.linspace(0.0, 60.0, 13)
     rest = Trajectory(time, np.zeros(13), np.full(13, 3.9), None, (Step(StepKind.REST, 0, 13),))
     factor = "Negative electrode OCP [V] factor"
-    driven = compiled(SPM, Experiment("rest", rest, initial_voltage=3.9), targets_named([factor]))
+    driven = compiled(SPM, Experiment("rest", rest, initial_voltage=3.9), {factor: target_named(factor)})
     for value in (1.0, 1.2):
         run = driven.solve({factor: value})
         assert run.trajectory is not None
@@ -53,7 +53,7 @@ def test_a_record_at_rest_starts_at_its_voltage_whatever_the_candidate() -> None
 
 def test_a_cell_that_runs_empty_is_a_finite_error_and_says_so() -> None:
     record = discharge()
-    driven = compiled(SPM, Experiment("long", record, initial_soc=0.5), targets_named([LITHIUM]))
+    driven = compiled(SPM, Experiment("long", record, initial_soc=0.5), {LITHIUM: target_named(LITHIUM)})
     reference = solve_reference(SPM, Experiment("long", record, initial_soc=0.5), CellChange())
     for run in (driven.solve({LITHIUM: 1.0}), reference):
         assert run.failure is None
@@ -79,7 +79,7 @@ def test_a_cell_that_runs_full_says_so() -> None:
 
 
 def test_a_candidate_that_cannot_start_is_a_failure_with_its_reason() -> None:
-    run = compiled(SPM, Experiment("long", discharge(), initial_soc=0.5), targets_named([LITHIUM])).solve(
+    run = compiled(SPM, Experiment("long", discharge(), initial_soc=0.5), {LITHIUM: target_named(LITHIUM)}).solve(
         {LITHIUM: 4.0}
     )
     assert run.trajectory is None

@@ -5,7 +5,7 @@ import pytest
 from bsa.core.discovery.simulator import MeasuredRecord, Moments, Request
 from bsa.core.effect import Effect
 from bsa.core.errors import BsaError
-from bsa.core.target import targets_named
+from bsa.core.target import target_named
 from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.effects.catalogue import EFFECTS
@@ -34,13 +34,13 @@ def requests():
 
 @pytest.fixture(scope="module")
 def pool():
-    pool = EffectSimulatorPool(CELL, targets_named([NAME]), SEARCH, FINE, 2)
+    pool = EffectSimulatorPool(CELL, {NAME: target_named(NAME)}, SEARCH, FINE, 2)
     yield pool
     pool.close()
 
 
 def test_workers_answer_what_a_simulator_in_this_process_answers(pool, requests):
-    here = EffectSimulator(CELL, targets_named([NAME])).predict(requests)
+    here = EffectSimulator(CELL, {NAME: target_named(NAME)}).predict(requests)
     there = pool.predict(requests)
     for ours, theirs in zip(here, there, strict=True):
         np.testing.assert_allclose(theirs.voltage, ours.voltage, atol=1e-9)

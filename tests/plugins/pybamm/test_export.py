@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from bsa.core.parameters import Parameter, ParameterSpace
-from bsa.core.target import change_of, target_named, targets_named
+from bsa.core.target import change_of, target_named
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.pybamm.export import literal, script
@@ -106,7 +106,7 @@ def test_the_script_alone_gives_the_curve_of_the_final_score(case, tmp_path):
     assert done.returncode == 0, done.stderr
     assert "A.h discharged" in done.stdout
     _, time, current, voltage = np.loadtxt(tmp_path / "curve.csv", delimiter=",", skiprows=1).T
-    wanted = solve_reference(cell, experiment, change_of(targets_named(candidate), candidate))
+    wanted = solve_reference(cell, experiment, change_of({key: target_named(key) for key in candidate}, candidate))
     assert wanted.failure is None
     assert abs(time[-1] - wanted.trajectory.duration) < 1e-2
     if experiment.protocol is None:

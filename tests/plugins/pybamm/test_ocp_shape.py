@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bsa.core.target import CellChange, OcpShape, change_of, ocp_shape_name, targets_named
+from bsa.core.target import CellChange, OcpShape, change_of, target_named
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Trajectory
 from bsa.plugins.pybamm.compiled import CompiledExperiment
@@ -16,7 +16,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 SHAPES = tuple(OcpShape(which, at) for which in ELECTRODES for at in (0.05, 0.2, 0.5, 0.8, 0.95))
-NAMES = tuple(ocp_shape_name(shape.electrode, shape.stoichiometry) for shape in SHAPES)
+NAMES = tuple(
+    f"{shape.electrode} electrode OCP correction at stoichiometry {shape.stoichiometry:g} [V]" for shape in SHAPES
+)
 CURVES = {name: OcpCurves(load(name)) for name in ("Chen2020", "Ai2020", "Prada2013")}
 INSIDE = (GRID > 0.02) & (GRID < 0.98)
 
@@ -64,7 +66,9 @@ def shaped() -> tuple[Experiment, CompiledExperiment]:
     protocol = (("Discharge at 1C for 10 minutes", "Rest for 10 minutes"),)
     nothing = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
     experiment = Experiment("short", nothing, protocol, initial_soc=0.8)
-    return experiment, CompiledExperiment(CellModel("Chen2020", "SPM"), experiment, targets_named(NAMES))
+    return experiment, CompiledExperiment(
+        CellModel("Chen2020", "SPM"), experiment, {key: target_named(key) for key in NAMES}
+    )
 
 
 def test_one_compiled_model_serves_all_shapes(shaped: tuple[Experiment, CompiledExperiment]) -> None:
@@ -73,7 +77,7 @@ def test_one_compiled_model_serves_all_shapes(shaped: tuple[Experiment, Compiled
     for heights in (np.zeros(10), rng.normal(0.0, 0.01, 10), rng.normal(0.0, 0.05, 10)):
         candidate = dict(zip(NAMES, heights.tolist(), strict=True))
         ours = compiled.solve(candidate).trajectory
-        change = change_of(targets_named(NAMES), candidate)
+        change = change_of({key: target_named(key) for key in NAMES}, candidate)
         theirs = solve_reference(CellModel("Chen2020", "SPM"), experiment, change).trajectory
         assert ours is not None
         assert theirs is not None

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from bsa.core.errors import BsaError
 from bsa.core.simulation import Outcome
-from bsa.core.target import targets_named
+from bsa.core.target import target_named
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Trajectory
 from bsa.plugins.pybamm import processes
@@ -21,7 +21,9 @@ CELL = CellModel("Chen2020", "SPM")
 
 
 def assignment(*steps: str, searched: tuple[str, ...] = (NAME,)) -> Assignment:
-    return Assignment(CELL, (Experiment("x", NOTHING, (steps,), initial_soc=0.5),), targets_named(searched))
+    return Assignment(
+        CELL, (Experiment("x", NOTHING, (steps,), initial_soc=0.5),), {key: target_named(key) for key in searched}
+    )
 
 
 @pytest.fixture(scope="module")

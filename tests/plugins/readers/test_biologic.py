@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bsa.core.errors import BsaError
-from bsa.core.reading.reading import read_record, read_spectrum
+from bsa.core.reading.reading import read_file, read_record
 from bsa.core.trajectory import StepKind
 from bsa.testing import ReaderConformance
 
@@ -53,7 +53,7 @@ def test_a_binary_spectrum(tmp_path):
     path = tmp_path / "a.mpr"
     parts = {32: ("<f4", FREQUENCY), 37: ("<f4", IMPEDANCE.real), 38: ("<f4", -IMPEDANCE.imag)}
     mpr(path, parts)
-    spectrum = read_spectrum(path)
+    spectrum = read_file(path)
     np.testing.assert_allclose(spectrum.impedance, IMPEDANCE, rtol=1e-5, atol=1e-8)
 
 
@@ -96,7 +96,7 @@ def test_a_text_export_of_a_spectrum(tmp_path):
         lines.append(f"{f:.6E}\t{z.real:.6E}\t{-z.imag:.6E}\t{abs(z):.6E}\t1.0\t3.7")
     path = tmp_path / "a.mpt"
     path.write_text("\n".join(lines))
-    spectrum = read_spectrum(path)
+    spectrum = read_file(path)
     np.testing.assert_allclose(spectrum.impedance, IMPEDANCE, rtol=1e-4, atol=1e-8)
     assert spectrum.voltage == 3.7
 
