@@ -13,12 +13,14 @@ from ..core.discovery.findings import Settings
 from ..core.discovery.observations import FLOOR_V
 from ..core.discovery.simulator import MeasuredRecord
 from ..core.errors import BsaError, did_you_mean
+from ..core.journal import check_run_folder
 from ..core.reading.reading import read_record
 from ..core.record import ReadOptions, Record
 from ..core.target import CyclableLithium, Factor, Value, factor_name, target_named
 from ..core.task import CellModel
 from ..core.validation import explain
 from ..core.yaml_text import read_yaml
+from .request import Records, named_after, numbered_folder
 
 if TYPE_CHECKING:
     from .tasks.records import RecordRequest
@@ -101,6 +103,44 @@ class DiscoverOptions(BaseModel, extra="forbid"):
     def settings(self) -> Settings:
         """How hard the engine looks."""
         return Settings(max_effects=self.max_effects, seed=self.seed)
+
+
+def discover_options(records: Records, out: Path | None, **others: Any) -> DiscoverOptions:
+    """What is asked of a discovery.
+
+    Records that were read already are written into the folder ``OUT-records`` beside that of the discovery, so that it
+    can be resumed; ``out`` is a new folder under ``runs`` where it is None. Raises `BsaError` if an option is wrong.
+    """
+    folder = out or numbered_folder(Path("runs"), f"{named_after(records.sources[:1])}-discover")
+    check_run_folder(folder)
+    how = {"read": records.read, "reader": records.reader, "reader_options": records.reader_options}
+    files: list[dict[str, Any]] = [
+        {"path": _written(one, number, folder)} if isinstance(one, Record) else {"path": one, **how}
+        for number, one in enumerate((*records.sources, *records.held_out), 1)
+    ]
+    count = len(records.sources)
+    fitted = files[:count]
+    if records.read.join:
+        fitted = [{**fitted[0], "joined": [file["path"] for file in fitted[1:]]}]
+    content = {"data": fitted, "holdout": files[count:], "ambient_c": records.read.ambient_c, "out": folder, **others}
+    try:
+        return DiscoverOptions.model_validate(content)
+    except ValidationError as error:
+        raise explain(error, "discovery", DiscoverOptions) from None
+
+
+def _written(record: Record, number: int, folder: Path) -> Path:
+    """A record as a file, which a discovery that is resumed reads again."""
+    from ..plugins.readers.bdf import write
+
+    place = folder.with_name(f"{folder.name}-records")
+    place.mkdir(parents=True, exist_ok=True)
+    name = "".join(
+        character if character.isalnum() or character in "-_" else "-" for character in Path(record.name).stem
+    )
+    path = place / f"{number}-{name[:60]}.csv"
+    write(record, path)
+    return path
 
 
 @dataclass(frozen=True)

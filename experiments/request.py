@@ -149,129 +149,139 @@ def numbered_folder(parent: Path, name: str) -> Path:
     return parent / f"{safe}-{number}"
 
 
-def task_of_records(
-    sources: Sequence[Path | Record],
-    read: ReadOptions,
-    reader: str | None,
-    reader_options: Mapping[str, Any],
-    parameters: str | None,
-    model: str | None,
-    options: Mapping[str, Any],
-    search: str | Mapping[str, Any] | None,
-    scale: bool,
-    holdout: Sequence[Path | Record] = (),
-    initial_soc: Sequence[float] = (),
-    start: Path | None = None,
-    as_protocol: bool = False,
-) -> Task:
-    """The task of matching records, all read alike, those that are held out included.
+@dataclass(frozen=True)
+class Records:
+    """Records to be matched or predicted, and how all files among them are read."""
 
-    Parameters
-    ----------
-    start : Path, optional
-        Folder of a run that this one begins from: its parameters, model, options and search stand where nothing else
-        is said.
-    as_protocol : bool
-        Whether the steps that the records show are simulated, in place of the measured current.
+    sources: Sequence[Path | Record]
+    held_out: Sequence[Path | Record] = ()  # Are not fitted, and scored after the search.
+    read: ReadOptions = field(default_factory=ReadOptions)  # What headers do not say.
+    reader: str | None = None  # The reader to use; None finds the one that fits.
+    reader_options: Mapping[str, Any] = field(default_factory=dict)  # The reader's own options.
+    initial_soc: Sequence[float] = ()  # Nothing, one state of charge for all sources, or one for each.
+    as_protocol: bool = False  # Whether the steps that they show are simulated, in place of the measured current.
 
-    Raises
-    ------
-    BsaError
-        If no parameter set is given, or a record, a set or a parameter makes no sense.
+    def requests(self) -> list[RecordRequest]:
+        """What is asked of each source; files of one cell are joined.
+
+        Raises `BsaError` if there are several states of charge, but not one for each record, or one is not between 0
+        and 1.
+        """
+        from .tasks.records import RECOGNISED
+
+        sources = self._joined()
+        wild = [soc for soc in self.initial_soc if not 0 <= soc <= 1]
+        if wild:
+            raise BsaError(f"an initial state of charge is {wild[0]:g}.", "give a share between 0 and 1.")
+        if len(self.initial_soc) not in (0, 1, len(sources)):
+            raise BsaError(
+                f"{len(self.initial_soc)} initial states of charge were given for {len(sources)} records.",
+                "give one for all records, or one for each, in their order.",
+            )
+        each = len(self.initial_soc) == len(sources)
+        socs = self.initial_soc if each else [*self.initial_soc, None][:1] * len(sources)
+        protocol = RECOGNISED if self.as_protocol else None
+        return self._asked(sources, protocol=protocol, socs=socs)
+
+    def held_out_requests(self) -> list[RecordRequest]:
+        """What is asked of each record that is held out."""
+        return self._asked(self.held_out, socs=[None] * len(self.held_out))
+
+    def _asked(
+        self, sources: Sequence[Path | Record], socs: Sequence[float | None], **more: Any
+    ) -> list[RecordRequest]:
+        from .tasks.records import RecordRequest
+
+        return [
+            RecordRequest(source, self.read, self.reader, self.reader_options, initial_soc=soc, **more)
+            for source, soc in zip(sources, socs, strict=True)
+        ]
+
+    def _joined(self) -> Sequence[Path | Record]:
+        files = [source for source in self.sources if isinstance(source, Path)]
+        if not (self.read.join and len(files) == len(self.sources) > 1):
+            return self.sources
+        from ..core.reading.reading import read_record
+
+        return [read_record(files, self.read, reader=self.reader, reader_options=self.reader_options)]
+
+
+@dataclass(frozen=True)
+class CellChoice:
+    """Which model of which cell, and what of it is searched; None leaves the default, or what a run began with."""
+
+    parameters: str | None = None  # A parameter set, a parameter file or the folder of a run.
+    model: str | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)  # PyBaMM's model options.
+    search: str | Mapping[str, Any] | None = None
+    scale: bool = True  # Whether the electrode area is scaled to the records' capacity.
+    # Folder of a run that this one begins from: its parameters, model, options and search stand where nothing else is
+    # said.
+    start_from: Path | None = None
+
+
+def task_of_records(records: Records, cell: CellChoice) -> Task:
+    """The task of matching records, those that are held out included.
+
+    Raises `BsaError` if no parameter set is given, or a record, a set or a parameter makes no sense.
     """
     from .tasks.parameter_source import parameter_source, read_finished, start_from, with_its_space
     from .tasks.records import build_task
 
-    files = [source for source in sources if isinstance(source, Path)]
-    if read.join and len(files) == len(sources) > 1:
-        from ..core.reading.reading import read_record
-
-        sources = [read_record(files, read, reader=reader, reader_options=reader_options)]
+    requests = records.requests()
     asked: dict[str, Any] = {
-        "name": named_after(sources),
-        "records": requests_of(sources, read, reader, reader_options, initial_soc, as_protocol),
-        "held_out": requests_of(holdout, read, reader, reader_options),
-        "scale_to_capacity": scale,
+        "name": named_after([request.source for request in requests]),
+        "records": requests,
+        "held_out": records.held_out_requests(),
+        "scale_to_capacity": cell.scale,
+        "search": cell.search or "cell",
     }
-    if start is not None:
-        if parameters is not None:
+    if cell.start_from is not None:
+        if cell.parameters is not None:
             raise BsaError(
-                f'both a run to start from and the parameter set "{parameters}" were given.', "give one of them."
+                f'both a run to start from and the parameter set "{cell.parameters}" were given.', "give one of them."
             )
-        run = read_finished(start)
-        base, overrides = start_from(run, search)
-        task = build_task(
-            parameter_set=base,
-            overrides=overrides,
-            model=model or run.task.cell.model,
-            options={**run.task.cell.options, **options},
-            search=search or "cell",
-            **asked,
-        )
-        return task if search is not None else with_its_space(task, run)
-    if parameters is None:
+        run = read_finished(cell.start_from)
+        base, overrides = start_from(run, cell.search)
+        begun = run.task.cell
+        model, options = cell.model or begun.model, {**begun.options, **cell.options}
+        task = build_task(parameter_set=base, overrides=overrides, model=model, options=options, **asked)
+        return task if cell.search is not None else with_its_space(task, run)
+    if cell.parameters is None:
         raise BsaError(
             "a record needs a parameter set to start from.",
             "add --parameters Chen2020 (NMC811), Marquis2019 or Ai2020 (LCO), Prada2013 (LFP), Ecker2015 (NMC); "
             "bsa list parameters shows all sets.",
         )
-    return build_task(
-        parameter_set=parameter_source(parameters),
-        model=model or "DFN",
-        options=options,
-        search=search or "cell",
-        **asked,
-    )
+    source = parameter_source(cell.parameters)
+    return build_task(parameter_set=source, model=cell.model or "DFN", options=cell.options, **asked)
 
 
-def weighted(task: Task, weight: str | None) -> Task:
-    """The task with the weight of errors that was asked for; its own where none was.
+def run_request(
+    named: Task | None,
+    records: Records,
+    cell: CellChoice,
+    overrides: Overrides,
+    scaffold: str,
+    backend: str,
+    backend_options: dict[str, Any],
+    weight: str | None,
+    out: Path | None,
+) -> RunRequest:
+    """What a run is asked: a task that was named, with the records that it is to hold out, or that of matching records.
 
-    Raises `BsaError` if there is no such weight.
+    ``weight`` says how errors count, the task's own way where it is None; ``out`` is the folder, a new one under
+    ``runs`` where it is None. Raises `BsaError` if any of it makes no sense.
     """
-    return task if weight is None else replace(task, weight=cast("Weight", weight))
+    from .tasks.records import holding_out
 
-
-def requests_of(
-    sources: Sequence[Path | Record],
-    read: ReadOptions,
-    reader: str | None,
-    reader_options: Mapping[str, Any],
-    initial_soc: Sequence[float] = (),
-    as_protocol: bool = False,
-) -> list[RecordRequest]:
-    """What is asked of each record, all read alike.
-
-    Parameters
-    ----------
-    sources, read, reader, reader_options
-        As in `RecordRequest`.
-    initial_soc : sequence of float
-        Nothing, one state of charge for all records, or one for each.
-    as_protocol : bool
-        Whether the steps that the records show are simulated, in place of the measured current.
-
-    Raises
-    ------
-    BsaError
-        If there are several states of charge, but not one for each record, or one is not between 0 and 1.
-    """
-    wild = [soc for soc in initial_soc if not 0 <= soc <= 1]
-    if wild:
-        raise BsaError(f"an initial state of charge is {wild[0]:g}.", "give a share between 0 and 1.")
-    if len(initial_soc) not in (0, 1, len(sources)):
-        raise BsaError(
-            f"{len(initial_soc)} initial states of charge were given for {len(sources)} records.",
-            "give one for all records, or one for each, in their order.",
-        )
-    socs = list(initial_soc) if len(initial_soc) == len(sources) else [*initial_soc, None][:1] * len(sources)
-    from .tasks.records import RECOGNISED, RecordRequest
-
-    protocol = RECOGNISED if as_protocol else None
-    return [
-        RecordRequest(source, read, reader, reader_options, protocol, initial_soc=soc)
-        for source, soc in zip(sources, socs, strict=True)
-    ]
+    if named is not None and cell.start_from is not None:
+        raise BsaError("a run to start from goes with records.", "give records as data; a task has its own parameters.")
+    config = overrides.config(scaffold, backend, backend_options, simulator="" if named is None else named.simulator)
+    task = task_of_records(records, cell) if named is None else holding_out(named, records.held_out_requests())
+    if weight is not None:
+        task = replace(task, weight=cast("Weight", weight))
+    return RunRequest(task, config, out or numbered_folder(Path("runs"), f"{task.name}-{config.scaffold.name}"))
 
 
 def named_after(sources: Sequence[Path | Record]) -> str:

@@ -13,14 +13,13 @@ from ...core.printable import shown
 from ...core.record import ReadOptions
 from ...core.task import Task
 from ..request import (
+    CellChoice,
     Overrides,
+    Records,
     RunRequest,
     backend_options,
-    numbered_folder,
-    requests_of,
+    run_request,
     simulation_workers,
-    task_of_records,
-    weighted,
 )
 from .calibration_result import CalibrationResult
 from .measured import Data, given_socs, listed, reading, source
@@ -138,8 +137,6 @@ def calibrate(
     BsaError
         If data, an option or a plugin cannot be used.
     """
-    from ..tasks.records import holding_out
-
     if resume is not None:
         from ..run import read_request
 
@@ -150,45 +147,28 @@ def calibrate(
         read = reading(column, unit, current_sign, constant_current, where, cycles, sheet, temperature)
         held = [source(one, read, number) for number, one in enumerate([] if holdout is None else listed(holdout), 1)]
         task = _named_task(data, parameters, ReadOptions() if held else read)
-        config = Overrides(rounds, warmup, simulations, seed, dict(settings or {})).config(
+        given: Any = [] if task is not None else listed(data)  # type: ignore[arg-type]
+        sources = [source(one, read, number) for number, one in enumerate(given, 1)]
+        asked = run_request(
+            task,
+            Records(sources, held, read, reader, reader_option or {}, given_socs(initial_soc), as_protocol),
+            CellChoice(
+                parameters, model, options or {}, search, scale, None if start_from is None else Path(start_from)
+            ),
+            Overrides(rounds, warmup, simulations, seed, dict(settings or {})),
             scaffold,
             backend,
             backend_options(
                 backend_option or {},
                 via=via,
                 base_url=base_url,
-                exchange=None if exchange is None else Path(exchange),
+                exchange=exchange if exchange is None else Path(exchange),
                 votes=votes if votes > 1 else None,
                 review=review or None,
             ),
-            simulator="" if task is None else task.simulator,
+            weight,
+            None if out is None else Path(out),
         )
-        if task is None:
-            assert data is not None
-            assert not isinstance(data, Task)
-            sources = [source(one, read, number) for number, one in enumerate(listed(data), 1)]
-            task = task_of_records(
-                sources,
-                read,
-                reader,
-                reader_option or {},
-                parameters,
-                model,
-                options or {},
-                search,
-                scale,
-                held,
-                given_socs(initial_soc),
-                None if start_from is None else Path(start_from),
-                as_protocol,
-            )
-        else:
-            if start_from is not None:
-                raise BsaError("start_from goes with records.", "give records as data; a task has its own parameters.")
-            task = holding_out(task, requests_of(held, read, reader, reader_option or {}))
-        task = weighted(task, weight)
-        folder = Path(out) if out is not None else numbered_folder(Path("runs"), f"{task.name}-{config.scaffold.name}")
-        asked = RunRequest(task, config, folder)
     return _carried_out(asked, workers, max_tokens, max_cost, identifiability, progress)
 
 

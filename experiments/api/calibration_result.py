@@ -148,7 +148,7 @@ class CalibrationResult:
             If the data cannot be read, or was fitted.
         """
         from ..predict import predict_records, write_scores
-        from ..request import named_after, numbered_folder, requests_of, simulation_workers
+        from ..request import Records, named_after, numbered_folder, simulation_workers
         from .prediction_result import PredictionResult
 
         reader, reader_option = options.pop("reader", None), options.pop("reader_option", None) or {}
@@ -157,8 +157,8 @@ class CalibrationResult:
             raise BsaError(f'there is no option "{unknown[0]}" for reading.', did_you_mean(unknown[0], READING))
         read = reading(**{**READING, **options})
         sources = [source(one, read, number) for number, one in enumerate(listed(data), 1)]
-        requests = requests_of(sources, read, reader, reader_option, given_socs(initial_soc))
-        scored = predict_records(self.folder, requests, simulation_workers(workers))
+        records = Records(sources, (), read, reader, reader_option, given_socs(initial_soc))
+        scored = predict_records(self.folder, records.requests(), simulation_workers(workers))
         folder = Path(out) if out is not None else numbered_folder(self.folder / "predictions", named_after(sources))
         return PredictionResult(folder, write_scores(scored, folder), scored)
 

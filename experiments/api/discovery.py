@@ -7,14 +7,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pydantic import ValidationError
-
 from ...core.errors import BsaError
-from ...core.journal import check_run_folder
 from ...core.printable import shown
-from ...core.record import Record
-from ...core.validation import explain
-from ..request import backend_options, named_after, numbered_folder, simulation_workers
+from ..request import Records, backend_options, simulation_workers
 from .discovery_result import DiscoveryResult
 from .measured import Data, listed, reading, source
 
@@ -107,61 +102,30 @@ def discover(
     if data is None or parameters is None:
         missing = "data" if data is None else "parameters"
         raise BsaError(f"{missing} is missing.", 'discover("RECORD.csv", parameters="Chen2020"), for example.')
-    from ..discovery_case import DiscoverOptions
+    from ..discovery_case import discover_options
 
     read = reading(column, unit, current_sign, constant_current, where, cycles, sheet, temperature)
     fitted = [source(one, read, number) for number, one in enumerate(listed(data), 1)]
     held = [] if holdout is None else [source(one, read, n) for n, one in enumerate(listed(holdout), len(fitted) + 1)]
     if not fitted:
         raise BsaError("data is empty.", "give one record at least.")
-    folder = Path(out) if out is not None else numbered_folder(Path("runs"), f"{named_after(fitted[:1])}-discover")
-    check_run_folder(folder)
-    how = {"read": read, "reader": reader, "reader_options": dict(reader_option or {})}
-
-    def files(sources: list[Path | Record], first: int) -> list[dict[str, Any]]:
-        return [
-            {"path": _written(one, number, folder)} if isinstance(one, Record) else {"path": one, **how}
-            for number, one in enumerate(sources, first)
-        ]
-
-    try:
-        asked = DiscoverOptions.model_validate(
-            {
-                "data": files(fitted, 1),
-                "holdout": files(held, len(fitted) + 1),
-                "parameters": parameters,
-                "model": model,
-                "options": dict(options or {}),
-                "overrides": dict(override or {}),
-                "scale": scale,
-                "ambient_c": temperature,
-                "search": search,
-                "effects": None if effect is None else list(effect),
-                "effect_options": dict(effect_option or {}),
-                "backend": backend,
-                "backend_options": backend_options(backend_option or {}, via=via, base_url=base_url),
-                "max_effects": max_effects,
-                "seed": seed,
-                "out": folder,
-            }
-        )
-    except ValidationError as error:
-        raise explain(error, "discovery", DiscoverOptions) from None
-    return _carried_out(asked, workers, progress)
-
-
-def _written(record: Record, number: int, folder: Path) -> Path:
-    """A record as a file, which a discovery that is resumed reads again."""
-    from ...plugins.readers.bdf import write
-
-    place = folder.with_name(f"{folder.name}-records")
-    place.mkdir(parents=True, exist_ok=True)
-    name = "".join(
-        character if character.isalnum() or character in "-_" else "-" for character in Path(record.name).stem
+    asked = discover_options(
+        Records(fitted, held, read, reader, dict(reader_option or {})),
+        None if out is None else Path(out),
+        parameters=parameters,
+        model=model,
+        options=dict(options or {}),
+        overrides=dict(override or {}),
+        scale=scale,
+        search=search,
+        effects=None if effect is None else list(effect),
+        effect_options=dict(effect_option or {}),
+        backend=backend,
+        backend_options=backend_options(backend_option or {}, via=via, base_url=base_url),
+        max_effects=max_effects,
+        seed=seed,
     )
-    path = place / f"{number}-{name[:60]}.csv"
-    write(record, path)
-    return path
+    return _carried_out(asked, workers, progress)
 
 
 def _carried_out(asked: DiscoverOptions, workers: int, progress: bool) -> DiscoveryResult:

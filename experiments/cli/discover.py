@@ -6,10 +6,9 @@ import json
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from pydantic import ValidationError
 
 from ...core.errors import BsaError
 from . import completion
@@ -87,9 +86,8 @@ def discover(
     as_json: Annotated[bool, shared.output_option("--json", help="Print discovery.json to standard output.")] = False,
 ) -> None:
     """Find where a model and measured records disagree, name the missing effect, add it, show the gap shrink."""
-    from ...core.validation import explain
-    from ..discovery_case import DiscoverOptions
-    from ..request import key_values, numbered_folder
+    from ..discovery_case import discover_options
+    from ..request import Records, key_values
 
     if resume is not None:
         from ..discovery_journal import read_options
@@ -99,35 +97,22 @@ def discover(
     if not data or parameters is None:
         missing = "--data" if not data else "--parameters"
         raise BsaError(f"{missing} is missing.", "bsa discover --data RECORD.csv --parameters Chen2020, for example.")
-    read = reading.options(join)
-    chosen = {"read": read, "reader": reading.reader, "reader_options": reading.reader_options}
-
-    def files(paths: list[Path] | None) -> list[dict[str, Any]]:
-        return [{"path": path, **chosen} for path in paths or ()]
-
-    try:
-        asked = DiscoverOptions.model_validate(
-            {
-                "data": [{"path": data[0], "joined": data[1:], **chosen}] if join else files(data),
-                "holdout": files(holdout),
-                "parameters": parameters,
-                "model": model,
-                "options": key_values(options, "--options"),
-                "overrides": key_values(override, "--override"),
-                "scale": scale,
-                "ambient_c": reading.temperature,
-                "search": search,
-                "effects": effect,
-                "effect_options": key_values(effect_option, "--effect-option"),
-                "backend": backend,
-                "backend_options": shared.reaching(via, base_url, backend_option),
-                "max_effects": max_effects,
-                "seed": seed,
-                "out": out or numbered_folder(Path("runs"), f"{data[0].stem[:60]}-discover"),
-            }
-        )
-    except ValidationError as error:
-        raise explain(error, "discovery", DiscoverOptions) from None
+    asked = discover_options(
+        Records(data, holdout or (), reading.options(join), reading.reader, reading.reader_options),
+        out,
+        parameters=parameters,
+        model=model,
+        options=key_values(options, "--options"),
+        overrides=key_values(override, "--override"),
+        scale=scale,
+        search=search,
+        effects=effect,
+        effect_options=key_values(effect_option, "--effect-option"),
+        backend=backend,
+        backend_options=shared.reaching(via, base_url, backend_option),
+        max_effects=max_effects,
+        seed=seed,
+    )
     _carry_out(asked, workers, as_json)
 
 

@@ -32,11 +32,11 @@ def predict(
     """Score records that a run did not fit, with the band that its parameters' intervals predict."""
     from ..predict import predict_records, write_scores
     from ..report.records import error_rows
-    from ..request import named_after, numbered_folder, requests_of, simulation_workers
+    from ..request import Records, named_after, numbered_folder, simulation_workers
     from .progress import PlainProgress, printable
 
-    requests = requests_of(data, reading.options(), reading.reader, reading.reader_options, initial_soc or ())
-    scored = predict_records(run, requests, simulation_workers(workers), PlainProgress(""))
+    records = Records(data, (), reading.options(), reading.reader, reading.reader_options, initial_soc or ())
+    scored = predict_records(run, records.requests(), simulation_workers(workers), PlainProgress(""))
     page = write_scores(scored, out or numbered_folder(run / "predictions", named_after(data)))
     if as_json:
         print(json.dumps(scored.to_json(), indent=2))

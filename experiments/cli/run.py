@@ -141,83 +141,51 @@ def run(
     version: shared.Version = False,
 ) -> None:
     """Calibrate a model against a target: the packaged demo, a task file, or cycler records."""
-    from ..request import (
-        Overrides,
-        RunRequest,
-        key_values,
-        numbered_folder,
-        simulation_workers,
-        task_of_records,
-        weighted,
-    )
+    from ..request import CellChoice, Overrides, Records, RunRequest, key_values, run_request, simulation_workers
     from ..run import Resources, read_request
     from ..tasks.find import find_task
-    from ..tasks.records import RecordRequest, holding_out
 
     if out is not None:
         check_run_folder(out)
     resources = Resources(simulation_workers(workers), max_tokens, max_cost)
     if resume is not None:
-        earlier_task, config = read_request(resume)
-        _execute(RunRequest(earlier_task, config, resume), resources, as_json, identifiability)
+        _execute(RunRequest(*read_request(resume), resume), resources, as_json, identifiability)
         return
-    overrides = Overrides(
-        rounds=rounds, warm_up=warmup, simulations=simulations, seed=seed, settings=key_values(settings, "--set")
-    )
     if data and task is not None:
         raise BsaError(f'both a task ("{task}") and --data were given.', "give one of them.")
-    if start_from is not None and not data:
-        raise BsaError("--start-from goes with records.", "add --data FILE; a task has its own parameters.")
-    named = None if data else find_task(task or DEMO)
-    config = overrides.config(
+    request = run_request(
+        None if data else find_task(task or DEMO),
+        Records(
+            data or (),
+            holdout or (),
+            reading.options(join),
+            reading.reader,
+            reading.reader_options,
+            initial_soc or (),
+            as_protocol,
+        ),
+        CellChoice(parameters, model, key_values(options, "--options"), search, scale, start_from),
+        Overrides(rounds, warmup, simulations, seed, key_values(settings, "--set")),
         scaffold,
         backend,
         shared.reaching(
             via, base_url, backend_option, exchange=exchange, votes=votes if votes > 1 else None, review=review or None
         ),
-        simulator="" if named is None else named.simulator,
+        weight,
+        out,
     )
     to_discover = ""
-    read = reading.options(join)
-    reader_options = reading.reader_options
-    if data:
-        model_options = key_values(options, "--options")
-        chosen = task_of_records(
-            data,
-            read,
-            reading.reader,
-            reader_options,
-            parameters,
-            model,
-            model_options,
-            search,
-            scale,
-            holdout or (),
-            initial_soc or (),
-            start_from,
-            as_protocol,
-        )
-        if start_from is None:
-            to_discover = discover_command(
-                data,
-                holdout or (),
-                {
-                    "--parameters": parameters,
-                    "--model": model,
-                    "--options": options,
-                    "--no-scale": not scale,
-                    "--join": join,
-                    **reading.typed,
-                },
-            )
-    else:
-        assert named is not None
-        chosen = holding_out(
-            named, [RecordRequest(path, read, reading.reader, reader_options) for path in holdout or ()]
-        )
-    chosen = weighted(chosen, weight)
-    folder = out or numbered_folder(Path("runs"), f"{chosen.name}-{config.scaffold.name}")
-    _execute(RunRequest(chosen, config, folder), resources, as_json, identifiability, to_discover)
+    if data and start_from is None:
+        typed = {
+            "--parameters": parameters,
+            "--model": model,
+            "--options": options,
+            "--no-scale": not scale,
+            "--join": join,
+            **reading.typed,
+        }
+        to_discover = discover_command(data, holdout or (), typed)
+    _execute(request, resources, as_json, identifiability, to_discover)
 
 
 def discover_command(data: Sequence[Path], holdout: Sequence[Path], options: Mapping[str, Any]) -> str:

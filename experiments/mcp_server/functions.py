@@ -26,7 +26,7 @@ from ..api.calibration_result import CalibrationResult
 from ..api.discovery_result import DiscoveryResult
 from ..discover import RESULT as DISCOVERY_RESULT
 from ..report.page import FILE_NAME as REPORT
-from ..request import task_of_records
+from ..request import CellChoice, Records, task_of_records
 from ..tasks.find import find_task
 
 Json = dict[str, Any]
@@ -151,9 +151,7 @@ def _task(data: str | list[Path], options: Mapping[str, Any], cell: Mapping[str,
     if isinstance(data, str):
         return find_task(data)
     read = measured.reading(**{name: options[name] for name in measured.READING})
-    said = {"parameters": None, "model": "DFN", "options": {}, "search": "cell", "scale": True, **cell}
-    how = (said[name] for name in ("parameters", "model", "options", "search", "scale"))
-    return task_of_records(data, read, options["reader"], {}, *how)
+    return task_of_records(Records(data, read=read, reader=options["reader"]), CellChoice(**cell))
 
 
 def _calibrated(found: CalibrationResult) -> Json:

@@ -7,29 +7,30 @@ parameter, and of the voltage at a rate that was not measured, is compared with 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import tempfile
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...core.feedback import Feedback
 from ...core.files import write_csv, write_text
-from ...core.metrics import evaluate
+from ...core.loop import RunResult
 from ...core.parameters import Candidate
-from ...core.post_fit_analysis import PostFitAnalysis, Simulating, analyse
-from ...core.residuals import noise_of_residuals, partial_residuals, residuals
+from ...core.prediction import band_of
+from ...core.residuals import noise_of_residuals, residuals
+from ...core.run_config import RunConfig
+from ...core.scaffold import load_scaffold
 from ...core.simulation import ExperimentRun, Outcome
 from ...core.target import CellChange
 from ...core.task import CellModel, Experiment, Protocol, Task
 from ...core.trajectory import FloatArray, Trajectory
-from ...core.trial import Trial, likeliest
-from ...plugins.proposers.descent import Descent, DescentOptions
 from ..campaign.running import Plan
 from ..campaign.study_cell import StudyCell, plan_study, results_of
 from ..campaign.summary import exact_interval, grouped
 from ..campaign.text_tables import markdown_table
+from ..run import execute_run
 
 BASES = ("Chen2020", "OKane2022", "Marquis2019", "Mohtat2020", "Ai2020")
 """Base cells, taken in turn."""
@@ -53,9 +54,6 @@ _REACH, _WITHIN = 0.25, (0.1, 0.9)
 FIT_POINTS = 20
 """Mesh points of a fit in every domain: PyBaMM's own."""
 
-_DIFFERENCE = 0.01
-"""Step of the derivatives of the unseen voltage, as a share of each range."""
-
 _ATTEMPTS = 20
 
 Row = dict[str, Any]
@@ -72,7 +70,7 @@ class Drawn:
     sampling_s: float  # Between samples, s.
     points: int  # Mesh points of the truth.
     changes: int  # Parameters that differ from the base cell's.
-    unseen: Experiment  # A discharge that was not measured.
+    unseen: Experiment  # A discharge that was not measured; its target is the truth.
     unseen_v: FloatArray  # Its true voltage at `_SHARES` of its duration, V.
     unseen_s: FloatArray  # When that is, s.
 
@@ -115,8 +113,8 @@ def draw(seed: int, number: int, model: str, points: int) -> Drawn:
         sampling_s,
         points,
         len(changed),
-        unseen,
-        _voltage_at(unseen_run, seconds),
+        replace(unseen, target=unseen_run),
+        _signal_at(unseen_run, "voltage", seconds),
         seconds,
     )
 
@@ -165,94 +163,28 @@ def sampled(clean: Trajectory, sampling_s: float) -> Trajectory:
     return Trajectory(rows[0], steps=tuple(steps), signals=dict(zip(clean.signals, rows[1:], strict=True)))
 
 
-def _voltage_at(run: Trajectory | None, seconds: FloatArray) -> FloatArray:
-    """Voltage at some times; NaN after the end."""
-    if run is None:
+def _signal_at(run: Trajectory | None, signal: str, seconds: FloatArray) -> FloatArray:
+    """A signal at some times; NaN after the end, and where there is none."""
+    if run is None or signal not in run.signals:
         return np.full(len(seconds), np.nan)
-    return np.interp(seconds, run.time, run.voltage, right=np.nan)
+    return np.interp(seconds, run.time - run.time[0], run.values(signal), right=np.nan)
 
 
-class _Simulator(Simulating):
-    """A task's candidates, simulated in this process."""
+def fit(drawn: Drawn, simulations: int, seed: int) -> RunResult:
+    """What ``bsa run --scaffold least-squares`` says of a drawn task; the unseen discharge is held out."""
+    from ...backends.opening import open_backend
 
-    def __init__(self, task: Task) -> None:
-        from ...plugins.pybamm.worker import Assignment, CandidateService
-
-        self._service = CandidateService(Assignment(task.cell, task.experiments, task.space.targets))
-        self._service.prepare()
-
-    def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
-        """See `RunHooks.simulate`."""
-        for place, candidate in enumerate(candidates):
-            yield place, self._service.work((candidate, exact), lambda progress: None)
-
-    def simulate_variant(
-        self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...], exact: bool = False
-    ) -> None:
-        """See `RunHooks.simulate_variant`: nothing else is simulated."""
-
-    def next_protocols(self) -> Mapping[str, Protocol]:
-        """See `RunHooks.next_protocols`: none."""
-        return {}
+    task = replace(drawn.task, held_out=(drawn.unseen,))
+    config = RunConfig(scaffold=load_scaffold("least-squares"), rounds=simulations, simulations=simulations, seed=seed)
+    with tempfile.TemporaryDirectory() as folder:
+        backend = open_backend(config.backend, {})
+        return execute_run(task, config, Path(folder) / "run", backend, report=False, analysing=True)
 
 
-@dataclass(frozen=True, eq=False)
-class Fitted:
-    """A drawn task and what a fit says of it."""
-
-    drawn: Drawn
-    best: Trial
-    analysis: PostFitAnalysis
-    cost: float
-    true_cost: float
-    simulations: int
-    ending: str
-
-
-def fit(drawn: Drawn, simulations: int) -> Fitted | None:
-    """Least squares on a drawn task, as ``bsa run --scaffold least-squares`` does it; None if nothing simulates."""
-    task, simulator = drawn.task, _Simulator(drawn.task)
-    trials: list[Trial] = []
-
-    def tried(candidates: Sequence[Candidate]) -> list[Trial]:
-        new = [
-            _trial(task, len(trials) + place, candidates[place], outcome)
-            for place, outcome in simulator.simulate(candidates, False)
-        ]
-        trials.extend(new)
-        return new
-
-    descent = Descent(task, DescentOptions(), 0, tried([task.space.initial])[0])
-    while asked := descent.ask(simulations - len(trials)):
-        descent.tell(tried(asked))
-    best = likeliest(trials)
-    analysis = analyse(task, trials, best, simulator)
-    if best.residuals is None or analysis is None:
-        return None
-    true = residuals(task, next(simulator.simulate([drawn.truth], False))[1])
-    true_cost = float("nan") if true is None else float(true @ true)
-    return Fitted(drawn, best, analysis, float(best.residuals @ best.residuals), true_cost, len(trials), descent.ending)
-
-
-def _trial(task: Task, index: int, candidate: Candidate, outcome: Outcome) -> Trial:
-    return Trial(
-        index=index,
-        phase="search",
-        round=index,
-        candidate=candidate,
-        metrics=evaluate(task, outcome),
-        failure=outcome.failure,
-        residuals=residuals(task, outcome),
-        feedback=Feedback({}),
-        curves=(),
-        seconds=outcome.seconds,
-        partial=None if outcome.ok else partial_residuals(task, outcome),
-    )
-
-
-def rows_of(fitted: Fitted) -> list[Row]:
-    """One row for every interval."""
-    drawn = fitted.drawn
+def rows_of(drawn: Drawn, result: RunResult) -> list[Row]:
+    """One row for every interval; none where the fit says nothing."""
+    if result.best.residuals is None or result.analysis is None:
+        return []
     shared: Row = {
         "task": drawn.number,
         "truth_points": drawn.points,
@@ -261,58 +193,50 @@ def rows_of(fitted: Fitted) -> list[Row]:
         "noise_mv": 1e3 * drawn.noise_v,
         "sampling_s": drawn.sampling_s,
         "changes": drawn.changes,
-        "simulations": fitted.simulations,
-        "cost": fitted.cost,
-        "true_cost": fitted.true_cost,
-        "ended": int(bool(fitted.ending)),
+        "simulations": len(result.trials),
+        "cost": float(result.best.residuals @ result.best.residuals),
+        "true_cost": _cost_of_truth(drawn),
+        "ended": int(result.status == "finished"),
         "noise_tolerances": float(np.sqrt(np.mean(noise_of_residuals(drawn.task) ** 2))),
     }
-    intervals = fitted.analysis.identifiability.intervals
+    intervals = result.analysis.identifiability.intervals
     rows = [
         {**shared, "grade": i.verdict, "of": name, **_contained(drawn.truth[name], i.value, i.lower, i.upper)}
         for name, i in intervals.items()
     ]
-    for second, true, (value, half) in zip(drawn.unseen_s, drawn.unseen_v, _predicted(fitted), strict=True):
+    predicted = result.held_out[0].curve
+    values, halves = (_signal_at(predicted, name, drawn.unseen_s) for name in ("voltage", band_of("voltage")))
+    for second, true, value, half in zip(drawn.unseen_s, drawn.unseen_v, values, halves, strict=True):
         if np.isfinite(value) and np.isfinite(half):
             of = f"voltage after {second:.0f} s at {UNSEEN_RATE:g}C"
             rows.append({**shared, "grade": "voltage", "of": of, **_contained(true, value, value - half, value + half)})
     return rows
 
 
+def _cost_of_truth(drawn: Drawn) -> float:
+    """What the truth costs on the mesh of the fit; NaN if it cannot be simulated there."""
+    from ...plugins.pybamm.solving import compiled
+
+    task = drawn.task
+    runs = [compiled(task.cell, experiment, task.space.targets).solve(drawn.truth) for experiment in task.experiments]
+    found = residuals(task, Outcome(tuple(runs)))
+    return float("nan") if found is None else float(found @ found)
+
+
 def _contained(true: float, value: float, lower: float, upper: float) -> Row:
     return {"true": true, "value": value, "lower": lower, "upper": upper, "contained": int(lower <= true <= upper)}
-
-
-def _predicted(fitted: Fitted) -> list[tuple[float, float]]:
-    """Voltages at the unseen rate with half their 95 % bands: the intervals' covariance, propagated linearly."""
-    drawn, space = fitted.drawn, fitted.drawn.task.space
-    alone = _Simulator(replace(drawn.task, experiments=(drawn.unseen,)))
-    centre = space.to_unit(fitted.best.candidate)
-    steps = np.where(centre <= 0.5, _DIFFERENCE, -_DIFFERENCE)
-    points = [centre, *(centre + step for step in np.diag(steps))]
-
-    def voltages(candidates: Sequence[Candidate], exact: bool) -> list[FloatArray]:
-        outcomes = [outcome for _, outcome in alone.simulate(candidates, exact)]
-        return [_voltage_at(outcome.runs[0].trajectory, drawn.unseen_s) for outcome in outcomes]
-
-    here, *around = voltages([space.from_unit(point) for point in points], False)
-    slopes = (np.array(around) - here).T / steps
-    covariance = np.array(fitted.analysis.identifiability.covariance)
-    half = 1.96 * np.sqrt(np.einsum("ij,jk,ik->i", slopes, covariance, slopes))
-    return list(zip(voltages([fitted.best.candidate], True)[0].tolist(), half.tolist(), strict=True))
 
 
 def one_task(seed: int, number: int, model: str, points: int, simulations: int) -> dict[str, Any]:
     """Draw a task, fit it, and compare; what is kept of it."""
     try:
-        fitted = fit(draw(seed, number, model, points), simulations)
+        drawn = draw(seed, number, model, points)
     except RuntimeError as error:
         return {"rows": [], "summary": str(error)}
-    if fitted is None:
-        return {"rows": [], "summary": "nothing simulates"}
-    rows = rows_of(fitted)
+    result = fit(drawn, simulations, seed)
+    rows = rows_of(drawn, result)
     contained = sum(row["contained"] for row in rows)
-    return {"rows": rows, "summary": f"{contained} of {len(rows)} intervals contain the truth. {fitted.ending}"}
+    return {"rows": rows, "summary": f"{contained} of {len(rows)} intervals contain the truth; {result.status}"}
 
 
 def plan_coverage(store: Path, count: int, seed: int, model: str, points: int, simulations: int) -> Plan[StudyCell]:

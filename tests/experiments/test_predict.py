@@ -13,7 +13,7 @@ from bsa.core.target import CellChange
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Trajectory
 from bsa.experiments.cli.main import app
-from bsa.experiments.request import task_of_records
+from bsa.experiments.request import CellChoice, Records, task_of_records
 from bsa.plugins.pybamm.parameter_sets import load
 from bsa.plugins.pybamm.solving import solve_reference
 from typer.testing import CliRunner
@@ -131,8 +131,7 @@ def test_what_cannot_be_predicted_is_refused_in_a_line(fitted, tmp_path) -> None
 
 
 def task_after(fitted, **settings):
-    asked = {"parameters": None, "model": None, "options": {}, "search": None, "scale": True, **settings}
-    return task_of_records([bsa.read_record(measured(0.5, 5), name="next")], ReadOptions(), None, {}, **asked)
+    return task_of_records(Records([bsa.read_record(measured(0.5, 5), name="next")]), CellChoice(**settings))
 
 
 def test_joined_files_are_one_record(tmp_path) -> None:
@@ -141,24 +140,24 @@ def test_joined_files_are_one_record(tmp_path) -> None:
     paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
     for path, part in zip(paths, (whole[:half], whole[half:]), strict=True):
         part.to_csv(path, index=False)
-    asked = (None, {}, "Chen2020", "SPM", {}, "cell", True)
-    (joined,) = task_of_records(paths, ReadOptions(join=True), *asked).experiments
+    cell = CellChoice("Chen2020", "SPM")
+    (joined,) = task_of_records(Records(paths, read=ReadOptions(join=True)), cell).experiments
     assert joined.target.duration == pytest.approx(whole["Time [s]"].max(), rel=0.1)
-    assert len(task_of_records(paths, ReadOptions(), *asked).experiments) == 2
+    assert len(task_of_records(Records(paths), cell).experiments) == 2
 
 
 def test_a_run_starts_from_the_best_values_of_another(fitted) -> None:
     best = fitted.parameters[RADIUS]
-    goes_on = task_after(fitted, start=fitted.folder)
+    goes_on = task_after(fitted, start_from=fitted.folder)
     assert (goes_on.cell.parameter_set, goes_on.cell.model) == ("Chen2020", "SPM")
     assert goes_on.cell.options == {"contact resistance": "false"}
     (parameter,) = goes_on.space
     assert (parameter.name, parameter.initial, parameter.upper) == (RADIUS, best, pytest.approx(3 * 5.22e-6))
-    other = task_after(fitted, start=fitted.folder, search={"Electrode width [m]": {"factors": [0.8, 1.25]}})
+    other = task_after(fitted, start_from=fitted.folder, search={"Electrode width [m]": {"factors": [0.8, 1.25]}})
     assert str(other.cell.parameter_set) == "run (Chen2020 calibrated)"
     assert load(other.cell.parameter_set)[RADIUS] == best
     with pytest.raises(BsaError, match="give one of them"):
-        task_after(fitted, start=fitted.folder, parameters="Chen2020")
+        task_after(fitted, start_from=fitted.folder, parameters="Chen2020")
 
 
 @pytest.mark.parametrize("name", ["", "best_parameters.json"])
