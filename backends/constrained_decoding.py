@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from ..core.messages import JsonSchema
+from ..core.messages import ALTERNATIVES, JsonSchema
 from .loaded_model import LoadedModel
 
 _MAX_STRING_CHARS = 1200
@@ -27,6 +27,8 @@ def closed(schema: JsonSchema) -> dict[str, Any]:
     if isinstance(result.get("properties"), Mapping):
         result.setdefault("additionalProperties", False)
         result["properties"] = {name: closed(inner) for name, inner in result["properties"].items()}
+    if ALTERNATIVES in result:
+        result[ALTERNATIVES] = [closed(inner) for inner in result[ALTERNATIVES]]
     return result
 
 

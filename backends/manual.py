@@ -11,7 +11,7 @@ from typing import Any, TextIO
 
 from ..core.errors import BsaError
 from ..core.files import write_json
-from ..core.messages import BackendFailure, BudgetSpent, JsonSchema, Message, Reply, Usage
+from ..core.messages import BackendFailure, BudgetSpent, JsonSchema, Message, Reply, Usage, without_alternatives
 from ..core.reply_parsing import MAX_REPLY_CHARS, strip_control
 
 _POLL_S = 0.2
@@ -44,7 +44,7 @@ class TerminalBackend:
         for message in messages:
             # Memories hold what models said before, so even prompts are not trusted with the terminal.
             print(f"--- {message.role} ---\n{strip_control(message.text)}", file=target)
-        print(f"--- wanted: one JSON object ---\n{json.dumps(schema, indent=1)}", file=target)
+        print(f"--- wanted: one JSON object ---\n{json.dumps(without_alternatives(schema), indent=1)}", file=target)
         print(f'--- your reply, ended by "{_END_MARK}" on a line of its own ---', file=target, flush=True)
         return Reply(self._read(), Usage(seconds=time.monotonic() - started), model="manual")
 
@@ -106,7 +106,7 @@ class ExchangeBackend:
             {"role": message.role, "text": message.text, "images": [str(path.absolute()) for path in message.images]}
             for message in messages
         ]
-        prompt: dict[str, Any] = {"messages": turns, "schema": dict(schema), "seed": seed}
+        prompt: dict[str, Any] = {"messages": turns, "schema": without_alternatives(schema), "seed": seed}
         number = self._place(prompt)
         text = self._wait(self._folder / f"reply-{number:03d}.txt", started)
         return Reply(text, Usage(seconds=time.monotonic() - started), model="manual")

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from ..core.messages import JsonSchema
+from ..core.messages import JsonSchema, without_alternatives
 
 # OpenAI's structured outputs refuse these; a reply is checked against them by the proposer anyway.
 _UNSUPPORTED = {"minLength", "maxLength", "minProperties", "maxProperties", "default", "examples", "title", "$schema"}
@@ -17,8 +17,10 @@ def strict(schema: JsonSchema) -> dict[str, Any]:
 
     See https://platform.openai.com/docs/guides/structured-outputs, "Supported schemas".
     """
-    result = {key: _inner(value) for key, value in schema.items() if key not in _UNSUPPORTED}
     properties = schema.get("properties")
+    if isinstance(properties, Mapping):
+        schema = without_alternatives(schema)  # the root of a strict schema must have none
+    result = {key: _inner(value) for key, value in schema.items() if key not in _UNSUPPORTED}
     if isinstance(properties, Mapping):
         required = set(schema.get("required", ()))
         # A property may itself be named like a keyword, so properties are rewritten one by one.

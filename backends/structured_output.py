@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
-from ..core.messages import JsonSchema, Message, StructuredBy
+from ..core.messages import JsonSchema, Message, StructuredBy, without_alternatives
 
 T = TypeVar("T")
 
@@ -80,7 +80,7 @@ def with_schema_in_prompt(messages: Sequence[Message], schema: JsonSchema, form:
     messages = list(messages)
     if form == "schema" or not messages:
         return messages
-    wanted = json.dumps(schema, ensure_ascii=False, separators=(",", ":"))
+    wanted = json.dumps(without_alternatives(schema), ensure_ascii=False, separators=(",", ":"))
     text = (
         f"{messages[-1].text}\n\nAnswer with one JSON object and nothing else, without code fences or comments. "
         f"It must satisfy this JSON Schema:\n{wanted}"

@@ -11,6 +11,15 @@ Role = Literal["system", "user", "assistant"]
 StructuredBy = Literal["schema", "json", "text"]
 JsonSchema = Mapping[str, Any]
 
+ALTERNATIVES = "anyOf"
+"""Key of an object's schema under which stand the schemas of which it must satisfy one. The object's own properties are
+those of all of them together."""
+
+
+def without_alternatives(schema: JsonSchema) -> dict[str, Any]:
+    """The schema of an object by its own properties alone: shorter, and taken where alternatives are not."""
+    return {key: value for key, value in schema.items() if key != ALTERNATIVES}
+
 
 @dataclass(frozen=True)
 class Message:

@@ -12,7 +12,8 @@ from .errors import BsaError
 from .parameters import Candidate
 from .task_reduction import TaskReduction
 
-_NUMBER = r"[0-9]+(\.[0-9]*)?([eE][+-]?[0-9]{1,3})?"
+# Two digits of an exponent: a third leads beyond what a number can hold.
+_NUMBER = r"[0-9]+(\.[0-9]*)?([eE][+-]?[0-9]{1,2})?"
 CHANGE_PATTERN = rf"^[*+-]?{_NUMBER}$"
 """JSON Schema pattern of a change (anchored: JSON Schema patterns search otherwise)."""
 

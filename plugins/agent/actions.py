@@ -8,7 +8,7 @@ from typing import Any, Literal, cast
 
 from ...core.ageing.choice import SHOWN
 from ...core.errors import BsaError, did_you_mean
-from ...core.messages import JsonSchema
+from ...core.messages import ALTERNATIVES, JsonSchema
 from ...core.parameters import Candidate, ParameterSpace
 from ...core.reply_parsing import strip_control
 from ...core.trial import Trial
@@ -25,6 +25,22 @@ _DEFAULT_SIMULATIONS = 5
 _LOWEST_RATE_PERCENT = 10
 
 _HYPOTHESIS, _RATIONALE = 300, 500
+
+_NEEDS: dict[Kind, tuple[str, ...]] = {
+    "set": ("updated_params",),
+    "simulate": ("candidates",),
+    "look": ("step",),
+    "restart": ("trial",),
+}
+"""Fields without which an action cannot be taken."""
+
+_MAY_HAVE: dict[Kind, tuple[str, ...]] = {
+    "predict": ("updated_params",),
+    "jacobian": ("params", "simulations"),
+    "refine": ("params", "simulations"),
+    "restart": ("simulations",),
+    "reduce": ("simulations", "reduce_rate_percent", "reduce_cycles"),
+}
 
 _REDUCED_BY: JsonSchema = {
     "reduce_rate_percent": {"type": "integer", "minimum": _LOWEST_RATE_PERCENT, "maximum": 100},
@@ -114,34 +130,49 @@ class Action:
 
 
 def action_schema(offer: Offer) -> JsonSchema:
-    """JSON Schema of a reply: an action, what it needs, and the reasons, which come first; every string bounded."""
-    updates = updates_schema(offer.space)
-    names = {"type": "string", "enum": list(offer.space.names)}
-    parts: dict[str, dict[str, Any]] = {
-        "action": {"type": "string", "enum": list(offer.kinds)},
-        "updated_params": {key: value for key, value in updates.items() if key != "minProperties"},
-    }
-    if "simulate" in offer.kinds:
-        parts["candidates"] = {"type": "array", "items": updates, "minItems": 1, "maxItems": MOST_AT_ONCE}
-    if "jacobian" in offer.kinds or "refine" in offer.kinds:
-        parts["params"] = {"type": "array", "items": names, "maxItems": len(offer.space)}
-    if "look" in offer.kinds:
-        parts["step"] = {"type": "string", "enum": list(offer.steps)}
-    if "refine" in offer.kinds:
-        parts["simulations"] = {"type": "integer", "minimum": 1, "maximum": _MOST_SIMULATIONS}
-    if "restart" in offer.kinds:
-        parts["trial"] = {"type": "integer", "minimum": 0}
-    if "reduce" in offer.kinds and offer.drives:
-        parts |= _REDUCED_BY
+    """JSON Schema of a reply: an action, what it needs, and the reasons, which come first; every string bounded.
+
+    Where there is a choice each action has a schema of its own under `ALTERNATIVES`, so that a model that is held to
+    it cannot ask for a change and leave the change out.
+    """
+    schema = _schema(offer, offer.kinds)
+    if len(offer.kinds) == 1:
+        return schema
+    return {**schema, ALTERNATIVES: [_schema(offer, (kind,)) for kind in offer.kinds]}
+
+
+def _schema(offer: Offer, kinds: tuple[Kind, ...]) -> dict[str, Any]:
+    """A reply with one of these actions, and with what all of them need."""
+    needed = [name for name in _NEEDS.get(kinds[0], ()) if len(kinds) == 1]
+    taken = {name for kind in kinds for name in (*_NEEDS.get(kind, ()), *_MAY_HAVE.get(kind, ()))}
+    parts = {name: part for name, part in _parts(offer).items() if name in taken}
+    parts = {"action": {"type": "string", "enum": list(kinds)}, **parts}
+    if "updated_params" in parts and not needed:
+        parts["updated_params"] = {key: v for key, v in parts["updated_params"].items() if key != "minProperties"}
     if offer.cycles:
         cycle = {"type": "integer", "minimum": 1, "maximum": offer.cycles}
         parts["look_at"] = {"type": "array", "items": cycle, "maxItems": SHOWN}
-    required = ["action"]
+    required = ["action", *needed]
     if offer.analysis_chars:
         before = {"analysis": offer.analysis_chars, "hypothesis": _HYPOTHESIS}
         parts = {**_texts(before), **parts, **_texts({"rationale": _RATIONALE})}
-        required = [*before, "action", "rationale"]
+        required = [*before, *required, "rationale"]
     return {"type": "object", "properties": parts, "required": required, "additionalProperties": False}
+
+
+def _parts(offer: Offer) -> dict[str, dict[str, Any]]:
+    """Schemas of what actions take, by field."""
+    updates = updates_schema(offer.space)
+    names = {"type": "string", "enum": list(offer.space.names)}
+    return {
+        "updated_params": updates,
+        "candidates": {"type": "array", "items": updates, "minItems": 1, "maxItems": MOST_AT_ONCE},
+        "params": {"type": "array", "items": names, "maxItems": len(offer.space)},
+        "step": {"type": "string", "enum": list(offer.steps)},
+        "simulations": {"type": "integer", "minimum": 1, "maximum": _MOST_SIMULATIONS},
+        "trial": {"type": "integer", "minimum": 0},
+        **(_REDUCED_BY if offer.drives else {}),
+    }
 
 
 def _texts(limits: Mapping[str, int]) -> dict[str, dict[str, Any]]:

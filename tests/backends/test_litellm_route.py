@@ -5,7 +5,7 @@ import pytest
 from bsa.backends.opening import open_backend
 from bsa.backends.options import BackendOptions
 from bsa.core.errors import BsaError
-from bsa.core.messages import BackendFailure, Message
+from bsa.core.messages import ALTERNATIVES, BackendFailure, Message
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -202,7 +202,7 @@ def test_a_hosted_model_gets_the_strict_subset_and_is_paid(
     monkeypatch.setenv("OPENAI_API_KEY", "sk-openai-secret-000000")
     monkeypatch.setenv("OPENAI_API_BASE", f"{server.url}/v1")
     backend = open_backend("litellm:openai/o3", BackendOptions(temperature=0.5, reasoning_effort="low"))
-    reply = backend.complete(messages, schema, seed=1)
+    reply = backend.complete(messages, {**schema, ALTERNATIVES: [schema]}, seed=1)
     assert json.loads(reply.text) == proposal
     assert reply.structured_by == "schema"
     assert reply.usage.reasoning_tokens == 400
@@ -216,3 +216,4 @@ def test_a_hosted_model_gets_the_strict_subset_and_is_paid(
         schema["properties"]["updated_params"]["properties"]
     )
     assert "maxLength" not in json.dumps(sent)
+    assert ALTERNATIVES not in sent

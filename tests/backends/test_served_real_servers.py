@@ -14,6 +14,8 @@ from bsa.backends.presets import Preset
 from bsa.backends.readiness import check_preset
 from bsa.core.errors import BsaError
 from bsa.core.reply_parsing import parse_object
+from bsa.plugins.agent.actions import Offer, action_schema
+from bsa_toy_cell import space
 
 pytestmark = pytest.mark.slow
 
@@ -128,6 +130,16 @@ def test_llama_cpp_holds_a_random_model_to_the_schema(llama_server, messages, sc
         assert content["updated_params"].keys() <= schema["properties"]["updated_params"]["properties"].keys()
         assert reply.usage.completion_tokens > 10
     assert backend.complete(messages, schema, seed=3).model
+
+
+def test_llama_cpp_gives_an_action_what_it_needs(llama_server, messages):
+    offer = Offer(("set", "simulate", "jacobian", "look"), space(), ("cc_discharge",), analysis_chars=0)
+    backend = open_backend("openai:tiny", BackendOptions(base_url=llama_server, max_reply_tokens=1500, temperature=0.7))
+    replies = [backend.complete(messages, action_schema(offer), seed=seed) for seed in range(20)]
+    needed = {"set": "updated_params", "simulate": "candidates", "jacobian": "action", "look": "step"}
+    contents = [json.loads(reply.text) for reply in replies]
+    assert all(needed[content["action"]] in content for content in contents)
+    assert len({content["action"] for content in contents}) > 1
 
 
 def test_a_preset_finds_the_server(llama_server):

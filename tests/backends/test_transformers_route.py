@@ -8,6 +8,8 @@ from bsa.backends.opening import open_backend
 from bsa.backends.options import BackendOptions
 from bsa.core.messages import BackendFailure, Message
 from bsa.core.proposal import CHANGE_PATTERN
+from bsa.plugins.agent.actions import Offer, action_schema, check_action
+from bsa_toy_cell import space
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 
@@ -51,6 +53,14 @@ def test_a_reply_is_finished_even_where_tokens_are_few(tiny_model, messages, sch
         reply = backend.complete(messages, long, seed=seed)
         assert reply.usage.completion_tokens <= 400
         assert _valid(reply.text, long)
+
+
+def test_an_action_has_what_it_needs_however_weak_the_model(tiny_model, messages):
+    offer = Offer(("set", "simulate", "jacobian", "look"), space(), ("cc_discharge",), analysis_chars=100)
+    backend = _open(tiny_model, temperature=1.5, max_reply_tokens=400)
+    replies = [backend.complete(messages, action_schema(offer), seed=seed) for seed in range(8)]
+    asked = {check_action(json.loads(reply.text), offer, space().initial, []).kind for reply in replies}
+    assert len(asked) > 1
 
 
 def test_the_same_seed_gives_the_same_reply(tiny_model, messages, schema):

@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 from bsa.core.errors import BsaError
+from bsa.core.messages import ALTERNATIVES
 from bsa.plugins.agent.actions import Action, Offer, action_schema, check_action
 from bsa_toy_cell import CAPACITY, SERIES, space
 from hypothesis import given
@@ -37,6 +38,24 @@ def test_without_reasons_the_schema_asks_for_the_action_alone() -> None:
     schema = action_schema(replace(OFFER, analysis_chars=0))
     assert schema["required"] == ["action"]
     assert not {"analysis", "hypothesis", "rationale"} & set(schema["properties"])
+
+
+def test_each_action_has_a_schema_that_asks_for_what_it_needs() -> None:
+    own = {one["properties"]["action"]["enum"][0]: one for one in action_schema(OFFER)[ALTERNATIVES]}
+    assert list(own) == list(OFFER.kinds)
+    needed = {
+        kind: set(one["required"]) - {"analysis", "hypothesis", "action", "rationale"} for kind, one in own.items()
+    }
+    assert needed == {
+        "set": {"updated_params"},
+        "simulate": {"candidates"},
+        "jacobian": set(),
+        "predict": set(),
+        "look": {"step"},
+    }
+    assert own["set"]["properties"]["updated_params"]["minProperties"] == 1
+    assert "minProperties" not in own["predict"]["properties"]["updated_params"]
+    assert "updated_params" not in own["look"]["properties"]
 
 
 def test_what_is_not_offered_is_neither_in_the_schema_nor_taken() -> None:
