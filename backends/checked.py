@@ -16,15 +16,6 @@ from .route import NotReady, Route
 class CheckedBackend:
     """Stands before a backend, and names it in whatever goes wrong there.
 
-    Parameters
-    ----------
-    inner : Backend
-        The backend.
-    who : str
-        Kind, name, distribution and version.
-    made_by : str
-        What returned it.
-
     Raises
     ------
     BsaError
@@ -60,8 +51,6 @@ class CheckedRoute:
 
     Parameters
     ----------
-    name : str
-        The route.
     options : mapping
         Its options, only what is to be set.
     registry : Registry, optional

@@ -42,12 +42,6 @@ class SchemaProcessor:
     ----------
     loaded : LoadedModel
         The model; its `grammar_tokenizer` must not be None.
-    schema : mapping
-        JSON Schema of the object.
-    prompt_tokens : int
-        Length of the prompt.
-    reply_tokens : int
-        Longest reply.
 
     Raises
     ------

@@ -74,10 +74,6 @@ class LiteLLMBackend(ServedBackend):
         litellm's name, ``PROVIDER/MODEL``; with ``base_url`` the name that the server uses.
     options : BackendOptions
         What is to be sent along.
-    name : str
-        The backend's name.
-    base_url : str, optional
-        Address of an OpenAI-compatible server.
     key_variable : str, optional
         Environment variable with the key for that server.
     """

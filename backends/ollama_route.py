@@ -66,8 +66,6 @@ class OllamaBackend(ServedBackend):
         Ollama's name, ``qwen2.5:14b``.
     options : BackendOptions
         ``base_url`` is the server's address; without it ``OLLAMA_HOST`` or this machine.
-    name : str
-        The backend's name.
 
     Raises
     ------

@@ -19,13 +19,6 @@ class ReplayBackend:
     """Gives again, in order, what the proposer of a run was given: votes merged, and refusals.
 
     Tokens and cost are the original run's, so that its report comes out the same.
-
-    Parameters
-    ----------
-    events : iterable of mapping
-        A journal's events.
-    name : str
-        The backend's name.
     """
 
     sees_images = False

@@ -27,8 +27,6 @@ class TransientError(Exception):
 
     Parameters
     ----------
-    reason : str
-        What happened, for the journal.
     retry_after_s : float, optional
         When the server asked to be tried again.
     server_fault : bool
@@ -49,8 +47,6 @@ class UnreachableError(TransientError):
     ----------
     reason : str
         What is wrong, with the address.
-    hint : str
-        What to do about it.
     may_pass : bool
         Whether it can pass by itself: a server may be starting, but a wrong scheme stays wrong.
     """

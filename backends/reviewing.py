@@ -42,8 +42,6 @@ class ReviewingBackend:
 
     Parameters
     ----------
-    inner : Backend
-        Is asked.
     reviewer : callable, optional
         Decides; a person at the terminal if unset.
     recorder : Recorder, optional

@@ -60,12 +60,8 @@ class ServedBackend(ABC):
 
     Parameters
     ----------
-    name : str
-        The backend's name.
     server : str
         What refusals are remembered by: route, address and model.
-    options : BackendOptions
-        Limits.
     """
 
     sees_images: bool

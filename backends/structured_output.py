@@ -21,8 +21,6 @@ class FormRefusedError(Exception):
 
     Parameters
     ----------
-    reason : str
-        In the server's words.
     certain : bool
         Whether it said so, rather than failing over it; only then is it remembered.
     """
@@ -43,8 +41,6 @@ def descend(
         What the memory of refusals goes by: route, address and model.
     ask : callable
         Asks in the given form; raises `FormRefusedError`.
-    notes : list of str
-        Is told of refusals.
     first : {'schema', 'json', 'text'}
         The strictest form worth trying.
 

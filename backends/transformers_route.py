@@ -51,10 +51,6 @@ class TransformersBackend:
     ----------
     model : str
         A folder in Hugging Face format, or a name on the hub.
-    options : BackendOptions
-        Sampling and limits.
-    name : str
-        The backend's name.
     """
 
     sees_images = False

@@ -101,8 +101,6 @@ class VotingBackend:
     ----------
     inner : Backend
         Is asked with a different seed for each vote.
-    votes : int
-        How many replies.
     recorder : Recorder, optional
         Where the votes are written down.
     """

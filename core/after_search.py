@@ -48,16 +48,8 @@ class AfterSearch:
 
     Parameters
     ----------
-    task : Task
-        What was matched.
-    plugins : RunPlugins
-        Simulates.
-    journal : Journal
-        Open for writing.
     earlier : sequence of mapping
         Events of the interrupted run; what they hold is not found out again.
-    listener : Watching, optional
-        Watches.
     """
 
     def __init__(

@@ -24,8 +24,6 @@ class Unfit(Exception):
     ----------
     what : str
         The rest of a sentence that begins with the hook: ``"returned None, not a Feedback"``.
-    hint : str, optional
-        What its author can do.
     """
 
     def __init__(self, what: str, hint: str = "") -> None:

@@ -31,8 +31,6 @@ def bounded_step(
         Residuals at the base.
     lower, upper : ndarray of shape (p,)
         Room on both sides of the base, ``lower <= 0 <= upper``. Where they are equal nothing moves.
-    radius : float
-        Longest step.
 
     Returns
     -------

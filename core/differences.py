@@ -29,12 +29,6 @@ class Column:
 
     Parameters
     ----------
-    place : int
-        Of the coordinate.
-    here, lower, upper : float
-        The coordinate and its bounds.
-    step : float
-        Length of the usual difference.
     slope : float
         Norm of an older column, which sets the step; 0 if there is none.
     visible : float
@@ -92,8 +86,6 @@ class Differences:
         The residuals there.
     known : ndarray of shape (m, p) or None
         An older Jacobian, which sets the steps.
-    box : Box
-        Bounds and usual steps.
     settings : Settings
         The other steps, and over which change a slope is taken.
     free : ndarray of bool, shape (p,)

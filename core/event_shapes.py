@@ -187,8 +187,6 @@ def check_event(kind: str, line: bytes) -> None:
 
     Parameters
     ----------
-    kind : str
-        The kind of the event.
     line : bytes
         The event as it stands in the journal.
 

@@ -13,8 +13,6 @@ def require(module: str, extra: str, purpose: str) -> ModuleType:
 
     Parameters
     ----------
-    module : str
-        What to import.
     extra : str
         The extra of this distribution that installs it.
     purpose : str

@@ -35,8 +35,6 @@ def what_to_measure_next(
         Derivatives of the residuals of what was measured, in the unit box.
     candidates : mapping of str to ndarray of shape (k, p)
         For each protocol the derivatives of its residuals, in the same tolerances.
-    names : tuple of str
-        The parameters.
     noise : float
         Standard deviation of the residuals, in tolerances (`Identifiability.noise`).
 

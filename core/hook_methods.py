@@ -19,8 +19,6 @@ def hook_methods(plugin: object, specifications: type) -> tuple[Mapping[str, plu
     ----------
     plugin : object
         A module, or what a factory made.
-    specifications : type
-        `CatalogueHooks` or `RunHooks`.
 
     Returns
     -------

@@ -116,8 +116,6 @@ def residual_noise(residual: FloatArray, parameters: int, floor: float = 0.0) ->
     ----------
     residual : ndarray of shape (m,)
         Residuals at the optimum.
-    parameters : int
-        How many were fitted.
     floor : float, optional
         What the instrument resolves at best, in tolerances: a fit to noiseless records would otherwise
         claim a precision that no measurement has.
@@ -149,8 +147,6 @@ def effective_noise(residual: FloatArray, parameters: int, floor: float) -> floa
     ----------
     residual : ndarray of shape (m,)
         Residuals at the optimum, in the order of time.
-    parameters : int
-        How many were fitted.
     floor : float
         What the instrument resolves at best, in tolerances; its noise is taken as independent.
 
@@ -178,10 +174,6 @@ def identify(
         Derivatives of the residuals in the unit box at the optimum.
     residual : ndarray of shape (m,)
         Residuals there.
-    space : ParameterSpace
-        The fitted parameters.
-    candidate : Candidate
-        The optimum.
     noise_floor : float, optional
         See `residual_noise`.
     noise : float, optional
@@ -225,12 +217,8 @@ def with_sample(found: Identifiability, draws: FloatArray, space: ParameterSpace
 
     Parameters
     ----------
-    found : Identifiability
-        By linear approximation.
     draws : ndarray of shape (n, p)
         In the unit box.
-    space : ParameterSpace
-        The fitted parameters.
     """
     ends = np.quantile(draws, [0.5 - _CONFIDENCE / 2, 0.5 + _CONFIDENCE / 2], axis=0)
     intervals = {}
@@ -298,8 +286,6 @@ def unsettled(jacobian: FloatArray, residual: FloatArray, noise: float, names: t
         As for `identify`.
     noise : float
         Standard deviation of the residuals, in tolerances.
-    names : tuple of str
-        The parameters.
     """
     if noise <= 0:
         return ()

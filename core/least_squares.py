@@ -66,8 +66,6 @@ class LeastSquares:
         Where to begin.
     residual : ndarray of shape (m,), optional
         The residuals there, if they are known already.
-    settings : Settings, optional
-        How to proceed.
     free : ndarray of bool, shape (p,), optional
         Which coordinates may move; all by default.
     jacobian : ndarray of shape (m, p), optional
@@ -344,8 +342,6 @@ def solve(
 
     Parameters
     ----------
-    search : LeastSquares
-        The fit.
     residuals : callable
         ``residuals(points)`` returns the residuals of each, shape (m,), or None for one that failed; it may simulate
         them side by side.

@@ -88,22 +88,10 @@ class Run:
 
     Parameters
     ----------
-    task : Task
-        What is to be matched.
-    config : RunConfig
-        Scaffold, budgets, seed.
-    plugins : RunPlugins
-        What takes part.
     recorder : Recorder
         The books of the language model.
-    journal : Journal
-        Open for writing.
-    folder : Path
-        The run's folder.
     earlier : iterable of mapping
         Events of the interrupted run, if any.
-    listener : Listener, optional
-        Watches.
     analysing : bool
         Whether to look, after the search, at what the records fix. It costs simulations that are not the
         search's.

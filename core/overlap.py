@@ -36,10 +36,6 @@ def differences(simulated: Trajectory, target: Trajectory, signal: str, driven: 
 
     Parameters
     ----------
-    simulated, target : Trajectory
-        The scored parts.
-    signal : str
-        Name of the signal.
     driven : bool
         Whether measured signals drove the simulation.
 

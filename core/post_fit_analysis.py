@@ -166,12 +166,8 @@ def analyse(task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulatin
 
     Parameters
     ----------
-    task : Task
-        What was matched.
     trials : sequence of Trial
         Everything that was tried: finite differences near the best candidate are not simulated again.
-    best : Trial
-        The fit; see `likeliest`.
     plugins : Simulating
         Simulates what is missing, side by side where it can.
 

@@ -38,8 +38,6 @@ def sample(model: LocalModel, dispersion: float = 1.0, seed: int = 0) -> FloatAr
         Its cost is twice the negative logarithm of the likelihood.
     dispersion : float
         By which the cost is divided, where the residuals are larger than their standard deviations.
-    seed : int
-        For the sampler.
     """
     rng = np.random.default_rng(seed)
     count = len(model.centre)

@@ -123,14 +123,6 @@ def predict(
 
     Parameters
     ----------
-    task : Task
-        What was fitted.
-    candidate : Candidate
-        The fit.
-    experiments : sequence of Experiment
-        The records.
-    simulating : Simulating
-        Simulates.
     covariance : sequence of shape (p, p), optional
         Of the fitted parameters in the unit box (`Identifiability.covariance`). The band is its linear propagation:
         one more simulation along each of its principal directions.

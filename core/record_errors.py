@@ -76,10 +76,6 @@ def errors_of_record(task: Task, experiment: Experiment, run: ExperimentRun) -> 
 
     Parameters
     ----------
-    task : Task
-        Its signals.
-    experiment : Experiment
-        The record.
     run : ExperimentRun
         Its simulation, whole or in part.
     """

@@ -151,13 +151,6 @@ class RecordingBackend:
 
     A lost call is made again, so that an outage never changes what the search does: it goes on as if nothing had
     been, or it stops until the model can be had.
-
-    Parameters
-    ----------
-    inner : Backend
-        The model.
-    recorder : Recorder
-        The books.
     """
 
     def __init__(self, inner: Backend, recorder: Recorder) -> None:

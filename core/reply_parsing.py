@@ -51,8 +51,6 @@ def parse_object(text: str, keys: Iterable[str] = ()) -> dict[str, Any]:
 
     Parameters
     ----------
-    text : str
-        The reply.
     keys : iterable of str, optional
         Keys that the object should have. Among several objects the one with most of them is taken;
         among equals a complete one, and then the last, since models conclude with their answer.

@@ -85,13 +85,6 @@ def residuals(task: Task, outcome: Outcome) -> FloatArray | None:
     sum of squares is the mean squared error times the number of residuals. Where the task's weights are robust,
     mismatches of more than ten tolerances count by their order of magnitude (`robust`).
 
-    Parameters
-    ----------
-    task : Task
-        What is to be matched.
-    outcome : Outcome
-        What was simulated.
-
     Returns
     -------
     ndarray of shape (m,) or None

@@ -56,12 +56,8 @@ class RunPlugins:
 
     Parameters
     ----------
-    scaffold : Scaffold
-        Which plugins, with which options.
     context : RunContext
         What they may know when they are made.
-    registry : Registry
-        Where they are found.
     note : callable, optional
         Told in one line what was left out of a plugin's answers.
 

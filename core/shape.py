@@ -25,17 +25,7 @@ def _adapter(kind: Any) -> TypeAdapter[Any]:
 def shaped(kind: Any, content: Any) -> Any:
     """The content as a value of a type: a dataclass from a mapping with its fields.
 
-    Parameters
-    ----------
-    kind : type
-        What it should be.
-    content : Any
-        From JSON.
-
-    Raises
-    ------
-    ValueError
-        If it is not, with the place.
+    Raises `ValueError` if it is not, with the place.
     """
     try:
         return _adapter(kind).validate_python(content)
@@ -64,19 +54,7 @@ def _in_one_line(error: ValidationError) -> ValueError:
 def decoding(path: Path, wanted: str, hint: str) -> Iterator[None]:
     """Word whatever a decoder raises in this block in one line.
 
-    Parameters
-    ----------
-    path : Path
-        The file at fault.
-    wanted : str
-        What it should hold.
-    hint : str
-        What to do about it.
-
-    Raises
-    ------
-    BsaError
-        If the content is of another shape.
+    Raises `BsaError` if the content is of another shape.
     """
     try:
         yield

@@ -135,8 +135,6 @@ def change_of(targets: Mapping[str, Target], candidate: Mapping[str, float]) -> 
     ----------
     targets : mapping of str to Target
         By the parameters' names; values of the candidate under other names are left out, and so are those of effects.
-    candidate : mapping of str to float
-        Values by the parameters' names.
     """
     values: dict[str, float] = {}
     factors: dict[str, float] = {}

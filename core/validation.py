@@ -20,8 +20,6 @@ def explain(error: ValidationError, where: str, model: type[BaseModel]) -> BsaEr
 
     Parameters
     ----------
-    error : pydantic.ValidationError
-        What pydantic found.
     where : str
         The file or plugin at fault.
     model : type of pydantic.BaseModel

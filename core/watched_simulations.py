@@ -23,8 +23,6 @@ class WatchedSimulations:
 
     Parameters
     ----------
-    inner : Simulating
-        Simulates.
     watch : callable
         Told at the beginning and after each simulation.
     variants : str

@@ -44,8 +44,6 @@ def discover(options: DiscoverOptions, listener: Listener = lambda text: None, w
         Records, base model, and how hard to look.
     listener : callable
         Told in one line what is being done.
-    workers : int
-        Simulations side by side.
 
     Returns
     -------

@@ -21,8 +21,6 @@ def exported(folder: Path, to: str) -> tuple[str, tuple[str, ...]]:
 
     Parameters
     ----------
-    folder : Path
-        The run's.
     to : {'bpx', 'parameter-values'}
         The Battery Parameter eXchange standard, or what ``pybamm.ParameterValues.from_json`` reads.
 

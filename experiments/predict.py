@@ -66,15 +66,9 @@ def predict_records(
 
     Parameters
     ----------
-    folder : Path
-        The run's.
     requests : sequence of RecordRequest
         The records and spectra. A spectrum is that of the cell at the state of charge at which the fitted cell shows
         its voltage, if its request names none.
-    workers : int
-        Simulations side by side.
-    listener : Listener, optional
-        Watches.
 
     Raises
     ------

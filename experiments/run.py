@@ -65,18 +65,10 @@ def execute_run(
 
     Parameters
     ----------
-    task : Task
-        What is to be matched.
-    config : RunConfig
-        Scaffold, budgets, seed.
     folder : Path
         Where the journal, the results and the report go.
     backend : Backend
         The language model; closed at the end.
-    resources : Resources, optional
-        Workers and allowances.
-    listener : Listener, optional
-        Watches.
     report : bool
         Whether ``report.html`` is written; the journal is enough to write it later.
     analysing : bool

@@ -143,11 +143,6 @@ class RunRecord:
 def read_run(folder: Path) -> RunRecord:
     """Read the journal of a finished, interrupted or running run.
 
-    Parameters
-    ----------
-    folder : Path
-        The run's folder.
-
     Returns
     -------
     RunRecord

@@ -37,8 +37,6 @@ def joined(parts: Sequence[Samples], source: str) -> Samples:
     ----------
     parts : sequence of Samples
         In any order; a temperature is kept if all have one.
-    source : str
-        What the whole is called.
 
     Returns
     -------

@@ -80,14 +80,8 @@ def run_cells(
     ----------
     cells : sequence of Cell
         The campaign; cells without an identity cannot be run, and are left out.
-    store : Store
-        Where results lie.
     pool : Pool
         Who carries out the cells; left open.
-    watcher : Watcher
-        Watches.
-    allowance : Allowance, optional
-        What may be spent.
 
     Returns
     -------

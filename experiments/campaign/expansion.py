@@ -58,14 +58,6 @@ def expand(
 
     Parameters
     ----------
-    grid : GridFile
-        The grid.
-    store : Store
-        Where tasks are kept.
-    near : Path
-        The grid's folder.
-    say : callable
-        Takes a line of progress.
     make : bool
         Whether targets that are not in the store are simulated; without them cells have no identity.
 

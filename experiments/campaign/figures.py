@@ -37,12 +37,8 @@ def draw_all(rows: Sequence[Row], store: Store, metric: str = "mape") -> dict[st
 
     Parameters
     ----------
-    rows : sequence of dict
-        Of the tidy table.
     store : Store
         Where the traces of the runs lie.
-    metric : str
-        The error that is drawn.
     """
     done = [row for row in rows if row["state"] == "done" and row[metric] is not None]
     if not done:

@@ -47,8 +47,6 @@ class LocalPool:
 
     Parameters
     ----------
-    size : int
-        How many.
     cells_per_worker : int
         A worker is replaced after so many cells.
     memory_limit_mb : float

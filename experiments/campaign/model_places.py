@@ -23,12 +23,8 @@ class SharedBackend:
 
     Parameters
     ----------
-    inner : Backend
-        The model.
     folder : Path
         Of the places; the same for every process.
-    places : int
-        Calls at a time.
     """
 
     def __init__(self, inner: Backend, folder: Path, places: int) -> None:

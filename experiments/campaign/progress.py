@@ -109,8 +109,6 @@ class PlainCampaign(_Counting):
 
     Parameters
     ----------
-    cells : sequence of Cell
-        The campaign.
     stream : TextIO, optional
         Where to write; standard error by default.
     """

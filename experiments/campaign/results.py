@@ -28,10 +28,6 @@ def write_manifest(grid: Mapping[str, Any], cells: Sequence[Cell], folder: Path)
     ----------
     grid : mapping
         What the campaign is: its ``name``, and whatever else tells how it was made.
-    cells : sequence of Cell
-        All of them.
-    folder : Path
-        The campaign's.
     """
     axes = [cell.axes for cell in cells]
     methods = _methods(axes)
@@ -135,10 +131,6 @@ def rows_of(manifest: Mapping[str, Any], store: Store, reports: Mapping[str, Rep
 
     Parameters
     ----------
-    manifest : mapping
-        From `read_manifest`.
-    store : Store
-        Where results lie.
     reports : mapping, optional
         What this process saw, so that results need not be read again.
     """

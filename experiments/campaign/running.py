@@ -91,10 +91,6 @@ def plan_campaign(
 
     Parameters
     ----------
-    grid : GridFile
-        The grid.
-    store : Path
-        Where results lie.
     out : Path, optional
         For manifest and tables; by default a folder of the store with the grid's name.
     near : Path
@@ -145,12 +141,8 @@ def run_campaign(
 
     Parameters
     ----------
-    plan : Plan
-        From `plan_grid` or `plan_campaign`.
     pool : Pool
         Who carries out the cells; closed at the end.
-    watch : callable
-        Makes what watches.
     allowance : Allowance, optional
         What may be spent on language models.
 

@@ -65,15 +65,7 @@ class Comparison:
 
 
 def by_case(rows: Sequence[Row], metric: str = "objective") -> dict[str, dict[str, float]]:
-    """Errors by method and case: the geometric mean over seeds; NaN where a seed has no result.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        Of the tidy table.
-    metric : str
-        Which error.
-    """
+    """Errors by method and case: the geometric mean over seeds; NaN where a seed has no result."""
     values: dict[str, dict[str, list[float]]] = {}
     for row in rows:
         value = row[metric]
@@ -89,12 +81,8 @@ def compare(rows: Sequence[Row], reference: str, metric: str = "objective") -> l
 
     Parameters
     ----------
-    rows : sequence of dict
-        Of the tidy table.
     reference : str
         The method that others are compared with.
-    metric : str
-        Which error.
     """
     errors = by_case(rows, metric)
     if reference not in errors:

@@ -57,14 +57,10 @@ def plan_study(
 
     Parameters
     ----------
-    study : str
-        Its name.
     act : callable
         At the top level of a module, so that worker processes find it; see `StudyCell`.
     items : mapping of str to mapping
         What is asked of each item, by its name.
-    store : Path
-        Where results lie.
 
     Raises
     ------

@@ -87,8 +87,6 @@ def open_campaign(grid: str | Path, store: Path = RESULTS, metric: str = "mape")
 
     Parameters
     ----------
-    grid : str or Path
-        Its name, file or folder.
     store : Path
         The store that it was run in.
     metric : str

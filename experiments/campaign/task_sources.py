@@ -33,10 +33,6 @@ def gather(
 
     Parameters
     ----------
-    choices : sequence of str or SuiteFilter
-        What the grid names.
-    store : Store
-        Where tasks are kept.
     near : Path
         The grid's folder: task files are looked for there first.
     say : callable

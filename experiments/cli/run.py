@@ -193,8 +193,6 @@ def discover_command(data: Sequence[Path], holdout: Sequence[Path], options: Map
 
     Parameters
     ----------
-    data, holdout : sequence of Path
-        The records.
     options : mapping
         Values by the option's name: a list repeats the option, True is the option alone, None and False leave it out.
     """

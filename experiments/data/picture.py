@@ -26,8 +26,6 @@ def draw(found: Record | ImpedanceSpectrum, path: Path) -> None:
 
     Parameters
     ----------
-    found : Record or ImpedanceSpectrum
-        What was read.
     path : Path
         ``.png`` or ``.svg``.
 

@@ -25,8 +25,6 @@ def rebuild(root: Path, write: bool = True) -> list[Path]:
 
     Parameters
     ----------
-    root : Path
-        A checkout of this package.
     write : bool
         Whether documents that differ are written.
 

@@ -59,8 +59,6 @@ class Results:
         ----------
         studies : str
             One study, or several joined by spaces; commands of the first stand above.
-        *parts : str
-            Paragraphs and tables.
         """
         names = studies.split()
         command = f"```sh\n{self._origin(names[0]).command.strip()}\n```"

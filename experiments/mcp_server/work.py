@@ -45,8 +45,6 @@ async def carried_out(
         What to call; a function of a module, and arguments that can be pickled.
     folder : Path, optional
         Folder of the run, whose journal tells the progress; without it, the seconds do.
-    simulations : int, optional
-        Simulations at most.
 
     Raises
     ------

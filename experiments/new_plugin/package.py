@@ -35,8 +35,6 @@ def package_files(kind: Kind, name: str, simulator: str = "pybamm") -> dict[str,
 
     Parameters
     ----------
-    kind : str
-        Kind of the plugin.
     name : str
         Its name: words of lower-case letters and digits, joined by hyphens.
     simulator : str
@@ -82,8 +80,6 @@ def write_package(kind: str, name: str, folder: Path | None = None) -> list[Path
     ----------
     kind : str
         One of the kinds that ``bsa list plugins`` shows.
-    name : str
-        Name of the plugin.
     folder : Path, optional
         Where to; ``bsa-NAME`` by default. It must be empty, or not be there.
 

@@ -41,10 +41,6 @@ def write_page(path: Path, discovery: Discovery, problem: Problem | None) -> Non
 
     Parameters
     ----------
-    path : Path
-        Where to.
-    discovery : Discovery
-        What was found.
     problem : Problem or None
         Draws the curves again; None leaves the figures out.
     """

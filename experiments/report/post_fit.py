@@ -21,12 +21,8 @@ def best_score_line(objective: Quantity, best: Trial, lowest: Trial, metrics: Me
 
     Parameters
     ----------
-    objective : Quantity
-        The score.
     best, lowest : Trial
         The likeliest simulation, and the one with the lowest objective.
-    metrics : Metrics or None
-        Of the latter.
     """
     if lowest is best or metrics is None:
         return ""

@@ -20,8 +20,6 @@ def thin_curve(x: FloatArray, y: FloatArray, most: int) -> NDArray[np.intp]:
     ----------
     x, y : ndarray of shape (n,)
         The curve in pixels, ``x`` never decreasing.
-    most : int
-        Points that may remain.
 
     Returns
     -------

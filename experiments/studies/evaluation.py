@@ -73,8 +73,6 @@ def measure_evaluation(task_name: str = "demo", repeats: int = 15) -> Evaluation
     ----------
     task_name : str
         A task, as ``bsa run`` takes it.
-    repeats : int
-        Evaluations a median.
     """
     task = find_task(task_name)
     (experiment, *_), candidate = task.experiments, task.space.initial

@@ -33,22 +33,10 @@ def study_grid(
 
     Parameters
     ----------
-    name : str
-        Of the study.
-    cases : SuiteFilter
-        What is fitted.
-    scaffolds : sequence of str or Scaffold
-        The methods.
     backend : BackendChoice
         Language model of the scaffolds that ask one.
-    simulations : int
-        Simulations a cell at most.
-    seed : int
-        Seed of every run.
     own_budgets : mapping of str to int, optional
         Simulations for the cases of one base cell, in place of ``simulations``.
-    **more
-        Other keys of the grid.
 
     Raises
     ------

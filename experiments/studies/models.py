@@ -101,12 +101,6 @@ def card(
     ----------
     backend, scaffold : str
         Whose it is, and the scaffold of its calibrations.
-    rows, rankings : sequence of dict
-        Of `models_grid` and `plan_rankings`.
-    reports : sequence of Report
-        Those that were ranked.
-    store : Store
-        Where the cells lie.
     """
     done = with_results(rows)
     own = _by_task(done, scaffold=scaffold, backend=backend)

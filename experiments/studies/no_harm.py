@@ -107,17 +107,7 @@ def no_harm_grid(
 
 
 def write_no_harm(rows: Sequence[Row], store: Store, out: Path) -> list[Verdict]:
-    """Compare the hybrid with least squares, case by case: ``no_harm.md`` and ``verdicts.csv``.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        Of `no_harm_grid`.
-    store : Store
-        Where their cells lie.
-    out : Path
-        The study's folder.
-    """
+    """Compare the hybrid with least squares, case by case: ``no_harm.md`` and ``verdicts.csv``."""
     lowest = {row["identity"]: trace_of(row, store).best_after(row["simulations"]) for row in _ran(rows)}
     found = verdicts(rows, lowest)
     write_text(out / "no_harm.md", markdown(found))

@@ -167,10 +167,6 @@ def run_cells(
 
     Parameters
     ----------
-    wanted : sequence of TaskFile
-        The cells.
-    data : Path
-        Where their records are.
     out : Path
         Holds a folder for each cell.
     run : callable

@@ -76,22 +76,10 @@ def write_recovery(
 
     Parameters
     ----------
-    rows : sequence of dict
-        Of the study's grid.
-    store : Store
-        Where their cells lie.
-    out : Path
-        The study's folder.
-    cases : mapping of str to SuiteCase
-        What was fitted, by key.
     seed : int
         For the noise on the true parameters.
     held_out : bool
         Whether the held-out protocols are simulated: 9 to 12 reference solves a cell.
-    cache : Path, optional
-        Folder for finished reference solves.
-    say : callable
-        Takes a line of progress.
     """
     within: list[dict[str, Any]] = []
     held: list[dict[str, Any]] = []

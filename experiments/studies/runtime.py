@@ -43,15 +43,6 @@ def write_runtime(rows: Sequence[Row], store: Store, out: Path) -> list[dict[str
 
     Writes ``runtime.csv``, ``runtime.md`` and ``rounds.svg``. Of a cell that was taken up again there are no rounds:
     its times would mean nothing.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        Of one case.
-    store : Store
-        Where their cells lie.
-    out : Path
-        The study's folder.
     """
     traces = {row["method"]: trace_of(row, store) for row in rows if row["state"] == "done"}
     timed = [runtime_row(row, traces[row["method"]]) for row in rows if row["method"] in traces]

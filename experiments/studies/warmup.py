@@ -30,15 +30,6 @@ def write_warmup(rows: Sequence[Row], store: Store, out: Path) -> list[dict[str,
     """Compare the errors of one scaffold with different warm-ups, after the warm-up and at the end.
 
     Writes ``warmup.csv`` and ``warmup.md``.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        Of scaffolds from `with_warm_up`.
-    store : Store
-        Where their cells lie.
-    out : Path
-        The study's folder.
     """
     found = [
         {**{name: row[name] for name in _KEPT}, "after_warm_up_mape": trace_of(row, store).best_before_search()}

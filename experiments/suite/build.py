@@ -18,12 +18,8 @@ def build_task(case: SuiteCase, search: str | Mapping[str, Any] | None = None, c
 
     Parameters
     ----------
-    case : SuiteCase
-        The case.
     search : str or mapping, optional
         Search space, as in `resolve_space`; ``geometry`` by default, ``sei`` for the ageing cases.
-    cache : Path, optional
-        Folder for finished targets.
 
     Raises
     ------

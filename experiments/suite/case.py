@@ -81,8 +81,6 @@ def protocol(charge_rate: float, discharge_rate: float, highest_v: float, lowest
         C-rates.
     highest_v, lowest_v : float
         Voltage cut-offs, V.
-    cycles : int
-        How often.
     """
     cycle = (
         "Rest for 1 second",

@@ -19,13 +19,6 @@ def passes(case: SuiteCase, cache: Path | None = None) -> bool:
     """Whether the true cell runs to its end and its capacity differs by 1 % or more from the base cell's.
 
     A base cell that cannot run the protocol differs enough.
-
-    Parameters
-    ----------
-    case : SuiteCase
-        The case.
-    cache : Path, optional
-        Folder for finished targets.
     """
     if not case.changes:
         return False

@@ -70,13 +70,7 @@ EXTREME_POROSITY = (0.2, 0.6)
 
 
 def perturbations(base: Mapping[str, Any]) -> dict[str, list[dict[str, float]]]:
-    """The true values by mode, in the order of the tables.
-
-    Parameters
-    ----------
-    base : mapping
-        The base parameter set.
-    """
+    """The true values by mode, in the order of the tables."""
     regular = [
         {name: _changed(base, name, value) for name, value in zip(COLUMNS, combination, strict=True)}
         for combination in COMBINATIONS
@@ -123,8 +117,6 @@ def generate(
     ----------
     seed : int
         Order in which the combinations are tried.
-    per_set_and_mode : int
-        How many to keep.
     keep : callable, optional
         The filters, if not the paper's two.
     """

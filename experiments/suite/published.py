@@ -65,8 +65,6 @@ def published_cases(folder: Path | None = None, sei_cycles: int = SEI_CYCLES) ->
     ----------
     folder : Path, optional
         As in `find_reference_suite`.
-    sei_cycles : int
-        Cycles of the ageing tasks.
 
     Raises
     ------

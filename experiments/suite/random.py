@@ -49,12 +49,8 @@ def random_cases(
     ----------
     seed : int
         Seed; a case depends on it and on its own number, not on how many are asked for.
-    count : int
-        How many.
     noise : Noise, optional
         Measurement noise of the targets; none by default.
-    cache : Path, optional
-        Folder for finished targets.
     keep : callable, optional
         The filters, if not the paper's two.
     """

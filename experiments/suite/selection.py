@@ -35,14 +35,8 @@ def load_suite(
     ----------
     name : str
         ``"published"``, ``"generated"`` or ``"random"``.
-    folder : Path, optional
-        Where the published files are.
-    seed, count : int
-        For the random suite.
     noise : Noise, optional
         Measurement noise put on every target.
-    cache : Path, optional
-        Folder for finished targets.
     sei_cycles : int
         Cycles of the published ageing cases.
 
@@ -68,8 +62,6 @@ def choose(
 
     Parameters
     ----------
-    cases : mapping
-        The suite.
     wanted : int, str, sequence of str, optional
         A number (taken in turn from every mode and base cell, so that 10 of the published suite are one
         of each), keys or patterns (``"regular-134"``, ``"extreme-*"``, or several joined by commas); all

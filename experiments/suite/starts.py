@@ -27,8 +27,6 @@ def started(task: Task, number: int) -> Task:
 
     Parameters
     ----------
-    task : Task
-        Started at its base cell.
     number : int
         0 leaves it as it is. Any other draws every parameter at random in the middle half of its range, on its own
         scale, by the task's name and this number.

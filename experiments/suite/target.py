@@ -42,8 +42,6 @@ def experiment_of(case: SuiteCase, charge_rate: float | None = None, discharge_r
 
     Parameters
     ----------
-    case : SuiteCase
-        The case.
     charge_rate, discharge_rate : float, optional
         Other C-rates than the case's, for held-out protocols.
     """
@@ -73,8 +71,6 @@ def target_of(case: SuiteCase, cache: Path | None = None) -> ExperimentRun:
 
     Parameters
     ----------
-    case : SuiteCase
-        The case.
     cache : Path, optional
         Folder for finished targets; the user's cache folder otherwise.
 

@@ -89,8 +89,6 @@ def start_from(run: RunRecord, search: str | Mapping[str, Any] | None) -> tuple[
 
     Parameters
     ----------
-    run : RunRecord
-        The earlier run.
     search : str, mapping or None
         What is searched now; None takes what the run searched, around the run's own base.
 

@@ -122,12 +122,8 @@ def build_task(
 
     Parameters
     ----------
-    name : str
-        The task's name.
     parameter_set, model, options, overrides
         As in `CellModel`.
-    records : sequence of RecordRequest
-        What is to be matched.
     search : str or mapping
         Name of a preset, or parameters with bounds.
     scale_to_capacity : bool

@@ -79,8 +79,6 @@ class CurrentRateContinuation(Continuation):
 
     Parameters
     ----------
-    space : ParameterSpace
-        What may move.
     start : ndarray of shape (p,)
         The point that fails, in the unit box.
     gentle : ndarray of shape (p,)
@@ -228,12 +226,8 @@ class FirstCycleContinuation(Continuation):
 
     Parameters
     ----------
-    space : ParameterSpace
-        What may move.
     start : ndarray of shape (p,)
         Where from, in the unit box.
-    cycles : int
-        How many cycles are fitted.
     allowance : int, optional
         Simulations at most; by default what a Jacobian and some steps take.
     """

@@ -71,10 +71,6 @@ class Descent:
 
     Parameters
     ----------
-    task : Task
-        What is to be matched.
-    options : DescentOptions
-        How to proceed.
     seed : int
         For what is random: where to look for a feasible start, where to begin again.
     start : Trial

@@ -93,17 +93,7 @@ def progress(task: Task, trial: Trial) -> tuple[float, float]:
 
 
 class Feasibility:
-    """Looks for a point that simulates, near the start: along the gentle direction, by continuations, then around.
-
-    Parameters
-    ----------
-    task : Task
-        What is to be simulated.
-    start : Trial
-        The trial that failed.
-    seed : int
-        For the search around.
-    """
+    """Looks for a point that simulates, near the start: along the gentle direction, by continuations, then around."""
 
     def __init__(self, task: Task, start: Trial, seed: int) -> None:
         self._task = task

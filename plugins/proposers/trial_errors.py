@@ -26,8 +26,6 @@ def finite_errors(trials: Sequence[Trial], error: Callable[[Trial], float] = tot
 
     Parameters
     ----------
-    trials : sequence of Trial
-        Any trials.
     error : callable
         What is minimised; infinite for a failed trial.
     """

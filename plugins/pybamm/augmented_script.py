@@ -43,12 +43,6 @@ def augmented_script(
 
     Parameters
     ----------
-    cell : CellModel
-        The base model.
-    effects : sequence of Effect
-        What was found.
-    candidate : mapping of str to float
-        Fitted parameters, base and effects'.
     targets : mapping of str to Target
         What the base parameters act on, by their names.
     measured_records : sequence of MeasuredRecord

@@ -62,10 +62,6 @@ def to_bpx(cell: CellModel, change: CellChange, experiment: Experiment, title: s
 
     Parameters
     ----------
-    cell : CellModel
-        The base.
-    change : CellChange
-        What was calibrated.
     experiment : Experiment
         Gives temperature and state of charge at the start.
     title : str
@@ -101,8 +97,6 @@ class _Writer:
 
     Parameters
     ----------
-    values : pybamm.ParameterValues
-        With everything calibrated put in.
     lithium : float
         What the lithium that both electrodes share is multiplied by.
     """

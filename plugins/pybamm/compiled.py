@@ -21,14 +21,10 @@ class CompiledExperiment:
 
     Parameters
     ----------
-    cell : CellModel
-        Equations and base parameters.
     experiment : Experiment
         What to simulate; one with a protocol.
     targets : mapping of str to Target
         What is searched, by the names that candidates use; all become inputs.
-    resolution : Resolution
-        Mesh and tolerances.
     baked : CellChange, optional
         Values built into the model; needed for geometry on the standard mesh.
 

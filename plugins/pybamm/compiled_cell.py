@@ -92,14 +92,8 @@ class CompiledCell:
 
     Parameters
     ----------
-    cell : CellModel
-        Equations and base parameters.
     targets : mapping of str to Target
         What is searched, by the names that candidates use; all become inputs.
-    start : Start
-        Where simulations begin.
-    resolution : Resolution
-        Mesh and tolerances.
     baked : CellChange, optional
         Values built into the model; needed for geometry on the standard mesh.
     effects : sequence of Effect

@@ -94,10 +94,6 @@ class CycleRunner:
 
     Parameters
     ----------
-    restate : callable
-        Gives a state other numbers.
-    state : object
-        Where the first cycle starts.
     tolerance : float or None
         See `TOLERANCE`; None simulates every cycle.
     """

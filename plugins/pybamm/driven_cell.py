@@ -102,22 +102,14 @@ class DrivenCell:
 
     Parameters
     ----------
-    cell : CellModel
-        Base equations and parameters.
-    effects : sequence of Effect
-        What is added.
     record : Trajectory
         Supplies the current; cut into steps.
     targets : mapping of str to Target
         What a candidate sets of the base parameters, by the names that it uses.
     temperature_k : float or None
         Ambient and initial temperature; None keeps the set's.
-    resolution : Resolution
-        Mesh and tolerances.
     start : Start, optional
         Where the record begins, for `follow`; `solve` is told at each call.
-    baked : CellChange, optional
-        Values built into the model.
 
     Attributes
     ----------

@@ -25,8 +25,6 @@ class DrivenExperiment:
     ----------
     cell, targets, resolution, baked
         As for `CompiledExperiment`.
-    experiment : Experiment
-        One without a protocol.
     """
 
     def __init__(

@@ -36,8 +36,6 @@ class EffectSimulator:
 
     Parameters
     ----------
-    cell : CellModel
-        The base model.
     targets : mapping of str to Target
         What candidates set of the base parameters, by the names that they use.
     usual, fine : Resolution

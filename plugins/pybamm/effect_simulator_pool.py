@@ -90,8 +90,6 @@ class EffectSimulatorPool:
     ----------
     cell, targets, usual, fine
         As for `EffectSimulator`.
-    workers : int
-        Processes side by side.
 
     Attributes
     ----------

@@ -24,12 +24,6 @@ def simulate_spectrum(
 
     Parameters
     ----------
-    cell : CellModel
-        Equations and base parameters.
-    space : ParameterSpace
-        What the candidate sets.
-    candidate : Candidate
-        The fit.
     measured : ImpedanceSpectrum
         Frequencies, and the voltage at rest that tells the state of charge.
     soc : float, optional

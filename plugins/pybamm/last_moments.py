@@ -104,8 +104,6 @@ def nearest_limit(solution: Any, window_v: Window) -> str:
 
     Parameters
     ----------
-    solution : pybamm.Solution
-        What was solved.
     window_v : tuple of float
         Lower and upper voltage cut-off, V.
 

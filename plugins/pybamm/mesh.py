@@ -47,8 +47,6 @@ class SymbolicFiniteVolume(pybamm.FiniteVolume):  # type: ignore[misc]
 
         Parameters
         ----------
-        discretised_symbol : pybamm.Symbol
-            The symbol to move.
         shift_key : {"node to edge", "edge to node"}
             The direction.
         method : {"arithmetic", "harmonic"}

@@ -124,8 +124,6 @@ def open_to_search(values: pybamm.ParameterValues, targets: Mapping[str, Target]
 
     Parameters
     ----------
-    values : pybamm.ParameterValues
-        The set.
     targets : mapping of str to Target
         What is searched, by the names of the inputs. Numbers become ``"[input]"``, numbers and functions with a
         factor are multiplied by an input, open-circuit potentials get bumps whose heights are inputs. Initial states

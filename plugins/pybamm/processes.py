@@ -51,8 +51,6 @@ class Service(Protocol[Job, Answer]):
         ----------
         cause : str
             What became of it, in a line.
-        seconds : float
-            How long it took.
         reported : object
             What it reported last; None if it never did.
         """
@@ -99,15 +97,7 @@ def as_bsa_error(error: Exception) -> BsaError:
 
 
 class Worker(Generic[Job, Answer]):
-    """One process.
-
-    Parameters
-    ----------
-    service : Service
-        What it does.
-    time_limit_s : float
-        Longest time for a job.
-    """
+    """One process."""
 
     def __init__(self, service: Service[Job, Answer], time_limit_s: float) -> None:
         self._service = service
@@ -191,12 +181,8 @@ class Pool(Generic[Job, Answer]):
 
     Parameters
     ----------
-    service : Service
-        What the workers do.
     size : int
         How many processes at most; each starts when first needed.
-    time_limit_s : float
-        Longest time for a job.
     """
 
     def __init__(self, service: Service[Job, Answer], size: int, time_limit_s: float) -> None:

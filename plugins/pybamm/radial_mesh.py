@@ -58,10 +58,6 @@ def radial_mesh(
 
     Parameters
     ----------
-    cell : CellModel
-        The base model.
-    measured_records : sequence of MeasuredRecord
-        The records.
     soc : mapping of str to float, optional
         By record, its initial state of charge; 0.9 for those not named.
     """

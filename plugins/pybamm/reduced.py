@@ -19,13 +19,6 @@ def reduced(experiment: Experiment, reduction: TaskReduction) -> Experiment:
     Currents of constant-current steps are lowered; voltages, rests and the current at which a hold ends stay. A
     measured current is lowered and takes so much longer that the charge is the same; its voltages are then
     those of another test and mean nothing.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        Of the task.
-    reduction : TaskReduction
-        How much easier.
     """
     short = shortened(experiment, reduction.cycles)
     if reduction.rate == 1.0:

@@ -36,8 +36,6 @@ class PyBaMMSimulator:
 
     Parameters
     ----------
-    options : PyBaMMOptions
-        Time limit.
     context : RunContext
         The task, and how many workers to use.
     """

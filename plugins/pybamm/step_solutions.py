@@ -72,8 +72,6 @@ def to_trajectory(
 
     Parameters
     ----------
-    solution : pybamm.Solution or None
-        What the simulation reached.
     protocol_steps : sequence of sequence of pybamm steps
         The experiment's cycles, each with its steps.
     with_temperature : bool

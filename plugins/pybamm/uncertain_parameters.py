@@ -70,8 +70,6 @@ def uncertain_parameters(
     ----------
     model : {'SPM', 'SPMe', 'DFN'}
         SPM has no electrolyte to be uncertain about.
-    measured_records : sequence of MeasuredRecord
-        The fitted records.
     soc : mapping of str to float, optional
         By record, where the search for its initial state of charge starts; 0.9 for those not named.
     spreads : mapping of str to tuple, optional

@@ -28,13 +28,7 @@ class Assignment:
 
 
 class CandidateService:
-    """Simulates every experiment of an assignment for one candidate after another; see `Service`.
-
-    Parameters
-    ----------
-    assignment : Assignment
-        What is simulated.
-    """
+    """Simulates every experiment of an assignment for one candidate after another; see `Service`."""
 
     def __init__(self, assignment: Assignment) -> None:
         self._assignment = assignment
@@ -85,12 +79,8 @@ class WorkerPool:
 
     Parameters
     ----------
-    assignment : Assignment
-        What is simulated.
     size : int
         How many processes at most; each starts when first needed.
-    time_limit_s : float
-        Longest time for one evaluation.
     """
 
     def __init__(self, assignment: Assignment, size: int, time_limit_s: float) -> None:

@@ -38,22 +38,7 @@ class AnyTable(Protocol):
 
 
 def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ()) -> Samples:
-    """Read the signals of a table.
-
-    Parameters
-    ----------
-    table : Table or ArrayTable
-        Where the numbers are.
-    options : ReadOptions
-        What the user said.
-    notes : sequence of str
-        What was assumed so far.
-
-    Raises
-    ------
-    BsaError
-        Naming the file, the row or column at fault and its value.
-    """
+    """Read the signals of a table. Raises `BsaError` naming the file, the row or column at fault and its value."""
     found = resolve(table.header, table.units, options, table.source)
     taken = {column.index for column in found.values()}
     extra: dict[Extra, int] = {}

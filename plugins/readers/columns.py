@@ -138,14 +138,10 @@ def resolve(
 
     Parameters
     ----------
-    header : sequence of str
-        Names of all columns.
     units : sequence of str or None
         A row of units beneath the header.
     options : ReadOptions
         What the user said; it goes before what the names suggest.
-    source : str
-        Printable name of the file.
 
     Raises
     ------

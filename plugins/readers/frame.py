@@ -25,8 +25,6 @@ def read_frame(frame: pandas.DataFrame, options: ReadOptions, name: str) -> Samp
         ``options.columns``. Rows count from 1 in messages.
     options : ReadOptions
         What the names do not say.
-    name : str
-        What the record is called.
 
     Raises
     ------

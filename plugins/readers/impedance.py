@@ -94,8 +94,6 @@ def spectrum_of(
         Rows to keep, and the temperature where the file has none.
     unit : {'ohm', 'mohm'}, optional
         Unit of the impedance, in place of the header's.
-    notes : sequence of str
-        What was assumed so far.
 
     Raises
     ------

@@ -27,8 +27,6 @@ def load(path: Path, source: str) -> dict[str, Any]:
 
     Parameters
     ----------
-    path : Path
-        The file.
     source : str
         Its printable name.
 

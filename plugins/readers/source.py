@@ -35,12 +35,8 @@ def decoding(source: str, kind: str, hint: str) -> Iterator[None]:
 
     Parameters
     ----------
-    source : str
-        Printable name of the file.
     kind : str
         What it should be: ``"MATLAB file"``.
-    hint : str
-        What can be done.
     """
     try:
         yield

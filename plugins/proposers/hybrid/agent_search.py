@@ -23,12 +23,8 @@ class AgentSearch:
 
     Parameters
     ----------
-    space : ParameterSpace
-        What may move.
     start : ndarray of shape (p,)
         Where from, in the unit box.
-    allowance : int
-        Simulations at most.
     residual : ndarray of shape (m,), optional
         The residuals there, if known.
     jacobian : ndarray of shape (m, p), optional

@@ -27,17 +27,7 @@ _NEAR_THE_NOISE = 3.0
 
 
 def build_messages(situation: Situation, offer: Offer, numerics: Mapping[str, Any]) -> list[Message]:
-    """The conversation that asks for the next action.
-
-    Parameters
-    ----------
-    situation : Situation
-        Where the run stands.
-    offer : Offer
-        What may be asked for.
-    numerics : mapping
-        What the fit is doing.
-    """
+    """The conversation that asks for the next action."""
     near = _NEAR if situation.base.misfit < _NEAR_THE_NOISE else ""
     sections = [*situation.sections(), section(NUMERICS, rounded(dict(numerics)))]
     told = instruction(offer, situation.task.domain.gentler)
