@@ -6,12 +6,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from pydantic import ValidationError
-
 from ..core.errors import BsaError
 from ..core.messages import Backend
 from ..core.registry import Registry, installed
-from ..core.validation import explain
+from ..core.validation import validated
 from .checked import CheckedBackend, CheckedRoute
 from .options import BackendOptions
 from .presets import Preset
@@ -86,10 +84,9 @@ def _parted(spec: str, options: Given | None, registry: Registry) -> tuple[str, 
         raise BsaError(error.message, hint) from None
     said = options.model_dump(exclude_unset=True) if isinstance(options, BackendOptions) else dict(options or {})
     given = {**said, "model": model} if model else said
-    try:
-        around = BackendOptions.model_validate({key: value for key, value in given.items() if key in _WRAPPERS})
-    except ValidationError as error:
-        raise explain(error, "backend options", BackendOptions) from None
+    around = validated(
+        BackendOptions, {key: value for key, value in given.items() if key in _WRAPPERS}, "backend options"
+    )
     if given.get("via") is not None and issubclass(listing.entry.config_type, BackendOptions):
         registry.find("route", str(given["via"]))
     return name, {key: value for key, value in given.items() if key not in _WRAPPERS}, around

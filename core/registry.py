@@ -9,7 +9,7 @@ from functools import cache
 from importlib.metadata import EntryPoint, distributions
 from typing import Any, Literal
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
 from .border import border, in_words
 from .domain import Domain
@@ -17,7 +17,7 @@ from .errors import BsaError, did_you_mean
 from .hook_methods import call, hook_methods
 from .hooks import API_VERSION, PROJECT, CatalogueHooks, Entry
 from .printable import shown
-from .validation import explain
+from .validation import validated
 
 Kind = Literal["simulator", "feedback", "memory", "proposer", "warm-up", "backend", "route", "reader", "effect", "task"]
 
@@ -209,10 +209,7 @@ class Registry:
         """
         listing = self.find(kind, name)
         with border(listing.who, "its options"):
-            try:
-                return listing.entry.config_type.model_validate(dict(options))
-            except ValidationError as error:
-                raise explain(error, f'{kind} "{name}"', listing.entry.config_type) from None
+            return validated(listing.entry.config_type, dict(options), f'{kind} "{name}"')
 
     def make(self, kind: Kind, name: str, options: Mapping[str, Any], *more: Any) -> Any:
         """What the factory of this kind and name makes of checked options and whatever else it takes.

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, model_validator
 
 from .errors import BsaError, did_you_mean
-from .validation import explain
+from .validation import validated
 from .yaml_text import read_yaml
 
 BUILT_IN = Path(__file__).parent.parent / "scaffolds"
@@ -61,10 +61,7 @@ def load_scaffold(name_or_path: str) -> Scaffold:
                 did_you_mean(name_or_path, names)
                 or f"built in: {', '.join(names)}; or give the path of a .yaml file of your own.",
             )
-    try:
-        return Scaffold.model_validate(read_yaml(path))
-    except ValidationError as error:
-        raise explain(error, str(path), Scaffold) from None
+    return validated(Scaffold, read_yaml(path), str(path))
 
 
 def built_in_names() -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -13,6 +14,17 @@ _NO_MAPPING = ("model_type", "dict_type", "model_attributes_type", "dataclass_ty
 """What pydantic calls a value where keys with values should be; its words name Python's classes."""
 
 _LENGTH = re.compile(r"^(?:Tuple|List) should have (at \w+) (\d+) items?.*$")
+
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def validated(model: type[Model], content: Any, where: str) -> Model:
+    """What a person wrote, as a model; ``where`` is the file or plugin at fault. Raises `BsaError` if it is none."""
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        raise explain(error, where, model) from None
 
 
 def explain(error: ValidationError, where: str, model: type[BaseModel]) -> BsaError:

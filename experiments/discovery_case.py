@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, model_validator
 
 from ..core.discovery.findings import Settings
 from ..core.discovery.observations import FLOOR_V
@@ -18,7 +18,7 @@ from ..core.reading.reading import read_record
 from ..core.record import ReadOptions, Record
 from ..core.target import CyclableLithium, Factor, Value, factor_name, target_named
 from ..core.task import CellModel
-from ..core.validation import explain
+from ..core.validation import validated
 from ..core.yaml_text import read_yaml
 from .request import Records, named_after, numbered_folder
 
@@ -123,10 +123,7 @@ def discover_options(records: Records, out: Path | None, **others: Any) -> Disco
     if records.read.join:
         fitted = [{**fitted[0], "joined": [file["path"] for file in fitted[1:]]}]
     content = {"data": fitted, "holdout": files[count:], "ambient_c": records.read.ambient_c, "out": folder, **others}
-    try:
-        return DiscoverOptions.model_validate(content)
-    except ValidationError as error:
-        raise explain(error, "discovery", DiscoverOptions) from None
+    return validated(DiscoverOptions, content, "discovery")
 
 
 def _written(record: Record, number: int, folder: Path) -> Path:
@@ -208,10 +205,7 @@ def _parts(file: RecordFile, temperature_k: float | None) -> list[tuple[str, Rec
 
 
 def _read_search(file: str) -> dict[str, Uncertainty | None]:
-    try:
-        return SearchFile.model_validate(read_yaml(Path(file))).factors
-    except ValidationError as error:
-        raise explain(error, file, SearchFile) from None
+    return validated(SearchFile, read_yaml(Path(file)), file).factors
 
 
 def spreads_of(search: str | dict[str, Uncertainty | None], cell: CellModel) -> dict[str, tuple[float, float, float]]:

@@ -8,14 +8,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from pydantic import ValidationError
-
 from ..core.errors import BsaError
 from ..core.record import ReadOptions, Record
 from ..core.run_config import RunConfig
 from ..core.scaffold import Scaffold, load_scaffold
 from ..core.task import Task, Weight
-from ..core.validation import explain
+from ..core.validation import validated
 from ..core.yaml_text import parse_yaml
 
 if TYPE_CHECKING:
@@ -74,10 +72,7 @@ class Overrides:
             if path[0] not in RunConfig.model_fields or (len(path) > 1 and not isinstance(content.get(path[0]), dict)):
                 path = ["scaffold", *path]
             _put(content, path, value, key)
-        try:
-            return RunConfig.model_validate(content)
-        except ValidationError as error:
-            raise explain(error, "run configuration", RunConfig) from None
+        return validated(RunConfig, content, "run configuration")
 
 
 def _put(content: dict[str, Any], path: Sequence[str], value: Any, key: str) -> None:
@@ -134,10 +129,7 @@ def read_options(
         "cycles": None if cycles is None else parse_cycles(cycles),
         **others,
     }
-    try:
-        return ReadOptions.model_validate(content)
-    except ValidationError as error:
-        raise explain(error, "the options of the record", ReadOptions) from None
+    return validated(ReadOptions, content, "the options of the record")
 
 
 def numbered_folder(parent: Path, name: str) -> Path:

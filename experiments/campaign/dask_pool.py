@@ -11,12 +11,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from ...core.errors import BsaError
 from ...core.extras import require
 from ...core.interrupts import interrupts_stay
-from ...core.validation import explain
+from ...core.validation import validated
 from ...core.yaml_text import read_yaml
 from .cell import Order, Report, carry_out
 from .local_pool import THREAD_VARIABLES
@@ -66,10 +66,7 @@ def slurm_cluster(config: SlurmConfig) -> Any:
 def load_slurm(path: Path) -> SlurmConfig:
     """Read the description of a SLURM job. Raises `BsaError` naming the key at fault."""
     content = read_yaml(path)
-    try:
-        return SlurmConfig.model_validate(content or {})
-    except ValidationError as error:
-        raise explain(error, str(path), SlurmConfig) from None
+    return validated(SlurmConfig, content or {}, str(path))
 
 
 def check_cluster(where: str) -> None:

@@ -7,11 +7,11 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
+from pydantic import BaseModel, Field, field_validator, model_validator
 
 from ...core.errors import BsaError, did_you_mean
 from ...core.scaffold import Scaffold
-from ...core.validation import explain
+from ...core.validation import validated
 from ...core.yaml_text import read_yaml
 from .cell import Axis
 
@@ -141,10 +141,7 @@ def load_grid(name_or_path: str, changes: Mapping[str, Any] | None = None) -> Gr
         raise BsaError(f"{path} is not a grid.", "write keys and values: name, tasks, scaffolds, backends, seeds.")
     for key, value in (changes or {}).items():
         _put(content, key, value)
-    try:
-        return GridFile.model_validate(content)
-    except ValidationError as error:
-        raise explain(error, str(path), GridFile) from None
+    return validated(GridFile, content, str(path))
 
 
 def grid_path(name_or_path: str) -> Path:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, model_validator
 
 from ...core.cell import CELL
 from ...core.domain import Domain
@@ -19,7 +19,7 @@ from ...core.signals import Signal
 from ...core.target import Value
 from ...core.task import CellModel, Experiment, Task, Weight
 from ...core.trajectory import FloatArray, Step, Trajectory
-from ...core.validation import explain
+from ...core.validation import validated
 from ...plugins.readers.source import load_text
 from ...plugins.readers.table import find_table
 
@@ -129,10 +129,7 @@ def load_signal_task(content: Mapping[str, Any], path: Path) -> Task:
     BsaError
         Naming the file, the key and the nearest valid key.
     """
-    try:
-        file = SignalTaskFile.model_validate(content)
-    except ValidationError as error:
-        raise explain(error, str(path), SignalTaskFile) from None
+    file = validated(SignalTaskFile, content, str(path))
     try:
         return _task(file, path.parent)
     except BsaError as error:

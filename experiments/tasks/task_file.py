@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, Field
 
 from ...core.encoding import decode_task
 from ...core.errors import BsaError
@@ -17,7 +17,7 @@ from ...core.protocol_text import read_protocol
 from ...core.record import ReadOptions
 from ...core.shape import decoding
 from ...core.task import Task, Weight
-from ...core.validation import explain
+from ...core.validation import validated
 from ...core.yaml_text import read_yaml
 from .records import RecordRequest, build_task
 from .signal_task_file import load_signal_task
@@ -80,10 +80,7 @@ def load_task_file(path: Path) -> Task:
         return load_signal_task(found, path)
     if isinstance(found, dict) and path.suffix == ".json" and "space" in found:
         return _encoded(found, path)
-    try:
-        content = TaskFile.model_validate(found)
-    except ValidationError as error:
-        raise explain(error, str(path), TaskFile) from None
+    content = validated(TaskFile, found, str(path))
     try:
         return task_from(content, path.parent)
     except BsaError as error:

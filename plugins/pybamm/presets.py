@@ -8,13 +8,13 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, model_validator
 
 from ...core.errors import BsaError, did_you_mean
 from ...core.parameters import Parameter, ParameterSpace, Scale
 from ...core.target import Factor, Target, Value, factor_name, target_named
 from ...core.task import ParameterSource
-from ...core.validation import explain
+from ...core.validation import validated
 from ...core.yaml_text import read_yaml
 from .parameter_sets import initial_value, is_function, load, target_in
 
@@ -179,10 +179,7 @@ def _own_space(
     for name, value in content.items():
         if isinstance(value, (list, tuple)) and len(value) == 2:
             value = {"lower": value[0], "upper": value[1]}
-        try:
-            entry = OwnRange.model_validate({} if value is None else value)
-        except ValidationError as error:
-            raise explain(error, f'{where}: "{name}"', OwnRange) from None
+        entry = validated(OwnRange, {} if value is None else value, f'{where}: "{name}"')
         found.append(_from_person(parameter_set, str(name), entry, overrides))
     return ParameterSpace(tuple(found))
 
