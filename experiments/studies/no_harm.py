@@ -93,14 +93,13 @@ def no_harm_grid(
     cases: SuiteFilter,
     simulations: int = 100,
     seed: int = 1234,
-    advisers: Sequence[str] = ADVISERS,
     alone: str | Scaffold = "least-squares",
     advised: str | Scaffold = "hybrid",
 ) -> GridFile:
     """Every case by least squares, and by the hybrid with every adviser and a quarter more simulations."""
     more = Included(
         scaffolds=[advised],
-        backends=[BackendChoice(use=adviser) for adviser in advisers],
+        backends=[BackendChoice(use=adviser) for adviser in ADVISERS],
         **budget(int(MORE * simulations)),
     )
     return study_grid("no-harm", cases, [alone], BackendChoice(use="rules"), simulations, seed, include=[more])

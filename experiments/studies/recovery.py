@@ -66,8 +66,6 @@ def write_recovery(
     out: Path,
     cases: Mapping[str, SuiteCase],
     seed: int = 1234,
-    held_out: bool = True,
-    cache: Path | None = None,
     say: Callable[[str], None] = print,
 ) -> dict[str, Any]:
     """Compare what was found with the truth.
@@ -78,17 +76,14 @@ def write_recovery(
     ----------
     seed : int
         For the noise on the true parameters.
-    held_out : bool
-        Whether the held-out protocols are simulated: 9 to 12 reference solves a cell.
     """
     within: list[dict[str, Any]] = []
     held: list[dict[str, Any]] = []
     for row in with_results(rows):
         recovered = Recovered(row, cases[row["task"]], read_run(store.cell(row["identity"])))
         within.append(within_case(recovered))
-        if held_out:
-            say(f"{row['task']} {row['method']}: held-out protocols ...")
-            held += held_out_rows(recovered, seed, cache)
+        say(f"{row['task']} {row['method']}: held-out protocols ...")
+        held += held_out_rows(recovered, seed)
     summary = {"within_case": _summary(within), "held_out": _held_out_summary(held)}
     write_csv(out / "recovery.csv", within)
     write_csv(out / "held_out.csv", held)
@@ -141,7 +136,7 @@ def _correlation(measure: Any, one: Any, other: Any) -> float:
     return float(measure(one, other).statistic)
 
 
-def held_out_rows(recovered: Recovered, seed: int, cache: Path | None = None) -> list[dict[str, Any]]:
+def held_out_rows(recovered: Recovered, seed: int) -> list[dict[str, Any]]:
     """Errors of four parameter sets at rates that were not fitted, against the true cell.
 
     Charge and discharge run at the same rate. The four: the truth, the truth with 5 % noise on every
@@ -161,12 +156,12 @@ def held_out_rows(recovered: Recovered, seed: int, cache: Path | None = None) ->
     rows: list[dict[str, Any]] = []
     for rate in HELD_OUT_RATES:
         experiment = experiment_of(quiet, rate, rate)
-        target = reference_run(cell, experiment, truth, cache)
+        target = reference_run(cell, experiment, truth)
         if target.failure is not None or target.trajectory is None:
             continue
         task = Task("held-out", cell, space, (replace(experiment, target=target.trajectory),))
         for quality, candidate in candidates.items():
-            run = reference_run(cell, experiment, candidate, cache)
+            run = reference_run(cell, experiment, candidate)
             metrics = evaluate(task, Outcome((run,))) if run.failure is None else None
             rows.append(
                 {

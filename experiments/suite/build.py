@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from ...core.errors import BsaError
@@ -13,7 +12,7 @@ from .case import SuiteCase
 from .target import cell_of, experiment_of, target_of
 
 
-def build_task(case: SuiteCase, search: str | Mapping[str, Any] | None = None, cache: Path | None = None) -> Task:
+def build_task(case: SuiteCase, search: str | Mapping[str, Any] | None = None) -> Task:
     """The task of a case: its base cell, its target, and generic physical bounds.
 
     Parameters
@@ -29,7 +28,7 @@ def build_task(case: SuiteCase, search: str | Mapping[str, Any] | None = None, c
     from ...plugins.pybamm.presets import resolve_space
 
     cell = cell_of(case)
-    run = target_of(case, cache)
+    run = target_of(case)
     experiment = experiment_of(case)
     reached = run.trajectory
     if reached is None or (experiment.scored_cycle is not None and experiment.scored_cycle not in reached.cycles):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from ...core.parameters import Candidate
@@ -15,7 +14,7 @@ from .target import cell_of, discharged_in_scored_part, experiment_of, reference
 LEAST_CAPACITY_CHANGE = 0.01
 
 
-def passes(case: SuiteCase, cache: Path | None = None) -> bool:
+def passes(case: SuiteCase) -> bool:
     """Whether the true cell runs to its end and its capacity differs by 1 % or more from the base cell's.
 
     A base cell that cannot run the protocol differs enough.
@@ -24,8 +23,8 @@ def passes(case: SuiteCase, cache: Path | None = None) -> bool:
         return False
     quiet = replace(case, noise=Noise())
     cell, experiment = cell_of(quiet), experiment_of(quiet)
-    true = discharged_in_scored_part(reference_run(cell, experiment, quiet.hidden, cache), experiment)
-    base = discharged_in_scored_part(reference_run(cell, experiment, {}, cache), experiment) if true else None
+    true = discharged_in_scored_part(reference_run(cell, experiment, quiet.hidden), experiment)
+    base = discharged_in_scored_part(reference_run(cell, experiment, {}), experiment) if true else None
     return _differs(true, base)
 
 

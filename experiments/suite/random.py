@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
@@ -40,7 +39,6 @@ def random_cases(
     seed: int,
     count: int = 40,
     noise: Noise | None = None,
-    cache: Path | None = None,
     keep: Callable[[SuiteCase], bool] | None = None,
 ) -> dict[str, SuiteCase]:
     """Random cases that pass the filters, by key (``random-0``, ``random-1``, ...).
@@ -54,7 +52,7 @@ def random_cases(
     keep : callable, optional
         The filters, if not the paper's two.
     """
-    test = keep or (lambda case: passes(case, cache))
+    test = keep or passes
     cases = (_draw(seed, number, noise or Noise(), test) for number in range(count))
     return {case.key: case for case in cases}
 

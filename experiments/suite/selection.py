@@ -12,7 +12,7 @@ import numpy as np
 from ...core.errors import BsaError, did_you_mean
 from .case import Noise, SuiteCase
 from .generated import generated_cases
-from .published import SEI_CYCLES, published_cases
+from .published import published_cases
 from .random import random_cases
 
 SUITES = ("published", "generated", "random")
@@ -26,8 +26,6 @@ def load_suite(
     seed: int = 1,
     count: int = 40,
     noise: Noise | None = None,
-    cache: Path | None = None,
-    sei_cycles: int = SEI_CYCLES,
 ) -> dict[str, SuiteCase]:
     """The cases of a suite, by key.
 
@@ -37,8 +35,6 @@ def load_suite(
         ``"published"``, ``"generated"`` or ``"random"``.
     noise : Noise, optional
         Measurement noise put on every target.
-    sei_cycles : int
-        Cycles of the published ageing cases.
 
     Raises
     ------
@@ -48,8 +44,8 @@ def load_suite(
     if name not in SUITES:
         raise BsaError(f'there is no suite "{name}".', did_you_mean(name, SUITES) or f"suites: {', '.join(SUITES)}.")
     if name == "random":
-        return random_cases(seed, count, noise, cache)
-    cases = generated_cases() if name == "generated" else published_cases(folder, sei_cycles)
+        return random_cases(seed, count, noise)
+    cases = generated_cases() if name == "generated" else published_cases(folder)
     if not noise:
         return cases
     return {key: replace(case, noise=noise) for key, case in cases.items()}

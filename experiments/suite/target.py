@@ -11,22 +11,21 @@ import os
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ...core.ageing.choice import kept_cycles
-from ...core.encoding import decode_trajectory, encode_trajectory
+from ...core.encoding import decode_outcome, encode_outcome
 from ...core.errors import BsaError
 from ...core.files import write_json
 from ...core.parameters import Candidate
-from ...core.simulation import ExperimentRun, SimulationFailure
+from ...core.simulation import ExperimentRun, Outcome
 from ...core.target import CellChange
 from ...core.task import CellModel, Experiment
 from ...core.trajectory import StepKind, Trajectory
 from .case import Noise, SuiteCase, protocol
 
-_FORMAT = 1
+_FORMAT = 2
 
 _RTOL, _ATOL = 1e-7, 1e-7
 """Ten times tighter than the final score. Tighter still in ``atol``, and Ecker2015 fails in its first rest."""
@@ -66,26 +65,21 @@ def experiment_of(case: SuiteCase, charge_rate: float | None = None, discharge_r
     )
 
 
-def target_of(case: SuiteCase, cache: Path | None = None) -> ExperimentRun:
+def target_of(case: SuiteCase) -> ExperimentRun:
     """The record that the case asks to match, noise included.
-
-    Parameters
-    ----------
-    cache : Path, optional
-        Folder for finished targets; the user's cache folder otherwise.
 
     Returns
     -------
     ExperimentRun
         With a partial trajectory where PyBaMM cannot finish the true cell (one published task).
     """
-    run = reference_run(cell_of(case), experiment_of(case), case.hidden, cache)
+    run = reference_run(cell_of(case), experiment_of(case), case.hidden)
     if not case.noise or run.trajectory is None:
         return run
     return replace(run, trajectory=_noisy(run.trajectory, case.noise, case.key))
 
 
-def reference_run(cell: CellModel, experiment: Experiment, candidate: Candidate, cache: Path | None) -> ExperimentRun:
+def reference_run(cell: CellModel, experiment: Experiment, candidate: Candidate) -> ExperimentRun:
     """Simulate on the independent path, or read the result of an earlier call."""
     content = {
         "format": _FORMAT,
@@ -99,14 +93,14 @@ def reference_run(cell: CellModel, experiment: Experiment, candidate: Candidate,
         **({"detailed_cycles": experiment.detailed_cycles} if experiment.long else {}),
     }
     digest = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
-    path = (cache or cache_folder()) / f"{digest}.json"
+    path = cache_folder() / f"{digest}.json"
     if path.is_file():
         try:
-            return _decode(json.loads(path.read_text(encoding="utf-8")))
+            return decode_outcome(json.loads(path.read_text(encoding="utf-8"))).runs[0]
         except (ValueError, KeyError, TypeError):
             path.unlink()  # damaged by a crash of the machine: make it again
     run = _solve(cell, experiment, candidate)
-    write_json(path, _encode(run))
+    write_json(path, encode_outcome(Outcome((run,))))
     return run
 
 
@@ -134,20 +128,6 @@ def _noisy(clean: Trajectory, noise: Noise, key: str) -> Trajectory:
     current = clean.current * (1.0 + noise.current * rng.standard_normal(len(clean)))
     voltage = clean.voltage + noise.voltage_v * rng.standard_normal(len(clean))
     return clean.changed(current=current, voltage=voltage)
-
-
-def _encode(run: ExperimentRun) -> dict[str, Any]:
-    return {
-        "trajectory": None if run.trajectory is None else encode_trajectory(run.trajectory),
-        "failure": None if run.failure is None else asdict(run.failure),
-    }
-
-
-def _decode(record: dict[str, Any]) -> ExperimentRun:
-    return ExperimentRun(
-        None if record["trajectory"] is None else decode_trajectory(record["trajectory"]),
-        None if record["failure"] is None else SimulationFailure(**record["failure"]),
-    )
 
 
 def discharged_in_scored_part(run: ExperimentRun, experiment: Experiment) -> float | None:

@@ -79,7 +79,7 @@ def test_a_card_sets_a_backend_beside_rules_and_hybrid(tmp_path: Path, monkeypat
     monkeypatch.setattr(task_sources, "load_suite", lambda *arguments, **keywords: cases)
     monkeypatch.setattr(
         "bsa.experiments.suite.build.build_task",
-        lambda case, search=None, cache=None: toy_task(case.hidden, case.key),
+        lambda case, search=None: toy_task(case.hidden, case.key),
     )
     bad = BackendChoice(use="adversarial-advice")
     grid = models_grid(SuiteFilter(suite="generated"), bad, "full", 12, warm_up=3)

@@ -45,7 +45,7 @@ ALL = SuiteFilter(suite="generated")
 
 @pytest.fixture(autouse=True)
 def toy_cases(monkeypatch: pytest.MonkeyPatch) -> None:
-    def build(case: SuiteCase, search: object = None, cache: Path | None = None) -> Task:
+    def build(case: SuiteCase, search: object = None) -> Task:
         return toy_task(case.hidden, case.key)
 
     monkeypatch.setattr(task_sources, "load_suite", lambda *arguments, **keywords: CASES)
@@ -138,7 +138,7 @@ def test_warm_up_study(tmp_path: Path) -> None:
 
 
 def test_recovery_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def reference(cell: object, experiment: object, candidate: dict[str, float], cache: object) -> ExperimentRun:
+    def reference(cell: object, experiment: object, candidate: dict[str, float]) -> ExperimentRun:
         return ExperimentRun(record(candidate))
 
     monkeypatch.setattr(recovery, "reference_run", reference)

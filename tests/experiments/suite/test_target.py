@@ -33,7 +33,7 @@ def _record(capacity_ah: float, cycles: int = 2) -> Trajectory:
 
 
 @pytest.fixture
-def solves(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, float]]:
+def solves(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[dict[str, float]]:
     """Stands in for PyBaMM: capacity falls with the separator's thickness; counts the calls."""
     asked: list[dict[str, float]] = []
 
@@ -47,31 +47,32 @@ def solves(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, float]]:
         return ExperimentRun(_record(5.0 - 1e4 * (thickness - 1.2e-5)))
 
     monkeypatch.setattr(target, "_solve", solve)
+    monkeypatch.setenv("BSA_CACHE", str(tmp_path))
     return asked
 
 
 def test_a_target_is_made_once(solves: list[dict[str, float]], tmp_path: Path) -> None:
-    first = target.target_of(CASE, tmp_path)
-    again = target.target_of(CASE, tmp_path)
+    first = target.target_of(CASE)
+    again = target.target_of(CASE)
     assert len(solves) == 1
     assert first.trajectory is not None
     assert again.trajectory is not None
     np.testing.assert_array_equal(first.trajectory.voltage, again.trajectory.voltage)
-    target.target_of(replace(CASE, discharge_rate=2.0), tmp_path)
-    target.target_of(replace(CASE, changes={"Separator thickness [m]": 3e-5}), tmp_path)
+    target.target_of(replace(CASE, discharge_rate=2.0))
+    target.target_of(replace(CASE, changes={"Separator thickness [m]": 3e-5}))
     assert len(solves) == 3
 
 
 def test_a_damaged_cache_is_made_again(solves: list[dict[str, float]], tmp_path: Path) -> None:
-    target.target_of(CASE, tmp_path)
-    next(tmp_path.glob("*.json")).write_text("{")
-    target.target_of(CASE, tmp_path)
+    target.target_of(CASE)
+    next(tmp_path.glob("targets/*.json")).write_text("{")
+    target.target_of(CASE)
     assert len(solves) == 2
 
 
 def test_noise_is_repeatable_and_leaves_rests_alone(solves: list[dict[str, float]], tmp_path: Path) -> None:
     noisy = replace(CASE, noise=Noise(1e-3, 1e-3))
-    clean, one, two = (target.target_of(case, tmp_path).trajectory for case in (CASE, noisy, noisy))
+    clean, one, two = (target.target_of(case).trajectory for case in (CASE, noisy, noisy))
     assert clean is not None
     assert one is not None
     assert two is not None
@@ -81,14 +82,14 @@ def test_noise_is_repeatable_and_leaves_rests_alone(solves: list[dict[str, float
 
 
 def test_filters(solves: list[dict[str, float]], tmp_path: Path) -> None:
-    assert passes(replace(CASE, changes={"Separator thickness [m]": 5e-5}), tmp_path)
-    assert not passes(replace(CASE, changes={"Separator thickness [m]": 1.3e-5}), tmp_path)
-    assert not passes(replace(CASE, changes={"Separator thickness [m]": 2e-3}), tmp_path)
-    assert not passes(replace(CASE, changes={}), tmp_path)
+    assert passes(replace(CASE, changes={"Separator thickness [m]": 5e-5}))
+    assert not passes(replace(CASE, changes={"Separator thickness [m]": 1.3e-5}))
+    assert not passes(replace(CASE, changes={"Separator thickness [m]": 2e-3}))
+    assert not passes(replace(CASE, changes={}))
 
 
 def test_the_task_hides_the_truth(solves: list[dict[str, float]], tmp_path: Path) -> None:
-    task = build_task(CASE, cache=tmp_path)
+    task = build_task(CASE)
     assert task.name == "regular-0"
     assert len(task.space) == 9
     assert task.space.initial["Separator thickness [m]"] == pytest.approx(1.2e-5)
@@ -98,10 +99,10 @@ def test_the_task_hides_the_truth(solves: list[dict[str, float]], tmp_path: Path
 
 
 def test_a_target_that_stops_early_is_said_and_scored(solves: list[dict[str, float]], tmp_path: Path) -> None:
-    task = build_task(replace(CASE, changes={"Separator thickness [m]": 2e-4}), cache=tmp_path)
+    task = build_task(replace(CASE, changes={"Separator thickness [m]": 2e-4}))
     assert "Hold at 4.2 V" in task.notes[0]
     with pytest.raises(BsaError, match="cannot simulate the true cell"):
-        build_task(replace(CASE, changes={"Separator thickness [m]": 2e-3}), cache=tmp_path)
+        build_task(replace(CASE, changes={"Separator thickness [m]": 2e-3}))
 
 
 def test_known_ambient_temperature_is_not_hidden() -> None:
