@@ -26,6 +26,7 @@ from .route import NotReady, Route
 from .served import Answer, Request, ServedBackend
 from .strict_schema import strict, without_nulls
 from .structured_output import FormRefusedError
+from .tool_calls import as_object, tools
 
 _REPLY_TOKENS = 4096
 _REPLY_TOKENS_REASONING = 32768
@@ -99,6 +100,8 @@ class LiteLLMBackend(ServedBackend):
         if base_url is None:
             self._check_key()
             self.strictest = self._find_strictest()
+        if options.tool_calls and (base_url is not None or self._knows(self._litellm.supports_function_calling)):
+            self.strictest = "tools"
 
     def _find_provider(self) -> str:
         try:
@@ -138,6 +141,8 @@ class LiteLLMBackend(ServedBackend):
         try:
             response = self._litellm.completion(**self._arguments(request))
             return self._answer(response, request.form, notes)
+        except FormRefusedError:
+            raise
         except Exception as error:
             # Without the cause: litellm's tracebacks hold the request, headers included.
             raise self._translated(error) from None
@@ -162,7 +167,9 @@ class LiteLLMBackend(ServedBackend):
             arguments["reasoning_effort"] = self.options.reasoning_effort
         if self._base_url is not None:
             arguments |= {"api_base": self._base_url, "client": self._own_client(self._base_url)}
-        if request.form == "schema":
+        if request.form == "tools":
+            arguments |= {"tools": tools(request.schema, self._base_url is None), "tool_choice": "required"}
+        elif request.form == "schema":
             # Servers of one's own enforce more of JSON Schema than the hosted models' strict subset.
             schema = dict(request.schema) if self._base_url else strict(request.schema)
             arguments["response_format"] = {
@@ -184,7 +191,12 @@ class LiteLLMBackend(ServedBackend):
         choice = response.choices[0]
         text = choice.message.content
         text = text if isinstance(text, str) else ""
-        if form == "schema" and self._base_url is None:
+        if form == "tools":
+            called = getattr(choice.message, "tool_calls", None)
+            if not called:
+                raise FormRefusedError("the model called none", certain=False)
+            text = as_object(str(called[0].function.name), str(called[0].function.arguments))
+        if form in ("tools", "schema") and self._base_url is None:
             text = without_nulls(text)
         return Answer(
             text=text,

@@ -32,6 +32,9 @@ class BackendOptions(BaseModel, extra="forbid", frozen=True):
     retry_limit_s: float = Field(
         600.0, ge=0, description="After this many seconds of failed attempts a call is given up and its round is lost."
     )
+    tool_calls: bool = Field(
+        False, description="Whether actions are offered as tools to call, where the route and the model have them."
+    )
     sees_images: bool | None = Field(
         None, description="Whether the model is shown overlay images; found out from the route if unset."
     )

@@ -1,4 +1,4 @@
-"""Gets one JSON object out of any server: by schema, else by JSON mode, else by asking nicely."""
+"""Gets one JSON object out of any server: by tools or a schema, else by JSON mode, else by asking nicely."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..core.messages import JsonSchema, Message, StructuredBy, without_alternati
 
 T = TypeVar("T")
 
-LADDER: tuple[StructuredBy, ...] = ("schema", "json", "text")
+LADDER: tuple[StructuredBy, ...] = ("tools", "schema", "json", "text")
 _accepted: dict[str, StructuredBy] = {}
 """What each server took last, for the life of the process: a refusal costs a round trip only once."""
 
@@ -41,7 +41,7 @@ def descend(
         What the memory of refusals goes by: route, address and model.
     ask : callable
         Asks in the given form; raises `FormRefusedError`.
-    first : {'schema', 'json', 'text'}
+    first : {'tools', 'schema', 'json', 'text'}
         The strictest form worth trying.
 
     Raises
@@ -61,14 +61,21 @@ def descend(
             certain = certain and refusal.certain
             refusals.append(f"the server refused {_NAMES[form]} ({refusal})")
             continue
-        if certain:
+        if refusals and certain:
             _accepted[server] = form
         notes.extend(refusals)
         return result, form
     raise AssertionError("the last form returns or raises")
 
 
-_NAMES: dict[StructuredBy, str] = {"schema": "a JSON schema", "json": "JSON mode", "text": "plain text"}
+_NAMES: dict[StructuredBy, str] = {
+    "tools": "tools",
+    "schema": "a JSON schema",
+    "json": "JSON mode",
+    "text": "plain text",
+}
+
+_CALL = "Answer by calling the tool of what you choose, once; its arguments are the JSON object."
 
 
 def with_schema_in_prompt(messages: Sequence[Message], schema: JsonSchema, form: StructuredBy) -> list[Message]:
@@ -76,6 +83,8 @@ def with_schema_in_prompt(messages: Sequence[Message], schema: JsonSchema, form:
     messages = list(messages)
     if form == "schema" or not messages:
         return messages
+    if form == "tools":
+        return [*messages[:-1], replace(messages[-1], text=f"{messages[-1].text}\n\n{_CALL}")]
     wanted = json.dumps(without_alternatives(schema), ensure_ascii=False, separators=(",", ":"))
     text = (
         f"{messages[-1].text}\n\nAnswer with one JSON object and nothing else, without code fences or comments. "

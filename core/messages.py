@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal, Protocol, runtime_checkable
 
 Role = Literal["system", "user", "assistant"]
-StructuredBy = Literal["schema", "json", "text"]
+StructuredBy = Literal["tools", "schema", "json", "text"]
 JsonSchema = Mapping[str, Any]
 
 ALTERNATIVES = "anyOf"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from ...core.errors import BsaError
@@ -70,6 +71,6 @@ def ask(
     return Answer(None, tuple(problems), reply)
 
 
-def answered(conversation: Sequence[Message], reply: str, answer: str) -> list[Message]:
+def answered(conversation: Sequence[Message], reply: str, answer: str, images: tuple[Path, ...] = ()) -> list[Message]:
     """The conversation with a reply, shortened, and an answer to it."""
-    return [*conversation, Message("assistant", reply[:_REPLY_CHARS]), Message("user", answer)]
+    return [*conversation, Message("assistant", reply[:_REPLY_CHARS]), Message("user", answer, images)]

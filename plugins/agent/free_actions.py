@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...core.prompt_sections import section, table
+from ..feedback.overlay import draw_step
 from ..feedback.rounding import rounded
 from ..feedback.steps import curves, named_steps
 from .actions import Action
@@ -25,6 +27,17 @@ def answer(action: Action, situation: Situation) -> str:
         return section("Prediction", predicted(situation, action.candidates[0]))
     change = suggested(situation)
     return section("Suggested change", {"updated_params": change, "note": "removes most, if all acts linearly"})
+
+
+def picture(action: Action, situation: Situation) -> tuple[Path, ...]:
+    """The step of a `look` as a picture beside those of the feedback; none where the feedback has none."""
+    pictures = situation.base.feedback.images
+    if action.kind != "look" or not pictures:
+        return ()
+    pair, experiment = named_steps(situation.task, situation.base.curves)[action.step]
+    path = pictures[0].with_name(f"trial-{situation.base.index:03d}-{action.step}.png")
+    draw_step(pair, situation.task.compared(pair.step.kind, experiment), path)
+    return (path,)
 
 
 def steps_to_look_at(situation: Situation) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from ...core.trial import closest
 from .actions import FREE, Action, Kind, Offer, action_schema, check_action
 from .conversation import Answer, answered, ask
 from .free_actions import answer as free_answer
-from .free_actions import steps_to_look_at
+from .free_actions import picture, steps_to_look_at
 from .prompt import build_messages
 from .situation import Situation
 
@@ -122,9 +122,8 @@ def converse(
             return answer, free
         free.append(action.kind)
         more = "" if len(free) < most_free else " No more free actions in this round: simulate something."
-        messages = answered(
-            messages, answer.reply.text, free_answer(action, situation) + f"\n\nNow choose again.{more}"
-        )
+        told = free_answer(action, situation) + f"\n\nNow choose again.{more}"
+        messages = answered(messages, answer.reply.text, told, picture(action, situation))
 
 
 def require_backend(context: RunContext) -> Backend:

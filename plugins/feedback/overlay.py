@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
+from ...core.alignment import StepPair
 from ...core.feedback import Feedback
 from ...core.files import replacing
 from ...core.hooks import NoOptions, RunContext, hookimpl
 from ...core.metrics import Metrics
+from ...core.signals import Signal
 from ...core.simulation import Outcome
 from ...core.task import Task
 from .structured import StructuredFeedback
 
 FOLDER = "overlays"
+
+_CURVES = (("tab:orange", "measured"), ("tab:blue", "simulated"))
+_STEP_POINTS = 200
 
 _HOURS_BEYOND_S = 600.0
 """A record longer than this is drawn over hours."""
@@ -35,6 +43,26 @@ class OverlayFeedback:
         return Feedback(content, (path,))
 
 
+def draw_step(pair: StepPair, signals: Sequence[Signal], path: Path) -> None:
+    """Draw a step's observed signals over the share of the step's own duration, as they are compared."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(5.2, 2.3 * len(signals)), dpi=80, layout="constrained")
+    FigureCanvasAgg(figure)
+    rows = figure.subplots(len(signals), 1, sharex=True, squeeze=False)[:, 0]
+    fractions = np.linspace(0.0, 1.0, _STEP_POINTS)
+    for axes, signal in zip(rows, signals, strict=True):
+        for values, (colour, label) in zip(pair.curves(signal, fractions), _CURVES, strict=True):
+            axes.plot(100.0 * fractions, values, color=colour, label=label, linewidth=1.2)
+        axes.set_ylabel(f"{signal.words} [{signal.unit}]")
+    rows[0].set_title(pair.name, fontsize=9)
+    rows[0].legend(fontsize=8)
+    rows[-1].set_xlabel("share of the step's own duration [%]")
+    with replacing(path) as file:
+        figure.savefig(file, format="png")
+
+
 def draw_overlay(task: Task, outcome: Outcome, path: Path) -> None:
     """Draw the signals over time, driven ones on top, one column a record, as the paper's prompt shows them."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -47,10 +75,9 @@ def draw_overlay(task: Task, outcome: Outcome, path: Path) -> None:
     longest = max(experiment.target.duration for experiment in task.experiments)
     scale, unit = (3600.0, "h") if longest > _HOURS_BEYOND_S else (1.0, "s")
     for column, (experiment, run) in enumerate(zip(task.experiments[:3], outcome.runs, strict=False)):
-        records = [(experiment.target, "tab:orange", "measured")]
-        if run.trajectory is not None:
-            records.append((run.trajectory, "tab:blue", "simulated"))
-        for record, colour, label in records:
+        for record, (colour, label) in zip((experiment.target, run.trajectory), _CURVES, strict=True):
+            if record is None:
+                continue
             time = (record.time - record.time[0]) / scale
             for row, signal in enumerate(signals):
                 if signal.name not in record.signals:

@@ -6,6 +6,8 @@ from bsa.backends.opening import open_backend
 from bsa.backends.options import BackendOptions
 from bsa.core.errors import BsaError
 from bsa.core.messages import ALTERNATIVES, BackendFailure, Message
+from bsa.plugins.agent.actions import Offer, action_schema
+from bsa_toy_cell import space
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -56,6 +58,64 @@ def test_a_refused_form_is_stepped_down_from_once(
     assert len(server.seen) == calls + 1
     if refused:
         assert "JSON Schema" in server.seen[-1].body["messages"][-1]["content"]
+
+
+def _called(chat_completion, name, arguments):
+    call = {"id": "1", "type": "function", "function": {"name": name, "arguments": arguments}}
+    message = {"role": "assistant", "content": None, "tool_calls": [call]}
+    return 200, {}, chat_completion("", choices=[{"index": 0, "finish_reason": "tool_calls", "message": message}])
+
+
+def test_actions_are_tools_where_that_is_asked_for(serve, chat_completion, messages):
+    offer = Offer(("set", "look"), space(), ("cc_discharge",), analysis_chars=0)
+    server = serve(lambda seen, handler: _called(chat_completion, "look", '{"step": "cc_discharge"}'))
+    reply = _open(server, tool_calls=True).complete(messages, action_schema(offer), seed=0)
+    assert json.loads(reply.text) == {"action": "look", "step": "cc_discharge"}
+    assert reply.structured_by == "tools"
+    [seen] = server.seen
+    functions = {tool["function"]["name"]: tool["function"]["parameters"] for tool in seen.body["tools"]}
+    assert functions["set"]["required"] == ["updated_params"]
+    assert list(functions["look"]["properties"]) == ["step"]
+    assert seen.body["tool_choice"] == "required"
+    assert "response_format" not in seen.body
+    assert "calling the tool" in seen.body["messages"][-1]["content"]
+
+
+def test_an_object_without_actions_is_one_tool(serve, chat_completion, proposal, messages, schema):
+    server = serve(lambda seen, handler: _called(chat_completion, "answer", json.dumps(proposal)))
+    reply = _open(server, tool_calls=True).complete(messages, schema, seed=0)
+    assert json.loads(reply.text) == proposal
+    assert [tool["function"]["name"] for tool in server.seen[0].body["tools"]] == ["answer"]
+
+
+@pytest.mark.parametrize("refusing", [True, False])
+def test_a_server_without_tools_is_asked_by_schema(serve, chat_completion, proposal, messages, schema, refusing):
+    def answer(seen, handler):
+        if "tools" in seen.body and refusing:
+            return 400, {}, b'{"error": {"message": "tools are not supported"}}'
+        return _ok(chat_completion, proposal)
+
+    server = serve(answer)
+    backend = _open(server, tool_calls=True)
+    replies = [backend.complete(messages, schema, seed=seed) for seed in (0, 1)]
+    assert [reply.structured_by for reply in replies] == ["schema", "schema"]
+    assert any("tools" in note for note in replies[0].notes)
+    # A refusal is remembered; that a model once called nothing is not.
+    assert len(server.seen) == (3 if refusing else 4)
+
+
+def test_a_hosted_model_gets_tools_in_the_strict_subset(serve, chat_completion, messages, monkeypatch):
+    offer = Offer(("set", "predict"), space(), analysis_chars=0)
+    change = json.dumps({"updated_params": dict.fromkeys(space().names) | {space().names[0]: "*1.2"}})
+    server = serve(lambda seen, handler: _called(chat_completion, "predict", change))
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-openai-secret-000000")
+    monkeypatch.setenv("OPENAI_API_BASE", f"{server.url}/v1")
+    backend = open_backend("litellm:openai/o3", BackendOptions(tool_calls=True))
+    reply = backend.complete(messages, action_schema(offer), seed=1)
+    assert json.loads(reply.text) == {"action": "predict", "updated_params": {space().names[0]: "*1.2"}}
+    function = server.seen[-1].body["tools"][0]["function"]
+    assert function["strict"] is True
+    assert function["parameters"]["properties"]["updated_params"]["required"] == list(space().names)
 
 
 def test_a_server_that_ignores_the_schema_is_not_believed(serve, chat_completion, messages, schema):

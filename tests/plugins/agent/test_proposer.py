@@ -56,6 +56,17 @@ def test_free_questions_are_answered_in_the_same_round(run_toy: RunToy, tmp_path
     assert "## Suggested change" in backend.prompts[2][-1].text
 
 
+@pytest.mark.parametrize(("scaffold", "pictures"), [("vision", 1), ("full", 0)])
+def test_a_look_has_a_picture_where_the_feedback_has(
+    run_toy: RunToy, tmp_path: Path, scaffold: str, pictures: int
+) -> None:
+    backend = Scripted({"action": "look", "step": "cc_discharge"}, SET)
+    run_toy(tmp_path, scaffold=without_warm_up(scaffold), backend=backend, rounds=1, simulations=4)
+    images = backend.prompts[1][-1].images
+    assert [image.name for image in images] == ["trial-000-cc_discharge.png"] * pictures
+    assert all(image.read_bytes().startswith(b"\x89PNG") for image in images)
+
+
 def test_there_is_an_end_to_free_questions(run_toy: RunToy, tmp_path: Path) -> None:
     backend = Scripted({"action": "look", "step": "cc_discharge"})
     run_toy(tmp_path, scaffold=without_warm_up(), backend=backend, rounds=1, simulations=4)
