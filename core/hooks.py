@@ -134,6 +134,9 @@ class ProposeContext:
     recall : callable
         ``recall(budget)`` returns the `Recollection` of every memory in the scaffold, ``budget``
         characters each at most.
+    equilibrium : callable
+        ``equilibrium(candidates)`` returns the outcomes of `RunHooks.equilibrium` in the order of the candidates, or
+        None where the simulator has none. They are not counted as simulations.
     """
 
     task: Task
@@ -143,6 +146,7 @@ class ProposeContext:
     seed: int
     simulations_left: int
     recall: Callable[[int], list[Recollection]] = field(default=lambda budget: [])
+    equilibrium: Callable[[Sequence[Candidate]], Sequence[Outcome] | None] = field(default=lambda candidates: None)
 
 
 class CatalogueHooks:
@@ -247,6 +251,25 @@ class RunHooks:
         """The task's experiments, reduced: what `simulate_variant` is then given. Optional.
 
         The same reduction must give the same object, so that what was compiled for it can be kept.
+        """
+
+    @hookspec(firstresult=True)
+    def equilibrium(self, candidates: Sequence[Candidate]) -> Iterable[tuple[int, Outcome]] | None:
+        """What candidates would show at the record's samples if they were at equilibrium all the time. Optional.
+
+        A cell then shows the open-circuit voltage that belongs to the charge drawn so far. A fit asks for it hundreds
+        of times between two simulations, so that it has to take milliseconds.
+
+        Parameters
+        ----------
+        candidates : sequence of Candidate
+            Complete candidates inside the bounds.
+
+        Yields
+        ------
+        place, outcome
+            As for `simulate`. None in place of an iterable where the samples follow from the simulation (under a
+            protocol).
         """
 
     @hookspec(firstresult=True)

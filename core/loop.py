@@ -196,6 +196,7 @@ class Run:
             seed=int(seed),
             simulations_left=simulations_left,
             recall=self._plugins.recall,
+            equilibrium=self._plugins.equilibrium,
         )
 
     def _take(self, proposal: Proposal, phase: Phase, number: int, limit: int) -> None:

@@ -146,6 +146,16 @@ class RunPlugins:
         pairs = simulator.call(hook, candidates=copies, experiments=experiments, exact=exact)
         return None if pairs is None else self._outcomes(simulator, hook, pairs, len(candidates), len(experiments))
 
+    def equilibrium(self, candidates: Sequence[Candidate]) -> list[Outcome] | None:
+        """See `RunHooks.equilibrium`; in the order of the candidates, None where the simulator has none."""
+        hook, simulator = "equilibrium", self._only("equilibrium")
+        pairs = simulator and simulator.call(hook, candidates=[dict(candidate) for candidate in candidates])
+        if simulator is None or pairs is None:
+            return None
+        experiments = len(self._context.task.experiments)
+        found = dict(self._outcomes(simulator, hook, pairs, len(candidates), experiments))
+        return [found[place] for place in range(len(candidates))]
+
     def _optional(self, hook: str, check: Callable[[Any], Any], **arguments: Any) -> Any:
         """The checked answer of the plugin that implements the hook; that of none is None."""
         participant = self._only(hook)

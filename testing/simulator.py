@@ -100,6 +100,13 @@ class SimulatorConformance(RunPluginConformance):
         found = plugins.simulate_variant([task.space.initial], task.experiments)
         assert found is None or [place for place, _ in found] == [0]
 
+    def test_a_cell_at_equilibrium_has_the_samples_of_its_record(self, plugins: RunPlugins, task: Task) -> None:
+        """``equilibrium`` answers as ``simulate`` does, at the record's own samples."""
+        for outcome in plugins.equilibrium([task.space.initial]) or []:
+            for experiment, run in zip(task.experiments, outcome.runs, strict=True):
+                assert run.trajectory is not None
+                assert len(run.trajectory) == len(experiment.target)
+
     def test_the_same_reduction_is_the_same_object(self, plugins: RunPlugins) -> None:
         """What was compiled for a reduced task is kept under its identity."""
         assert plugins.reduce_task(TaskReduction(0.5)) is plugins.reduce_task(TaskReduction(0.5))

@@ -10,8 +10,9 @@ import numpy as np
 from ..record import Record
 from ..trajectory import FloatArray, Step, StepKind, Trajectory
 
-SLOW_HOURS = 10.0
-"""A charge or discharge at constant current that takes longer shows the open-circuit voltage nearly bare, in h."""
+SLOW_HOURS = 8.0
+"""A charge or discharge at constant current that takes longer shows the open-circuit voltage nearly bare, in h: C/10 of
+the nominal capacity, of which a measured cell gives down to five sixths."""
 
 SLOW_SWING_V = 0.5
 """A slow curve crosses at least this much voltage, in V."""

@@ -14,8 +14,9 @@ from ...core.trajectory import FloatArray, Trajectory
 
 Data = Literal["open-circuit", "current-steps", "rates", "temperature", "first-cycle", "life", "everything"]
 
-_SLOW_PER_H = 0.1
-"""Currents up to C/10 show nearly the open-circuit curve: some 10 mV of polarisation, with the sign of the current."""
+_SLOW_PER_H = 0.12
+"""Currents up to C/10 show nearly the open-circuit curve: some 10 mV of polarisation, with the sign of the current. The
+tenth is of the nominal capacity, of which a measured cell gives down to five sixths."""
 
 _RELAXED_S = 600.0
 """What a rest shows after ten minutes is the open-circuit voltage to a few mV, except at the ends of the curve."""

@@ -14,6 +14,7 @@ from ...core.simulation import Outcome
 from ...core.target import InitialSoc
 from ...core.task import Experiment, Protocol
 from ...core.task_reduction import TaskReduction
+from .equilibrium import EquilibriumCell
 from .reduced import reduced
 from .worker import Assignment, WorkerPool
 
@@ -52,6 +53,7 @@ class PyBaMMSimulator:
         self._options, self._workers = options, context.workers
         self._reduced: dict[TaskReduction, tuple[Experiment, ...]] = {}
         self._variant: tuple[tuple[Experiment, ...], WorkerPool] | None = None
+        self._equilibrium: EquilibriumCell | None = None
         self._pool = WorkerPool(
             Assignment(task.cell, task.experiments, task.space.targets),
             context.workers,
@@ -98,6 +100,15 @@ class PyBaMMSimulator:
         if reduction not in self._reduced:
             self._reduced[reduction] = tuple(reduced(experiment, reduction) for experiment in self._task.experiments)
         return self._reduced[reduction]
+
+    @hookimpl
+    def equilibrium(self, candidates: Sequence[Candidate]) -> Iterator[tuple[int, Outcome]] | None:
+        """Open-circuit voltages under measured currents."""
+        if any(experiment.protocol is not None for experiment in self._task.experiments):
+            return None
+        if self._equilibrium is None:
+            self._equilibrium = EquilibriumCell(self._task)
+        return enumerate(map(self._equilibrium.outcome, candidates))
 
     @hookimpl
     def next_protocols(self) -> Mapping[str, Protocol]:

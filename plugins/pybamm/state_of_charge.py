@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -62,6 +63,15 @@ def initial_concentration(which: str) -> str:
     return f"Initial concentration in {which.lower()} electrode [mol.m-3]"
 
 
+@dataclass(frozen=True)
+class _Start:
+    """Of both electrodes: stoichiometry at the start, what they can hold (mol/m2), maximum concentration (mol/m3)."""
+
+    stoichiometry: Mapping[str, float]
+    held: Mapping[str, float]
+    highest: Mapping[str, float]
+
+
 class InitialState:
     """Initial concentrations at a state of charge, for any candidate, without touching the compiled model.
 
@@ -110,6 +120,35 @@ class InitialState:
         ValueError
             If the electrodes cannot hold the lithium at this state of charge.
         """
+        start = self._start(change, soc)
+        return {initial_concentration(which): start.stoichiometry[which] * start.highest[which] for which in ELECTRODES}
+
+    def voltages(self, change: CellChange, soc: float | None, drawn: FloatArray) -> FloatArray:
+        """Open-circuit voltage after charge was drawn, V, shape (n,).
+
+        Parameters
+        ----------
+        change, soc
+            As for `concentrations`.
+        drawn : ndarray of shape (n,)
+            Lithium that has left the negative electrode since the start, mol per m2 of electrode. Beyond what an
+            electrode holds its potential stays at its last value.
+
+        Raises
+        ------
+        ValueError
+            As `concentrations`.
+        """
+        start = self._start(change, soc)
+        potentials = {
+            which: np.interp(
+                start.stoichiometry[which] + sign * drawn / start.held[which], GRID, self._ocp.curve(which, change)
+            )
+            for which, sign in (("Negative", -1.0), ("Positive", 1.0))
+        }
+        return np.asarray(potentials["Positive"] - potentials["Negative"])
+
+    def _start(self, change: CellChange, soc: float | None) -> _Start:
         x, voltage, lithium, held, highest = self._balance(change)
         empty, full = np.interp(self._limits, voltage, x)
         own = self._base[initial_concentration("Negative")] / highest["Negative"]
@@ -117,10 +156,7 @@ class InitialState:
         positive = (lithium - held["Negative"] * negative) / held["Positive"]
         if not 0.0 < negative < 1.0 or not 0.0 < positive < 1.0:
             raise ValueError(f"stoichiometries {negative:.3f} and {positive:.3f} must lie between 0 and 1")
-        return {
-            initial_concentration("Negative"): negative * highest["Negative"],
-            initial_concentration("Positive"): positive * highest["Positive"],
-        }
+        return _Start({"Negative": negative, "Positive": positive}, held, highest)
 
     def soc_at(self, voltage: float, change: CellChange | None = None) -> float:
         """The state of charge of a changed cell at an open-circuit voltage; beyond 0 and 1 outside its limits.

@@ -24,7 +24,7 @@ from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.task import Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.run_record import read_run
-from bsa.plugins.proposers import staged as staged_module
+from bsa.plugins.proposers import stage_fit as stage_fit_module
 from bsa.plugins.proposers.stage_data import view_of
 from bsa.plugins.proposers.staged import StagedOptions
 from bsa_toy_cell import CAPACITY, HIDDEN, POLARISATION, RELAXATION, SERIES, toy_scaffold, toy_task
@@ -72,7 +72,7 @@ def test_derivatives_just_measured_are_not_measured_again(
             if self.jacobian is not None:
                 begun.append(self.predicted)
 
-    monkeypatch.setattr(staged_module, "LeastSquares", Watched)
+    monkeypatch.setattr(stage_fit_module, "LeastSquares", Watched)
     run_toy(tmp_path / "run", scaffold=staged(order=["all"]), simulations=40)
     assert np.isfinite(begun[0])  # infinite where the derivatives are not those of the start
 

@@ -1,0 +1,117 @@
+"""A stage on open-circuit data: fitted to a cell at equilibrium, which every simulation corrects.
+
+The parameters of the open-circuit curve act on a slow record nearly as they do on a cell at equilibrium, whose voltage
+takes milliseconds. What the two differ by, a polarisation that hardly depends on these parameters, is taken from the
+simulation of the best point and held while the cell at equilibrium is fitted. The simulation of what was found
+corrects it anew.
+
+References
+----------
+Alexandrov & Lewis, Optim. Eng. 2 (2001) 413 (a cheaper model with an additive correction). Bandler et al., IEEE
+Trans. Microw. Theory Tech. 52 (2004) 337 (space mapping).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.least_squares import LeastSquares, solve
+from ...core.parameters import Candidate
+from ...core.residuals import residuals
+from ...core.simulation import Outcome
+from ...core.task import Task
+from ...core.trajectory import FloatArray
+from ...core.trial import Trial
+from .stage_data import View
+from .stage_fit import SETTINGS, Stage, StageChoice
+
+Equilibrium = Callable[[Sequence[Candidate]], Sequence[Outcome] | None]
+
+_EVALUATIONS = 1000
+"""Cells at equilibrium that a fit between two simulations may compute: some thirty Jacobians."""
+
+_HALVINGS = 3
+"""Times that a step is halved when its simulation is worse than the one before: an eighth of what the equilibrium
+promises is not worth a simulation."""
+
+
+class EquilibriumFit(Stage):
+    """A stage that simulates only the ends of fits to a cell at equilibrium.
+
+    Parameters
+    ----------
+    task, choice, view, free, start, budget
+        As for `Stage`.
+    equilibrium : callable
+        As `ProposeContext.equilibrium`.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        choice: StageChoice,
+        view: View,
+        free: NDArray[np.bool_],
+        start: Trial,
+        budget: int,
+        equilibrium: Equilibrium,
+    ) -> None:
+        super().__init__(task, choice, view, free, start, budget)
+        self._equilibrium = equilibrium
+        self._next: FloatArray | None = None
+        self._rejected = 0
+
+    def ask(self, simulations_left: int) -> list[Candidate]:
+        """See `Stage.ask`: the end of the next fit, if it promises something."""
+        if min(self._left, simulations_left) <= 0 or self._rejected > _HALVINGS:
+            return []
+        if self._next is None:
+            self._next = self._fitted()
+        return [] if self._next is None else [self._space.at(self._next)]
+
+    def tell(self, trials: Sequence[Trial]) -> Trial:
+        """See `Stage.tell`."""
+        (trial,) = trials
+        assert self._next is not None
+        self._left -= 1
+        if self._cost(self._weighed(trial), self._next) < self._cost(self._weighed(self._here), self._point()):
+            self._here, self._next, self._rejected = trial, None, 0
+            self._noise = self._misfit_noise()
+        else:
+            self._next, self._rejected = 0.5 * (self._next + self._point()), self._rejected + 1
+        return self._here
+
+    @property
+    def _method(self) -> str:
+        return "the end of a fit to a cell at equilibrium, corrected by the last simulation"
+
+    def _fitted(self) -> FloatArray | None:
+        """Where the corrected cell at equilibrium fits best; None where that gains next to nothing."""
+        here = self._at_equilibrium([self._point()])[0]
+        seen = self._weighed(self._here)
+        if here is None or seen is None:
+            return None
+        correction = seen - here
+
+        def corrected(points: list[FloatArray]) -> list[FloatArray | None]:
+            return [None if found is None else found + correction for found in self._at_equilibrium(points)]
+
+        search = LeastSquares(self._point(), seen, SETTINGS, self._free, box=self._box())
+        before = search.cost
+        solve(search, corrected, _EVALUATIONS)
+        gained = before - search.cost
+        return search.point if gained > max(SETTINGS.noise**2, SETTINGS.tolerance * before) else None
+
+    def _at_equilibrium(self, points: Sequence[FloatArray]) -> list[FloatArray | None]:
+        """The view's residuals of a cell at equilibrium, in standard deviations."""
+        outcomes = self._equilibrium([self._space.at(point) for point in points])
+        assert outcomes is not None  # it was there when the stage began
+        found = [residuals(self._task, outcome) for outcome in outcomes]
+        return [None if values is None else self._view(values) / self._noise for values in found]
+
+    def _cost(self, residual: FloatArray | None, point: FloatArray) -> float:
+        prior = self._space.prior_weights * point
+        return np.inf if residual is None else float(residual @ residual + prior @ prior)

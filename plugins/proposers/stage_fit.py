@@ -1,0 +1,196 @@
+"""One stage of a calibration: a least-squares fit of its own parameters to its own part of the residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field
+
+from ...core.fit_settings import Box, Settings
+from ...core.identifiability import effective_noise
+from ...core.least_squares import LeastSquares
+from ...core.parameters import Candidate
+from ...core.task import Task
+from ...core.trajectory import FloatArray
+from ...core.trial import Trial
+from .stage_data import Data, View
+
+_NOISE_FLOOR = 1.0
+"""Standard deviation of a residual that is assumed at least, in tolerances: a good cycler's millivolt."""
+
+_USUAL_NOISE = 10.0
+"""Standard deviation that is assumed at most, in tolerances: physical models of measured cells end at 5 to 15 mV. The
+misfit of a start says how wrong the start is, and priors that are weighed against it would hold it there."""
+
+SETTINGS = Settings(radius=2.0, noise=1.0, tolerance=5e-3)
+"""Coordinates are in standard deviations of the priors, residuals in standard deviations of the misfit: beyond two of
+the former a linear picture of a cell is a guess, and a gain of one of the latter says nothing."""
+
+_SHARE_OF_RANGE = 0.007
+"""Finite difference of a parameter that has no deviation, as a share of its range."""
+
+_SETTLED = 0.7
+"""Share of the assumed noise below which a fit has left it behind: the priors then weigh too much."""
+
+_TOLD = 0.25
+"""Information of the data on a parameter, in that of its prior, below which the parameter stays where it is: the data
+would narrow its prior by a tenth at most, for a simulation with every Jacobian."""
+
+_DATA: dict[Data, str] = {
+    "open-circuit": "rests and currents up to C/10",
+    "current-steps": "the first minute after each current step",
+    "rates": "currents above C/10",
+    "temperature": "the measured temperature",
+    "first-cycle": "the first cycle",
+    "life": "the cycles after the first",
+    "everything": "all of the records",
+}
+
+
+class StageChoice(BaseModel, extra="forbid"):
+    """One stage."""
+
+    name: str = Field(description="What the journal calls it.")
+    data: Data = Field(description="The part of the records it is fitted to.")
+    fits: list[str] = Field(
+        default_factory=list, description="Its parameters: those whose names contain one of these; all if empty."
+    )
+    after: str = Field("", description="A stage without which this one is skipped.")
+    share: float = Field(1.0, gt=0, le=1, description="Share of the simulations still left that it may use.")
+
+    def takes(self, name: str) -> bool:
+        """Whether the stage fits a parameter."""
+        return not self.fits or any(part.casefold() in name.casefold() for part in self.fits)
+
+
+class Stage:
+    """What is fitted to what, from where; asks for candidates and is told their trials.
+
+    Parameters
+    ----------
+    task : Task
+        Its residuals are fitted.
+    choice : StageChoice
+        Which stage.
+    view : View
+        Its part of the residuals.
+    free : ndarray of bool, shape (p,)
+        Its parameters.
+    start : Trial
+        Where it begins.
+    budget : int
+        Simulations that it may use.
+    """
+
+    takes_slopes = False
+
+    def __init__(
+        self, task: Task, choice: StageChoice, view: View, free: NDArray[np.bool_], start: Trial, budget: int
+    ) -> None:
+        self.choice = choice
+        self._task, self._space = task, task.space
+        self._view = view
+        self._chosen = self._free = free
+        self._here = start
+        self._left = budget
+        self._noise = self._misfit_noise()
+
+    def ask(self, simulations_left: int) -> list[Candidate]:
+        """What to simulate next; empty when the stage has ended."""
+        raise NotImplementedError
+
+    def tell(self, trials: Sequence[Trial]) -> Trial:
+        """Take in the trials of the candidates asked for, in order; the trial of the best point."""
+        raise NotImplementedError
+
+    def numbers(self) -> dict[str, float]:
+        """What the fit knows of itself, for the journal."""
+        assert self._here.residuals is not None
+        seen = self._view(self._here.residuals)
+        return {"misfit_tolerances": float(np.sqrt(np.mean(seen**2))), "noise_tolerances": self._noise}
+
+    def describe(self) -> str:
+        """What is fitted to what, in a sentence."""
+        count = int(np.count_nonzero(self._free))
+        return f'Stage "{self.choice.name}", {count} parameters on {_DATA[self.choice.data]}: {self._method}.'
+
+    @property
+    def _method(self) -> str:
+        return "finite differences" if self.takes_slopes else "a least-squares step"
+
+    def _misfit_noise(self) -> float:
+        assert self._here.residuals is not None
+        seen = self._view(self._here.residuals)
+        return min(effective_noise(seen, int(np.count_nonzero(self._free)), _NOISE_FLOOR), _USUAL_NOISE)
+
+    def _weighed(self, trial: Trial) -> FloatArray | None:
+        """The view's residuals in standard deviations."""
+        return None if trial.residuals is None else self._view(trial.residuals) / self._noise
+
+    def _box(self) -> Box:
+        steps = [p.difference if p.deviation is not None else _SHARE_OF_RANGE for p in self._space]
+        return Box(self._space.lowest, self._space.highest, self._space.prior_weights, np.array(steps))
+
+    def _point(self) -> FloatArray:
+        return np.array([p.coordinate(self._here.candidate[p.name]) for p in self._space])
+
+
+class StageFit(Stage):
+    """A stage whose derivatives are simulated; parameters and attributes as for `Stage`."""
+
+    def __init__(
+        self, task: Task, choice: StageChoice, view: View, free: NDArray[np.bool_], start: Trial, budget: int
+    ) -> None:
+        super().__init__(task, choice, view, free, start, budget)
+        self._search = self._from_here()
+
+    def _from_here(self, jacobian: FloatArray | None = None, fresh: bool = False) -> LeastSquares:
+        """A fit from the present point; with derivatives, of those parameters alone that the data tell something of.
+
+        ``fresh`` is whether the derivatives were measured there.
+        """
+        self._free = self._chosen if jacobian is None else self._chosen & self._told(jacobian)
+        return LeastSquares(
+            self._point(), self._weighed(self._here), SETTINGS, self._free, jacobian, self._box(), fresh
+        )
+
+    def _told(self, jacobian: FloatArray) -> NDArray[np.bool_]:
+        """Of which parameters the data say something beside their priors; all of those without one."""
+        information = np.sum(jacobian**2, axis=0)
+        return np.asarray((information >= _TOLD) | (self._space.prior_weights == 0.0), dtype=np.bool_)
+
+    @property
+    def takes_slopes(self) -> bool:  # type: ignore[override]
+        """Whether the candidates asked for are finite differences."""
+        return self._search.stage == "jacobian"
+
+    def ask(self, simulations_left: int) -> list[Candidate]:
+        """What to simulate next; empty when the stage has ended."""
+        limit = min(self._left, simulations_left)
+        points = self._search.ask(limit) if limit > 0 else []
+        if not points and self._improved():
+            before, self._noise = self._noise, self._misfit_noise()
+            known, fresh = self._search.jacobian, bool(np.isfinite(self._search.predicted))
+            self._search = self._from_here(None if known is None else before / self._noise * known, fresh)
+            points = self._search.ask(limit) if limit > 0 else []
+        return [self._space.at(point) for point in points] if len(points) <= limit else []
+
+    def _improved(self) -> bool:
+        """Whether the misfit is now so much smaller than was assumed that the priors weigh too much."""
+        return self._misfit_noise() < _SETTLED * self._noise
+
+    def tell(self, trials: Sequence[Trial]) -> Trial:
+        """Take in the trials of the candidates asked for, in order; the trial of the best point."""
+        weighed = [self._weighed(trial) for trial in trials]
+        self._left -= len(trials)
+        first = self._search.jacobian is None
+        self._search.tell(weighed)
+        for trial, residual in zip(trials, weighed, strict=True):
+            if residual is not None and residual is self._search.residual:
+                self._here = trial
+        jacobian = self._search.jacobian
+        if first and jacobian is not None and self._search.stage == "step":
+            self._search = self._from_here(jacobian, fresh=True)
+        return self._here

@@ -1,0 +1,75 @@
+"""A cell at equilibrium under a measured current: the open-circuit voltage that belongs to the charge drawn so far."""
+
+from __future__ import annotations
+
+import math
+
+from scipy.constants import physical_constants
+
+from ...core.parameters import Candidate
+from ...core.simulation import ExperimentRun, Outcome, SimulationFailure
+from ...core.target import CellChange
+from ...core.task import Task
+from ...core.trajectory import SECONDS_PER_HOUR
+from .compiled_cell import start_of
+from .ocp_shape import keeping_ocp_falling
+from .parameter_sets import load
+from .state_of_charge import InitialState
+
+_AREA = ("Electrode width [m]", "Electrode height [m]", "Number of electrodes connected in parallel to make a cell")
+_FARADAY = physical_constants["Faraday constant"][0]
+
+
+class EquilibriumCell:
+    """The open-circuit voltage of a task's cell along its measured currents, without a solver.
+
+    Both electrodes are homogeneous: :math:`V = U_p(y_0 + q / Q_p) - U_n(x_0 - q / Q_n)` with the charge :math:`q` drawn
+    since the start and the electrodes' capacities :math:`Q`. Temperature, resistances and the time that diffusion takes
+    have no part in it.
+
+    Parameters
+    ----------
+    task : Task
+        Records without a protocol.
+
+    References
+    ----------
+    Mohtat et al., J. Power Sources 427 (2019) 101, Eqs. 1 to 5.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self._task, self._targets = task, task.space.targets
+        values = load(task.cell.parameter_set, task.cell.overrides)
+        self._falling = keeping_ocp_falling(values, self._targets)
+        self._state = InitialState(values)
+        self._area = {name: float(values[name]) for name in _AREA}
+        self._drawn_mol = [
+            experiment.target.discharge_capacity * SECONDS_PER_HOUR / _FARADAY for experiment in task.experiments
+        ]
+
+    def outcome(self, candidate: Candidate) -> Outcome:
+        """What a candidate shows; failed where its electrodes cannot hold the lithium at the start."""
+        try:
+            runs = [self._run(place, candidate) for place in range(len(self._task.experiments))]
+        except ValueError as error:
+            failed = ExperimentRun(None, SimulationFailure(str(error)))
+            return Outcome((failed,) * len(self._task.experiments), 0.0)
+        return Outcome(tuple(runs), 0.0)
+
+    def _run(self, place: int, candidate: Candidate) -> ExperimentRun:
+        record = self._task.experiments[place].target
+        change = self._falling(self._task.space.change(candidate))
+        drawn = self._drawn_mol[place] / self._area_of(change)
+        voltage = self._state.voltages(change, self._soc(place, change), drawn)
+        # The measured temperature stays: nothing is said of it.
+        return ExperimentRun(record.changed(record.time - record.time[0], voltage=voltage))
+
+    def _area_of(self, change: CellChange) -> float:
+        own = (change.values.get(name, value) * change.factors.get(name, 1.0) for name, value in self._area.items())
+        return math.prod(own)
+
+    def _soc(self, place: int, change: CellChange) -> float | None:
+        start = start_of(self._task.experiments[place])
+        known = change.soc_of(start.record)
+        soc = start.soc if known is None else known
+        return self._state.soc_at(start.voltage, change) if soc is None and start.voltage is not None else soc

@@ -1,0 +1,93 @@
+"""A stage that simulates only the ends of fits to a cell at equilibrium."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bsa.core.feedback import Feedback
+from bsa.core.parameters import Candidate, Parameter, ParameterSpace
+from bsa.core.residuals import residuals
+from bsa.core.simulation import ExperimentRun, Outcome, SimulationFailure
+from bsa.core.task import Experiment, Task
+from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.core.trial import Trial
+from bsa.plugins.proposers.equilibrium_fit import EquilibriumFit
+from bsa.plugins.proposers.stage_data import view_of
+from bsa.plugins.proposers.stage_fit import StageChoice
+from bsa_toy_cell import toy_task
+
+HIDDEN = {"Level [V]": 4.1, "Slope [V]": 0.55}
+CHOICE = StageChoice(name="equilibrium", data="open-circuit")
+
+
+def voltage(candidate: Candidate, share: np.ndarray, polarisation: float = 0.0) -> np.ndarray:
+    # The polarisation grows a little with the slope, so that the correction is not exact at once.
+    return np.asarray(
+        candidate["Level [V]"] - candidate["Slope [V]"] * share**1.5 - polarisation * candidate["Slope [V]"] * share
+    )
+
+
+def task() -> Task:
+    time = np.linspace(0.0, 20 * 3600.0, 400)
+    step = (Step(StepKind.CC_DISCHARGE, 0, 400),)
+    record = Trajectory(time, np.full(400, 0.05), voltage(HIDDEN, time / time[-1], 0.04), None, step)
+    space = ParameterSpace(
+        (
+            Parameter("Level [V]", 3.9, 3.0, 5.0, "linear", deviation=0.2, prior=True),
+            Parameter("Slope [V]", 0.3, 0.05, 2.0, "log", deviation=0.5, prior=True),
+        )
+    )
+    return replace(toy_task(), space=space, experiments=(Experiment("slow", record),))
+
+
+def simulated(task: Task, candidate: Candidate, polarisation: float) -> Outcome:
+    record = task.experiments[0].target
+    shown = voltage(candidate, record.time / record.time[-1], polarisation)
+    return Outcome((ExperimentRun(record.changed(voltage=shown)),), 0.0)
+
+
+def trial(task: Task, candidate: Candidate, index: int, polarisation: float = 0.04) -> Trial:
+    seen = residuals(task, simulated(task, candidate, polarisation))
+    return Trial(index, "search", 1, dict(candidate), None, None, seen, Feedback({}), (None,), 0.0)
+
+
+def fit(task: Task, polarised: float = 0.0) -> EquilibriumFit:
+    def equilibrium(candidates: Sequence[Candidate]) -> list[Outcome]:
+        return [simulated(task, candidate, polarised) for candidate in candidates]
+
+    free = np.ones(2, dtype=bool)
+    view = view_of(task, "open-circuit")
+    return EquilibriumFit(task, CHOICE, view, free, trial(task, task.space.initial, 0), 30, equilibrium)
+
+
+def test_a_few_simulations_find_what_the_slow_record_shows() -> None:
+    problem = task()
+    stage = fit(problem)
+    best, count = trial(problem, problem.space.initial, 0), 0
+    while candidates := stage.ask(30):
+        count += 1
+        best = stage.tell([trial(problem, candidates[0], count)])
+    assert count <= 4
+    for name, value in HIDDEN.items():
+        assert best.candidate[name] == pytest.approx(value, rel=2e-3)
+
+
+def test_a_worse_simulation_is_answered_by_half_the_step_and_not_without_end() -> None:
+    problem = task()
+    stage = fit(problem)
+    start = problem.space.initial["Level [V]"]
+    steps = []
+    while candidates := stage.ask(30):
+        steps.append(abs(candidates[0]["Level [V]"] - start))
+        failure = SimulationFailure("too far")
+        stage.tell([Trial(len(steps), "search", 1, candidates[0], None, failure, None, Feedback({}), (None,), 0.0)])
+    assert len(steps) == 4
+    assert steps == pytest.approx([steps[0] / 2**n for n in range(4)])
+
+
+def test_the_budget_is_kept() -> None:
+    stage = fit(task())
+    assert stage.ask(0) == []

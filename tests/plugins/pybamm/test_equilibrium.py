@@ -1,0 +1,73 @@
+"""The open-circuit voltage along a measured current, against PyBaMM's own bulk open-circuit voltage."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bsa.core.parameters import Parameter, ParameterSpace
+from bsa.core.target import target_named
+from bsa.core.task import CellModel, Experiment, Task
+from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.plugins.pybamm.equilibrium import EquilibriumCell
+from bsa.plugins.pybamm.ocp_shape import corrected
+from bsa.plugins.pybamm.parameter_sets import load, pybamm
+
+BUMP = "Positive electrode OCP correction at stoichiometry 0.5 [V]"
+CHANGED = {"Electrode width [m]": 1.7, "Negative electrode active material volume fraction": 0.8, BUMP: 0.02}
+
+
+def parameter(name: str, initial: float) -> Parameter:
+    return Parameter(name, initial, initial - 1.0, initial + 1.0, "linear", target=target_named(name))
+
+
+def task_of(record: Trajectory, **start: float) -> Task:
+    space = ParameterSpace(tuple(parameter(name, value) for name, value in CHANGED.items()))
+    return Task("cell", CellModel("Chen2020", "SPM"), space, (Experiment("record", record, **start),))
+
+
+def discharge(hours: float) -> Trajectory:
+    time = np.linspace(0.0, 3600.0 * hours, 121)
+    return Trajectory(
+        time, np.full(121, 5.0), np.full(121, 3.7), np.full(121, 298.15), (Step(StepKind.CC_DISCHARGE, 0, 121),)
+    )
+
+
+def test_the_voltage_is_the_bulk_open_circuit_voltage_of_a_simulation() -> None:
+    record = discharge(0.6)
+    outcome = EquilibriumCell(task_of(record, initial_soc=0.9)).outcome(CHANGED)
+    (run,) = outcome.runs
+    assert run.trajectory is not None
+    values = load("Chen2020")
+    values.update({name: value for name, value in CHANGED.items() if name != BUMP})
+    values.update({"Positive electrode OCP [V]": corrected(values["Positive electrode OCP [V]"], {0.5: 0.02})})
+    simulation = pybamm.Simulation(pybamm.lithium_ion.SPM(), parameter_values=values)
+    solution = simulation.solve(record.time, initial_soc=0.9)
+    bulk = solution["Bulk open-circuit voltage [V]"](record.time)
+    assert np.max(np.abs(run.trajectory.voltage - bulk)) < 5e-4
+    assert run.trajectory.temperature == pytest.approx(record.temperature)
+
+
+def test_a_cell_that_is_drawn_empty_stays_finite() -> None:
+    (run,) = EquilibriumCell(task_of(discharge(6.0), initial_soc=0.5)).outcome(CHANGED).runs
+    assert run.trajectory is not None
+    assert np.all(np.isfinite(run.trajectory.voltage))
+    assert run.trajectory.voltage[-1] < 2.5
+
+
+def test_a_start_by_its_voltage_shows_it_whatever_the_candidate() -> None:
+    cell = EquilibriumCell(task_of(discharge(0.1), initial_voltage=3.9))
+    for width in (1.0, 1.7):
+        (run,) = cell.outcome({**CHANGED, "Electrode width [m]": width}).runs
+        assert run.trajectory is not None
+        assert run.trajectory.voltage[0] == pytest.approx(3.9, abs=2e-3)
+
+
+def test_electrodes_that_cannot_hold_the_lithium_are_a_failed_outcome() -> None:
+    task = task_of(discharge(0.1), initial_soc=0.5)
+    lithium = {f"Initial concentration in {which} electrode [mol.m-3]": 1.0 for which in ("negative", "positive")}
+    bare = replace(task, cell=replace(task.cell, overrides=lithium))
+    failure = EquilibriumCell(bare).outcome(CHANGED).failure
+    assert failure is not None
+    assert "lithium" in failure.cause
