@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
 import numpy as np
@@ -65,7 +66,7 @@ class StageChoice(BaseModel, extra="forbid"):
         return not self.fits or any(part.casefold() in name.casefold() for part in self.fits)
 
 
-class Stage:
+class Stage(ABC):
     """What is fitted to what, from where; asks for candidates and is told their trials.
 
     Parameters
@@ -97,13 +98,13 @@ class Stage:
         self._left = budget
         self._noise = self._misfit_noise()
 
+    @abstractmethod
     def ask(self, simulations_left: int) -> list[Candidate]:
         """What to simulate next; empty when the stage has ended."""
-        raise NotImplementedError
 
+    @abstractmethod
     def tell(self, trials: Sequence[Trial]) -> Trial:
         """Take in the trials of the candidates asked for, in order; the trial of the best point."""
-        raise NotImplementedError
 
     def numbers(self) -> dict[str, float]:
         """What the fit knows of itself, for the journal."""
