@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -29,50 +29,40 @@ class RunRequest:
     folder: Path  # Where it goes.
 
 
-@dataclass(frozen=True)
-class Overrides:
-    """What replaces the defaults of a run's configuration."""
+def run_config(
+    scaffold: str | Scaffold,
+    backend: str,
+    backend_options: Mapping[str, Any],
+    settings: Mapping[str, Any],
+    simulator: str = "",
+) -> RunConfig:
+    """The checked configuration of a run.
 
-    # rounds, warm_up, simulations, seed: As in `RunConfig`.
-    rounds: int
-    warm_up: int
-    simulations: int
-    seed: int
-    # Any other key: a field of `RunConfig`, or a dotted path into the scaffold (``feedback.use``).
-    settings: dict[str, Any] = field(default_factory=dict)
+    Parameters
+    ----------
+    settings : mapping
+        What replaces defaults: fields of `RunConfig`, or dotted paths into the scaffold (``feedback.use``).
+    simulator : str
+        The task's own, for a scaffold that names none.
 
-    def config(self, scaffold: str | Scaffold, backend: str, options: dict[str, Any], simulator: str = "") -> RunConfig:
-        """The checked configuration.
-
-        Parameters
-        ----------
-        scaffold, backend, options
-            As they were typed; a scaffold may be given as it is, too.
-        simulator : str
-            The task's own, for a scaffold that names none.
-
-        Raises
-        ------
-        BsaError
-            Naming the key at fault and the nearest valid one.
-        """
-        chosen = load_scaffold(scaffold) if isinstance(scaffold, str) else scaffold
-        content: dict[str, Any] = {
-            "scaffold": chosen.made_for(simulator).model_dump(),
-            "backend": backend,
-            "backend_options": options,
-            "rounds": self.rounds,
-            "warm_up": self.warm_up,
-            "simulations": self.simulations,
-            "seed": self.seed,
-        }
-        for key, value in self.settings.items():
-            path = key.split(".")
-            # `warm_up` is a number of simulations, `warm_up.use` a part of the scaffold.
-            if path[0] not in RunConfig.model_fields or (len(path) > 1 and not isinstance(content.get(path[0]), dict)):
-                path = ["scaffold", *path]
-            _put(content, path, value, key)
-        return validated(RunConfig, content, "run configuration")
+    Raises
+    ------
+    BsaError
+        Naming the key at fault and the nearest valid one.
+    """
+    chosen = load_scaffold(scaffold) if isinstance(scaffold, str) else scaffold
+    content: dict[str, Any] = {
+        "scaffold": chosen.made_for(simulator).model_dump(),
+        "backend": backend,
+        "backend_options": dict(backend_options),
+    }
+    for key, value in settings.items():
+        path = key.split(".")
+        # `warm_up` is a number of simulations, `warm_up.use` a part of the scaffold.
+        if path[0] not in RunConfig.model_fields or (len(path) > 1 and not isinstance(content.get(path[0]), dict)):
+            path = ["scaffold", *path]
+        _put(content, path, value, key)
+    return validated(RunConfig, content, "run configuration")
 
 
 def _put(content: dict[str, Any], path: Sequence[str], value: Any, key: str) -> None:
@@ -253,23 +243,31 @@ def run_request(
     named: Task | None,
     records: Records,
     cell: CellChoice,
-    overrides: Overrides,
-    scaffold: str,
-    backend: str,
-    backend_options: dict[str, Any],
+    configured: Callable[[str], RunConfig],
     weight: str | None,
     out: Path | None,
 ) -> RunRequest:
     """What a run is asked: a task that was named, with the records that it is to hold out, or that of matching records.
 
-    ``weight`` says how errors count, the task's own way where it is None; ``out`` is the folder, a new one under
-    ``runs`` where it is None. Raises `BsaError` if any of it makes no sense.
+    Parameters
+    ----------
+    configured : callable
+        Gives the configuration for a simulator (`run_config`).
+    weight : str or None
+        How errors count; None leaves it to the task.
+    out : Path or None
+        The folder; None for a new one under ``runs``.
+
+    Raises
+    ------
+    BsaError
+        If any of it makes no sense.
     """
     from .tasks.records import holding_out
 
     if named is not None and cell.start_from is not None:
         raise BsaError("a run to start from goes with records.", "give records as data; a task has its own parameters.")
-    config = overrides.config(scaffold, backend, backend_options, simulator="" if named is None else named.simulator)
+    config = configured("" if named is None else named.simulator)
     task = task_of_records(records, cell) if named is None else holding_out(named, records.held_out_requests())
     if weight is not None:
         task = replace(task, weight=cast("Weight", weight))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,10 @@ from ...core.record import ReadOptions
 from ...core.task import Task
 from ..request import (
     CellChoice,
-    Overrides,
     Records,
     RunRequest,
     backend_options,
+    run_config,
     run_request,
     simulation_workers,
 )
@@ -149,23 +150,22 @@ def calibrate(
         task = _named_task(data, parameters, ReadOptions() if held else read)
         given: Any = [] if task is not None else listed(data)  # type: ignore[arg-type]
         sources = [source(one, read, number) for number, one in enumerate(given, 1)]
+        budgets = {"rounds": rounds, "warm_up": warmup, "simulations": simulations, "seed": seed}
+        reached = backend_options(
+            backend_option or {},
+            via=via,
+            base_url=base_url,
+            exchange=exchange if exchange is None else Path(exchange),
+            votes=votes if votes > 1 else None,
+            review=review or None,
+        )
         asked = run_request(
             task,
             Records(sources, held, read, reader, reader_option or {}, given_socs(initial_soc), as_protocol),
             CellChoice(
                 parameters, model, options or {}, search, scale, None if start_from is None else Path(start_from)
             ),
-            Overrides(rounds, warmup, simulations, seed, dict(settings or {})),
-            scaffold,
-            backend,
-            backend_options(
-                backend_option or {},
-                via=via,
-                base_url=base_url,
-                exchange=exchange if exchange is None else Path(exchange),
-                votes=votes if votes > 1 else None,
-                review=review or None,
-            ),
+            partial(run_config, scaffold, backend, reached, budgets | dict(settings or {})),
             weight,
             None if out is None else Path(out),
         )

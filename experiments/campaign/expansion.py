@@ -11,7 +11,7 @@ from typing import Any
 
 from ...core.run_config import RunConfig
 from ...core.scaffold import Scaffold
-from ..request import Overrides
+from ..request import run_config
 from .calibration import Calibration, TaskLabel
 from .cell import Axis
 from .grid_file import BackendChoice, Budgets, GridFile
@@ -39,9 +39,10 @@ class _Configs:
             }
             # What is compared gets its whole budget: nobody is stopped for want of progress.
             settings = {"patience": max(limits["rounds"], 1), **budgets.settings}
-            wanted = Overrides(**limits, seed=seed, settings=settings)
             options = without_placement(backend.options)
-            self.known[key] = wanted.config(self._path(scaffold), backend.use, options, simulator)
+            self.known[key] = run_config(
+                self._path(scaffold), backend.use, options, {**limits, "seed": seed, **settings}, simulator
+            )
         return self.known[key].model_copy(update={"seed": seed})
 
     def _path(self, scaffold: str | Scaffold) -> str | Scaffold:

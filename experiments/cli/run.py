@@ -6,6 +6,7 @@ import json
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -141,7 +142,7 @@ def run(
     version: shared.Version = False,
 ) -> None:
     """Calibrate a model against a target: the packaged demo, a task file, or cycler records."""
-    from ..request import CellChoice, Overrides, Records, RunRequest, key_values, run_request, simulation_workers
+    from ..request import CellChoice, Records, RunRequest, key_values, run_config, run_request, simulation_workers
     from ..run import Resources, read_request
     from ..tasks.find import find_task
 
@@ -153,6 +154,10 @@ def run(
         return
     if data and task is not None:
         raise BsaError(f'both a task ("{task}") and --data were given.', "give one of them.")
+    budgets = {"rounds": rounds, "warm_up": warmup, "simulations": simulations, "seed": seed}
+    reached = shared.reaching(
+        via, base_url, backend_option, exchange=exchange, votes=votes if votes > 1 else None, review=review or None
+    )
     request = run_request(
         None if data else find_task(task or DEMO),
         Records(
@@ -165,12 +170,7 @@ def run(
             as_protocol,
         ),
         CellChoice(parameters, model, key_values(options, "--options"), search, scale, start_from),
-        Overrides(rounds, warmup, simulations, seed, key_values(settings, "--set")),
-        scaffold,
-        backend,
-        shared.reaching(
-            via, base_url, backend_option, exchange=exchange, votes=votes if votes > 1 else None, review=review or None
-        ),
+        partial(run_config, scaffold, backend, reached, budgets | key_values(settings, "--set")),
         weight,
         out,
     )

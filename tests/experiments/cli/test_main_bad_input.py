@@ -9,7 +9,7 @@ from bsa.core.journal import FILE_NAME
 from bsa.core.reading.reading import read_record
 from bsa.experiments.cli.main import main, run_main
 from bsa.experiments.cli.shared_options import Reading
-from bsa.experiments.request import Overrides, key_values
+from bsa.experiments.request import key_values, run_config
 
 GOOD_CSV = "Test Time / s,Voltage / V,Current / A\n" + "\n".join(
     f"{10 * k},{4.1 - 0.001 * k:.4f},{-1.0 if k > 2 else 0.0}" for k in range(60)
@@ -204,8 +204,7 @@ def test_settings_keep_the_values_of_yaml() -> None:
 
 
 def test_a_warm_up_is_chosen_where_the_scaffold_has_none() -> None:
-    overrides = Overrides(rounds=1, warm_up=2, simulations=3, seed=1, settings={"warm_up.use": "random"})
-    config = overrides.config("least-squares", "rules", {})
+    config = run_config("least-squares", "rules", {}, {"warm_up": 2, "warm_up.use": "random"})
     assert config.warm_up == 2
     assert config.scaffold.warm_up is not None
     assert config.scaffold.warm_up.use == "random"
