@@ -21,33 +21,39 @@ from .store import RESULT, Store
 class StudyCell:
     """One item of a study; see `Cell`."""
 
-    # study, item: Names of both.
-    study: str
-    item: str
-    # Given what was asked as keywords, answers with plain values: a ``summary`` in words, and what the study needs.
+    axes: Mapping[Axis, str]  # What tables group by.
+    # Given the cell's folder and what was asked as keywords, answers with plain values: a ``summary`` in words, and
+    # what the study needs.
     act: Callable[..., Mapping[str, Any]]
-    asked: Mapping[str, Any]  # Plain values.
+    asked: Mapping[str, Any]
     identity: str  # Hash of all that and the code.
     trouble: str = ""  # Empty: an item can be carried out.
 
-    @property
-    def axes(self) -> dict[Axis, str]:
-        """What tables group by."""
-        return {
-            "task": self.item,
-            "mode": self.study,
-            "chemistry": "",
-            "rates": "",
-            "scaffold": self.study,
-            "backend": "none",
-            "seed": str(self.asked.get("seed", 0)),
-        }
-
     def run(self, folder: Path, store: Store) -> dict[str, Any]:
         """See `Cell.run`."""
-        content = {"status": "finished", "best": {}, "initial": {}, **self.act(**self.asked)}
+        content = {"status": "finished", "best": {}, "initial": {}, **self.act(folder, **self.asked)}
         write_json(folder / RESULT, content)
         return content
+
+
+def study_axes(
+    item: str, mode: str, method: str, seed: int, backend: str = "none", chemistry: str = ""
+) -> dict[Axis, str]:
+    """What tables group an item by."""
+    return {
+        "task": item,
+        "mode": mode,
+        "chemistry": chemistry,
+        "rates": "",
+        "scaffold": method,
+        "backend": backend,
+        "seed": str(seed),
+    }
+
+
+def hash_of(determining: Mapping[str, Any]) -> str:
+    """An identity: a hash of everything that determines a result, 16 hex digits."""
+    return hashlib.sha256(json.dumps(determining, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def plan_study(
@@ -76,8 +82,8 @@ def plan_study(
 
 def _cell(study: str, item: str, act: Callable[..., Mapping[str, Any]], asked: Mapping[str, Any]) -> StudyCell:
     determining = {"study": study, "asked": dict(asked), "versions": versions_of(())}
-    identity = hashlib.sha256(json.dumps(determining, sort_keys=True).encode()).hexdigest()[:16]
-    return StudyCell(study, item, act, asked, identity)
+    axes = study_axes(item, study, study, asked.get("seed", 0))
+    return StudyCell(axes, act, asked, hash_of(determining))
 
 
 def results_of(plan: Plan[StudyCell]) -> list[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""A cell that is a blind case: a discovery on its records, or a ranking of the effects that may be hidden in them."""
+"""Blind cases as cells: a discovery on its records, or a ranking of the effects that may be hidden in them."""
 
 from __future__ import annotations
 
@@ -6,21 +6,19 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from ...core.errors import BsaError
-from ...core.files import write_json
 from ...core.messages import Outage
 from ...core.shape import decoding
-from ..campaign.cell import Axis
 from ..campaign.identity import versions_of, without_placement
 from ..campaign.results import check_grid_folder
 from ..campaign.running import Plan
-from ..campaign.store import RESULT, Store
+from ..campaign.store import Store
+from ..campaign.study_cell import StudyCell, hash_of, study_axes
 from ..discover import discover
 from ..discovery_case import DiscoverOptions
 from .making import DESCRIPTION, POINTS
@@ -29,54 +27,12 @@ from .shortlists import shortlist
 Kind = Literal["discovery", "shortlist"]
 
 
-@dataclass(frozen=True)
-class BlindCell:
-    """A blind case; see `Cell`.
-
-    Attributes
-    ----------
-    case : Path
-        Folder of the case.
-    kind : {'discovery', 'shortlist'}
-        What is done with it.
-    asked : mapping
-        Options of the discovery besides its records.
-    chemistry : str
-        Parameter set of the base model.
-    identity : str
-        Hash of all that, the records and the code.
-    trouble : str
-        Empty: a blind case can be run.
-    """
-
-    case: Path
-    kind: Kind
-    asked: Mapping[str, Any]
-    chemistry: str
-    identity: str
-    trouble: str = ""
-
-    @property
-    def axes(self) -> dict[Axis, str]:
-        """What tables group by."""
-        return {
-            "task": self.case.name,
-            "mode": "blind",
-            "chemistry": self.chemistry,
-            "rates": "",
-            "scaffold": self.kind,
-            "backend": self.asked.get("backend") or "none",
-            "seed": str(self.asked.get("seed", 0)),
-        }
-
-    def run(self, folder: Path, store: Store) -> dict[str, Any]:
-        """See `Cell.run`."""
-        options = options_of(self.case, out=folder, **self.asked)
-        began_s = _processor_s()
-        found = shortlist(options) if self.kind == "shortlist" else _discovered(options)
-        content = {"status": "finished", "best": {}, "initial": {}, **found, "cpu_s": _processor_s() - began_s}
-        write_json(folder / RESULT, content)
-        return content
+def carry_out(folder: Path, case: Path, kind: Kind, options: Mapping[str, Any]) -> dict[str, Any]:
+    """What is found of a blind case, and the processor time that it takes."""
+    asked = options_of(case, out=folder, **options)
+    began_s = _processor_s()
+    found = shortlist(asked) if kind == "shortlist" else _discovered(asked)
+    return {**found, "cpu_s": _processor_s() - began_s}
 
 
 def _discovered(options: DiscoverOptions) -> dict[str, Any]:
@@ -106,7 +62,7 @@ def _processor_s() -> float:
     return user + system + user_of_children + system_of_children
 
 
-def plan_cases(folder: Path, name: str, kind: Kind, only: Sequence[str] | None = None, **asked: Any) -> Plan[BlindCell]:
+def plan_cases(folder: Path, name: str, kind: Kind, only: Sequence[str] | None = None, **asked: Any) -> Plan[StudyCell]:
     """Every case of a folder as a cell; the sealed answers are not opened.
 
     Parameters
@@ -152,7 +108,7 @@ def campaign_folder(folder: Path, name: str) -> Path:
     return Store(folder).grid(name)
 
 
-def _cell(case: Path, kind: Kind, asked: Mapping[str, Any]) -> BlindCell:
+def _cell(case: Path, kind: Kind, asked: Mapping[str, Any]) -> StudyCell:
     options = options_of(case, out=case, **asked)
     backend = options.backend or "none"
     determining = {
@@ -164,8 +120,11 @@ def _cell(case: Path, kind: Kind, asked: Mapping[str, Any]) -> BlindCell:
         "asked": {**asked, "backend_options": without_placement(options.backend_options)},
         "versions": versions_of((("backend", backend.partition(":")[0]),)),
     }
-    identity = hashlib.sha256(json.dumps(determining, sort_keys=True).encode()).hexdigest()[:16]
-    return BlindCell(case, kind, asked, options.parameters, identity)
+    axes = study_axes(
+        case.name, "blind", kind, asked.get("seed", 0), asked.get("backend") or "none", options.parameters
+    )
+    told = {"case": case, "kind": kind, "options": asked}
+    return StudyCell(axes, carry_out, told, hash_of(determining))
 
 
 def options_of(folder: Path, **asked: Any) -> DiscoverOptions:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
@@ -16,10 +14,9 @@ from ...core.journal import Journal, read_events
 from ...core.messages import Outage
 from ...core.recording import Recorder
 from ...core.shape import decoding, shaped
-from ..campaign.cell import Axis
 from ..campaign.grid_file import BackendChoice
 from ..campaign.identity import versions_of, without_placement
-from ..campaign.store import RESULT, Store
+from ..campaign.study_cell import StudyCell, hash_of, study_axes
 from ..effect_choice import effects_of
 from .results import read_results
 from .shortlists import SHORTLISTS, place_of
@@ -83,77 +80,43 @@ def write_reports(folder: Path, path: Path) -> None:
     write_json(path, {"reports": [asdict(report) for report in found]}, indent=1)
 
 
-@dataclass(frozen=True)
-class RankingCell:
-    """A report that a backend ranks; see `Cell`.
+def ranking_cell(report: Report, backend: BackendChoice, seed: int) -> StudyCell:
+    """A report that a backend ranks, as a cell; the seed is for effects' order, their hidden names, and sampling."""
+    determining = {
+        "report": asdict(report),
+        "backend": backend.use,
+        "options": without_placement(backend.options),
+        "seed": seed,
+        "versions": versions_of((("backend", backend.use.partition(":")[0]),)),
+    }
+    axes = study_axes(report.name, "report", "ranking", seed, backend.use)
+    asked = {"report": report, "backend": backend, "seed": seed}
+    return StudyCell(axes, rank, asked, hash_of(determining))
 
-    Attributes
-    ----------
-    report : Report
-        What is ranked.
-    backend : BackendChoice
-        Who ranks.
-    seed : int
-        For the order of the effects, their hidden names, and sampling.
-    trouble : str
-        Empty: it can be run.
-    """
 
-    report: Report
-    backend: BackendChoice
-    seed: int
-    trouble: str = ""
+def rank(folder: Path, report: Report, backend: BackendChoice, seed: int) -> dict[str, Any]:
+    """Rank with names and without; what was answered before a stop is not asked again."""
+    from ...backends.opening import open_backend
 
-    @property
-    def identity(self) -> str:
-        """Hash of the report, the backend and the code."""
-        determining = {
-            "report": asdict(self.report),
-            "backend": self.backend.use,
-            "options": without_placement(self.backend.options),
-            "seed": self.seed,
-            "versions": versions_of((("backend", self.backend.use.partition(":")[0]),)),
-        }
-        return hashlib.sha256(json.dumps(determining, sort_keys=True).encode()).hexdigest()[:16]
-
-    @property
-    def axes(self) -> dict[Axis, str]:
-        """What tables group by."""
-        return {
-            "task": self.report.name,
-            "mode": "report",
-            "chemistry": "",
-            "rates": "",
-            "scaffold": "ranking",
-            "backend": self.backend.use,
-            "seed": str(self.seed),
-        }
-
-    def run(self, folder: Path, store: Store) -> dict[str, Any]:
-        """See `Cell.run`: rank with names and without; what was answered before a stop is not asked again."""
-        from ...backends.opening import open_backend
-
-        effects = effects_of(self.report.effects)
-        content: dict[str, Any] = {"status": "finished", "best": {}, "initial": {}, "replies": 0}
-        with closing(Journal(folder)) as journal:
-            recorder = Recorder(journal, list(read_events(folder)))
-            with closing(recorder.around(open_backend(self.backend.use, self.backend.options))) as backend:
-                for how, hidden in HOW.items():
-                    ranking = ask(backend, self.report.discrepancy, effects, self.seed, hidden)
-                    if ranking.lost:
-                        raise Outage(ranking.note)
-                    content[how] = [ranked.key for ranked in ranking.ranked]
-                    content["replies"] += bool(ranking.ranked)
-            spent = recorder.usage
-        content |= {
-            "llm_calls": recorder.calls,
-            "lost_calls": recorder.lost,
-            "tokens": spent.tokens,
-            "cost_usd": spent.cost_usd,
-            "backend_s": spent.seconds,
-        }
-        write_json(folder / RESULT, content)
-        return content
+    effects = effects_of(report.effects)
+    content: dict[str, Any] = {"replies": 0}
+    with closing(Journal(folder)) as journal:
+        recorder = Recorder(journal, list(read_events(folder)))
+        with closing(recorder.around(open_backend(backend.use, backend.options))) as model:
+            for how, hidden in HOW.items():
+                ranking = ask(model, report.discrepancy, effects, seed, hidden)
+                if ranking.lost:
+                    raise Outage(ranking.note)
+                content[how] = [ranked.key for ranked in ranking.ranked]
+                content["replies"] += bool(ranking.ranked)
+        spent = recorder.usage
+    return content | {
+        "llm_calls": recorder.calls,
+        "lost_calls": recorder.lost,
+        "tokens": spent.tokens,
+        "cost_usd": spent.cost_usd,
+        "backend_s": spent.seconds,
+    }
 
 
 def places(report: Report, result: Mapping[str, Any]) -> dict[str, float]:

@@ -7,7 +7,6 @@ parameter, and of the voltage at a rate that was not measured, is compared with 
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -170,15 +169,13 @@ def _signal_at(run: Trajectory | None, signal: str, seconds: FloatArray) -> Floa
     return np.interp(seconds, run.time - run.time[0], run.values(signal), right=np.nan)
 
 
-def fit(drawn: Drawn, simulations: int, seed: int) -> RunResult:
+def fit(drawn: Drawn, simulations: int, seed: int, folder: Path) -> RunResult:
     """What ``bsa run --scaffold least-squares`` says of a drawn task; the unseen discharge is held out."""
     from ...backends.opening import open_backend
 
     task = replace(drawn.task, held_out=(drawn.unseen,))
     config = RunConfig(scaffold=load_scaffold("least-squares"), rounds=simulations, simulations=simulations, seed=seed)
-    with tempfile.TemporaryDirectory() as folder:
-        backend = open_backend(config.backend, {})
-        return execute_run(task, config, Path(folder) / "run", backend, report=False, analysing=True)
+    return execute_run(task, config, folder, open_backend(config.backend, {}), report=False, analysing=True)
 
 
 def rows_of(drawn: Drawn, result: RunResult) -> list[Row]:
@@ -227,13 +224,13 @@ def _contained(true: float, value: float, lower: float, upper: float) -> Row:
     return {"true": true, "value": value, "lower": lower, "upper": upper, "contained": int(lower <= true <= upper)}
 
 
-def one_task(seed: int, number: int, model: str, points: int, simulations: int) -> dict[str, Any]:
+def one_task(folder: Path, seed: int, number: int, model: str, points: int, simulations: int) -> dict[str, Any]:
     """Draw a task, fit it, and compare; what is kept of it."""
     try:
         drawn = draw(seed, number, model, points)
     except RuntimeError as error:
         return {"rows": [], "summary": str(error)}
-    result = fit(drawn, simulations, seed)
+    result = fit(drawn, simulations, seed, folder / "fit")
     rows = rows_of(drawn, result)
     contained = sum(row["contained"] for row in rows)
     return {"rows": rows, "summary": f"{contained} of {len(rows)} intervals contain the truth; {result.status}"}

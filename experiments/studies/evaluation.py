@@ -51,7 +51,7 @@ class EvaluationCost:
         ]
 
 
-def measure(task_name: str, repeats: int) -> dict[str, Any]:
+def measure(folder: Path, task_name: str, repeats: int) -> dict[str, Any]:
     """The fields of an `EvaluationCost`, of one task."""
     cost = measure_evaluation(task_name, repeats)
     return {**asdict(cost), "summary": f"{cost.evaluation_s:.3f} s an evaluation"}

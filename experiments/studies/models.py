@@ -17,9 +17,10 @@ from ..campaign.grid_file import BackendChoice, GridFile, Included, SuiteFilter
 from ..campaign.results import check_grid_folder
 from ..campaign.running import Plan
 from ..campaign.store import Store
+from ..campaign.study_cell import StudyCell
 from ..campaign.summary import Row, short
 from ..campaign.text_tables import markdown_table
-from ..discovery_bench.reports import HOW, RankingCell, Report, places
+from ..discovery_bench.reports import HOW, Report, places, ranking_cell
 from .grids import budget, study_grid, trace_of, with_results
 
 CASES = (
@@ -85,10 +86,10 @@ def models_grid(
 
 def plan_rankings(
     reports: Sequence[Report], backend: BackendChoice, seed: int, store: Path, folder: Path
-) -> Plan[RankingCell]:
+) -> Plan[StudyCell]:
     """The rankings as a campaign beside that of the calibrations."""
     check_grid_folder(folder)
-    cells = [RankingCell(report, backend, seed) for report in reports]
+    cells = [ranking_cell(report, backend, seed) for report in reports]
     return Plan({"name": "rankings"}, cells, Store(store), folder)
 
 

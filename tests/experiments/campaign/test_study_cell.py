@@ -11,7 +11,7 @@ from bsa.experiments.campaign.study_cell import plan_study, results_of
 from .conftest import Here, Quiet
 
 
-def halved(number: float, seed: int = 0) -> dict[str, Any]:
+def halved(folder: Path, number: float, seed: int = 0) -> dict[str, Any]:
     if number < 0:
         raise ValueError("a number below 0")
     return {"half": number / 2, "summary": f"half of {number} is {number / 2}"}

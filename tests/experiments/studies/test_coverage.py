@@ -22,7 +22,7 @@ def test_every_task_is_a_cell_and_its_intervals_are_counted(tmp_path: Path) -> N
     assert not {cell.identity for cell in other.cells} & {cell.identity for cell in plan.cells}
     assert coverage.write_coverage(plan).count("\n") == 1  # a head without lines
     for number, cell in enumerate(plan.cells[:3]):
-        answered = replace(cell, act=lambda number, **asked: {"rows": rows(number, [1, 1, 0])})
+        answered = replace(cell, act=lambda folder, number, **asked: {"rows": rows(number, [1, 1, 0])})
         answered.run(plan.store.cell(cell.identity), plan.store)
         assert cell.asked["number"] == number
     assert "| fixed | 9 | 67 % | exact 95 % interval 30 to 93 % |" in coverage.write_coverage(plan)
@@ -44,8 +44,8 @@ def test_a_sampled_record_keeps_the_ends_of_its_steps() -> None:
 
 
 @pytest.mark.slow
-def test_a_drawn_task_is_fitted_to_its_noise_and_judged() -> None:
-    row = coverage.one_task(1234, 0, "SPMe", 20, 100)
+def test_a_drawn_task_is_fitted_to_its_noise_and_judged(tmp_path: Path) -> None:
+    row = coverage.one_task(tmp_path, 1234, 0, "SPMe", 20, 100)
     assert len(row["rows"]) == 12
     assert {found["grade"] for found in row["rows"]} <= {"fixed", "loose", "open", "voltage"}
     assert coverage.excesses(row["rows"])[0] < 0.1

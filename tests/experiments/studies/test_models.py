@@ -12,7 +12,7 @@ from bsa.experiments.campaign.grid_file import BackendChoice, SuiteFilter
 from bsa.experiments.campaign.running import plan_campaign, run_campaign
 from bsa.experiments.campaign.store import Store
 from bsa.experiments.campaign.task_sources import suite_cases
-from bsa.experiments.discovery_bench.reports import RankingCell, Report, places, read_reports, write_reports
+from bsa.experiments.discovery_bench.reports import Report, places, ranking_cell, read_reports, write_reports
 from bsa.experiments.discovery_bench.shortlists import SHORTLISTS
 from bsa.experiments.studies.models import CASES, card, models_grid, plan_rankings, write_card
 from bsa.experiments.suite.case import SuiteCase
@@ -37,7 +37,7 @@ def test_the_cases_are_twelve_of_the_shipped_suite() -> None:
 
 def test_a_report_is_ranked_with_names_and_without_and_not_asked_again(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    cell = RankingCell(REPORT, RULES, 7)
+    cell = ranking_cell(REPORT, RULES, 7)
     report = carry_out(Order(cell, store))
     assert report.state == "done"
     assert {report.result[name] for name in ("replies", "llm_calls", "lost_calls")} == {2, 0}
@@ -45,12 +45,12 @@ def test_a_report_is_ranked_with_names_and_without_and_not_asked_again(tmp_path:
     found = places(REPORT, report.result)
     assert found["by_score"] == 2.0
     assert found["named"] == report.result["named"].index("contact-resistance") + 1
-    assert RankingCell(REPORT, RULES, 8).identity != cell.identity
+    assert ranking_cell(REPORT, RULES, 8).identity != cell.identity
 
 
 def test_an_outage_is_no_result(tmp_path: Path) -> None:
     nobody = BackendChoice(use="manual", options={"exchange": str(tmp_path / "x"), "timeout_s": 0.1})
-    report = carry_out(Order(RankingCell(REPORT, nobody, 7), Store(tmp_path / "store")))
+    report = carry_out(Order(ranking_cell(REPORT, nobody, 7), Store(tmp_path / "store")))
     assert report.state == "failed"
 
 
