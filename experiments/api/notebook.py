@@ -3,40 +3,21 @@
 from __future__ import annotations
 
 import base64
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...core.reply_parsing import strip_control
+from ..report.templates import template
 from ..run_record import RunRecord
 
 if TYPE_CHECKING:
-    import jinja2
-
     from ..report.chart import Chart
 
 _HERE = Path(__file__).parent
 
 
-def render(template: str, **content: Any) -> str:
+def render(name: str, **content: Any) -> str:
     """A template of this folder; names of records and parameters are untrusted, and are escaped."""
-    return _environment().get_template(template).render(**content)
-
-
-@cache
-def _environment() -> jinja2.Environment:
-    import jinja2
-
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader([_HERE, _HERE.parent / "report"]),
-        autoescape=True,
-        finalize=lambda value: strip_control(value) if type(value) is str else value,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["link"] = lambda path: Path(path).absolute().as_uri()
-    return environment
+    return template(name, _HERE).render(**content)
 
 
 def picture_of(run: RunRecord) -> str:

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from markupsafe import Markup
 
@@ -19,16 +19,14 @@ from ...core.files import write_text
 from ...core.reply_parsing import strip_control
 from ..own_pages import check_page
 from ..report import build_report
-from ..report.wording import clipped, number, quantity, short_name
+from ..report.templates import template
+from ..report.wording import clipped, quantity, short_name
 from ..run_record import Round, read_run
 from .columns import COLUMNS
 from .figures import draw_all
 from .store import Store
 from .summary import Row
 from .tables import EFFORT, RESULTS, effort, label_of, open_campaign
-
-if TYPE_CHECKING:
-    import jinja2
 
 FILE_NAME = "index.html"
 
@@ -79,7 +77,7 @@ def build_page(
             if row["state"] == "done":
                 build_report(place.cell(row["identity"]))
     figures = draw_all(rows, place, campaign.metric)
-    page = _template().render(
+    page = template("page.html.j2", Path(__file__).parent).render(
         name=campaign.about["name"],
         summary=campaign.about.get("summary", ""),
         rows=rows,
@@ -184,22 +182,3 @@ def _script() -> str:
 def _hash(script: str) -> str:
     """What the page's policy allows to run: this script and no other."""
     return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-
-
-@cache
-def _template() -> jinja2.Template:
-    import jinja2
-
-    rooms = [Path(__file__).parent, Path(__file__).parent.parent / "report"]
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(rooms),
-        autoescape=True,
-        finalize=lambda value: (
-            strip_control(value) if isinstance(value, str) and not isinstance(value, Markup) else value
-        ),
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters.update(number=number)
-    return environment.get_template("page.html.j2")

@@ -15,7 +15,7 @@ from ...core.discovery.simulator import Prediction
 from ...core.files import write_text
 from ...core.trajectory import FloatArray
 from .chart import BOTTOM, GAP, TOP, Chart, Key, Panel, horizontal, padded, vertical
-from .page import template
+from .templates import template
 from .wording import number, time_unit
 
 _VOLTAGE_HEIGHT, _RESIDUAL_HEIGHT = 210.0, 130.0

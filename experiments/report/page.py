@@ -6,16 +6,11 @@ import json
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-from markupsafe import Markup
 
 from ...core.files import write_text
 from ...core.metrics import Quantity, errors_of, headline_of, objective_of
 from ...core.parameters import Parameter
-from ...core.reply_parsing import strip_control
 from ..own_pages import check_page
 from ..run_record import UNFINISHED, RunRecord, read_run
 from .ageing import lives
@@ -25,10 +20,8 @@ from .identifiability import section
 from .post_fit import best_score_line
 from .records import error_rows
 from .rounds import chapters
-from .wording import change, clipped, duration, factor, number, short_name, unit
-
-if TYPE_CHECKING:
-    import jinja2
+from .templates import template
+from .wording import change, clipped, factor, number, short_name, unit
 
 FILE_NAME = "report.html"
 
@@ -136,29 +129,6 @@ def render(run: RunRecord) -> str:
         notes=_notes(run),
         config=json.dumps(run.config, indent=2, ensure_ascii=False),
     )
-
-
-@cache
-def template(name: str) -> jinja2.Template:
-    """A template of this folder; what it prints is escaped, and free of control codes."""
-    import jinja2
-
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        finalize=_printable,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters.update(number=number, duration=duration)
-    environment.globals["zip"] = zip
-    return environment.get_template(name)
-
-
-def _printable(value: Any) -> Any:
-    """Every expression of the template passes here: nothing may disguise text or steer a reader's tools."""
-    return strip_control(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
 def _figure(run: RunRecord, quantity: Quantity) -> Figure:

@@ -8,8 +8,9 @@ from ..predict import PredictedSpectrum
 from ..run_record import RunRecord
 from .figures import prediction_overlays
 from .nyquist import nyquist
-from .page import MOST_STEPS, template
+from .page import MOST_STEPS
 from .records import error_rows
+from .templates import template
 
 
 def render(run: RunRecord, spectra: Sequence[PredictedSpectrum] = ()) -> str:
