@@ -247,7 +247,7 @@ def evaluation_command(
 
     plan = plan_study("evaluation", measure, {task: {"task_name": task, "repeats": repeats}}, store)
     rows = Executors(workers=1).run(plan)
-    print("\n".join(write_evaluation(plan)))
+    print(write_evaluation(plan))
     finish(rows)
 
 

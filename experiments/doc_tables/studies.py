@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from ..studies.no_harm import summary, verdict_of
 from .layout import bold, short, spread
 from .results import Results
 
-Row = dict[str, Any]
+Row = Mapping[str, Any]
 
 _MANY, _CORES = 100_000, 400
 """Cells and cores for which the cost of one cell is reckoned up."""
@@ -107,6 +108,11 @@ def ablation(results: Results) -> str:
 def evaluation(results: Results) -> str:
     """What one evaluation costs."""
     (row,) = results.rows("evaluation")
+    return results.framed("evaluation", evaluation_table(row))
+
+
+def evaluation_table(row: Row) -> str:
+    """Times of one evaluation, by PyBaMM's own solve."""
     solve = row["solver_s"]
     lines = [
         ["PyBaMM's own solve of the compiled model", f"{solve:.3f} s"],
@@ -116,7 +122,7 @@ def evaluation(results: Results) -> str:
         ["simulations a second, two workers to one (aim 1.7)", f"{row['two_workers']:.2f}"],
         ["the loop's own cost a round", f"{1e3 * row['loop_s']:.0f} ms"],
     ]
-    return results.framed("evaluation", markdown_table([f"one evaluation, medians of {row['repeats']:.0f}", ""], lines))
+    return markdown_table([f"one evaluation, medians of {row['repeats']:.0f}", ""], lines)
 
 
 def runtime(results: Results) -> str:
@@ -150,26 +156,45 @@ def coverage(results: Results) -> str:
 def recovery(results: Results) -> str:
     """Errors at rates that were not fitted, and how errors of curves and parameters go together."""
     rows, held = results.rows("recovery"), results.rows("held_out")
+    before = {row["task"]: row["mape"] for row in results.rows("published")}
+    fitted = [statistic(values).mean for values in ([r["mape"] for r in rows], [before[r["task"]] for r in rows])]
+    earlier = (
+        f"* At the rates that were fitted: mean {short(fitted[0])} %; the same tasks in published.csv, which earlier "
+        f"versions made, {short(fitted[1])} %."
+    )
+    table, remarks = recovered(rows, held)
+    return results.framed("recovery held_out", table, "\n".join([earlier, *remarks]))
+
+
+_QUALITIES = {
+    "5 % noise": "true, with 5 % noise on each",
+    "recovered": "recovered by the fit",
+    "default": "of the base cell",
+}
+
+
+def recovered(rows: Sequence[Row], held: Sequence[Row]) -> tuple[str, list[str]]:
+    """What one method recovered: a table of errors at rates that were not fitted, and remarks."""
     rates = sorted({row["rate"] for row in held})
-    words = {
-        "5 % noise": "true, with 5 % noise on each",
-        "recovered": "recovered by the hybrid",
-        "default": "of the base cell",
+    mean = {
+        quality: [
+            statistic([row["mape"] for row in held if (row["quality"], row["rate"]) == (quality, rate)]).mean
+            for rate in rates
+        ]
+        for quality in _QUALITIES
     }
-    lines = [[words[quality], *(f"{short(_held(held, quality, rate))} %" for rate in rates)] for quality in words]
-    ratios = [_held(held, "5 % noise", rate) / _held(held, "recovered", rate) for rate in rates]
+    lines = [[words, *(f"{short(value)} %" for value in mean[quality])] for quality, words in _QUALITIES.items()]
     heads = [f"parameters of {len(rows)} tasks, mean MAPE at", *(f"{rate:g}C" for rate in rates)]
+    ratios = [
+        noisy / found if found else math.inf for noisy, found in zip(mean["5 % noise"], mean["recovered"], strict=True)
+    ]
     means = {
         name: statistic([row[name] for row in rows]).mean
         for name in ("pearson", "spearman", "share_of_steps_that_co_decrease")
     }
     median = float(np.median([row["median_relative_error"] for row in rows]))
     largest = max(row["largest_relative_error"] for row in rows)
-    before = {row["task"]: row["mape"] for row in results.rows("published")}
-    fitted = [statistic(values).mean for values in ([r["mape"] for r in rows], [before[r["task"]] for r in rows])]
-    remarks = [
-        f"* At the rates that were fitted: mean {short(fitted[0])} %; the same tasks in published.csv, which earlier "
-        f"versions made, {short(fitted[1])} %.",
+    return markdown_table(heads, lines), [
         f"* What was recovered predicts rates that were not fitted {min(ratios):.0f} to {max(ratios):.0f} times "
         f"better than the truth known to 5 %.",
         f"* A parameter's own error: median {median:.1%} (of the cases' medians), largest {largest:.0%}.",
@@ -179,23 +204,22 @@ def recovery(results: Results) -> str:
         f"the steps (means of the cases; "
         "the paper reports 0.963 and 1.000).",
     ]
-    return results.framed("recovery held_out", markdown_table(heads, lines), "\n".join(remarks))
-
-
-def _held(rows: list[Row], quality: str, rate: float) -> float:
-    return statistic([row["mape"] for row in rows if (row["quality"], row["rate"]) == (quality, rate)]).mean
 
 
 def warm_up(results: Results) -> str:
     """Random against proposed perturbations before the first round."""
-    rows = results.rows("warmup")
+    return results.framed("warmup", warm_up_table(results.rows("warmup")))
+
+
+def warm_up_table(rows: Sequence[Row]) -> str:
+    """Errors after the warm-up and at the end, by kind of warm-up."""
     cases = list(dict.fromkeys(row["task"] for row in rows))
     lines = []
     for method in dict.fromkeys(row["method"] for row in rows):
         own = {row["task"]: row for row in rows if row["method"] == method}
         both = [spread([row[name] for row in own.values()]) for name in ("after_warm_up_mape", "mape")]
         lines.append([method.partition("+")[2], *both, *(short(own[case]["mape"]) for case in cases)])
-    return results.framed("warmup", markdown_table(["", "best after it", "after 20 simulations", *cases], lines))
+    return markdown_table(["MAPE / %", "best after it", "at the end", *cases], lines)
 
 
 def grid_cost(results: Results) -> str:

@@ -23,6 +23,7 @@ from ...plugins.pybamm.worker import Assignment, WorkerPool
 from ..campaign.running import Plan
 from ..campaign.stopwatch import Stopwatch
 from ..campaign.study_cell import StudyCell, results_of
+from ..doc_tables.studies import evaluation_table
 from ..run import execute_run
 from ..tasks.find import find_task
 
@@ -39,17 +40,6 @@ class EvaluationCost:
     loop_s: float  # What the loop, the memories, the rules and the journal add to a round.
     repeats: int  # How many evaluations each median is over.
 
-    def lines(self) -> list[str]:
-        """The figures as ratios and times, one a line."""
-        return [
-            f"PyBaMM's solve of the compiled model: {self.solver_s:.3f} s (median of {self.repeats})",
-            f"evaluation in this process: {self.evaluation_s / self.solver_s:.2f} x",
-            f"evaluation in a worker process: {self.worker_s / self.solver_s:.2f} x",
-            f"rebuild per evaluation: {self.rebuild_s / self.solver_s:.1f} x",
-            f"two workers, against one: {self.two_workers:.2f} x as fast",
-            f"the loop's own cost a round: {1e3 * self.loop_s:.1f} ms",
-        ]
-
 
 def measure(folder: Path, task_name: str, repeats: int) -> dict[str, Any]:
     """The fields of an `EvaluationCost`, of one task."""
@@ -57,13 +47,12 @@ def measure(folder: Path, task_name: str, repeats: int) -> dict[str, Any]:
     return {**asdict(cost), "summary": f"{cost.evaluation_s:.3f} s an evaluation"}
 
 
-def write_evaluation(plan: Plan[StudyCell]) -> list[str]:
-    """Write ``evaluation.csv``, and what it says, line by line."""
-    columns = [field.name for field in fields(EvaluationCost)]
-    costs = [EvaluationCost(**{name: result[name] for name in columns}) for result in results_of(plan)]
+def write_evaluation(plan: Plan[StudyCell]) -> str:
+    """Write ``evaluation.csv``; its tables."""
+    costs = [{field.name: result[field.name] for field in fields(EvaluationCost)} for result in results_of(plan)]
     if costs:
-        write_csv(plan.folder / "evaluation.csv", [asdict(cost) for cost in costs])
-    return [line for cost in costs for line in cost.lines()]
+        write_csv(plan.folder / "evaluation.csv", costs)
+    return "\n\n".join(map(evaluation_table, costs))
 
 
 def measure_evaluation(task_name: str = "demo", repeats: int = 15) -> EvaluationCost:

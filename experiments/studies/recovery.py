@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,8 +17,8 @@ from ...core.parameters import Candidate, ParameterSpace
 from ...core.simulation import Outcome
 from ...core.task import Task
 from ..campaign.store import Store
-from ..campaign.summary import Row, grouped, mean_of
-from ..campaign.text_tables import markdown_table
+from ..campaign.summary import Row, grouped
+from ..doc_tables.studies import recovered
 from ..run_record import RunRecord, read_run
 from ..suite.case import Noise, SuiteCase
 from ..suite.target import cell_of, experiment_of, reference_run
@@ -67,7 +67,7 @@ def write_recovery(
     cases: Mapping[str, SuiteCase],
     seed: int = 1234,
     say: Callable[[str], None] = print,
-) -> dict[str, Any]:
+) -> None:
     """Compare what was found with the truth.
 
     Writes ``recovery.csv`` (within-case correlations), ``held_out.csv`` and ``recovery.md``.
@@ -84,11 +84,17 @@ def write_recovery(
         within.append(within_case(recovered))
         say(f"{row['task']} {row['method']}: held-out protocols ...")
         held += held_out_rows(recovered, seed)
-    summary = {"within_case": _summary(within), "held_out": _held_out_summary(held)}
     write_csv(out / "recovery.csv", within)
     write_csv(out / "held_out.csv", held)
-    write_text(out / "recovery.md", _markdown(summary))
-    return summary
+    write_text(out / "recovery.md", "\n\n".join(_parts(within, held)) + "\n")
+
+
+def _parts(within: Sequence[Row], held: Sequence[Row]) -> Iterator[str]:
+    """The tables and remarks of each method."""
+    of_method = grouped(held, "method")
+    for method, rows in grouped(within, "method").items():
+        table, remarks = recovered(rows, of_method.get(method, []))
+        yield from (f"{method}:", table, "\n".join(remarks))
 
 
 def parameter_error(space: ParameterSpace, candidate: Candidate, truth: Candidate) -> float:
@@ -172,52 +178,3 @@ def held_out_rows(recovered: Recovered, seed: int) -> list[dict[str, Any]]:
                 }
             )
     return rows
-
-
-def _summary(rows: Sequence[Row]) -> dict[str, dict[str, float]]:
-    return {
-        method: {"cases": len(own), **{name: mean_of(own, name) for name in own[0] if name not in ("task", "method")}}
-        for method, own in grouped(rows, "method").items()
-    }
-
-
-def _held_out_summary(rows: Sequence[Row]) -> dict[str, dict[str, dict[str, float]]]:
-    """Mean errors by method, parameters and rate."""
-    return {
-        method: {
-            quality: {f"{rate:g}C": mean_of(at_rate, "mape") for rate, at_rate in grouped(mine, "rate").items()}
-            for quality, mine in grouped(own, "quality").items()
-        }
-        for method, own in grouped(rows, "method").items()
-    }
-
-
-_HEADS = {
-    "cases": ("cases", "d"),
-    "pearson": ("Pearson", ".3f"),
-    "spearman": ("Spearman", ".3f"),
-    "monotonic": ("monotonic cases", ".0%"),
-    "share_of_steps_that_co_decrease": ("co-decreasing steps", ".0%"),
-    "median_relative_error": ("median error of a parameter", ".1%"),
-    "largest_relative_error": ("largest", ".1%"),
-}
-
-
-def _markdown(summary: dict[str, Any]) -> str:
-    within = [
-        [method, *(format(row[name], form) for name, (_, form) in _HEADS.items())]
-        for method, row in summary["within_case"].items()
-    ]
-    rates = [f"{rate:g}C" for rate in HELD_OUT_RATES]
-    held = [
-        [method, quality, *(f"{row[rate]:.3g} %" if rate in row else "" for rate in rates)]
-        for method, qualities in summary["held_out"].items()
-        for quality, row in qualities.items()
-    ]
-    parts = [
-        markdown_table(["method", *(head for head, _ in _HEADS.values())], within),
-        "Paper, 50 cases: Pearson 0.963, Spearman 1.000, monotonic in 100 % of the cases.",
-        markdown_table(["method", "parameters", *rates], held, 2),
-        "Paper: 5 % noise 1.49 / 1.72 / 1.97 %; default 6.85 / 13.95 / 28.78 %.",
-    ]
-    return "\n\n".join(parts) + "\n"

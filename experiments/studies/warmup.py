@@ -9,14 +9,13 @@ from typing import Any
 from ...core.files import write_csv, write_text
 from ...core.scaffold import PluginChoice, Scaffold
 from ..campaign.store import Store
-from ..campaign.summary import Row, grouped, statistic
-from ..campaign.text_tables import markdown_table
+from ..campaign.summary import Row
+from ..doc_tables.studies import warm_up_table
 from .grids import trace_of, with_results
 
 STRATEGIES = ("random", "proposed")
 
 _KEPT = ("task", "method", "mape", "rmse", "simulations", "failed_simulations")
-_COMPARED = {"after_warm_up_mape": "best after it, MAPE / %", "mape": "at the end, MAPE / %", "rmse": "RMSE"}
 
 
 def with_warm_up(scaffold: Scaffold, strategy: str) -> Scaffold:
@@ -36,9 +35,5 @@ def write_warmup(rows: Sequence[Row], store: Store, out: Path) -> list[dict[str,
         for row in with_results(rows)
     ]
     write_csv(out / "warmup.csv", found)
-    lines = [
-        [method, *(str(statistic([row[name] for row in own])) for name in _COMPARED)]
-        for method, own in grouped(found, "method").items()
-    ]
-    write_text(out / "warmup.md", markdown_table(["warm-up", *_COMPARED.values()], lines) + "\n")
+    write_text(out / "warmup.md", warm_up_table(found) + "\n")
     return found
