@@ -25,11 +25,13 @@ from .images import showable
 from .options import BackendOptions
 from .prompt_fitting import ContextTooSmallError, drop_memory
 from .retrying import Patience, Persistence, TransientError
-from .structured_output import FormRefusedError, descend, held_by, with_schema_in_prompt
+from .structured_output import FormRefusedError, descend, held_by, shortened, with_schema_in_prompt
 
 # Client libraries end a call on their own a little later; the deadline is for those that do not.
 _GRACE_S = 2.0
 _SEED_STRIDE = 7919
+# A reply has three strings of free text besides its changes; at worst each character of them is a token.
+_TOKENS_PER_CHAR = 4
 # Some servers answer a schema they cannot digest with an internal error, always the same.
 _FAULTS_OF_A_FORM = 3
 
@@ -94,6 +96,8 @@ class ServedBackend(ABC):
         """See `bsa.core.messages.Backend.complete`."""
         notes: list[str] = []
         started = time.monotonic()
+        if self.options.max_reply_tokens is not None:
+            schema = shortened(schema, self.options.max_reply_tokens // _TOKENS_PER_CHAR)
         shown = showable(messages, self.sees_images, notes)
         patience = Patience(self.options.server_timeout_s, self.options.retry_limit_s)
         persistence = Persistence(patience, notes, random.Random(seed))

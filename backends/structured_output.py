@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from ..core.messages import JsonSchema, Message, StructuredBy, without_alternatives
 
@@ -76,6 +76,20 @@ _NAMES: dict[StructuredBy, str] = {
 }
 
 _CALL = "Answer by calling the tool of what you choose, once; its arguments are the JSON object."
+
+
+def shortened(schema: JsonSchema, chars: int) -> dict[str, Any]:
+    """The schema with free text of at most so many characters in each string."""
+    result = {key: _shortened(value, chars) for key, value in schema.items()}
+    if schema.get("type") == "string" and "maxLength" in schema and not {"enum", "pattern"} & set(schema):
+        result["maxLength"] = min(schema["maxLength"], chars)
+    return result
+
+
+def _shortened(value: Any, chars: int) -> Any:
+    if isinstance(value, Mapping):
+        return shortened(value, chars)
+    return [_shortened(item, chars) for item in value] if isinstance(value, list) else value
 
 
 def with_schema_in_prompt(messages: Sequence[Message], schema: JsonSchema, form: StructuredBy) -> list[Message]:

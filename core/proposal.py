@@ -12,8 +12,8 @@ from .errors import BsaError
 from .parameters import Candidate
 from .task_reduction import TaskReduction
 
-# Two digits of an exponent: a third leads beyond what a number can hold.
-_NUMBER = r"[0-9]+(\.[0-9]*)?([eE][+-]?[0-9]{1,2})?"
+# Bounded, since weak models that are held to it go on with digits: a third one of an exponent leads beyond any number.
+_NUMBER = r"[0-9]{1,20}(\.[0-9]{0,20})?([eE][+-]?[0-9]{1,2})?"
 CHANGE_PATTERN = rf"^[*+-]?{_NUMBER}$"
 """JSON Schema pattern of a change (anchored: JSON Schema patterns search otherwise)."""
 

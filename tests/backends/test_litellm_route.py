@@ -60,6 +60,17 @@ def test_a_refused_form_is_stepped_down_from_once(
         assert "JSON Schema" in server.seen[-1].body["messages"][-1]["content"]
 
 
+def test_free_text_fits_into_a_short_reply(serve, chat_completion, proposal, messages, schema):
+    server = serve(lambda seen, handler: _ok(chat_completion, proposal))
+    _open(server, max_reply_tokens=80).complete(messages, {**schema, ALTERNATIVES: [schema]}, seed=0)
+    sent = server.seen[0].body["response_format"]["json_schema"]["schema"]
+    for own in (sent, *sent[ALTERNATIVES]):
+        assert own["properties"]["analysis"]["maxLength"] == 20
+        # A change is no free text.
+        changes = own["properties"]["updated_params"]["properties"].values()
+        assert {change["maxLength"] for change in changes} == {24}
+
+
 def _called(chat_completion, name, arguments):
     call = {"id": "1", "type": "function", "function": {"name": name, "arguments": arguments}}
     message = {"role": "assistant", "content": None, "tool_calls": [call]}
