@@ -15,7 +15,6 @@ from ..core.discovery.explanation import Explanation
 from ..core.discovery.findings import Listener, Nomination, Settings
 from ..core.discovery.localisation import in_words, localise
 from ..core.discovery.next_experiment import propose
-from ..core.discovery.odds import weigh
 from ..core.discovery.problem import Problem
 from ..core.discovery.ranking import Ranking, ask
 from ..core.discovery.recorded import RecordedSimulator
@@ -126,7 +125,6 @@ def discover_on(
         localise(problem.observations, after, setup.capacity_ah),
         in_words(places, noise),
         ranking=asked[-1] if asked else None,
-        odds=weigh(problem, findings),
         notes=[*setup.notes, *(f"not built: {name}: {why}" for name, why in setup.simulator.refused.items())],
     )
     rival = findings.rivals[0] if findings.rivals else _second(findings.explanations, findings.best)

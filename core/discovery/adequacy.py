@@ -41,7 +41,11 @@ class Adequacy:
     @property
     def adequate(self) -> bool:
         """Whether noise explains the residual, at the false-alarm rate `FALSE_ALARM` for both tests together."""
-        return min(self.p_size, self.p_structure) > FALSE_ALARM / 2
+        return self.noise_only(FALSE_ALARM)
+
+    def noise_only(self, false_alarm: float) -> bool:
+        """Whether noise explains the residual, at a false-alarm rate for both tests together."""
+        return min(self.p_size, self.p_structure) > false_alarm / 2
 
 
 def judge(

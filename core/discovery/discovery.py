@@ -14,9 +14,8 @@ from .explanation import Explanation
 from .findings import Findings, Nomination
 from .localisation import Place
 from .next_experiment import NextExperiment
-from .odds import Odds
 from .ranking import Ranking
-from .rules import bic, bic_difference, closed, objection_to
+from .rules import RULES, Gap, bic, bic_difference, closed
 
 Json = dict[str, Any]
 
@@ -35,8 +34,6 @@ class Discovery:
         Residual maps of the base model and of the best explanation.
     sentences : list of str
         The first map in words.
-    odds : Odds or None
-        Posterior odds of what was fitted; they decide nothing.
     next_experiment : NextExperiment or None
         What would separate the best explanation from its nearest rival.
     closure : Closure or None
@@ -61,7 +58,6 @@ class Discovery:
     places_before: list[Place]
     places_after: list[Place]
     sentences: list[str]
-    odds: Odds | None = None
     next_experiment: NextExperiment | None = None
     closure: Closure | None = None
     ranking: Ranking | None = None
@@ -95,11 +91,6 @@ class Discovery:
             "holdout_closed": closed(base.held_rmse_v, best.held_rmse_v, self.held_noise_v),
         }
 
-    @property
-    def odds_statement(self) -> str:
-        """How probable what is named is, in words; empty where nothing is named."""
-        return "" if self.odds is None else self.odds.statement(self.names)
-
     def to_json(self) -> Json:
         """The contents of ``discovery.json``."""
         found = self.findings
@@ -115,7 +106,6 @@ class Discovery:
             "in_words": self.sentences,
             "candidates": self._candidates(),
             "gap": self.gap,
-            "odds": None if self.odds is None else _odds(self.odds) | {"statement": self.odds_statement},
             "next_experiment": None if self.next_experiment is None else asdict(self.next_experiment),
             "closure": None if self.closure is None else asdict(self.closure),
             "backend_ranking": None if self.ranking is None else asdict(self.ranking),
@@ -195,7 +185,9 @@ class Discovery:
         elif explanation in found.rivals:
             reason = "cannot be told from the best"
         else:
-            reason = objection_to(found.base, explanation, self.noise_v, self.held_noise_v, found.nearest_base)
+            reason = RULES.objection_to(
+                explanation, Gap(found.base, found.nearest_base, self.noise_v, self.held_noise_v)
+            )
             reason = reason or "explains the data less well than the best, or needs more effects for the same"
         return {
             "refit_rmse_mv": 1e3 * explanation.rmse_v,
@@ -208,28 +200,6 @@ class Discovery:
             "leaves_noise_only": explanation.adequacy.adequate,
             "rejected": reason,
         }
-
-
-def _odds(odds: Odds) -> Json:
-    base = odds.explanations[0]
-    rows = [
-        {
-            "names": list(one.names),
-            "log_odds": one.log_weight - base.log_weight,
-            "discrepancy_mv": 1e3 * one.discrepancy.scale_v,
-            "correlation_time_s": one.discrepancy.time_s if one.discrepancy.scale_v else None,
-        }
-        for one in odds.explanations
-    ]
-    return {
-        "verdict": odds.verdict,
-        "names": list(odds.names),
-        "rivals": [list(names) for names in odds.rivals] if odds.names else [],
-        "probability": odds.probability(odds.best.names),
-        "candidates_tried": odds.tried,
-        "discrepancy_left": odds.left,
-        "explanations": rows,
-    }
 
 
 def temperature_errors(predicted: FloatArray, measured: FloatArray) -> float:

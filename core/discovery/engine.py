@@ -12,20 +12,18 @@ from ..parameters import ParameterSpace
 from .explanation import Explanation
 from .findings import Findings, Listener, Nomination, Settings
 from .fitting import LAG, Fitter
-from .nomination import most_simulations, nominate, nominate_second, screen, screen_afresh
+from .nomination import (
+    is_lost,
+    most_simulations,
+    nominate,
+    nominate_second,
+    screen,
+    screen_afresh,
+    screen_from_priors,
+)
 from .problem import Problem
 from .progress import Progress
-from .rules import (
-    CLEAR_BIC,
-    CLEAR_HELD,
-    CLOSED_FITTED,
-    bic,
-    bic_difference,
-    closed,
-    objection_to,
-    predicts_temperature,
-    rivals,
-)
+from .rules import CLEAR_BIC, CLEAR_HELD, CLOSED_ENOUGH, CLOSED_FITTED, RULES, Gap, bic, bic_difference, closed
 from .side_by_side import side_by_side
 
 T = TypeVar("T")
@@ -64,9 +62,11 @@ class Shortlist:
     mesh_v : float
         Root mean square of the mesh correction, V.
     early_fitter : Fitter
-        Of the records, or of their first cycles, that the scores are of.
+        That the scores are of: of the records, or of their first cycles; on the cheaper model, if there is one.
     refitted : Explanation
         The base model that they are of: with its misfit as noise, or as the cell was new.
+    as_new : bool
+        Whether they are of first cycles.
     nominations : list of Nomination
         Every effect, the most promising first; none where the base model leaves noise only.
     """
@@ -75,6 +75,7 @@ class Shortlist:
     mesh_v: float
     early_fitter: Fitter
     refitted: Explanation
+    as_new: bool
     nominations: list[Nomination]
 
 
@@ -123,34 +124,25 @@ class Engine:
         fitter = self._fitter
         base, mesh_v = fitter.calibrate()
         if base.adequacy.adequate:
-            return Shortlist(base, mesh_v, fitter, base, [])
+            return Shortlist(base, mesh_v, fitter, base, False, [])
         self._say(f"a discrepancy of {1e3 * base.adequacy.structured_v:.2f} mV remains; nominating effects")
         near = fitter.near_new()
         early_fitter, refitted = near or (fitter, fitter.temper(base) if self._overfitted(base) else base)
-        if early_fitter is fitter and refitted.rmse_v < base.rmse_v:
+        if near is None and refitted.rmse_v < base.rmse_v:
             base = refitted
-        return Shortlist(
-            base,
-            mesh_v,
-            early_fitter,
-            refitted,
-            nominate(early_fitter, refitted, self.catalogue, self.evidence, self._say),
-        )
+        early_fitter, refitted = early_fitter.on_low_fidelity(refitted) or (early_fitter, refitted)
+        nominations = nominate(early_fitter, refitted, self.catalogue, self.evidence, self._say)
+        return Shortlist(base, mesh_v, early_fitter, refitted, near is not None, nominations)
 
     def run(self) -> Findings:
         """Carry out the whole workflow."""
         fitter, known = self._fitter, self.shortlist()
-        base, mesh_v, early_fitter, nominations = (
-            known.base,
-            known.mesh_v,
-            known.early_fitter,
-            known.nominations,
-        )
+        base, mesh_v, nominations = known.base, known.mesh_v, known.nominations
         if base.adequacy.adequate:
             return Findings("no-missing-effect", base, base, reason=_why_adequate(base), mesh_v=mesh_v)
-        confirmed = self.confirm(base, early_fitter, known.refitted, nominations)
+        confirmed = self.confirm(known)
         # From parameters of a new cell no effect loses its way in a short refit, and none needs a second chance.
-        near_ties = self._near_ties(confirmed, nominations) if early_fitter is fitter else []
+        near_ties = [] if known.as_new else self._near_ties(confirmed, nominations)
         explanations = self.finish(base, _sorted(confirmed), near_ties)
         calibrated = base
         # A base model that started from the parameters of a new cell had the start that its explanations had.
@@ -163,8 +155,11 @@ class Engine:
         # Over many cycles a little charge lost on the way fits what sampling hides of the current: no second effect.
         if unfinished and self.settings.max_effects > 1 and fitter.as_new is None:
             explanations = self.add_second(base, explanations, nominations)
+        if explanations:
+            explanations = _sorted([fitter.exact(explanations[0]), *explanations[1:]])
         nearest = min(calibrated, base, key=lambda fit: fit.rmse_v)
-        findings = self.decide(base, explanations, nearest)
+        gap = Gap(base, nearest, self.problem.noise_v, self.problem.held_noise_v)
+        findings = RULES.decide(gap, explanations)
         findings.nominations, findings.mesh_v, findings.nearest_base = nominations, mesh_v, nearest
         return findings
 
@@ -175,31 +170,22 @@ class Engine:
         """Whether the base model was fitted with less counted as noise than what it leaves."""
         return self.problem.misfit_v == 0.0 or base.inflated_noise_v > self.problem.misfit_v
 
-    def confirm(
-        self,
-        base: Explanation,
-        early_fitter: Fitter,
-        refitted: Explanation,
-        nominations: Sequence[Nomination],
-    ) -> list[Explanation]:
-        """Screen with short refits, then fit the shortlist side by side until one is settled.
-
-        Screening stands on what ``early_fitter`` fitted (the whole records, or their first cycles): ``refitted``.
-        """
+    def confirm(self, known: Shortlist) -> list[Explanation]:
+        """Screen with short refits, then fit the shortlist side by side until one is settled."""
+        base, early_fitter, refitted, nominations = known.base, known.early_fitter, known.refitted, known.nominations
         keys = list(self._preferred(refitted, nominations)) if self._preferred is not None else []
         scored = [n for n in nominations if n.gain > 0]
         chosen = scored[: self.settings.screened]
         chosen += [n for n in scored[self.settings.screened :] if n.effect.key in keys]
-        as_new = early_fitter is not self._fitter
         short = len(chosen) * most_simulations(base.fit.space)
         # Before the last level of a contest, which gets the whole budget, there may be three of a third.
         whole = 2 * min(len(chosen), self.settings.confirmed) * self.settings.refit_budget
         self._say(f"screening {len(chosen)} effects")
         self._progress.estimate(self.problem.simulated, short + whole)
-        self._refit(partial(screen, early_fitter, refitted, as_new=as_new), chosen, refitted.cost)
+        self._screen(early_fitter, refitted, chosen, known.as_new)
         misfit_v = early_fitter.problem.misfit_v
         found = self._settle(base, chosen, early_fitter)
-        if early_fitter is not self._fitter or (found and self._explains(base, found[0])):
+        if known.as_new or (found and self._explains(base, found[0])):
             return found
         misjudged = [
             n for n in nominations if n.sensitivity is not None and (n not in chosen or n.promise > refitted.cost)
@@ -209,9 +195,19 @@ class Engine:
         self._say(f"none of them explains half of it; refitting {len(misjudged)} effects with fresh Jacobians")
         early_fitter.problem.misfit_v = misfit_v  # the scores were taken with it
         self._refit(partial(screen_afresh, early_fitter, refitted), misjudged, refitted.cost)
-        known = {explanation.label for explanation in found}
-        fresh = self._settle(base, [n for n in nominations if n.effect.key not in known], early_fitter)
+        fitted = {explanation.label for explanation in found}
+        fresh = self._settle(base, [n for n in nominations if n.effect.key not in fitted], early_fitter)
         return _sorted([*found, *fresh])
+
+    def _screen(
+        self, fitter: Fitter, before: Explanation, nominations: Sequence[Nomination], as_new: bool = False
+    ) -> None:
+        """Short refits beside what is known; also from the means of the priors where none explains most of it."""
+        self._refit(partial(screen, fitter, before, as_new=as_new), nominations, before.cost)
+        least = min((nomination.promise for nomination in nominations), default=0.0)
+        if not as_new and is_lost(before) and least > (1.0 - CLOSED_ENOUGH) * before.cost:
+            self._say("none of them explains most of it; refitting from the means of the priors")
+            self._refit(partial(screen_from_priors, fitter, before), nominations, before.cost)
 
     def _refit(self, action: Callable[[Nomination], None], nominations: Sequence[Nomination], base_cost: float) -> None:
         """Give each nomination a short refit, side by side, and tell of each as it ends."""
@@ -240,7 +236,7 @@ class Engine:
         pairs = self.pair(base, nearer, nominations)
         result = self.prune(base, self.finish(base, _sorted([*ranked, *pairs])))
         # Where the pair is an ornament, what stands is its better half, and that was not the one fitted to the end.
-        standing = next((e for e in result if not _needless(e, result)), result[0])
+        standing = next((e for e in result if not RULES.needless(e, result)), result[0])
         return self._converge(base, [standing, *(e for e in result if e is not standing)])
 
     def pair(
@@ -248,17 +244,16 @@ class Engine:
     ) -> list[Explanation]:
         """Add a second effect to the best single ones: re-score on what they leave, screen, settle."""
         screened: dict[tuple[str, ...], tuple[tuple[Effect, ...], Nomination]] = {}
-        for first in singles:
-            beside = nominate_second(self._fitter, first, nominations)
+        for single in singles:
+            fitter, first = self._fitter.on_low_fidelity(single) or (self._fitter, single)
+            beside = nominate_second(fitter, first, nominations)
             hinted = [n for n in beside[:_SECOND_EFFECTS] if n.gain > _HINT * first.cost]
             # Two that each bend the parameters to do without the other are not seen by a score on what either leaves.
             best = [n for n in beside if any(n.effect is e.effects[0] for e in singles) and n not in hinted]
             new = [n for n in (*hinted, *best) if _pair_key(first, n) not in screened]
-            self._side_by_side([partial(screen, self._fitter, first, nomination) for nomination in new])
+            self._screen(fitter, first, new)
             for nomination in new:
-                left = nomination.promise / first.cost
-                self._say(f"  {first.label} + {nomination.effect.key}: leaves {left:.0%} of what one effect does")
-                if left < _WORTHWHILE:
+                if nomination.promise < _WORTHWHILE * first.cost:
                     screened[_pair_key(first, nomination)] = (first.effects[0], nomination.effect), nomination
         return self._contest(base, list(screened.values()))
 
@@ -342,40 +337,9 @@ class Engine:
         kept = kept[: self.settings.confirmed]
         ahead = kept[0][1].promise + LAG if kept else 0.0
         fits = [(effects, n, fit) for place, (effects, n, fit) in enumerate(kept) if place < 2 or n.promise < ahead]
-        early_fitter = early_fitter or self._fitter
-        running = [early_fitter.explain(effects, fit) for effects, _, fit in fits]
-        if early_fitter is not self._fitter:
-            running = self._fitter.lengthened(early_fitter, running)
+        near = (early_fitter or self._fitter).problem
+        running = self._fitter.taken_over(near, [(effects, fit) for effects, _, fit in fits])
         return self._fitter.contest(base, running) if running else []
-
-    def decide(
-        self, base: Explanation, explanations: Sequence[Explanation], nearest: Explanation | None = None
-    ) -> Findings:
-        """Apply the rules to explanations that are sorted, the best first; see `objection_to` for ``nearest``."""
-        ranked = list(explanations)
-        if not ranked:
-            return Findings("unexplained", base, base, reason="no effect of the catalogue points the right way")
-        noise, held_noise = self.problem.noise_v, self.problem.held_noise_v
-        objections = {id(e): objection_to(base, e, noise, held_noise, nearest) for e in ranked}
-        # A pair must beat each of its members clearly, on data not fitted too, or the simpler one stands.
-        needed = [e for e in ranked if not _needless(e, ranked)]
-        accepted = [e for e in needed if not objections[id(e)]]
-        if not accepted:
-            first = needed[0]
-            reason = f"{first.label}: {objections[id(first)]}"
-            return Findings("unexplained", base, first, explanations=ranked, reason=reason)
-        best = accepted[0]
-        for other in accepted[1:]:
-            # Within what BIC can tell, the temperature that no fit was shown decides.
-            if bic_difference(other, best) <= CLEAR_BIC and predicts_temperature(other, best):
-                best = other
-        equal = rivals(best, [e for e in needed if e is not best])
-        reason = f"{best.label} beats the base model by {bic_difference(base, best):.0f} in BIC"
-        if not (best.settled or best.adequacy.adequate):
-            reason += "; its fit did not converge, and its intervals may be too narrow"
-        if equal:
-            reason += f"; not to be told from {', '.join(e.label for e in equal)}"
-        return Findings("ambiguous" if equal else "effect-found", base, best, equal, ranked, reason=reason)
 
 
 def _sorted(explanations: Sequence[Explanation]) -> list[Explanation]:
@@ -394,17 +358,6 @@ def _pair_key(first: Explanation, nomination: Nomination) -> tuple[str, ...]:
 def _may_yet_lead(other: Explanation, leader: Explanation) -> bool:
     """Whether an explanation predicts data not fitted better than the best one, or is near it."""
     return other.held_rmse_v < leader.held_rmse_v or bic_difference(other, leader) <= 10 * CLEAR_BIC
-
-
-def _needless(explanation: Explanation, others: Sequence[Explanation]) -> bool:
-    """Whether some of its effects explain as much as all of them, or predict data not fitted as well."""
-    parts = [other for other in others if set(other.names) < set(explanation.names)]
-    return any(
-        other.adequacy.adequate
-        or bic_difference(other, explanation) <= CLEAR_BIC
-        or explanation.held_rmse_v > CLEAR_HELD * other.held_rmse_v
-        for other in parts
-    )
 
 
 def _why_adequate(base: Explanation) -> str:

@@ -147,8 +147,7 @@ class Explanation:
         """The effects in words."""
         return " + ".join(effect.key for effect in self.effects) or "base model"
 
-    @property
-    def excludes_null(self) -> bool:
+    def excludes_null(self, clear_k: float = CLEAR_K) -> bool:
         """Whether each effect's strength stays off its far bound and has an interval without its null value.
 
         Where that interval, which the voltage gives, holds the null, the temperature may exclude it: without the
@@ -156,7 +155,7 @@ class Explanation:
         """
         for effect in self.effects:
             strength = self.estimates[effect.key][0]
-            told = clearly_nearer(self.temperature_rms_k, self.temperature_without_k.get(effect.key))
+            told = clearly_nearer(self.temperature_rms_k, self.temperature_without_k.get(effect.key), clear_k)
             if strength.at_bound or (strength.holds_null and not told):
                 return False
         return True
@@ -168,14 +167,14 @@ class Explanation:
         return abs(strength.value - strength.null) / max((high - low) / (2 * 1.96), 1e-300)
 
 
-def clearly_nearer(ours_k: float | None, theirs_k: float | None) -> bool:
+def clearly_nearer(ours_k: float | None, theirs_k: float | None, clear_k: float = CLEAR_K) -> bool:
     """Whether one error of a temperature is clearly below another, K; never where none was measured."""
-    return ours_k is not None and theirs_k is not None and 2 * ours_k <= theirs_k and ours_k + CLEAR_K <= theirs_k
+    return ours_k is not None and theirs_k is not None and 2 * ours_k <= theirs_k and ours_k + clear_k <= theirs_k
 
 
-def temperature_misfit(temperature_rms_k: float | None) -> float:
+def temperature_misfit(temperature_rms_k: float | None, deviation_k: float = TEMPERATURE_DEVIATION_K) -> float:
     """Squared error of a temperature (K), as one observation; 0 where none was measured."""
-    return ((temperature_rms_k or 0.0) / TEMPERATURE_DEVIATION_K) ** 2
+    return ((temperature_rms_k or 0.0) / deviation_k) ** 2
 
 
 def estimates_of(effects: tuple[Effect, ...], fit: Refit, dispersion: float) -> dict[str, tuple[Estimate, ...]]:

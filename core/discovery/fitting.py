@@ -25,6 +25,9 @@ from .simulator import Prediction
 
 T = TypeVar("T")
 
+Fitted = tuple[tuple[Effect, ...], Refit]
+"""A fit, and the effects that it has."""
+
 _COARSE_V = 0.03
 """Misfit with which the base fit begins, V."""
 
@@ -71,6 +74,7 @@ class Fitter:
         self.settings = settings
         self.as_new: FloatArray | None = None
         """Base parameters before the cell aged, shape (p,), where records of many cycles tell them."""
+        self._low: Fitter | None = None
         self._say = listener
 
     # --- fits -----------------------------------------------------------------------------------------------
@@ -88,23 +92,50 @@ class Fitter:
         tolerance: float = 2e-3,
         jacobian: FloatArray | None = None,
         fresh: bool = False,
+        exact: bool = False,
     ) -> Refit | None:
-        """Fit at the present misfit; None if the start cannot be simulated."""
-        found = refit(self.residuals(effects), space, start, jacobian, budget, tolerance, fresh)
+        """Fit at the present misfit; None if the start cannot be simulated.
+
+        Jacobians are taken of the cheaper model, where there is one and not of the base model's ``exact`` ones.
+        """
+        slopes = None
+        if self._low is not None and not exact:
+            self._low.problem.misfit_v = self.problem.misfit_v
+            slopes = self._low.residuals(effects)
+        found = refit(self.residuals(effects), space, start, jacobian, budget, tolerance, fresh, slopes)
         return None if found is None else replace(found, deviation=self.problem.deviation())
 
-    def onwards(self, effects: Sequence[Effect], fit: Refit, budget: int, tolerance: float = 2e-3) -> Refit:
+    def onwards(
+        self, effects: Sequence[Effect], fit: Refit, budget: int, tolerance: float = 2e-3, exact: bool = False
+    ) -> Refit:
         """Fit on from where a fit ended, whatever misfit it was made with: its Jacobian is weighed anew."""
         deviation = self.problem.deviation()
         known = None if fit.deviation is None else deviation / fit.deviation
         jacobian = None if known is None else fit.jacobian / known[:, None]
-        fresh = fit.fresh and known is not None and bool(np.all(known == 1.0))
-        return self.fit(effects, fit.space, fit.u, budget, tolerance, jacobian, fresh) or fit
+        fresh = fit.fresh and known is not None and bool(np.all(known == 1.0)) and not exact
+        return self.fit(effects, fit.space, fit.u, budget, tolerance, jacobian, fresh, exact) or fit
 
     def again(self, explanation: Explanation, budget: int) -> Explanation:
         """The same explanation, fitted on from where it is with the present misfit."""
         fit = self.onwards(explanation.effects, explanation.fit, budget)
         return self.explain(explanation.effects, fit)
+
+    def exact(self, explanation: Explanation) -> Explanation:
+        """The same explanation, where its fit ends on the base model's own Jacobian."""
+        if self._low is None:
+            return explanation
+        fit = self.onwards(explanation.effects, explanation.fit, self.settings.refit_budget, exact=True)
+        return self.explain(explanation.effects, fit)
+
+    def on_low_fidelity(self, known: Explanation) -> tuple[Fitter, Explanation] | None:
+        """A fitter on the cheaper model, which is shifted to agree with an explanation, and the explanation there."""
+        problem = self.problem.shifted_low_fidelity(known.effects, known.fit.candidate)
+        if problem is None:
+            return None
+        low = Fitter(problem, self.space, self.settings, self._say)
+        low.as_new = self.as_new
+        fit = low.fit(known.effects, known.fit.space, known.fit.u, 1 + len(known.fit.space))
+        return None if fit is None else (low, low.explain(known.effects, fit))
 
     def at(self, effects: tuple[Effect, ...], space: ParameterSpace, u: FloatArray) -> Explanation | None:
         """What is explained at given coordinates, without a fit; None if they cannot be simulated."""
@@ -137,19 +168,11 @@ class Fitter:
             early_fitter = Fitter(new, self.space, self.settings, self._say)
             first, _ = early_fitter.calibrate(_STARTS)
             self.as_new = (first if first.adequacy.adequate else early_fitter.temper(first)).fit.u
-        # From coarse to fine: each fit counts as noise what the one before it could not explain, and noise alone is
-        # reached only by a model that comes near it. Started at the finest, a fit loses itself on the steep parts.
-        problem.misfit_v = _COARSE_V
-        fit = self._fit_from_somewhere(np.zeros(len(self.space)) if self.as_new is None else self.as_new)
-        for _ in range(3):
-            left = self.explain((), fit).misfit_v
-            left = left if left > _NEAR_V else 0.0
-            if left > 0.7 * problem.misfit_v:
-                break
-            problem.misfit_v = left
-            fit = self.onwards((), fit, budget // 2, 1e-2)
-            if left == 0.0:
-                break
+        start = np.zeros(len(self.space)) if self.as_new is None else self.as_new
+        low = problem.shifted_low_fidelity((), self.space.at(start))
+        if low is not None:
+            self._low = Fitter(low, self.space, self.settings, self._say)
+        fit = self._coarse_fit(start)
         mesh_v = problem.correct_mesh((), fit.candidate)
         self._say(f"mesh and tolerances: {1e3 * mesh_v:.2f} mV, corrected")
         fit = self.onwards((), fit, budget)
@@ -160,12 +183,40 @@ class Fitter:
                 break
             # A poor fit may be a poor start: try another before calling it missing physics.
             start = np.array([rng.normal() if p.prior else u for p, u in zip(self.space, fit.u, strict=True)])
-            other = self.fit((), self.space, start, budget // 2)
+            there = self.on_low_fidelity(base)
+            other = (there[0] if there else self).fit((), self.space, start, budget // 2)
             if other is not None and other.cost < 0.98 * fit.cost:
-                fit = self.onwards((), other, budget)
-                base = self.explain((), fit)
+                again = self.fit((), self.space, other.u, budget) if there else self.onwards((), other, budget)
+                if again is not None and again.cost < fit.cost:
+                    fit = again
+                    base = self.explain((), fit)
+        if not base.adequacy.adequate:
+            base = self.exact(base)
         self._say(f"base model: {1e3 * base.rmse_v:.2f} mV" + " (not converged)" * (not base.settled))
         return base, mesh_v
+
+    def _coarse_fit(self, start: FloatArray) -> Refit:
+        """The base model before it is weighed against the noise alone; on the cheaper model first, if there is one.
+
+        From coarse to fine: each fit counts as noise what the one before it could not explain, and noise alone is
+        reached only by a model that comes near it. Started at the finest, a fit loses itself on the steep parts.
+        """
+        self.problem.misfit_v = _COARSE_V
+        fit: Refit | None = None
+        if self._low is not None:
+            near = self._low._coarse_fit(start)
+            fit = self.fit((), self.space, near.u, self.settings.base_budget // 2, 2e-2)
+        fit = fit or self._fit_from_somewhere(start)
+        for _ in range(3):
+            left = self.explain((), fit).misfit_v
+            left = left if left > _NEAR_V else 0.0
+            if left > 0.7 * self.problem.misfit_v:
+                break
+            self.problem.misfit_v = left
+            fit = self.onwards((), fit, self.settings.base_budget // 2, 1e-2)
+            if left == 0.0:
+                break
+        return fit
 
     def _fit_from_somewhere(self, start: FloatArray) -> Refit:
         # A cell that is too small, or too slow for its current, is empty before its record ends, and a fit that
@@ -211,6 +262,8 @@ class Fitter:
         if fit is None:
             return base
         again = self.explain((), fit if fit.converged else self.onwards((), fit, budget))
+        if not again.adequacy.adequate:
+            again = self.exact(again)
         return again if again.adequacy.adequate or bic_difference(base, again) > 0 else base
 
     def pruned(self, explanation: Explanation) -> Explanation | None:
@@ -258,7 +311,7 @@ class Fitter:
         """
         self.problem.misfit_v = base.inflated_noise_v
         refitted = self.again(base, self.settings.refit_budget // 2)
-        if not refitted.fit.fresh:
+        if not refitted.fit.fresh and self._low is None:
             # Scores and short refits stand on this Jacobian: after many updates it is no derivative any more.
             fit = refitted.fit
             refitted.fit = replace(fit, jacobian=slopes_at(self.residuals(base.effects), fit))
@@ -284,23 +337,26 @@ class Fitter:
         fit = near.fit((), self.space, self.as_new, 1 + len(self.space))
         return None if fit is None else (near, near.explain((), fit))
 
-    def lengthened(self, near: Fitter, explanations: Sequence[Explanation]) -> list[Explanation]:
-        """Explanations of the first cycles, fitted on over more and more of them; those that keep up, on all of them.
+    def taken_over(self, near: Problem, fits: Sequence[Fitted]) -> list[Explanation]:
+        """Fits of this problem, of its first cycles, or of a cheaper model, as explanations of this problem.
 
-        Far ahead of where it was fitted, a model runs empty in the wrong minute of every cycle, and slopes say nothing.
+        Those of first cycles are fitted on over more and more of them, and those that keep up, on all of them: far
+        ahead of where it was fitted, a model runs empty in the wrong minute of every cycle, and slopes say nothing.
         """
-        running = list(explanations)
-        for problem in longer(self.problem, near.problem):
+        if near is self.problem and self._low is None:
+            return [self.explain(effects, fit) for effects, fit in fits]
+        for problem in longer(self.problem, near):
             stage = Fitter(problem, self.space, self.settings, self._say)
-            running = stage.moved(running)
+            running = stage._moved(fits)
             if running:
                 problem.misfit_v = max(_NEAR_V, min(explanation.inflated_noise_v for explanation in running))
                 running, _ = stage.race(running, _STAGE)
-        return self.moved(running)
+            fits = [(explanation.effects, explanation.fit) for explanation in running]
+        return self._moved(fits)
 
-    def moved(self, explanations: Sequence[Explanation]) -> list[Explanation]:
-        """Explanations of part of the records on these, not fitted yet; without those that cannot be simulated."""
-        found = [self.at(e.effects, e.fit.space, e.fit.u) for e in explanations]
+    def _moved(self, fits: Sequence[Fitted]) -> list[Explanation]:
+        """Fits of other problems on this one, not fitted yet; without those that cannot be simulated."""
+        found = [self.at(effects, fit.space, fit.u) for effects, fit in fits]
         return [explanation for explanation in found if explanation is not None]
 
     def contest(self, base: Explanation, explanations: Sequence[Explanation]) -> list[Explanation]:

@@ -130,12 +130,35 @@ def screen_afresh(fitter: Fitter, before: Explanation, nomination: Nomination) -
     base model whose parameters were fitted to the effect leaves a residual that derivatives there do not predict.
     """
     low, high = _ends(nomination.effect)
-    effects, ladder = (*before.effects, nomination.effect), _ladder(nomination)
+    ladder = _ladder(nomination)
     for rungs in (ladder, [-rung for rung in ladder if 0.95 * low <= -rung <= 0.95 * high]):
-        start = _best_start(fitter, before, nomination, rungs, _SHARES)
-        if start is not None:
-            space = start.refit.space
-            _note(fitter, before, nomination, fitter.fit(effects, space, start.refit.u, 2 * (_SHORT + len(space))))
+        along = _climb(rungs, partial(_moved_along, fitter, before, nomination, _SHARES), before.cost)
+        starts = [along, *(_from_priors(fitter, before, nomination, rungs) if is_lost(before) else ())]
+        _refit_from_best(fitter, before, nomination, starts, 2)
+
+
+def screen_from_priors(fitter: Fitter, before: Explanation, nomination: Nomination) -> None:
+    """Give a nomination a short refit from the means of the priors, on slopes taken there.
+
+    A model that lacks a strong effect moves its parameters far to hide that, or is lost on the way.
+    """
+    _refit_from_best(fitter, before, nomination, _from_priors(fitter, before, nomination, _ladder(nomination)), 1)
+
+
+def is_lost(explanation: Explanation) -> bool:
+    """Whether the base parameters are far from their priors, or have not converged."""
+    return explanation.fit.prior_cost > _OVERFITTED or not explanation.fit.converged
+
+
+def _refit_from_best(
+    fitter: Fitter, before: Explanation, nomination: Nomination, starts: Sequence[_Start | None], length: int
+) -> None:
+    """A short refit on slopes of its own from the best of some starts."""
+    found = [start for start in starts if start is not None]
+    if found:
+        best = min(found, key=lambda start: start.price).refit
+        effects, budget = (*before.effects, nomination.effect), length * (_SHORT + len(best.space))
+        _note(fitter, before, nomination, fitter.fit(effects, best.space, best.u, budget))
 
 
 def _note(fitter: Fitter, before: Explanation, nomination: Nomination, found: Refit | None) -> None:
@@ -149,20 +172,16 @@ def _note(fitter: Fitter, before: Explanation, nomination: Nomination, found: Re
 def _short_refit(fitter: Fitter, before: Explanation, nomination: Nomination, as_new: bool) -> Refit | None:
     """A few Broyden steps from a known explanation, with its Jacobian and the effect's sensitivity.
 
-    A strong effect is far from where the linear picture of its probe points: the steps start from the best
-    rung of a ladder of strengths. And a model that lacks a strong effect bends its parameters to hide that, or is lost
-    on the way: where that fit is overfitted or has not converged, they may start at the means of the priors, on
-    slopes taken there. Parameters of a new cell are neither shifted nor lost, and stay where they are at first.
+    A strong effect is far from where the linear picture of its probe points: the steps start from the best rung of a
+    ladder of strengths. Parameters of a new cell stay where they are at first.
     """
     effects = (*before.effects, nomination.effect)
     shares, budget = ((0.0,), 2 * _SHORT) if as_new else (_SHARES, _SHORT)
-    start = _best_start(fitter, before, nomination, _ladder(nomination), shares, as_new)
+    start = _climb(_ladder(nomination), partial(_moved_along, fitter, before, nomination, shares), before.cost)
     if start is None:
         return None
-    space, u = start.refit.space, start.refit.u
-    if not start.sloped:
-        return fitter.fit(effects, space, u, _SHORT + len(space))
-    found = fitter.fit(effects, space, u, budget, jacobian=start.refit.jacobian)
+    space = start.refit.space
+    found = fitter.fit(effects, space, start.refit.u, budget, jacobian=start.refit.jacobian)
     promised = nomination.gain
     if found is not None and promised > CLEAR_BIC and before.fit.cost - found.cost < _ENOUGH * promised:
         # Much was promised and little came of it: the slopes were wrong.
@@ -173,32 +192,10 @@ def _short_refit(fitter: Fitter, before: Explanation, nomination: Nomination, as
 
 @dataclass(frozen=True, eq=False)
 class _Start:
-    """Where a short refit may begin; ``price`` is its cost with what the temperature says.
-
-    ``sloped`` is whether its Jacobian has been moved there.
-    """
+    """Where a short refit may begin; ``price`` is its cost with what the temperature says."""
 
     price: float
     refit: Refit
-    sloped: bool = False
-
-
-def _best_start(
-    fitter: Fitter,
-    before: Explanation,
-    nomination: Nomination,
-    ladder: Sequence[float],
-    shares: Sequence[float],
-    as_new: bool = False,
-) -> _Start | None:
-    """The best start, with the base parameters as they are or, where overfitted, at the means of the priors."""
-    best = _climb(ladder, lambda strength: _moved_along(fitter, before, nomination, strength, shares), before.cost)
-    lost = not as_new and (before.fit.prior_cost > _OVERFITTED or not before.fit.converged)
-    for place in _prior_starts(fitter, before) if lost else ():
-        unbent = _climb(ladder, partial(_start, fitter, before, nomination, place))
-        if unbent is not None and (best is None or unbent.price < best.price):
-            best = unbent
-    return best
 
 
 def _climb(
@@ -220,7 +217,7 @@ def _climb(
 
 
 def _moved_along(
-    fitter: Fitter, before: Explanation, nomination: Nomination, strength: float, shares: Sequence[float]
+    fitter: Fitter, before: Explanation, nomination: Nomination, shares: Sequence[float], strength: float
 ) -> _Start | None:
     """With the base parameters moved along, as far as the linear picture goes; less far where it misleads."""
     assert nomination.sensitivity is not None
@@ -237,14 +234,16 @@ def _moved_along(
         secant = (found.refit.residual - known.residual - known.jacobian @ step) / strength
         jacobian = np.column_stack([known.jacobian, secant, *others])
         if best is None or found.price < best.price:
-            best = _Start(found.price, replace(found.refit, jacobian=jacobian), sloped=True)
+            best = _Start(found.price, replace(found.refit, jacobian=jacobian))
         if found.price < before.cost:
             break
     return best
 
 
-def _prior_starts(fitter: Fitter, before: Explanation) -> list[FloatArray]:
-    """Starts with the base parameters at the means of the priors, or as in a new cell, whatever a fit made of them.
+def _from_priors(
+    fitter: Fitter, before: Explanation, nomination: Nomination, ladder: Sequence[float]
+) -> list[_Start | None]:
+    """The best strengths with the base parameters at the means of the priors, or as in a new cell.
 
     A cell that runs empty before its record does is no start either, so that roomier and faster ones are among them;
     the charge is the fitted one, and the one that a rested voltage tells.
@@ -255,7 +254,8 @@ def _prior_starts(fitter: Fitter, before: Explanation) -> list[FloatArray]:
     bases = [np.where(prior, 0.0, fitted)] + [np.where(prior, ease, 0.0) for ease in _EASES]
     if fitter.as_new is not None:
         bases = [fitter.as_new]
-    return [np.concatenate([base, before.fit.u[count:]]) for base in bases]
+    places = [np.concatenate([base, before.fit.u[count:]]) for base in bases]
+    return [_climb(ladder, partial(_start, fitter, before, nomination, place)) for place in places]
 
 
 def _start(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +61,8 @@ class Problem:
     masks : sequence of ndarray of bool, optional
         By record: which stretches are fitted. Left out, all are where there is a hold-out record; but of records of
         many cycles every fifth block is held out in any case: a hold-out record of a cycle or two shows no ageing.
+    low_fidelity : bool
+        Whether the simulator's cheaper model predicts; see `shifted_low_fidelity`.
     """
 
     simulator: Simulator
@@ -72,6 +74,7 @@ class Problem:
     mesh_sigma: dict[str, FloatArray] = field(default_factory=dict)
     simulations: int = 0
     masks: Sequence[NDArray[np.bool_]] | None = None
+    low_fidelity: bool = False
     misfit_v: float = 0.0
     """Added in quadrature to every deviation of a fit, V. While no model comes near the data, the priors of the
     parameters, and the flat parts of a record beside its steep ones, must count against the misfit, not the noise."""
@@ -139,6 +142,7 @@ class Problem:
                     observed.moments,
                     fine,
                     candidate.get(measured_record.soc_name),
+                    self.low_fidelity,
                 )
                 for effects, candidate, measured_record, observed in wanted
             ]
@@ -197,9 +201,7 @@ class Problem:
         observations = [*self.observations, *self.held_observations]
         for measured_record, observed in zip(measured_records, observations, strict=True):
             known = self.corrections.pop(measured_record.name, None)
-            own = dict(candidate)
-            if measured_record.soc_name not in own:
-                own[measured_record.soc_name] = self._first_soc(candidate)
+            own = {measured_record.soc_name: self._first_soc(candidate), **candidate}
             usual = self._one(effects, own, measured_record, observed)
             fine = self._one(effects, own, measured_record, observed, fine=True)
             self.simulations += 2
@@ -218,6 +220,26 @@ class Problem:
             self.corrections[measured_record.name] = change
             usual_all.append(change)
         return float(np.sqrt(np.mean(np.concatenate(usual_all) ** 2))) if usual_all else 0.0
+
+    def shifted_low_fidelity(self, effects: Sequence[Effect], candidate: Candidate) -> Problem | None:
+        """The same problem on the simulator's cheaper model, shifted so that both models agree at one candidate.
+
+        None where there is no such model, or one of the two cannot be simulated there.
+        """
+        if self.low_fidelity or not self.simulator.has_low_fidelity:
+            return None
+        low = replace(self, masks=self.fitted, low_fidelity=True, corrections={}, simulations=0)
+        rows = zip(
+            (*self.measured_records, *self.held_records), (*self.observations, *self.held_observations), strict=True
+        )
+        for measured_record, observed in rows:
+            own = {measured_record.soc_name: self._first_soc(candidate), **candidate}
+            ours, theirs = (problem._one(effects, own, measured_record, observed) for problem in (self, low))
+            self.simulations += 2
+            if ours is None or theirs is None:
+                return None
+            low.corrections[measured_record.name] = ours.voltage - theirs.voltage
+        return low
 
     def _first_soc(self, candidate: Candidate) -> float:
         names = [measured_record.soc_name for measured_record in self.measured_records]

@@ -47,7 +47,7 @@ class RecordedSimulator:
         self._known = {event["key"]: _decoded(event) for event in earlier if event["event"] == SIMULATION}
         self.refused: dict[str, str] = {event["effect"]: event["why"] for event in earlier if event["event"] == REFUSED}
         self._lock = threading.Lock()
-        self.at_once = inner.at_once
+        self.at_once, self.has_low_fidelity = inner.at_once, inner.has_low_fidelity
         self.simulations = self.recalled = 0
 
     def predict(self, requests: Sequence[Request]) -> list[Prediction | None]:
@@ -71,7 +71,7 @@ class RecordedSimulator:
 
 def _key(request: Request) -> str:
     """What tells a request from every other of the same discovery."""
-    told = {
+    told: dict[str, Any] = {
         "effects": [effect.key for effect in request.effects],
         "candidate": {name: float(value) for name, value in request.candidate.items()},
         "record": [request.measured_record.name, len(request.measured_record.record)],
@@ -79,6 +79,8 @@ def _key(request: Request) -> str:
         "fine": request.fine,
         "soc": None if request.soc is None else float(request.soc),
     }
+    if request.low_fidelity:
+        told["low_fidelity"] = True
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:24]
 
 

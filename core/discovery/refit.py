@@ -97,6 +97,7 @@ def refit(
     budget: int = 120,
     tolerance: float = 2e-3,
     fresh: bool = False,
+    slopes: Residuals | None = None,
 ) -> Refit | None:
     """Minimise the sum of squares of weighted residuals and priors inside bounds; see `LeastSquares`.
 
@@ -116,6 +117,8 @@ def refit(
         Relative gain in the cost below which the fit has converged.
     fresh : bool
         Whether the Jacobian was measured at the start itself.
+    slopes : callable, optional
+        Weighted residuals by a cheaper model, of which Jacobians are taken.
 
     Returns
     -------
@@ -123,14 +126,29 @@ def refit(
         None if the start cannot be simulated.
     """
     search = _search(space, start, jacobian, tolerance, fresh=fresh)
-    solve(search, lambda points: residuals([space.at(point) for point in points]), budget)
+
+    def told(points: Sequence[FloatArray]) -> Sequence[FloatArray | None]:
+        if slopes is not None and search.stage == "jacobian":
+            return _by_differences(search, slopes, space, points)
+        return residuals([space.at(point) for point in points])
+
+    solve(search, told, budget)
     if search.residual is None:
         return None
-    slopes = np.zeros((len(search.residual), len(space))) if search.jacobian is None else search.jacobian
+    jacobian = np.zeros((len(search.residual), len(space))) if search.jacobian is None else search.jacobian
     # Short steps promise little by being short: what counts is what a full one would gain.
     promised = search.predicted
     converged = promised <= max(5 * tolerance * search.cost, _SETTINGS.noise**2)
-    return Refit(space, search.point, search.residual, slopes, converged, search.simulations, promised=promised)
+    return Refit(space, search.point, search.residual, jacobian, converged, search.simulations, promised=promised)
+
+
+def _by_differences(
+    search: LeastSquares, slopes: Residuals, space: ParameterSpace, points: Sequence[FloatArray]
+) -> list[FloatArray | None]:
+    """What residuals would be at some points, by how those of a cheaper model differ from its own at the best point."""
+    here, *there = slopes([space.at(point) for point in (search.point, *points)])
+    known = search.residual
+    return [None if here is None or one is None or known is None else known + one - here for one in there]
 
 
 def slopes_at(residuals: Residuals, fit: Refit) -> FloatArray:

@@ -1,18 +1,18 @@
-"""The rules by which an explanation is accepted, and two are called indistinguishable."""
+"""The rules by which an explanation is accepted, and two are called indistinguishable; and the verdict they give."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from .explanation import Explanation, clearly_nearer
+from .adequacy import FALSE_ALARM
+from .explanation import CLEAR_K, TEMPERATURE_DEVIATION_K, Explanation, clearly_nearer, temperature_misfit
+from .findings import Findings
 
 CLEAR_BIC = 10.0
 """Difference in BIC from which one explanation is clearly better than another (Kass and Raftery 1995)."""
-
-FAR_AHEAD = 100.0
-"""Difference in BIC that is asked of an explanation whose fit got stuck: what more it could gain would not turn it."""
 
 CLEAR_HELD = 0.9
 """An explanation predicts data not fitted clearly better where its error is below this share of the other's."""
@@ -22,11 +22,11 @@ CLOSED_ENOUGH = 0.75
 temperature must be. Below it is a partial explanation."""
 
 CLOSED_FITTED = 0.5
-"""The same on fitted data, where data that was not fitted shows the gap too. A base model bends its parameters to what
-it is fitted to and hides part of its gap there, so that what an effect closes of it is understated."""
+"""The same on fitted data, where data that was not fitted shows the gap too. A base model moves its parameters to fit
+what it is fitted to and hides part of its gap there, so that what an effect closes of it is understated."""
 
 
-def bic(explanation: Explanation, scale: Explanation) -> float:
+def bic(explanation: Explanation, scale: Explanation, temperature_k: float = TEMPERATURE_DEVIATION_K) -> float:
     r"""BIC of an explanation by quasi-likelihood, on the scale that another one sets.
 
     .. math:: S / c + W + B + k \ln n
@@ -34,18 +34,19 @@ def bic(explanation: Explanation, scale: Explanation) -> float:
     with ``S`` the sum of squares in which the misfit of ``scale`` counts as noise, and ``c`` its dispersion, so that
     neighbours which repeat one another, and what neither explains, do not count as evidence (Burnham and Anderson
     2002, doi:10.1007/b97636, section 2.5); ``W`` the squared error of the temperature, which no fit is shown, as one
-    observation with a deviation of `TEMPERATURE_DEVIATION_K`; ``B`` the cost of the priors; ``k`` the number of
-    parameters and ``n`` that of observations.
+    observation with the deviation ``temperature_k``; ``B`` the cost of the priors; ``k`` the number of parameters and
+    ``n`` that of observations.
     """
     misfit = scale.misfit_v
     squares = explanation.chi2(misfit) / scale.dispersion(misfit)
     size = len(explanation.fit.space) * float(np.log(len(scale.errors)))
-    return squares + explanation.temperature_misfit + explanation.fit.prior_cost + size
+    warmth = temperature_misfit(explanation.temperature_rms_k, temperature_k)
+    return squares + warmth + explanation.fit.prior_cost + size
 
 
-def bic_difference(worse: Explanation, better: Explanation) -> float:
+def bic_difference(worse: Explanation, better: Explanation, temperature_k: float = TEMPERATURE_DEVIATION_K) -> float:
     """BIC of one explanation minus that of another, on the scale of the better one."""
-    return bic(worse, better) - bic(better, better)
+    return bic(worse, better, temperature_k) - bic(better, better, temperature_k)
 
 
 def closed(before_v: float, after_v: float, noise_v: float) -> float:
@@ -54,67 +55,155 @@ def closed(before_v: float, after_v: float, noise_v: float) -> float:
     return 1.0 if excess <= 0 else 1.0 - max(after_v**2 - noise_v**2, 0.0) / excess
 
 
-def objection_to(
-    base: Explanation, found: Explanation, noise_v: float, held_noise_v: float, nearest: Explanation | None = None
-) -> str:
-    """Why an explanation may not be named; empty if it may.
+@dataclass(frozen=True)
+class Gap:
+    """What is to be closed.
 
-    Parameters
+    Attributes
     ----------
-    base, found : Explanation
-        The base model, by its better likelihood, and the explanation.
+    base : Explanation
+        The base model, by its better likelihood.
+    nearest : Explanation
+        The fit of the base model by which the gap is measured.
     noise_v, held_noise_v : float
         Measurement noise of the fitted records and of the data not fitted, V.
-    nearest : Explanation, optional
-        The fit of the base model by which the gap is measured; ``base`` if there is one only.
     """
-    margin = bic_difference(base, found)
-    if margin <= CLEAR_BIC:
-        return f"does not beat the base model by {CLEAR_BIC:g} in BIC"
-    if not found.excludes_null:
-        return "a strength's 95 % interval contains its null value, or it ran into a bound"
-    if not (found.settled or found.adequacy.adequate or margin > FAR_AHEAD):
-        return "its fit did not converge"
-    # A base model with parameters far from their priors may come as near to the voltage; BIC counts the priors.
-    # A temperature predicted clearly better, which no fit was shown, then stands for the gap that it hides.
-    if not (found.adequacy.adequate or predicts_temperature(found, base)):
-        material = base.held_rmse_v > 1.1 * held_noise_v
-        share = closed((nearest or base).rmse_v, found.rmse_v, noise_v)
-        if share < (CLOSED_FITTED if material else CLOSED_ENOUGH):
+
+    base: Explanation
+    nearest: Explanation
+    noise_v: float
+    held_noise_v: float
+
+
+@dataclass(frozen=True)
+class Rules:
+    """The rules with their constants, all that decide between the verdicts.
+
+    Attributes
+    ----------
+    false_alarm : float
+        Probability that noise alone is taken for a discrepancy.
+    clear_bic : float
+        Difference in BIC from which one explanation is clearly better than another.
+    far_ahead : float
+        Times that difference which no further gain of an unfinished fit, and no prediction of other data, outweighs.
+    held_margin : float
+        Share by which an error on data not fitted must be smaller to be clearly smaller.
+    left_over : float
+        Share of the excess variance that a named explanation may leave.
+    left_fitted : float
+        The same on fitted data, where data that was not fitted shows the gap too.
+    temperature_k : float
+        How well a model's temperature can be expected to agree with a sensor, K.
+    clear_k : float
+        What a temperature's error must be smaller by, besides being half as large, to be clearly smaller, K.
+    """
+
+    false_alarm: float = FALSE_ALARM
+    clear_bic: float = CLEAR_BIC
+    far_ahead: float = 10.0
+    held_margin: float = 1.0 - CLEAR_HELD
+    left_over: float = 1.0 - CLOSED_ENOUGH
+    left_fitted: float = 1.0 - CLOSED_FITTED
+    temperature_k: float = TEMPERATURE_DEVIATION_K
+    clear_k: float = CLEAR_K
+
+    def explains_all(self, found: Explanation) -> bool:
+        """Whether an explanation leaves noise only."""
+        return found.adequacy.noise_only(self.false_alarm)
+
+    def behind(self, worse: Explanation, better: Explanation) -> float:
+        """By how many clear differences in BIC one explanation is worse than another."""
+        return bic_difference(worse, better, self.temperature_k) / self.clear_bic
+
+    def predicts_temperature(self, better: Explanation, worse: Explanation) -> bool:
+        """Whether one explanation predicts the measured temperature clearly better than another."""
+        return clearly_nearer(better.temperature_rms_k, worse.temperature_rms_k, self.clear_k)
+
+    def predicts_held(self, better: Explanation, worse: Explanation) -> bool:
+        """Whether one explanation predicts the data not fitted clearly better than another."""
+        return better.held_rmse_v < (1.0 - self.held_margin) * worse.held_rmse_v
+
+    def objection_to(self, found: Explanation, gap: Gap) -> str:
+        """Why an explanation may not be named; empty if it may."""
+        base, margin = gap.base, self.behind(gap.base, found)
+        if margin <= 1.0:
+            return f"does not beat the base model by {self.clear_bic:g} in BIC"
+        if not found.excludes_null(self.clear_k):
+            return "a strength's 95 % interval contains its null value, or it ran into a bound"
+        if not (found.settled or self.explains_all(found) or margin > self.far_ahead):
+            return "its fit did not converge"
+        # A base model with parameters far from their priors may come as near to the voltage; BIC counts the priors.
+        # A temperature predicted clearly better, which no fit was shown, then stands for the gap that it hides.
+        warm = self.predicts_temperature(found, base)
+        if not (self.explains_all(found) or warm) and (objection := self._leaves_too_much(found, gap)):
+            return objection
+        # A measured temperature is data not fitted too: where it tells, the voltage has to be predicted about as well.
+        if not found.held_rmse_v < base.held_rmse_v / (1.0 - self.held_margin if warm else 1.0):
+            return "does not predict the data not fitted better than the base model"
+        return ""
+
+    def _leaves_too_much(self, found: Explanation, gap: Gap) -> str:
+        shown = gap.base.held_rmse_v > (1.0 + self.held_margin) * gap.held_noise_v
+        share = closed(gap.nearest.rmse_v, found.rmse_v, gap.noise_v)
+        if share < 1.0 - (self.left_fitted if shown else self.left_over):
             return f"closes {share:.0%} of the gap only"
-        held = closed(base.held_rmse_v, found.held_rmse_v, held_noise_v)
-        if material and held < CLOSED_ENOUGH:
-            return f"closes {held:.0%} of the gap in data not fitted only"
-    # A measured temperature is data not fitted too: where it tells, the voltage has to be predicted about as well.
-    allowed = base.held_rmse_v / (CLEAR_HELD if predicts_temperature(found, base) else 1.0)
-    if not found.held_rmse_v < allowed:
-        return "does not predict the data not fitted better than the base model"
-    return ""
+        held = closed(gap.base.held_rmse_v, found.held_rmse_v, gap.held_noise_v)
+        return f"closes {held:.0%} of the gap in data not fitted only" * (shown and held < 1.0 - self.left_over)
+
+    def rivals(self, best: Explanation, others: Sequence[Explanation]) -> list[Explanation]:
+        """Explanations with other names that cannot be told from the best one.
+
+        Either their BIC is clearly no worse, or they predict the data not fitted clearly better. One that predicts a
+        measured temperature, or the data not fitted, clearly worse is no rival; nor is the best one with an ornament.
+        """
+        found = []
+        for other in others:
+            ornament = set(best.names) <= set(other.names)
+            if ornament or not other.excludes_null(self.clear_k):
+                continue
+            if self.predicts_temperature(best, other) or self.predicts_held(best, other):
+                continue
+            predicts_better = self.predicts_held(other, best) and not self.explains_all(best)
+            if self.behind(other, best) <= (self.far_ahead if predicts_better else 1.0):
+                found.append(other)
+        return found
+
+    def needless(self, explanation: Explanation, others: Sequence[Explanation]) -> bool:
+        """Whether some of its effects explain as much as all of them, or predict data not fitted as well."""
+        parts = [other for other in others if set(other.names) < set(explanation.names)]
+        return any(
+            self.explains_all(part)
+            or self.behind(part, explanation) <= 1.0
+            or not self.predicts_held(explanation, part)
+            for part in parts
+        )
+
+    def decide(self, gap: Gap, ranked: Sequence[Explanation]) -> Findings:
+        """The verdict on explanations that are sorted, the best first."""
+        base, explanations = gap.base, list(ranked)
+        if not explanations:
+            return Findings("unexplained", base, base, reason="no effect of the catalogue points the right way")
+        # A pair must beat each of its members clearly, on data not fitted too, or the simpler one stands.
+        needed = [e for e in explanations if not self.needless(e, explanations)]
+        accepted = [e for e in needed if not self.objection_to(e, gap)]
+        if not accepted:
+            first = needed[0]
+            reason = f"{first.label}: {self.objection_to(first, gap)}"
+            return Findings("unexplained", base, first, explanations=explanations, reason=reason)
+        best = accepted[0]
+        for other in accepted[1:]:
+            # Within what BIC can tell, the temperature that no fit was shown decides.
+            if self.behind(other, best) <= 1.0 and self.predicts_temperature(other, best):
+                best = other
+        equal = self.rivals(best, [e for e in needed if e is not best])
+        reason = f"{best.label} beats the base model by {bic_difference(base, best):.0f} in BIC"
+        if not (best.settled or self.explains_all(best)):
+            reason += "; its fit did not converge, and its intervals may be too narrow"
+        if equal:
+            reason += f"; not to be told from {', '.join(e.label for e in equal)}"
+        return Findings("ambiguous" if equal else "effect-found", base, best, equal, explanations, reason=reason)
 
 
-def rivals(best: Explanation, others: Sequence[Explanation]) -> list[Explanation]:
-    """Explanations with other names that cannot be told from the best one.
-
-    Either their BIC is within `CLEAR_BIC`, or they predict the data not fitted clearly better. One that predicts
-    a measured temperature clearly worse, which no fit was shown, is no rival; nor is one that predicts the data not
-    fitted clearly worse, if its fit has settled: what an unfinished fit predicts is no evidence against it.
-    """
-    found = []
-    for other in others:
-        if other.names == best.names or not other.excludes_null:
-            continue
-        if set(best.names) < set(other.names):
-            continue  # the best one with an ornament is no rival
-        predicts_worse = other.settled and best.held_rmse_v < CLEAR_HELD * other.held_rmse_v
-        if predicts_temperature(best, other) or predicts_worse:
-            continue
-        difference = bic_difference(other, best)
-        predicts_better = other.held_rmse_v < CLEAR_HELD * best.held_rmse_v and not best.adequacy.adequate
-        if difference <= CLEAR_BIC or (predicts_better and difference <= 10 * CLEAR_BIC):
-            found.append(other)
-    return found
-
-
-def predicts_temperature(better: Explanation, worse: Explanation) -> bool:
-    """Whether one explanation predicts the measured temperature clearly better than another."""
-    return clearly_nearer(better.temperature_rms_k, worse.temperature_rms_k)
+RULES = Rules()
+"""The rules that are used."""

@@ -105,6 +105,8 @@ class Request:
         Whether to use the finer mesh and tighter tolerances, from which the error of the usual ones is known.
     soc : float or None
         State of charge at which the record starts, 0 to 1; None keeps the parameter set's.
+    low_fidelity : bool
+        Whether the simulator's cheaper model is to answer; see `Simulator.has_low_fidelity`.
     """
 
     effects: tuple[Effect, ...]
@@ -113,6 +115,7 @@ class Request:
     moments: Moments
     fine: bool = False
     soc: float | None = None
+    low_fidelity: bool = False
 
 
 class Simulator(Protocol):
@@ -128,8 +131,11 @@ class Simulator(Protocol):
         How many of them without a simulation, from a journal.
     refused : dict of str to str
         Effects that could not be built, and why.
+    has_low_fidelity : bool
+        Whether there is a cheaper model with the same parameters, whose derivatives are nearly those of the base model.
     """
 
+    has_low_fidelity: bool
     at_once: int
     simulations: int
     recalled: int

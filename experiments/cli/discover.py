@@ -138,6 +138,4 @@ def _carry_out(asked: DiscoverOptions, workers: int, as_json: bool) -> None:
     print(f"verdict: {found.verdict}")
     for name in found.names:
         print(f"  {printable(name)}")
-    if found.odds_statement:
-        print(f"  odds: {found.odds_statement}")
     print(f"  report: {asked.out / 'report.html'}")

@@ -47,9 +47,6 @@ def _discovered(options: DiscoverOptions) -> dict[str, Any]:
         "rivals": [list(rival.names) for rival in discovery.findings.rivals],
         "effects": content["effects"] or content["partial"],
         "gap": content["gap"],
-        "odds": {
-            key: content["odds"][key] for key in ("verdict", "names", "rivals", "probability", "discrepancy_left")
-        },
         "base_chi2": float(np.sum(np.square(base.errors / base.sigma))),
         "simulations": discovery.simulations,
         "wall_s": discovery.wall_s,

@@ -48,10 +48,6 @@ class Graded:
         Log odds of the true model at its true parameters over the base fit (BIC); None where nothing can be named.
     covered : float or None
         Share of the strengths inside their 95 % intervals, where the name is right.
-    odds_grade : str
-        The grade that the posterior odds alone would have; empty where they were not kept.
-    odds : float or None
-        Probability that they give to their likeliest explanation.
     """
 
     task: str
@@ -69,8 +65,6 @@ class Graded:
     model: str = ""
     evidence: float | None = None
     covered: float | None = None
-    odds_grade: str = ""
-    odds: float | None = None
 
     @property
     def detectable(self) -> bool:
@@ -91,7 +85,6 @@ def _graded(task: str, found: Result, answer: Result) -> Graded:
     hidden = tuple(sorted(set(answer["names"]))) or ((f"[{answer['outside']}]",) if answer["outside"] else ())
     grade = _grade(found, hidden, bool(answer["outside"]))
     gap = found.get("gap", {})
-    odds = found.get("odds")
     strengths = list(_strengths(found, answer)) if grade == "right" and found["names"] else []
     return Graded(
         task,
@@ -109,8 +102,6 @@ def _graded(task: str, found: Result, answer: Result) -> Graded:
         answer["model"],
         _evidence(found, answer),
         sum(low <= true <= high for true, _, _, (low, high) in strengths) / len(strengths) if strengths else None,
-        _grade(odds, hidden, bool(answer["outside"])) if odds else "",
-        odds["probability"] if odds else None,
     )
 
 
@@ -161,9 +152,9 @@ def graded_row(graded: Graded) -> dict[str, Any]:
 def graded_of(row: Mapping[str, Any]) -> Graded:
     """The case of a row that `graded_row` made and `read_table` read."""
     texts = {name: tuple(row[name].split(" + ")) if isinstance(row[name], str) else () for name in ("hidden", "named")}
-    numbers = {name: _or_none(row.get(name)) for name in ("parameter_error", "evidence", "covered", "odds")}
-    words = {name: row[name] if isinstance(row.get(name), str) else "" for name in ("model", "odds_grade")}
-    return Graded(**{**row, **texts, **numbers, **words})
+    numbers = {name: _or_none(row.get(name)) for name in ("parameter_error", "evidence", "covered")}
+    model = row["model"] if isinstance(row.get("model"), str) else ""
+    return Graded(**{**row, **texts, **numbers, "model": model})
 
 
 def _or_none(value: Any) -> float | None:

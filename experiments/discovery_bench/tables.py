@@ -23,7 +23,7 @@ def as_markdown(graded: Sequence[Graded]) -> str:
         counts = Counter(m.grade for m in some)
         if some:
             lines.append(f"| {setting} | {len(some)} | " + " | ".join(str(counts[k]) for k in _GRADES) + " |")
-    lines += ["", *_confusion(graded), "", *_rates(graded), *_by_odds(graded), *_sizes(graded), *_cost(graded)]
+    lines += ["", *_confusion(graded), "", *_rates(graded), *_sizes(graded), *_cost(graded)]
     return "\n".join(lines) + "\n"
 
 
@@ -61,16 +61,6 @@ def _rates(graded: Sequence[Graded]) -> list[str]:
         inside = sum(share == 1.0 for share in told)
         lines.append(f"* strengths inside their 95 % intervals, where the name is right: {_share(inside, len(told))}.")
     return lines
-
-
-def _by_odds(graded: Sequence[Graded]) -> list[str]:
-    """What the posterior odds alone would have said of the same fits, beside the rules."""
-    some = [m for m in graded if m.odds_grade]
-    lines = []
-    for words, grades in (("rules", [m.grade for m in some]), ("odds alone", [m.odds_grade for m in some])):
-        counts = ", ".join(f"{count} {grade}" for grade, count in Counter(grades).most_common())
-        lines.append(f"* by the {words}: {counts} ({len(some)} cases).")
-    return lines if some else []
 
 
 def _of_setting(graded: Sequence[Graded], setting: str) -> list[str]:

@@ -17,6 +17,7 @@ from ...core.parameters import Candidate
 from ...core.target import Target
 from ...core.task import CellModel
 from .compiled_cell import Resolution
+from .effect_simulator import has_low_fidelity
 from .processes import Pool, Report
 
 _TIME_LIMIT_S = 120.0
@@ -33,6 +34,7 @@ class _Job:
     moments: Path
     fine: bool
     soc: float | None
+    low_fidelity: bool
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ class RequestService:
     def work(self, job: _Job, report: Report) -> _Answer:
         """Answer a request."""
         measured_record, moments = self._thing(job.measured_record), self._thing(job.moments)
-        request = Request(job.effects, job.candidate, measured_record, moments, job.fine, job.soc)
+        request = Request(job.effects, job.candidate, measured_record, moments, job.fine, job.soc, job.low_fidelity)
         (prediction,) = self._simulator.predict([request])
         return _Answer(prediction, dict(self._simulator.refused))
 
@@ -108,7 +110,7 @@ class EffectSimulatorPool:
     ) -> None:
         self._pool = Pool(RequestService(cell, targets, usual, fine), workers, _TIME_LIMIT_S)
         self._lock = threading.Lock()
-        self.at_once = workers
+        self.at_once, self.has_low_fidelity = workers, has_low_fidelity(cell)
         self.recalled = 0
         self._folder = tempfile.TemporaryDirectory(prefix="bsa-")
         self._kept: dict[int, tuple[Any, Path]] = {}
@@ -140,7 +142,8 @@ class EffectSimulatorPool:
         measured_record, moments = self._file(request.measured_record), self._file(request.moments)
         # Whether records can show an effect was asked before; the function that says so need not be sent.
         effects = tuple(replace(effect, lacks=None) for effect in request.effects)
-        return _Job(effects, dict(request.candidate), measured_record, moments, request.fine, request.soc)
+        asked = request.fine, request.soc, request.low_fidelity
+        return _Job(effects, dict(request.candidate), measured_record, moments, *asked)
 
     def _file(self, thing: Any) -> Path:
         """The file of an object, which is kept so that its identity stays its own."""

@@ -6,7 +6,8 @@ import pytest
 from bsa.core.discovery.engine import Engine
 from bsa.core.discovery.findings import Nomination, Settings
 from bsa.core.discovery.fitting import Fitter
-from bsa.core.discovery.nomination import nominate, screen
+from bsa.core.discovery.nomination import nominate, screen, screen_from_priors
+from bsa.core.discovery.rules import RULES, Gap
 from bsa.core.parameters import ParameterSpace
 
 CATALOGUE = (toy.QUADRATIC, toy.HYSTERESIS, toy.SLOW)
@@ -100,6 +101,10 @@ def test_a_base_fit_that_stopped_short_is_no_missing_effect(monkeypatch):
     assert findings.explanations  # it looked like a discrepancy at first
 
 
+def decided(problem, base, explanations):
+    return RULES.decide(Gap(base, base, problem.noise_v, problem.held_noise_v), explanations)
+
+
 def fitted(fitter, effects, budget):
     space = ParameterSpace((*fitter.space, *(p for effect in effects for p in effect.searched)))
     fit = fitter.fit(effects, space, np.concatenate([[0.2], np.zeros(len(space) - 1)]), budget)
@@ -142,7 +147,7 @@ def test_beside_a_base_model_that_is_lost_an_effect_starts_from_what_is_believed
     lost = fitter.at((), space, np.array([3.0, 9.0, -9.0]))
     lost.fit = replace(lost.fit, jacobian=np.zeros_like(lost.fit.jacobian))  # says nothing of the way back
     (nomination,) = nominate(fitter, lost, [toy.HYSTERESIS], toy.EVIDENCE, print)
-    screen(fitter, lost, nomination)
+    screen_from_priors(fitter, lost, nomination)
     assert nomination.promise < 0.05 * lost.cost
 
 
@@ -155,7 +160,7 @@ def test_where_what_the_scores_favour_helps_little_the_others_are_fitted_whateve
     for nomination in known.nominations:
         amplitude, gain = misled[nomination.effect.name]
         nomination.score = replace(nomination.score, amplitude=amplitude, gain=gain)
-    best = engine.confirm(known.base, known.early_fitter, known.refitted, known.nominations)[0]
+    best = engine.confirm(known)[0]
     assert best.names == ("sign",)
     assert best.estimates["sign"][0].value == pytest.approx(0.02, rel=0.1)
 
@@ -186,9 +191,9 @@ def test_a_pair_that_had_more_simulations_than_its_member_is_pruned():
     single, pair = fitted(fitter, (toy.HYSTERESIS,), 5), fitted(fitter, (toy.HYSTERESIS, toy.QUADRATIC), 100)
     assert pair.adequacy.adequate
     assert not single.adequacy.adequate
-    before = engine.decide(base, [pair, single])
+    before = decided(problem, base, [pair, single])
     assert before.verdict != "effect-found" or before.best.names != ("sign",)
-    after = engine.decide(base, engine.prune(base, [pair, single]))
+    after = decided(problem, base, engine.prune(base, [pair, single]))
     assert after.verdict == "effect-found", after.reason
     assert after.best.names == ("sign",)
     assert [e.label for e in after.explanations].count("sign") == 1
@@ -232,13 +237,12 @@ def test_a_temperature_has_its_say_in_who_is_fitted_on():
 
 def test_a_pair_that_predicts_data_not_fitted_no_better_than_one_of_its_members_is_not_named():
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01, "quadratic": 0.01})
-    engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE)
     fitter = Fitter(problem, space, Settings(), print)
     base = fitted(fitter, (), 100)
     single, pair = fitted(fitter, (toy.HYSTERESIS,), 100), fitted(fitter, (toy.HYSTERESIS, toy.QUADRATIC), 100)
-    assert engine.decide(base, [pair, single]).best.names == ("quadratic", "sign")
+    assert decided(problem, base, [pair, single]).best.names == ("quadratic", "sign")
     pair.held_rmse_v = single.held_rmse_v
-    found = engine.decide(base, [pair, single])
+    found = decided(problem, base, [pair, single])
     assert found.verdict == "unexplained" or found.best is single
 
 

@@ -45,6 +45,7 @@ class ToySimulator:
 
     at_once = 1
     simulations = recalled = 0
+    has_low_fidelity = False
 
     def predict(self, requests):
         return [self.one(request) for request in requests]

@@ -151,19 +151,6 @@ def test_graded_cases_survive_a_file(tmp_path):
     assert [graded_of(found) for found in read_table(tmp_path / "cases.csv")] == graded
 
 
-def test_the_odds_are_graded_beside_the_rules(tmp_path):
-    answers = {f"case_{k}": answer([R], setting="single") for k in range(3)}
-    rows = [row("case_0", "effect-found", [R]), row("case_1", "unexplained"), row("case_2", "effect-found", [R])]
-    rows[0]["odds"] = {"verdict": "ambiguous", "names": [H], "rivals": [[R]], "probability": 0.7}
-    rows[1]["odds"] = {"verdict": "effect-found", "names": [H], "rivals": [], "probability": 0.97}
-    write(tmp_path, answers, rows)
-    graded = grade_cases(tmp_path, "discovery")
-    assert [(case.odds_grade, case.odds) for case in graded] == [("ambiguous", 0.7), ("wrong", 0.97), ("", None)]
-    text = as_markdown(graded)
-    assert "* by the rules: 1 right, 1 declined (2 cases)." in text
-    assert "* by the odds alone: 1 ambiguous, 1 wrong (2 cases)." in text
-
-
 def test_a_shortlist_is_graded_by_the_place_of_what_was_hidden(tmp_path):
     answers = {
         "case_01": answer([R]),
