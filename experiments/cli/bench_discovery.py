@@ -88,6 +88,21 @@ def score_command(folder: Folder, results: Results = "discovery") -> None:
     write_csv(folder / "cases.csv", [graded_row(case) for case in graded])
 
 
+@discovery_app.command("sensitivity")
+def sensitivity_command(folder: Folder, results: Results = "discovery") -> None:
+    """Open the answers and decide each case again with half and twice each decision constant, from the journals."""
+    from ...core.files import write_csv
+    from ..discovery_bench.sensitivity import sensitivity_rows, sensitivity_table
+
+    rows = []
+    for row in sensitivity_rows(folder, results):
+        if row["factor"] == 1.0:
+            print(f"{row['task']}: {row['verdict']} {row['named']}".rstrip(), flush=True)
+        rows.append(row)
+    print(sensitivity_table(rows))
+    write_csv(folder / "sensitivity.csv", rows)
+
+
 @discovery_app.command("shortlist")
 @with_options(Executors, workers=2)
 @with_options(shared.LanguageModel)

@@ -82,8 +82,8 @@ _FAILED = {"verdict": "failed", "names": (), "wall_s": 0.0, "cpu_s": 0.0, "simul
 
 
 def _graded(task: str, found: Result, answer: Result) -> Graded:
-    hidden = tuple(sorted(set(answer["names"]))) or ((f"[{answer['outside']}]",) if answer["outside"] else ())
-    grade = _grade(found, hidden, bool(answer["outside"]))
+    hidden = _hidden(answer)
+    grade = grade_of(found, answer)
     gap = found.get("gap", {})
     strengths = list(_strengths(found, answer)) if grade == "right" and found["names"] else []
     return Graded(
@@ -105,13 +105,18 @@ def _graded(task: str, found: Result, answer: Result) -> Graded:
     )
 
 
-def _grade(row: Result, hidden: tuple[str, ...], outside: bool) -> str:
-    verdict, named = row["verdict"], tuple(row["names"])
+def _hidden(answer: Result) -> tuple[str, ...]:
+    return tuple(sorted(set(answer["names"]))) or ((f"[{answer['outside']}]",) if answer["outside"] else ())
+
+
+def grade_of(row: Result, answer: Result) -> str:
+    """The grade of a verdict with its names and rivals; see `Graded`."""
+    verdict, named, hidden = row["verdict"], tuple(row["names"]), _hidden(answer)
     if verdict == "failed":
         return "failed"
     if not hidden:
         return "right" if verdict == "no-missing-effect" else "declined" if verdict == "unexplained" else "wrong"
-    if outside:
+    if answer["outside"]:
         return "right" if verdict == "unexplained" else "declined" if verdict == "no-missing-effect" else "wrong"
     if verdict in ("unexplained", "no-missing-effect"):
         return "declined"

@@ -27,11 +27,23 @@ def read_results(folder: Path, name: str) -> Iterator[tuple[str, Mapping[str, An
     BsaError
         If there was no such campaign, or it is of cases that the folder has not.
     """
+    store = Store(folder)
+    for task, identity, answer in _cases(folder, name, ("done", "failed")):
+        yield task, store.result(identity) or {}, answer
+
+
+def finished_cases(folder: Path, name: str) -> Iterator[tuple[str, Path, Mapping[str, Any]]]:
+    """Every case that has a result, with the folder of its journal and its answer; see `read_results`."""
+    for task, identity, answer in _cases(folder, name, ("done",)):
+        yield task, Store(folder).cell(identity), answer
+
+
+def _cases(folder: Path, name: str, states: tuple[str, ...]) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
     store, answers = Store(folder), unseal(folder)
     for row in rows_of(read_manifest(grid_folder(name, store)), store):
         if row["task"] not in answers:
             raise BsaError(
                 f"the results in {folder} are of a case that it has not: {row['task']!r}.", "make the cases anew."
             )
-        if row["state"] in ("done", "failed"):
-            yield row["task"], store.result(row["identity"]) or {}, answers[row["task"]]
+        if row["state"] in states:
+            yield row["task"], row["identity"], answers[row["task"]]

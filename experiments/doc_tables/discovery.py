@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..campaign.text_tables import markdown_table
 from ..discovery_bench.grading import Graded, graded_of
+from ..discovery_bench.sensitivity import sensitivity_table
 from ..discovery_bench.shortlists import shortlist_table
 from ..discovery_bench.tables import as_markdown, case_table
 from .layout import short
@@ -40,6 +41,12 @@ def graded(results: Results, studies: str = EARLIER) -> list[Graded]:
     """The cases of one or several files, in order."""
     rows = [row for study in studies.split() for row in results.rows(study)]
     return sorted((graded_of(row) for row in rows), key=lambda case: case.task)
+
+
+def sensitivity(results: Results) -> str:
+    """What half and twice each decision constant would change."""
+    name = "discovery_sensitivity"
+    return results.framed(name, sensitivity_table(results.rows(name)))
 
 
 def shortlists(results: Results) -> str:

@@ -38,8 +38,8 @@ _OUTPUTS = ("Voltage [V]", "Volume-averaged cell temperature [K]")
 
 SEARCH = Resolution(standard_mesh=True)
 FINE = Resolution(rtol=1e-7, points=40, standard_mesh=True, least_atol=1e-7)
-"""For a discovery, whose base parameters change no length of the mesh. At an absolute tolerance of 1e-8 DFN fails at the
-first step of the current."""
+"""For a discovery, whose base parameters change no length of the mesh. At an absolute tolerance of 1e-8 DFN fails where
+the current first steps."""
 
 
 def _options_of_drive(finest_s: float) -> dict[str, Any]:

@@ -271,3 +271,16 @@ def test_a_pair_is_not_tried_where_none_could_predict_better(monkeypatch):
     monkeypatch.setattr(engine, "pair", lambda *_: pytest.fail("a pair was tried"))
     assert single.held_rmse_v < 1.1 * problem.held_noise_v
     assert [e.names for e in engine.add_second(base, [single], [])] == [("sign",)]
+
+
+@pytest.mark.parametrize("truth", [{}, {"sign": 0.01}, {"outside": 0.01}, {"quadratic": 0.01, "sign": 0.015}])
+def test_a_cheaper_model_changes_no_answer_and_does_most_of_the_work(truth):
+    problem, space = toy.problem(np.random.default_rng(0), truth)
+    problem.simulator = toy.TwoFidelities()
+    found, known = Engine(problem, space, CATALOGUE, toy.EVIDENCE).run(), run(truth)
+    assert (found.verdict, found.best.names) == (known.verdict, known.best.names)
+    assert found.best.rmse_v == pytest.approx(known.best.rmse_v, rel=0.02)
+    for key, estimates in known.best.estimates.items() if known.verdict == "effect-found" else ():
+        assert found.best.estimates[key][0].value == pytest.approx(estimates[0].value, rel=0.02)
+    asked = problem.simulator.asked
+    assert asked[False] < asked[True]

@@ -44,3 +44,15 @@ def test_a_mesh_is_trusted_no_more_where_two_of_them_happen_to_cross(height):
     assert np.all(added[observed.time < 1700.0] == 0.0)
     # What is feared is not corrected.
     assert np.any(problem.corrections["a"]) == (height < 0.02)
+
+
+def test_a_cheaper_model_is_shifted_to_agree_at_one_candidate():
+    problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
+    assert problem.shifted_low_fidelity((), space.at(np.zeros(len(space)))) is None
+    problem.simulator = toy.TwoFidelities()
+    here, there = space.at(np.zeros(len(space))), space.at(np.full(len(space), 0.5))
+    low = problem.shifted_low_fidelity((), here)
+    for one, other in zip(problem.predict((), here), low.predict((), here), strict=True):
+        np.testing.assert_allclose(other.voltage, one.voltage)
+    assert np.max(np.abs(low.predict((), there)[0].voltage - problem.predict((), there)[0].voltage)) > 1e-3
+    assert low.shifted_low_fidelity((), here) is None

@@ -67,6 +67,22 @@ class ToySimulator:
         return Prediction(request.moments.averaged(voltage))
 
 
+class TwoFidelities(ToySimulator):
+    """Its cheaper model has another offset, another resistance and weaker effects; each model is counted."""
+
+    has_low_fidelity = True
+
+    def __init__(self):
+        self.asked = {False: 0, True: 0}
+
+    def one(self, request):
+        self.asked[request.low_fidelity] += 1
+        found = super().one(request)
+        if not request.low_fidelity:
+            return found
+        return Prediction(3.0 + 1.1 * (found.voltage - 3.0))
+
+
 CHECK = ((0, 60), (1, 600), (0, 400), (2.5, 300), (0, 400), (-1, 500), (0, 300), (1.8, 200), (0, 200))
 CYCLE = ((1, 600), (0, 200), (-1, 600), (0, 200))
 

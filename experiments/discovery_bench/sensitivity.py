@@ -1,0 +1,115 @@
+"""Verdicts on blind cases with half and twice each decision constant, on the fits that there are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+from ...core.discovery.findings import Findings
+from ...core.discovery.recorded import RecordedSimulator
+from ...core.discovery.rules import RULES, Gap, Rules
+from ...core.discovery.simulator import Simulator
+from ...core.parameters import ParameterSpace
+from ...core.task import CellModel
+from ...plugins.pybamm.radial_mesh import RadialMesh
+from ..campaign.text_tables import markdown_table
+from ..discovery_case import read_case
+from ..discovery_journal import opened, read_options
+from ..discovery_setup import in_this_process, set_up
+from .grading import grade_of
+from .results import finished_cases
+
+FACTORS = (0.5, 2.0)
+
+NOT_SEARCHED = "not searched"
+"""The base model was found to leave noise only, and with this constant effects would have been fitted."""
+
+Row = Mapping[str, Any]
+
+
+def sensitivity_rows(folder: Path, name: str) -> Iterator[dict[str, Any]]:
+    """Every case of a campaign under every constant: as it is (factor 1), and changed.
+
+    Fits are those of the journals: a constant that decides also what is fitted changes the verdict alone.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the blind cases. Their answers are opened.
+    name : str
+        Of the campaign.
+    """
+    for task, cell, answer in finished_cases(folder, name):
+        found, gap = _replayed(cell)
+        for constant, factor, rules in _variants():
+            verdict = verdict_by(rules, found, gap)
+            named = verdict["names"]
+            yield {
+                "task": task,
+                "constant": constant,
+                "factor": factor,
+                "value": "" if not constant else getattr(rules, constant),
+                "verdict": verdict["verdict"],
+                "named": " + ".join(named),
+                "grade": "" if verdict["verdict"] == NOT_SEARCHED else grade_of(verdict, answer),
+            }
+
+
+def _variants() -> Iterator[tuple[str, float, Rules]]:
+    yield "", 1.0, RULES
+    for constant in fields(Rules):
+        for factor in FACTORS:
+            yield constant.name, factor, replace(RULES, **{constant.name: factor * getattr(RULES, constant.name)})
+
+
+def verdict_by(rules: Rules, found: Findings, gap: Gap) -> dict[str, Any]:
+    """The verdict that some rules give on what was fitted, its names and its rivals' names."""
+    if rules.explains_all(found.base):
+        return {"verdict": "no-missing-effect", "names": (), "rivals": ()}
+    if found.verdict == "no-missing-effect":
+        return {"verdict": NOT_SEARCHED, "names": (), "rivals": ()}
+    decided = rules.decide(gap, found.explanations)
+    named = decided.best.names if decided.verdict in ("effect-found", "ambiguous") else ()
+    return {"verdict": decided.verdict, "names": named, "rivals": [rival.names for rival in decided.rivals]}
+
+
+def _replayed(cell: Path) -> tuple[Findings, Gap]:
+    """What a discovery found, from its journal; what this version asks besides is simulated."""
+    options = read_options(cell)
+    with opened(options) as journal:
+
+        def make(model: CellModel, space: ParameterSpace, mesh: RadialMesh) -> Simulator:
+            return RecordedSimulator(in_this_process(model, space, mesh), journal.file, journal.earlier)
+
+        setup = set_up(read_case(options), options, make_simulator=make)
+        found = setup.engine(options.settings).run()
+    problem = setup.problem
+    return found, Gap(found.base, found.nearest_base, problem.noise_v, problem.held_noise_v)
+
+
+def sensitivity_table(rows: Sequence[Row]) -> str:
+    """A line for each constant: what changes at half of it, and at twice."""
+    known = {row["task"]: row for row in rows if row["factor"] == 1.0}
+    lines = []
+    for constant in dict.fromkeys(row["constant"] for row in rows if row["factor"] != 1.0):
+        value = f"{getattr(RULES, constant):.3g}"
+        lines.append([f"`{constant}`", value, *(_changes(rows, known, constant, factor) for factor in FACTORS)])
+    return markdown_table(["constant", "value", f"half ({len(known)} cases)", "twice"], lines, 4)
+
+
+def _changes(rows: Sequence[Row], known: Mapping[str, Row], constant: str, factor: float) -> str:
+    """The verdicts that differ, in words."""
+    found = []
+    for row in rows:
+        before = known[row["task"]]
+        if row["constant"] == constant and row["factor"] == factor and _said(row) != _said(before):
+            found.append(f"{row['task']}: {_said(before)} → {_said(row)}")
+    return "; ".join(found) or "all the same"
+
+
+def _said(row: Row) -> str:
+    """Verdict, names and grade; a table that was read has no text where there was none."""
+    named, grade = (row[key] if isinstance(row[key], str) else "" for key in ("named", "grade"))
+    return f"{named or row['verdict']}" + " (ambiguous)" * (row["verdict"] == "ambiguous") + f", {grade}" * bool(grade)
