@@ -19,24 +19,12 @@ _BLOCK = 4
 
 @dataclass(frozen=True)
 class Adequacy:
-    """How a fit's residual compares with noise.
+    """How a fit's residual compares with noise."""
 
-    Attributes
-    ----------
-    p_size : float
-        Probability that noise alone leaves residuals this large.
-    p_structure : float
-        Probability that noise alone leaves neighbours agreeing this much.
-    structured_v : float
-        Root mean square of what neighbouring stretches agree on, beyond noise, V.
-    repetition : float
-        How many neighbours say what one would: ``(1 + r) / (1 - r)`` with ``r`` their correlation.
-    """
-
-    p_size: float
-    p_structure: float
-    structured_v: float
-    repetition: float
+    p_size: float  # Probability that noise alone leaves residuals this large.
+    p_structure: float  # Probability that noise alone leaves neighbours agreeing this much.
+    structured_v: float  # Root mean square of what neighbouring stretches agree on, beyond noise, V.
+    repetition: float  # How many neighbours say what one would: ``(1 + r) / (1 - r)`` with ``r`` their correlation.
 
     @property
     def adequate(self) -> bool:
@@ -51,24 +39,13 @@ class Adequacy:
 def judge(
     weighted: Sequence[FloatArray], sigma: Sequence[FloatArray], groups: Sequence[NDArray[np.intp]], fitted: int
 ) -> Adequacy:
-    """Test residuals of several records.
+    """Test residuals of several records, in standard deviations; with the deviations, V, and the step of each residual.
 
-    Size: the sum of squares against chi-squared. Structure: means of blocks of neighbours within a step,
-    scaled to unit variance, whose sum of squares noise alone makes chi-squared too; four neighbours that agree
-    on half a standard deviation each pass the first test and fail this one. Both lose the degrees of freedom
-    that the fit used. The deviations contain the floor below which differences are not physics, so that the
+    Size: the sum of squares against chi-squared. Structure: means of blocks of neighbours within a step, scaled to
+    unit variance, whose sum of squares noise alone makes chi-squared too; four neighbours that agree on half a
+    standard deviation each pass the first test and fail this one. Both lose the degrees of freedom of the
+    ``fitted`` parameters. The deviations contain the floor below which differences are not physics, so that the
     stated rate is an upper bound.
-
-    Parameters
-    ----------
-    weighted : sequence of ndarray
-        Residuals in standard deviations, a record each.
-    sigma : sequence of ndarray
-        The deviations, V.
-    groups : sequence of ndarray of int
-        The step that each residual belongs to.
-    fitted : int
-        Number of fitted parameters.
     """
     flat = np.concatenate(list(weighted))
     total = float(flat @ flat)

@@ -16,40 +16,20 @@ _MEMORY_S = 600.0
 
 @dataclass(frozen=True)
 class Closure:
-    """A voltage correction as a smooth function of current, state of charge and temperature.
+    """A voltage correction as a smooth function of current, state of charge and temperature."""
 
-    Attributes
-    ----------
-    terms : tuple of str
-        The functions it is made of; ``i`` is the C-rate, ``z`` the charge drawn over the capacity, minus 1/2, ``m``
-        the C-rate smoothed over ten minutes, ``T`` the temperature over 298.15 K in units of 10 K.
-    coefficients : tuple of float
-        Their weights, mV.
-    rmse_before_mv, rmse_after_mv : float
-        Root mean square residual without and with it, on the fitted data.
-    label : str
-        Says that it is empirical.
-    """
-
+    # The functions it is made of; ``i`` is the C-rate, ``z`` the charge drawn over the capacity, minus 1/2, ``m`` the
+    # C-rate smoothed over ten minutes, ``T`` the temperature over 298.15 K in units of 10 K.
     terms: tuple[str, ...]
-    coefficients: tuple[float, ...]
+    coefficients: tuple[float, ...]  # Their weights, mV.
+    # rmse_before_mv, rmse_after_mv: Root mean square residual without and with it, on the fitted data.
     rmse_before_mv: float
     rmse_after_mv: float
-    label: str = "empirical: a description of the residual, not a physical effect"
+    label: str = "empirical: a description of the residual, not a physical effect"  # Says that it is empirical.
 
 
 def fit_closure(observations: Sequence[Observations], errors: Sequence[FloatArray], capacity_ah: float) -> Closure:
-    """Fit the correction to residuals by ridge regression.
-
-    Parameters
-    ----------
-    observations : sequence of Observations
-        The fitted records.
-    errors : sequence of ndarray
-        Measured minus simulated voltage, V.
-    capacity_ah : float
-        Makes C-rates and states of charge.
-    """
+    """Fit the correction to errors (measured minus simulated voltage by record, V) by ridge regression."""
     rows = [_features(observed, capacity_ah) for observed in observations]
     names = tuple(rows[0])
     matrix = np.vstack([np.column_stack(list(row.values())) for row in rows])

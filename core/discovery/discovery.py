@@ -22,50 +22,25 @@ Json = dict[str, Any]
 
 @dataclass(eq=False)
 class Discovery:
-    """What was found, with the evidence.
+    """What was found, with the evidence."""
 
-    Attributes
-    ----------
-    findings : Findings
-        The engine's own account.
-    noise_v, held_noise_v : float
-        Measurement noise of the fitted records and of the data not fitted, V.
-    places_before, places_after : list of Place
-        Residual maps of the base model and of the best explanation.
-    sentences : list of str
-        The first map in words.
-    next_experiment : NextExperiment or None
-        What would separate the best explanation from its nearest rival.
-    closure : Closure or None
-        Empirical correction, where nothing explains the discrepancy.
-    ranking : Ranking or None
-        What a language model said.
-    temperature_rms_k : dict of str to float
-        By record: error of the predicted temperature, which no fit is shown, K.
-    simulations : int
-        Single-record solves.
-    wall_s : float
-        Wall time, s.
-    notes : list of str
-        What was assumed.
-    script : str
-        Source of ``augmented_model.py``: the best explanation, in the simulator's own language.
-    """
-
-    findings: Findings
+    findings: Findings  # The engine's own account.
+    # noise_v, held_noise_v: Measurement noise of the fitted records and of the data not fitted, V.
     noise_v: float
     held_noise_v: float
+    # places_before, places_after: Residual maps of the base model and of the best explanation.
     places_before: list[Place]
     places_after: list[Place]
-    sentences: list[str]
-    next_experiment: NextExperiment | None = None
-    closure: Closure | None = None
-    ranking: Ranking | None = None
+    sentences: list[str]  # The first map in words.
+    next_experiment: NextExperiment | None = None  # What would separate the best explanation from its nearest rival.
+    closure: Closure | None = None  # Empirical correction, where nothing explains the discrepancy.
+    ranking: Ranking | None = None  # What a language model said.
+    # By record: error of the predicted temperature, which no fit is shown, K.
     temperature_rms_k: dict[str, float] = field(default_factory=dict)
-    simulations: int = 0
+    simulations: int = 0  # Single-record solves.
     wall_s: float = 0.0
-    notes: list[str] = field(default_factory=list)
-    script: str = ""
+    notes: list[str] = field(default_factory=list)  # What was assumed.
+    script: str = ""  # Source of ``augmented_model.py``: the best explanation, in the simulator's own language.
 
     @property
     def verdict(self) -> str:

@@ -53,51 +53,23 @@ _NEARER = 0.98
 
 @dataclass(frozen=True, eq=False)
 class Shortlist:
-    """What is known before any effect is fitted.
-
-    Attributes
-    ----------
-    base : Explanation
-        The base model.
-    mesh_v : float
-        Root mean square of the mesh correction, V.
-    early_fitter : Fitter
-        That the scores are of: of the records, or of their first cycles; on the cheaper model, if there is one.
-    refitted : Explanation
-        The base model that they are of: with its misfit as noise, or as the cell was new.
-    as_new : bool
-        Whether they are of first cycles.
-    nominations : list of Nomination
-        Every effect, the most promising first; none where the base model leaves noise only.
-    """
+    """What is known before any effect is fitted."""
 
     base: Explanation
-    mesh_v: float
+    mesh_v: float  # Root mean square of the mesh correction, V.
+    # That the scores are of: of the records, or of their first cycles; on the cheaper model, if there is one.
     early_fitter: Fitter
-    refitted: Explanation
-    as_new: bool
+    refitted: Explanation  # The base model that they are of: with its misfit as noise, or as the cell was new.
+    as_new: bool  # Whether they are of first cycles.
+    # Every effect, the most promising first; none where the base model leaves noise only.
     nominations: list[Nomination]
 
 
 class Engine:
-    """Runs a discovery on a problem.
+    """Runs a discovery on a problem with the uncertain parameters of the base model and a catalogue of effects.
 
-    Parameters
-    ----------
-    problem : Problem
-        Records and simulator.
-    space : ParameterSpace
-        The uncertain parameters of the base model.
-    catalogue : sequence of Effect
-        What may be missing.
-    evidence : Evidence
-        What the records can show.
-    settings : Settings
-        How hard to look.
-    listener : callable
-        Told in one line what is being done.
-    preferred : callable, optional
-        Given the scored nominations, returns keys of effects to screen in any case (a language model's ranking).
+    ``preferred``, given the scored nominations, returns keys of effects to screen in any case (a language model's
+    ranking).
     """
 
     def __init__(

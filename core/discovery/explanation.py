@@ -24,28 +24,14 @@ _WITHIN_INTERVAL = 4.0
 
 @dataclass(frozen=True)
 class Estimate:
-    """A fitted effect parameter.
-
-    Attributes
-    ----------
-    name, unit : str
-        What it is.
-    value : float
-        Its value.
-    ci95 : tuple of float
-        Its 95 % interval, Gauss-Newton, widened for the dispersion of the residual.
-    null : float
-        Its null value.
-    at_bound : bool
-        Whether the fit stopped at a bound: the value then says little.
-    """
+    """A fitted effect parameter."""
 
     name: str
     unit: str
     value: float
-    ci95: tuple[float, float]
-    null: float
-    at_bound: bool
+    ci95: tuple[float, float]  # Its 95 % interval, Gauss-Newton, widened for the dispersion of the residual.
+    null: float  # Its null value.
+    at_bound: bool  # Whether the fit stopped at a bound: the value then says little.
 
     @property
     def holds_null(self) -> bool:
@@ -56,40 +42,21 @@ class Estimate:
 
 @dataclass(eq=False)
 class Explanation:
-    """A set of effects fitted jointly with the base parameters.
+    """A set of effects fitted jointly with the base parameters."""
 
-    Attributes
-    ----------
-    effects : tuple of Effect
-        What was added; empty for the base model.
-    fit : Refit
-        The fit.
-    adequacy : Adequacy
-        Whether it leaves noise only.
-    rmse_v : float
-        Root mean square error over the samples of the fitted records, V.
-    held_rmse_v : float
-        The same over data not fitted, V.
-    errors, sigma : ndarray of shape (n,)
-        Errors of the fitted stretches and their standard deviations, V, without any misfit.
-    temperature_rms_k : float or None
-        Error of the predicted temperature, K, where the records have one; no fit is shown it.
-    temperature_without_k : dict of str to float
-        By effect key, the same error with that effect's strength at its null, where its interval holds that.
-    estimates : dict
-        By effect key, its parameters.
-    """
-
-    effects: tuple[Effect, ...]
+    effects: tuple[Effect, ...]  # What was added; empty for the base model.
     fit: Refit
-    adequacy: Adequacy
-    rmse_v: float
-    held_rmse_v: float
+    adequacy: Adequacy  # Whether it leaves noise only.
+    rmse_v: float  # Root mean square error over the samples of the fitted records, V.
+    held_rmse_v: float  # The same over data not fitted, V.
+    # errors, sigma: Errors of the fitted stretches and their standard deviations, V, without any misfit; shape (n,).
     errors: FloatArray
     sigma: FloatArray
+    # Error of the predicted temperature, K, where the records have one; no fit is shown it.
     temperature_rms_k: float | None = None
+    # By effect key, the same error with that effect's strength at its null, where its interval holds that.
     temperature_without_k: dict[str, float] = field(default_factory=dict)
-    estimates: dict[str, tuple[Estimate, ...]] = field(default_factory=dict)
+    estimates: dict[str, tuple[Estimate, ...]] = field(default_factory=dict)  # By effect key, its parameters.
 
     def chi2(self, misfit_v: float = 0.0) -> float:
         """Sum of squares, as a fit weighs them, with a misfit (V) added in quadrature to the deviations."""
@@ -178,17 +145,7 @@ def temperature_misfit(temperature_rms_k: float | None, deviation_k: float = TEM
 
 
 def estimates_of(effects: tuple[Effect, ...], fit: Refit, dispersion: float) -> dict[str, tuple[Estimate, ...]]:
-    """The effects' parameters with their intervals.
-
-    Parameters
-    ----------
-    effects : tuple of Effect
-        The effects of the fit.
-    fit : Refit
-        Ends with their parameters.
-    dispersion : float
-        By which the covariance is multiplied (quasi-likelihood).
-    """
+    """The effects' parameters with their intervals; ``dispersion`` multiplies the covariance (quasi-likelihood)."""
     deviations: FloatArray = np.sqrt(np.diag(fit.covariance(dispersion)))
     place = {name: number for number, name in enumerate(fit.space.names)}
     result: dict[str, tuple[Estimate, ...]] = {}

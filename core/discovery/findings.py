@@ -19,59 +19,28 @@ Listener = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Settings:
-    """How hard to look.
+    """How hard to look."""
 
-    Attributes
-    ----------
-    max_effects : int
-        Effects in one explanation at most.
-    screened : int
-        Effects that get a short refit.
-    confirmed : int
-        Explanations that are fitted on, side by side, until one is settled.
-    base_budget, refit_budget : int
-        Simulations of the base fit and of each confirmation at most.
-    seed : int
-        For the second start of the base fit.
-    """
-
-    max_effects: int = 2
-    screened: int = 6
-    confirmed: int = 4
+    max_effects: int = 2  # Effects in one explanation at most.
+    screened: int = 6  # Effects that get a short refit.
+    confirmed: int = 4  # Explanations that are fitted on, side by side, until one is settled.
+    # base_budget, refit_budget: Simulations of the base fit and of each confirmation at most.
     base_budget: int = 110
     refit_budget: int = 90
-    seed: int = 0
+    seed: int = 0  # For the second start of the base fit.
 
 
 @dataclass(eq=False)
 class Nomination:
-    """An effect of the catalogue and how far it came.
-
-    Attributes
-    ----------
-    effect : Effect
-        The effect.
-    lacks : str
-        Why it was not considered; empty if it was.
-    score : Score or None
-        Its score test at the base fit.
-    sensitivity : ndarray or None
-        Derivative of the weighted residual by its strength, per probe.
-    deviation : ndarray or None
-        The standard deviations that the sensitivity is in, V.
-    screened : Refit or None
-        A short refit with it.
-    temperature_misfit : float
-        What the temperature adds to that refit's cost.
-    """
+    """An effect of the catalogue and how far it came."""
 
     effect: Effect
-    lacks: str = ""
+    lacks: str = ""  # Why it was not considered; empty if it was.
     score: Score | None = None
-    sensitivity: FloatArray | None = None
-    deviation: FloatArray | None = None
+    sensitivity: FloatArray | None = None  # Derivative of the weighted residual by its strength, per probe.
+    deviation: FloatArray | None = None  # The standard deviations that the sensitivity is in, V.
     screened: Refit | None = None
-    temperature_misfit: float = 0.0
+    temperature_misfit: float = 0.0  # What the temperature adds to that refit's cost.
 
     @property
     def gain(self) -> float:
@@ -86,37 +55,19 @@ class Nomination:
 
 @dataclass(eq=False)
 class Findings:
-    """What the engine found.
+    """What the engine found."""
 
-    Attributes
-    ----------
-    verdict : str
-        ``"no-missing-effect"``, ``"effect-found"``, ``"ambiguous"`` or ``"unexplained"``.
-    base, best : Explanation
-        The base model and the best explanation (the base model itself if nothing is missing).
-    rivals : list of Explanation
-        What cannot be told from the best.
-    explanations : list of Explanation
-        All that were fitted until converged, best first.
-    nominations : list of Nomination
-        Every effect of the catalogue.
-    reason : str
-        Why the verdict is what it is.
-    mesh_v : float
-        Size of the mesh correction, V.
-    nearest_base : Explanation
-        The fit of the base model that comes nearest in root mean square, by which the gap is measured. The likelihood
-        by which ``base`` is the better one is blind to how far off the few averages are that are far off.
-    """
-
-    verdict: str
+    verdict: str  # ``"no-missing-effect"``, ``"effect-found"``, ``"ambiguous"`` or ``"unexplained"``.
+    # base, best: The base model and the best explanation (the base model itself if nothing is missing).
     base: Explanation
     best: Explanation
-    rivals: list[Explanation] = field(default_factory=list)
-    explanations: list[Explanation] = field(default_factory=list)
-    nominations: list[Nomination] = field(default_factory=list)
-    reason: str = ""
-    mesh_v: float = 0.0
+    rivals: list[Explanation] = field(default_factory=list)  # What cannot be told from the best.
+    explanations: list[Explanation] = field(default_factory=list)  # All that were fitted until converged, best first.
+    nominations: list[Nomination] = field(default_factory=list)  # Every effect of the catalogue.
+    reason: str = ""  # Why the verdict is what it is.
+    mesh_v: float = 0.0  # Size of the mesh correction, V.
+    # The fit of the base model that comes nearest in root mean square, by which the gap is measured. The likelihood
+    # by which ``base`` is the better one is blind to how far off the few averages are that are far off.
     nearest_base: Explanation = field(init=False)
 
     def __post_init__(self) -> None:

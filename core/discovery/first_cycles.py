@@ -37,12 +37,7 @@ def first_cycle(problem: Problem) -> Problem | None:
 def near_cycles(problem: Problem, errors: Sequence[FloatArray]) -> Problem | None:
     """The same problem with records cut where the cell as it was new has drifted far from them; None if it never does.
 
-    Parameters
-    ----------
-    problem : Problem
-        The records.
-    errors : sequence of ndarray
-        By record: measured minus predicted voltage with the parameters of the first cycle, V.
+    ``errors`` are, by record, measured minus predicted voltage with the parameters of the first cycle, V.
     """
     counts = [_undrifted(observed, error) for observed, error in zip(problem.observations, errors, strict=True)]
     return None if all(count is None for count in counts) else _cut(problem, counts)

@@ -54,19 +54,7 @@ _LEVELS = 6
 
 
 class Fitter:
-    """Fits and judges explanations.
-
-    Parameters
-    ----------
-    problem : Problem
-        Records and simulator; its ``misfit_v`` is what the present fits count as noise.
-    space : ParameterSpace
-        The uncertain parameters of the base model.
-    settings : Settings
-        How hard to look.
-    listener : callable
-        Told in one line what is being done.
-    """
+    """Fits and judges explanations; the problem's ``misfit_v`` is what the present fits count as noise."""
 
     def __init__(self, problem: Problem, space: ParameterSpace, settings: Settings, listener: Listener) -> None:
         self.problem = problem
@@ -149,17 +137,8 @@ class Fitter:
     def calibrate(self, starts: int = 2) -> tuple[Explanation, float]:
         """Fit the base model until converged, correct for the mesh, and fit again.
 
-        Parameters
-        ----------
-        starts : int
-            Places to start from at most: a second one where noise is left, more while the fit is not even near.
-
-        Returns
-        -------
-        Explanation
-            The base model.
-        float
-            Root mean square of the mesh correction, V.
+        It starts from ``starts`` places at most: a second one where noise is left, more while the fit is not even
+        near. Returns the size of the mesh correction too, V.
         """
         problem, budget = self.problem, self.settings.base_budget
         new = first_cycle(problem)
@@ -369,16 +348,10 @@ class Fitter:
     def race(self, explanations: Sequence[Explanation], budget: int) -> tuple[list[Explanation], list[Explanation]]:
         """Fit explanations side by side, from coarse to fine, as long as they keep up with the best one.
 
-        At each level the blur of the best one counts as noise, so that differences in cost are evidence; who lags
+        At each level the misfit of the best one counts as noise, so that differences in cost are evidence; who lags
         by more than `LAG` is dropped, and keeps the fit that it has. The last level, at which the best one is
-        adequate or comes no nearer, gets the whole budget; those before it a third.
-
-        Returns
-        -------
-        list of Explanation
-            Those that kept up.
-        list of Explanation
-            Those that were dropped.
+        adequate or comes no nearer, gets the whole budget; those before it a third. Returns those that kept up, and
+        the others.
         """
         running, dropped = list(explanations), []
         for level in range(_LEVELS):

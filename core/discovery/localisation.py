@@ -17,49 +17,25 @@ _SINCE_NAMES = ("0-2 s", "2-30 s", "30 s-5 min", "5-20 min", "over 20 min")
 
 @dataclass(frozen=True)
 class Place:
-    """One cell of the residual map.
+    """One cell of the residual map."""
 
-    Attributes
-    ----------
-    by : {'segment', 'rate', 'charge', 'since step', 'temperature', 'cycle'}
-        What the map is laid out by.
-    where : str
-        The place in words.
-    rms_mv, bias_mv : float
-        Root mean square and mean of measured minus simulated voltage, mV.
-    z : float
-        The bias over its standard error.
-    share : float
-        Share of the whole excess (squared error beyond noise) that lies here, 0 to 1.
-    trend_mv_per_h : float
-        Slope of the residual with time within the place, mV per hour.
-    samples : int
-        Averages that it rests on.
-    """
-
-    by: str
+    by: str  # What the map is laid out by.
     where: str
+    # rms_mv, bias_mv: Root mean square and mean of measured minus simulated voltage, mV.
     rms_mv: float
     bias_mv: float
-    z: float
-    share: float
-    trend_mv_per_h: float
-    samples: int
+    z: float  # The bias over its standard error.
+    share: float  # Share of the whole excess (squared error beyond noise) that lies here, 0 to 1.
+    trend_mv_per_h: float  # Slope of the residual with time within the place, mV per hour.
+    samples: int  # Averages that it rests on.
 
 
 def localise(
     observations: Sequence[Observations], errors: Sequence[FloatArray], capacity_ah: float | None = None
 ) -> list[Place]:
-    """Lay the residual out.
+    """Lay the residual out: measured minus simulated voltage by record, V.
 
-    Parameters
-    ----------
-    observations : sequence of Observations
-        The records.
-    errors : sequence of ndarray
-        Measured minus simulated voltage, V.
-    capacity_ah : float, optional
-        Makes C-rates of currents; the largest charge drawn in any record otherwise.
+    The capacity makes C-rates of currents; left out, it is the largest charge drawn in any record.
     """
     drawn = max(float(np.ptp(o.charge)) for o in observations)
     capacity = capacity_ah or drawn or 1.0

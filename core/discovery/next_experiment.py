@@ -17,50 +17,25 @@ Phase = tuple[float, float]
 
 @dataclass(frozen=True)
 class Protocol:
-    """A test that a cycler can run.
-
-    Attributes
-    ----------
-    title : str
-        What it is, in words.
-    steps : tuple of str
-        As PyBaMM step strings.
-    phases : tuple
-        The same as C-rates and durations.
-    soc : float
-        State of charge at which it starts.
-    """
+    """A test that a cycler can run."""
 
     title: str
-    steps: tuple[str, ...]
-    phases: tuple[Phase, ...]
-    soc: float
+    steps: tuple[str, ...]  # As PyBaMM step strings.
+    phases: tuple[Phase, ...]  # The same as C-rates and durations.
+    soc: float  # State of charge at which it starts.
 
 
 @dataclass(frozen=True)
 class NextExperiment:
-    """A protocol with what two explanations say about it.
-
-    Attributes
-    ----------
-    title : str
-        What it is, in words.
-    steps : tuple of str
-        As PyBaMM step strings.
-    rms_mv, largest_mv : float
-        Root mean square and largest difference between the two predictions, mV.
-    separates : tuple of str
-        The two explanations.
-    enough : bool
-        Whether the difference stands clear of the noise.
-    """
+    """A protocol with what two explanations say about it."""
 
     title: str
-    steps: tuple[str, ...]
+    steps: tuple[str, ...]  # As PyBaMM step strings.
+    # rms_mv, largest_mv: Root mean square and largest difference between the two predictions, mV.
     rms_mv: float
     largest_mv: float
     separates: tuple[str, str]
-    enough: bool
+    enough: bool  # Whether the difference stands clear of the noise.
 
 
 def _spell(phases: Sequence[Phase]) -> tuple[str, ...]:

@@ -109,16 +109,8 @@ def most_simulations(space: ParameterSpace) -> int:
 def screen(fitter: Fitter, before: Explanation, nomination: Nomination, as_new: bool = False) -> None:
     """Give a nomination a short refit beside what is known, and note what the temperature says of it.
 
-    Parameters
-    ----------
-    fitter : Fitter
-        Of the records that it is fitted to.
-    before : Explanation
-        What is known.
-    nomination : Nomination
-        What is added to it.
-    as_new : bool
-        Whether the base parameters are those of the cell before it aged, and only its ageing is to be found.
+    ``as_new`` says that the base parameters are those of the cell before it aged, and only its ageing is to be
+    found.
     """
     _note(fitter, before, nomination, _short_refit(fitter, before, nomination, as_new))
 

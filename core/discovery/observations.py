@@ -36,53 +36,25 @@ _SINGLE = 5
 
 @dataclass(frozen=True, eq=False)
 class Observations:
-    """Averages over short stretches of one record; shapes are (n,).
-
-    Attributes
-    ----------
-    name : str
-        The record's name.
-    time, current, voltage : ndarray
-        Mean time (s), current (A, positive on discharge) and voltage (V) of each stretch.
-    sigma : ndarray
-        Standard deviation of ``voltage``: noise of the mean, the floor, and the uncertainty of the clock, V.
-    count : ndarray
-        Samples in each stretch.
-    step : ndarray of int
-        Index of the step each stretch lies in.
-    kinds : tuple of str
-        Kind of each step of the record.
-    cycle : ndarray of int
-        Cycle of each stretch.
-    since : ndarray
-        Seconds since the current last stepped.
-    charge : ndarray
-        Charge drawn since the start of the record, A.h.
-    temperature : ndarray or None
-        Measured temperature, K.
-    ambient_k : float or None
-        Ambient temperature, K.
-    noise : float
-        Standard deviation of one sample, V.
-    moments : Moments
-        When a simulation is looked at to be compared.
-    """
+    """Averages over short stretches of one record; shapes are (n,)."""
 
     name: str
+    # time, current, voltage: Mean time (s), current (A, positive on discharge) and voltage (V) of each stretch.
     time: FloatArray
     current: FloatArray
     voltage: FloatArray
+    # Standard deviation of ``voltage``: noise of the mean, the floor, and the uncertainty of the clock, V.
     sigma: FloatArray
-    count: FloatArray
-    step: NDArray[np.intp]
-    kinds: tuple[str, ...]
-    cycle: NDArray[np.intp]
-    since: FloatArray
-    charge: FloatArray
-    temperature: FloatArray | None
+    count: FloatArray  # Samples in each stretch.
+    step: NDArray[np.intp]  # Index of the step each stretch lies in.
+    kinds: tuple[str, ...]  # Kind of each step of the record.
+    cycle: NDArray[np.intp]  # Cycle of each stretch.
+    since: FloatArray  # Seconds since the current last stepped.
+    charge: FloatArray  # Charge drawn since the start of the record, A.h.
+    temperature: FloatArray | None  # Measured temperature, K.
     ambient_k: float | None
-    noise: float
-    moments: Moments
+    noise: float  # Standard deviation of one sample, V.
+    moments: Moments  # When a simulation is looked at to be compared.
 
     def __len__(self) -> int:
         return len(self.time)
@@ -91,25 +63,7 @@ class Observations:
 def observe(
     name: str, record: Trajectory, ambient_k: float | None = None, points: int = 500, floor_v: float = FLOOR_V
 ) -> Observations:
-    """Condense a record.
-
-    Parameters
-    ----------
-    name : str
-        Its name.
-    record : Trajectory
-        Cut into steps.
-    ambient_k : float, optional
-        Ambient temperature.
-    points : int
-        About how many stretches there should be.
-    floor_v : float
-        What counts as equal, V.
-
-    Returns
-    -------
-    Observations
-    """
+    """Condense a record to about so many stretches of its steps; voltages closer than ``floor_v`` count as equal."""
     noise = voltage_noise(record)
     groups: list[NDArray[np.intp]] = []
     steps: list[int] = []

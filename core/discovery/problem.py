@@ -42,39 +42,22 @@ in it, the test would be of little else."""
 
 @dataclass(eq=False)
 class Problem:
-    """What is to be explained.
-
-    Attributes
-    ----------
-    simulator : Simulator
-        Simulates.
-    measured_records : list of MeasuredRecord
-        The fitted records.
-    observations : list of Observations
-        Their averages, in the same order.
-    held_records, held_observations : list
-        The hold-out records, never fitted but for their initial state of charge.
-    corrections : dict of str to ndarray
-        By record: what the finer mesh adds to the prediction, V. Applied to every prediction.
-    simulations : int
-        Candidates simulated so far; one counts however many records it has.
-    masks : sequence of ndarray of bool, optional
-        By record: which stretches are fitted. Left out, all are where there is a hold-out record; but of records of
-        many cycles every fifth block is held out in any case: a hold-out record of a cycle or two shows no ageing.
-    low_fidelity : bool
-        Whether the simulator's cheaper model predicts; see `shifted_low_fidelity`.
-    """
+    """What is to be explained."""
 
     simulator: Simulator
-    measured_records: Sequence[MeasuredRecord]
-    observations: Sequence[Observations]
+    measured_records: Sequence[MeasuredRecord]  # The fitted records.
+    observations: Sequence[Observations]  # Their averages, in the same order.
+    # held_records, held_observations: The hold-out records, never fitted but for their initial state of charge.
     held_records: Sequence[MeasuredRecord] = ()
     held_observations: Sequence[Observations] = ()
+    # By record: what the finer mesh adds to the prediction, V. Applied to every prediction.
     corrections: dict[str, FloatArray] = field(default_factory=dict)
     mesh_sigma: dict[str, FloatArray] = field(default_factory=dict)
-    simulations: int = 0
+    simulations: int = 0  # Candidates simulated so far; one counts however many records it has.
+    # By record: which stretches are fitted. Left out, all are where there is a hold-out record; but of records of
+    # many cycles every fifth block is held out in any case: a hold-out record of a cycle or two shows no ageing.
     masks: Sequence[NDArray[np.bool_]] | None = None
-    low_fidelity: bool = False
+    low_fidelity: bool = False  # Whether the simulator's cheaper model predicts; see `shifted_low_fidelity`.
     misfit_v: float = 0.0
     """Added in quadrature to every deviation of a fit, V. While no model comes near the data, the priors of the
     parameters, and the flat parts of a record beside its steep ones, must count against the misfit, not the noise."""
@@ -190,11 +173,7 @@ class Problem:
         """Measure at one candidate what the mesh and the tolerances do to the voltage, and correct for it.
 
         A quarter of the correction stays as an uncertainty: it was measured at one candidate and one refinement.
-
-        Returns
-        -------
-        float
-            Root mean square of the correction, V.
+        Returns its root mean square, V.
         """
         usual_all: list[FloatArray] = []
         measured_records = [*self.measured_records, *self.held_records]

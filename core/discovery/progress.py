@@ -10,15 +10,7 @@ from .findings import Listener, Nomination
 
 
 class Progress:
-    """Tells of candidates as their refits end; threads may share it.
-
-    Parameters
-    ----------
-    say : callable
-        Told in one line.
-    clock : callable
-        Seconds that pass.
-    """
+    """Tells of candidates as their refits end; threads may share it."""
 
     def __init__(self, say: Listener, clock: Callable[[], float] = time.monotonic) -> None:
         self._say = say
@@ -29,15 +21,7 @@ class Progress:
         self._phase_began = self._began
 
     def estimate(self, simulated: float, left: int) -> None:
-        """Say how many simulations are left, and how long they take at the pace of those before.
-
-        Parameters
-        ----------
-        simulated : float
-            Simulations made since this began; at 0 there is no pace yet.
-        left : int
-            Simulations that are left at most.
-        """
+        """Say how many simulations are left, and how long they take at the pace of those made since this began."""
         seconds = (self._clock() - self._began) / simulated * left if simulated else None
         pace = "" if seconds is None else f": {duration(seconds)} at the present pace"
         self._say(f"at most {left} simulations are left{pace}")

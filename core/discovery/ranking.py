@@ -25,63 +25,31 @@ _ANALYSIS_CHARS, _REASON_CHARS = 600, 300
 
 @dataclass(frozen=True)
 class Ranked:
-    """One effect as the language model ranks it.
-
-    Attributes
-    ----------
-    key : str
-        The effect's key.
-    reason : str
-        Its words, shortened and without control characters.
-    """
+    """One effect as the language model ranks it."""
 
     key: str
-    reason: str
+    reason: str  # Its words, shortened and without control characters.
 
 
 @dataclass(frozen=True)
 class Ranking:
-    """What a language model said.
+    """What a language model said."""
 
-    Attributes
-    ----------
-    ranked : tuple of Ranked
-        Likeliest first; only effects of the catalogue.
-    analysis : str
-        What it thinks the discrepancy depends on, shortened and without control characters.
-    note : str
-        What went wrong, if anything.
-    lost : bool
-        Whether that was an outage: the model did not answer, which says nothing about it.
-    shown_as : mapping of str to str
-        The name under which each effect was shown, by key; differs where names were hidden.
-    """
-
-    ranked: tuple[Ranked, ...]
-    analysis: str = ""
-    note: str = ""
+    ranked: tuple[Ranked, ...]  # Likeliest first; only effects of the catalogue.
+    analysis: str = ""  # What it thinks the discrepancy depends on, shortened and without control characters.
+    note: str = ""  # What went wrong, if anything.
+    # The name under which each effect was shown, by key; differs where names were hidden.
     shown_as: Mapping[str, str] | None = None
-    lost: bool = False
+    lost: bool = False  # Whether that was an outage: the model did not answer, which says nothing about it.
 
 
 def ask(
     backend: Backend, sentences: Sequence[str], effects: Sequence[Effect], seed: int, hide_names: bool = False
 ) -> Ranking:
-    """Let a backend rank the effects.
+    """Let a backend rank the effects, shown the discrepancy in words.
 
-    Parameters
-    ----------
-    backend : Backend
-        The language model.
-    sentences : sequence of str
-        The discrepancy in words.
-    effects : sequence of Effect
-        Those that the records can show.
-    seed : int
-        For the order of the list, the hidden names and sampling.
-    hide_names : bool
-        Show names without meaning (``"effect-07"``) and no titles or citations, to learn whether the model
-        reasons from signatures or recites names.
+    With ``hide_names`` they are shown under names without meaning (``"effect-07"``) and without titles or
+    citations, to learn whether the model reasons from signatures or recites names.
     """
     rng = np.random.default_rng(seed)
     # From the order of their names, so that the list tells nothing of what statistics think of its effects.

@@ -18,26 +18,8 @@ SIMULATION, REFUSED = "simulation", "refused"
 class RecordedSimulator:
     """Stands between a discovery and what simulates for it; see `Simulator`.
 
-    A discovery is a function of its predictions. One that is carried out anew with those of the journal comes to the
-    place where it was stopped without a simulation, and goes on from there.
-
-    Parameters
-    ----------
-    inner : Simulator
-        Simulates.
-    journal : Journal
-        Where every prediction is kept.
-    earlier : iterable of mapping
-        Events of the interrupted discovery, if any.
-
-    Attributes
-    ----------
-    simulations : int
-        Predictions asked for, those of the journal included.
-    recalled : int
-        Those that the journal knew.
-    refused : dict of str to str
-        Effects that could not be built, and why.
+    A discovery is a function of its predictions. One that is carried out anew with those of the journal comes to
+    the place where it was stopped without a simulation, and goes on from there.
     """
 
     def __init__(self, inner: Simulator, journal: Journal, earlier: Iterable[Mapping[str, Any]] = ()) -> None:

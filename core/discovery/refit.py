@@ -27,35 +27,17 @@ _SHARE = 0.03
 
 @dataclass(frozen=True, eq=False)
 class Refit:
-    """Where a fit ended.
-
-    Attributes
-    ----------
-    space : ParameterSpace
-        What was fitted.
-    u : ndarray of shape (p,)
-        Coordinates of the best candidate.
-    residual : ndarray of shape (n,)
-        Weighted residuals there, without the priors.
-    jacobian : ndarray of shape (n, p)
-        Derivative of the residual by the coordinates.
-    converged : bool
-        Whether a fresh Jacobian promised no further gain.
-    simulations : int
-        Simulations spent.
-    deviation : ndarray of shape (n,) or None
-        The standard deviations that ``residual`` and ``jacobian`` are in, V, where they are known.
-    promised : float
-        Fall in cost that a full step predicts on the fresh Jacobian the fit ended with; infinite if it had none.
-    """
+    """Where a fit ended."""
 
     space: ParameterSpace
-    u: FloatArray
-    residual: FloatArray
-    jacobian: FloatArray
-    converged: bool
+    u: FloatArray  # Coordinates of the best candidate; shape (p,).
+    residual: FloatArray  # Weighted residuals there, without the priors; shape (n,).
+    jacobian: FloatArray  # Derivative of the residual by the coordinates; shape (n, p).
+    converged: bool  # Whether a fresh Jacobian promised no further gain.
     simulations: int
+    # The standard deviations that ``residual`` and ``jacobian`` are in, V, where they are known; shape (n,).
     deviation: FloatArray | None = None
+    # Fall in cost that a full step predicts on the fresh Jacobian the fit ended with; infinite if it had none.
     promised: float = np.inf
 
     @property
@@ -101,29 +83,9 @@ def refit(
 ) -> Refit | None:
     """Minimise the sum of squares of weighted residuals and priors inside bounds; see `LeastSquares`.
 
-    Parameters
-    ----------
-    residuals : callable
-        Weighted residuals of candidates.
-    space : ParameterSpace
-        What to fit.
-    start : ndarray of shape (p,)
-        Coordinates to start from.
-    jacobian : ndarray of shape (n, p), optional
-        A Jacobian near the start, to save simulations.
-    budget : int
-        Simulations at most.
-    tolerance : float
-        Relative gain in the cost below which the fit has converged.
-    fresh : bool
-        Whether the Jacobian was measured at the start itself.
-    slopes : callable, optional
-        Weighted residuals by a cheaper model, of which Jacobians are taken.
-
-    Returns
-    -------
-    Refit or None
-        None if the start cannot be simulated.
+    A Jacobian near the start saves simulations; ``fresh`` says that it was measured at the start itself.
+    ``tolerance`` is the relative gain in cost below which the fit has converged, and ``slopes`` are residuals by a
+    cheaper model, of which Jacobians are taken. None if the start cannot be simulated.
     """
     search = _search(space, start, jacobian, tolerance, fresh=fresh)
 

@@ -40,8 +40,8 @@ def bic(explanation: Explanation, scale: Explanation, temperature_k: float = TEM
     misfit = scale.misfit_v
     squares = explanation.chi2(misfit) / scale.dispersion(misfit)
     size = len(explanation.fit.space) * float(np.log(len(scale.errors)))
-    warmth = temperature_misfit(explanation.temperature_rms_k, temperature_k)
-    return squares + warmth + explanation.fit.prior_cost + size
+    kelvin = temperature_misfit(explanation.temperature_rms_k, temperature_k)
+    return squares + kelvin + explanation.fit.prior_cost + size
 
 
 def bic_difference(worse: Explanation, better: Explanation, temperature_k: float = TEMPERATURE_DEVIATION_K) -> float:
@@ -57,55 +57,31 @@ def closed(before_v: float, after_v: float, noise_v: float) -> float:
 
 @dataclass(frozen=True)
 class Gap:
-    """What is to be closed.
+    """What is to be closed."""
 
-    Attributes
-    ----------
-    base : Explanation
-        The base model, by its better likelihood.
-    nearest : Explanation
-        The fit of the base model by which the gap is measured.
-    noise_v, held_noise_v : float
-        Measurement noise of the fitted records and of the data not fitted, V.
-    """
-
-    base: Explanation
-    nearest: Explanation
+    base: Explanation  # The base model, by its better likelihood.
+    nearest: Explanation  # The fit of the base model by which the gap is measured.
+    # noise_v, held_noise_v: Measurement noise of the fitted records and of the data not fitted, V.
     noise_v: float
     held_noise_v: float
 
 
 @dataclass(frozen=True)
 class Rules:
-    """The rules with their constants, all that decide between the verdicts.
+    """The rules with their constants, all that decide between the verdicts."""
 
-    Attributes
-    ----------
-    false_alarm : float
-        Probability that noise alone is taken for a discrepancy.
-    clear_bic : float
-        Difference in BIC from which one explanation is clearly better than another.
-    far_ahead : float
-        Times that difference which no further gain of an unfinished fit, and no prediction of other data, outweighs.
-    held_margin : float
-        Share by which an error on data not fitted must be smaller to be clearly smaller.
-    left_over : float
-        Share of the excess variance that a named explanation may leave.
-    left_fitted : float
-        The same on fitted data, where data that was not fitted shows the gap too.
-    temperature_k : float
-        How well a model's temperature can be expected to agree with a sensor, K.
-    clear_k : float
-        What a temperature's error must be smaller by, besides being half as large, to be clearly smaller, K.
-    """
-
-    false_alarm: float = FALSE_ALARM
-    clear_bic: float = CLEAR_BIC
+    false_alarm: float = FALSE_ALARM  # Probability that noise alone is taken for a discrepancy.
+    clear_bic: float = CLEAR_BIC  # Difference in BIC from which one explanation is clearly better than another.
+    # Times that difference which no further gain of an unfinished fit, and no prediction of other data, outweighs.
     far_ahead: float = 10.0
+    # Share by which an error on data not fitted must be smaller to be clearly smaller.
     held_margin: float = 1.0 - CLEAR_HELD
-    left_over: float = 1.0 - CLOSED_ENOUGH
+    left_over: float = 1.0 - CLOSED_ENOUGH  # Share of the excess variance that a named explanation may leave.
+    # The same on fitted data, where data that was not fitted shows the gap too.
     left_fitted: float = 1.0 - CLOSED_FITTED
+    # How well a model's temperature can be expected to agree with a sensor, K.
     temperature_k: float = TEMPERATURE_DEVIATION_K
+    # What a temperature's error must be smaller by, besides being half as large, to be clearly smaller, K.
     clear_k: float = CLEAR_K
 
     def explains_all(self, found: Explanation) -> bool:

@@ -13,25 +13,14 @@ from ..trajectory import FloatArray
 
 @dataclass(frozen=True)
 class Score:
-    """What a linear extrapolation says of an effect.
+    """What a linear extrapolation says of an effect."""
 
-    Attributes
-    ----------
-    amplitude : float
-        The strength it asks for, in units of the probe; 0 where only the forbidden sign would help.
-    z : float
-        Standard score of the strength with everything that the fitted parameters imitate projected out; the sign
-        says whether the effect points the allowed way.
-    gain : float
-        Fall in the sum of squares that strength and parameters together promise, within bounds.
-    own_share : float
-        Share of the effect's sensitivity that no fitted parameter can imitate, 0 to 1.
-    """
-
-    amplitude: float
+    amplitude: float  # The strength it asks for, in units of the probe; 0 where only the forbidden sign would help.
+    # Standard score of the strength with everything that the fitted parameters imitate projected out; the sign says
+    # whether the effect points the allowed way.
     z: float
-    gain: float
-    own_share: float
+    gain: float  # Fall in the sum of squares that strength and parameters together promise, within bounds.
+    own_share: float  # Share of the effect's sensitivity that no fitted parameter can imitate, 0 to 1.
 
 
 def score_effect(
@@ -45,25 +34,11 @@ def score_effect(
 ) -> Score:
     """Score one effect at the null.
 
-    With ``r`` the weighted residual (data minus model), ``J`` its derivative by the fitted parameters and ``d``
-    by the strength, the projected sensitivity is ``d_p = d - J (J^T J + B)^-1 J^T d`` with the priors' weights
-    ``B``; the strength that it asks for is ``-d_p.r / d_p.d_p`` (Rao's score test; Rao 1948,
-    doi:10.1017/S0305004100023987).
-
-    Parameters
-    ----------
-    residual : ndarray of shape (n,)
-        Weighted residual of the base fit.
-    jacobian : ndarray of shape (n, p)
-        Its derivative by the coordinates of the base parameters.
-    sensitivity : ndarray of shape (n,)
-        Its derivative by the strength, per probe.
-    space, u
-        The base parameters and where they are.
-    bounds : tuple of float
-        Bounds of the strength in units of the probe, null at 0.
-    reach : float
-        How far (in standard deviations of the priors) the linear picture is trusted.
+    With ``r`` the weighted residual (data minus model), ``J`` its derivative by the fitted parameters and ``d`` by
+    the strength (``sensitivity``, per probe), the projected sensitivity is ``d_p = d - J (J^T J + B)^-1 J^T d``
+    with the priors' weights ``B``; the strength that it asks for is ``-d_p.r / d_p.d_p`` (Rao's score test; Rao
+    1948, doi:10.1017/S0305004100023987). ``bounds`` are the strength's, in probes with the null at 0; the linear
+    picture is trusted as far as ``reach`` deviations of the priors.
     """
     prior_weights = space.prior_weights
     normal = jacobian.T @ jacobian + np.diag(prior_weights**2 + 1e-9)

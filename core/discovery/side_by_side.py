@@ -10,19 +10,10 @@ T = TypeVar("T")
 
 
 def side_by_side(actions: Sequence[Callable[[], T]], at_once: int) -> list[T]:
-    """What several actions return, in order.
+    """What several actions return, in order; so many run at a time, at 1 in the calling thread.
 
-    Parameters
-    ----------
-    actions : sequence of callable
-        Threads wait while worker processes simulate, so that threads are enough.
-    at_once : int
-        How many may run at a time; 1 runs one after the other in the calling thread.
-
-    Raises
-    ------
-    BaseException
-        What the first action to fail raised; those not begun are left out, and nobody waits for the others.
+    Threads wait while worker processes simulate, so that threads are enough. Raises what the first action to fail
+    raised: those not begun are left out, and nobody waits for the others.
     """
     if at_once <= 1 or len(actions) <= 1:
         return [action() for action in actions]

@@ -17,21 +17,11 @@ from ..trajectory import FloatArray, Trajectory
 
 @dataclass(frozen=True, eq=False)
 class MeasuredRecord:
-    """One record as the simulator runs it.
+    """One record as the simulator runs it."""
 
-    Attributes
-    ----------
-    name : str
-        Unique among the records of a discovery.
-    record : Trajectory
-        Cut into steps; supplies the current.
-    ambient_k : float or None
-        Ambient and initial temperature, K; None keeps the parameter set's.
-    """
-
-    name: str
-    record: Trajectory
-    ambient_k: float | None = None
+    name: str  # Unique among the records of a discovery.
+    record: Trajectory  # Cut into steps; supplies the current.
+    ambient_k: float | None = None  # Ambient and initial temperature, K; None keeps the parameter set's.
 
     @property
     def soc_name(self) -> str:
@@ -41,18 +31,10 @@ class MeasuredRecord:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """What an augmented model says the instruments would show.
+    """What an augmented model says the instruments would show."""
 
-    Attributes
-    ----------
-    voltage : ndarray of shape (n,)
-        Averages over the stretches of a record, V.
-    temperature : ndarray of shape (n,) or None
-        K, where the model knows it.
-    """
-
-    voltage: FloatArray
-    temperature: FloatArray | None = None
+    voltage: FloatArray  # Averages over the stretches of a record, V; shape (n,).
+    temperature: FloatArray | None = None  # K, where the model knows it; shape (n,).
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,21 +43,13 @@ class Moments:
 
     A simulated voltage at the middle of a stretch is not its mean where the voltage bends: over a quarter of an hour
     before a cell is empty the two are 40 mV apart.
-
-    Attributes
-    ----------
-    time, current : ndarray
-        When, s, and the measured current then, A.
-    share : ndarray
-        Of the stretch's samples, those that the moment stands for; adds up to 1 over a stretch.
-    stretch : ndarray of int
-        The stretch it belongs to, from 0 without gaps.
     """
 
+    # time, current: When, s, and the measured current then, A.
     time: FloatArray
     current: FloatArray
-    share: FloatArray
-    stretch: NDArray[np.intp]
+    share: FloatArray  # Of the stretch's samples, those that the moment stands for; adds up to 1 over a stretch.
+    stretch: NDArray[np.intp]  # The stretch it belongs to, from 0 without gaps.
 
     @classmethod
     def single(cls, time: FloatArray, current: FloatArray) -> Moments:
@@ -89,57 +63,28 @@ class Moments:
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """One simulation: a measured record on the base model with effects added, driven by its measured current.
+    """One simulation: a measured record on the base model with effects added, driven by its measured current."""
 
-    Attributes
-    ----------
-    effects : tuple of Effect
-        What is added to the base model.
-    candidate : mapping of str to float
-        Base parameters and the effects' parameters; what else it holds is left out.
-    measured_record : MeasuredRecord
-        What is driven.
-    moments : Moments
-        When voltage and temperature are wanted, and how they are averaged.
-    fine : bool
-        Whether to use the finer mesh and tighter tolerances, from which the error of the usual ones is known.
-    soc : float or None
-        State of charge at which the record starts, 0 to 1; None keeps the parameter set's.
-    low_fidelity : bool
-        Whether the simulator's cheaper model is to answer; see `Simulator.has_low_fidelity`.
-    """
-
-    effects: tuple[Effect, ...]
-    candidate: Candidate
+    effects: tuple[Effect, ...]  # What is added to the base model.
+    candidate: Candidate  # Base parameters and the effects' parameters; what else it holds is left out.
     measured_record: MeasuredRecord
-    moments: Moments
+    moments: Moments  # When voltage and temperature are wanted, and how they are averaged.
+    # Whether to use the finer mesh and tighter tolerances, from which the error of the usual ones is known.
     fine: bool = False
-    soc: float | None = None
+    soc: float | None = None  # State of charge at which the record starts, 0 to 1; None keeps the parameter set's.
+    # Whether the simulator's cheaper model is to answer; see `Simulator.has_low_fidelity`.
     low_fidelity: bool = False
 
 
 class Simulator(Protocol):
-    """Simulates; several requests at once may run side by side.
+    """Simulates; several requests at once may run side by side."""
 
-    Attributes
-    ----------
-    at_once : int
-        How many requests run side by side; threads may share a simulator with more than one.
-    simulations : int
-        Requests answered.
-    recalled : int
-        How many of them without a simulation, from a journal.
-    refused : dict of str to str
-        Effects that could not be built, and why.
-    has_low_fidelity : bool
-        Whether there is a cheaper model with the same parameters, whose derivatives are nearly those of the base model.
-    """
-
+    # Whether there is a cheaper model with the same parameters, whose derivatives are nearly those of the base model.
     has_low_fidelity: bool
-    at_once: int
-    simulations: int
-    recalled: int
-    refused: dict[str, str]
+    at_once: int  # How many requests run side by side; threads may share a simulator with more than one.
+    simulations: int  # Requests answered.
+    recalled: int  # How many of them without a simulation, from a journal.
+    refused: dict[str, str]  # Effects that could not be built, and why.
 
     def predict(self, requests: Sequence[Request]) -> list[Prediction | None]:
         """Predict voltage and temperature for each request, in order; None where the simulation failed."""

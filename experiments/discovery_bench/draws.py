@@ -45,27 +45,13 @@ AMBIENTS_C = (5.0, 15.0, 25.0, 35.0, 45.0)
 
 @dataclass(frozen=True)
 class Draw:
-    """One case.
+    """One case."""
 
-    Attributes
-    ----------
-    setting : {'single', 'pair', 'none', 'outside'}
-        What is hidden.
-    hidden : Hidden
-        The cell.
-    protocols : tuple of str
-        Tests of the fitted records, and of the one that is held out, which is the last.
-    ambients_c : tuple of float
-        Ambient temperature of each, degC.
-    socs : tuple of float
-        State of charge at which each begins.
-    """
-
-    setting: Setting
-    hidden: Hidden
-    protocols: tuple[str, ...]
-    ambients_c: tuple[float, ...]
-    socs: tuple[float, ...]
+    setting: Setting  # What is hidden.
+    hidden: Hidden  # The cell.
+    protocols: tuple[str, ...]  # Tests of the fitted records, and of the one that is held out, which is the last.
+    ambients_c: tuple[float, ...]  # Ambient temperature of each, degC.
+    socs: tuple[float, ...]  # State of charge at which each begins.
 
 
 def setting_of(seed: int, number: int) -> Setting:

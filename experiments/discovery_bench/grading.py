@@ -19,52 +19,29 @@ CLEAR_EVIDENCE = math.log(20.0)
 
 @dataclass(frozen=True)
 class Graded:
-    """One case with its grade.
+    """One case with its grade."""
 
-    Attributes
-    ----------
-    task, setting : str
-        Which case, and what it was for.
-    hidden : tuple of str
-        Names of what was hidden; an effect of no catalogue in brackets.
-    verdict : str
-        The discovery's verdict.
-    named : tuple of str
-        What it named.
-    grade : {'right', 'ambiguous', 'partial', 'declined', 'wrong', 'failed'}
-        ``ambiguous``: declared, with the hidden effect among those named; ``declined``: no name where there was
-        something (no discrepancy seen, or unexplained); ``partial``: some of a pair.
-    closed, held_closed : float
-        Share of the gap closed on fitted and on held-out data.
-    parameter_error : float or None
-        Relative error of the strength, where the name is right.
-    wall_s, cpu_s : float
-        Wall time and processor time of the case's process, s.
-    simulations : float
-        Single-record solves.
-    model : str
-        Base model.
-    evidence : float or None
-        Log odds of the true model at its true parameters over the base fit (BIC); None where nothing can be named.
-    covered : float or None
-        Share of the strengths inside their 95 % intervals, where the name is right.
-    """
-
+    # task, setting: Which case, and what it was for.
     task: str
     setting: str
-    hidden: tuple[str, ...]
-    verdict: str
-    named: tuple[str, ...]
+    hidden: tuple[str, ...]  # Names of what was hidden; an effect of no catalogue in brackets.
+    verdict: str  # The discovery's verdict.
+    named: tuple[str, ...]  # What it named.
+    # ``ambiguous``: declared, with the hidden effect among those named; ``declined``: no name where there was
+    # something (no discrepancy seen, or unexplained); ``partial``: some of a pair.
     grade: str
+    # closed, held_closed: Share of the gap closed on fitted and on held-out data.
     closed: float
     held_closed: float
-    parameter_error: float | None
+    parameter_error: float | None  # Relative error of the strength, where the name is right.
+    # wall_s, cpu_s: Wall time and processor time of the case's process, s.
     wall_s: float
     cpu_s: float
-    simulations: float
-    model: str = ""
+    simulations: float  # Single-record solves.
+    model: str = ""  # Base model.
+    # Log odds of the true model at its true parameters over the base fit (BIC); None where nothing can be named.
     evidence: float | None = None
-    covered: float | None = None
+    covered: float | None = None  # Share of the strengths inside their 95 % intervals, where the name is right.
 
     @property
     def detectable(self) -> bool:

@@ -24,43 +24,22 @@ _INVENTORY = "cyclable lithium"
 
 @dataclass(frozen=True)
 class Hidden:
-    """What is true of a cell and is not told.
+    """What is true of a cell and is not told."""
 
-    Attributes
-    ----------
-    parameter_set, model : str
-        PyBaMM's parameter set, and the base model.
-    effects : tuple of HiddenEffect
-        Effects on top of the base model.
-    strengths : mapping of str to float
-        Their strengths by the catalogue's names.
-    shifts : mapping of str to float
-        Factors on PyBaMM's parameters, and on ``cyclable lithium``.
-    noise_v : float
-        Standard deviation of the voltage noise, V.
-    heavy_tailed : bool
-        Whether the noise is Student's t with four degrees of freedom, scaled to that deviation.
-    resolution_v : float
-        Step of the voltage readings, V.
-    points : int
-        Mesh points in every domain.
-    outside : str
-        Name of an effect that no catalogue has; empty for none.
-    outside_strength : float
-        Its strength, V.
-    """
-
+    # parameter_set, model: PyBaMM's parameter set, and the base model.
     parameter_set: str
     model: str
-    effects: tuple[HiddenEffect, ...] = ()
-    strengths: Mapping[str, float] = field(default_factory=dict)
+    effects: tuple[HiddenEffect, ...] = ()  # Effects on top of the base model.
+    strengths: Mapping[str, float] = field(default_factory=dict)  # Their strengths by the catalogue's names.
+    # Factors on PyBaMM's parameters, and on ``cyclable lithium``.
     shifts: Mapping[str, float] = field(default_factory=dict)
-    noise_v: float = 1e-3
+    noise_v: float = 1e-3  # Standard deviation of the voltage noise, V.
+    # Whether the noise is Student's t with four degrees of freedom, scaled to that deviation.
     heavy_tailed: bool = False
-    resolution_v: float = 1e-4
-    points: int = 30
-    outside: str = ""
-    outside_strength: float = 0.0
+    resolution_v: float = 1e-4  # Step of the voltage readings, V.
+    points: int = 30  # Mesh points in every domain.
+    outside: str = ""  # Name of an effect that no catalogue has; empty for none.
+    outside_strength: float = 0.0  # Its strength, V.
 
     def strength(self, effect: HiddenEffect) -> float:
         """The strength of one of the effects."""

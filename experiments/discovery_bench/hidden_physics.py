@@ -34,61 +34,31 @@ _TRANSPORT_AND_KINETICS = (
 
 @dataclass(frozen=True)
 class HiddenEffect:
-    """One effect of a hidden cell.
+    """One effect of a hidden cell."""
 
-    Attributes
-    ----------
-    key : str
-        Its name in the catalogue, with the variant in brackets.
-    strength : str
-        The catalogue's name of its strength, with the unit.
-    low, high : float
-        Range of the strength's distance from its null value, for a cell of 5 A.h.
-    null : float
-        The strength at which there is no effect.
-    signed : bool
-        Whether nature allows both signs.
-    scale : {'', 'current', 'resistance'}
-        How the strength goes with the size of the cell.
-    records : str
-        What records it needs.
-    models : tuple of str
-        Base models that it can be hidden from.
-    alone : bool
-        Whether it is hidden without a second one: the two are costly to simulate or need other base models.
-    model : str
-        Model of the hidden cell, where it is another than the base model.
-    options : mapping
-        PyBaMM's options.
-    prepare : callable or None
-        ``prepare(values, strength, ambient_k)`` changes the parameter values.
-    voltage : callable or None
-        ``voltage(time, current, strength, capacity)``: volts added to the terminal voltage.
-    instrument : callable or None
-        ``instrument(time, current, voltage, strength)``: current and voltage as they are recorded.
-    points : mapping of str to int
-        Mesh points by PyBaMM's name of the coordinate, where the cell's own number would take minutes.
-    leak : bool
-        Whether the strength is a current that bypasses the cycler, A.
-    """
-
-    key: str
-    strength: str
+    key: str  # Its name in the catalogue, with the variant in brackets.
+    strength: str  # The catalogue's name of its strength, with the unit.
+    # low, high: Range of the strength's distance from its null value, for a cell of 5 A.h.
     low: float
     high: float
-    null: float = 0.0
-    signed: bool = False
-    scale: Literal["", "current", "resistance"] = ""
-    records: Kind = "any"
-    models: tuple[str, ...] = ("SPMe", "DFN")
+    null: float = 0.0  # The strength at which there is no effect.
+    signed: bool = False  # Whether nature allows both signs.
+    scale: Literal["", "current", "resistance"] = ""  # How the strength goes with the size of the cell.
+    records: Kind = "any"  # What records it needs.
+    models: tuple[str, ...] = ("SPMe", "DFN")  # Base models that it can be hidden from.
+    # Whether it is hidden without a second one: the two are costly to simulate or need other base models.
     alone: bool = False
-    model: str = ""
-    options: Mapping[str, str] = field(default_factory=dict)
+    model: str = ""  # Model of the hidden cell, where it is another than the base model.
+    options: Mapping[str, str] = field(default_factory=dict)  # PyBaMM's options.
+    # ``prepare(values, strength, ambient_k)`` changes the parameter values.
     prepare: Callable[[Any, float, float], None] | None = None
+    # ``voltage(time, current, strength, capacity)``: volts added to the terminal voltage.
     voltage: Callable[[FloatArray, FloatArray, float, float], FloatArray] | None = None
+    # ``instrument(time, current, voltage, strength)``: current and voltage as they are recorded.
     instrument: Callable[[FloatArray, FloatArray, FloatArray, float], tuple[FloatArray, FloatArray]] | None = None
+    # Mesh points by PyBaMM's name of the coordinate, where the cell's own number would take minutes.
     points: Mapping[str, int] = field(default_factory=dict)
-    leak: bool = False
+    leak: bool = False  # Whether the strength is a current that bypasses the cycler, A.
 
     @property
     def name(self) -> str:

@@ -10,30 +10,15 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Step:
-    """One step: a C-rate (positive on discharge), a drive cycle or a voltage to hold.
+    """One step: a C-rate (positive on discharge), a drive cycle or a voltage to hold."""
 
-    Attributes
-    ----------
-    rate : float, sequence of float or None
-        C-rate; a sequence is a drive cycle with one value a second; None holds ``hold_v``.
-    seconds : float
-        Longest duration.
-    until_v : float or None
-        Voltage at which it ends.
-    until_rate : float or None
-        C-rate at which a hold ends.
-    period : float
-        Sampling interval, s.
-    hold_v : float or None
-        Voltage to hold.
-    """
-
+    # C-rate; a sequence is a drive cycle with one value a second; None holds ``hold_v``.
     rate: float | Sequence[float] | None
-    seconds: float
-    until_v: float | None = None
-    until_rate: float | None = None
-    period: float = 10.0
-    hold_v: float | None = None
+    seconds: float  # Longest duration.
+    until_v: float | None = None  # Voltage at which it ends.
+    until_rate: float | None = None  # C-rate at which a hold ends.
+    period: float = 10.0  # Sampling interval, s.
+    hold_v: float | None = None  # Voltage to hold.
 
 
 NAMES = ("discharge", "fast", "pulses", "drive", "cycle")

@@ -27,27 +27,13 @@ HOW = {"named": False, "nameless": True}
 
 @dataclass(frozen=True)
 class Report:
-    """What a fit of the base model left of one case.
+    """What a fit of the base model left of one case."""
 
-    Attributes
-    ----------
-    name : str
-        Of the case.
-    hidden : str
-        Name of the effect that was hidden in its records.
-    effects : tuple of str
-        Keys of the effects that the records can show.
-    by_score : tuple of str
-        Those that the score test nominates, the best first.
-    discrepancy : tuple of str
-        Sentences.
-    """
-
-    name: str
-    hidden: str
-    effects: tuple[str, ...]
-    by_score: tuple[str, ...]
-    discrepancy: tuple[str, ...]
+    name: str  # Of the case.
+    hidden: str  # Name of the effect that was hidden in its records.
+    effects: tuple[str, ...]  # Keys of the effects that the records can show.
+    by_score: tuple[str, ...]  # Those that the score test nominates, the best first.
+    discrepancy: tuple[str, ...]  # Sentences.
 
 
 def read_reports(path: Path) -> list[Report]:

@@ -112,4 +112,5 @@ def _changes(rows: Sequence[Row], known: Mapping[str, Row], constant: str, facto
 def _said(row: Row) -> str:
     """Verdict, names and grade; a table that was read has no text where there was none."""
     named, grade = (row[key] if isinstance(row[key], str) else "" for key in ("named", "grade"))
-    return f"{named or row['verdict']}" + " (ambiguous)" * (row["verdict"] == "ambiguous") + f", {grade}" * bool(grade)
+    doubt = " (ambiguous)" * (row["verdict"] == "ambiguous")
+    return f"{named or row['verdict']}{doubt}{', ' * bool(grade)}{grade}"

@@ -1,0 +1,69 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bsa.core.discovery.adequacy import Adequacy
+from bsa.core.discovery.explanation import Estimate, Explanation
+from bsa.core.discovery.findings import Findings
+from bsa.core.discovery.refit import Refit
+from bsa.core.discovery.rules import RULES, Gap
+from bsa.core.effect import Effect, EffectParameter
+from bsa.core.files import write_csv
+from bsa.core.parameters import ParameterSpace
+from bsa.experiments.campaign.results import read_table
+from bsa.experiments.campaign.text_tables import markdown_table
+from bsa.experiments.discovery_bench.sensitivity import NOT_SEARCHED, sensitivity_table, verdict_by
+
+
+def explanation(name, error_mv, p=0.0):
+    effect = Effect(name, name, "", (EffectParameter("size", "", 0.0, 0.0, 10.0, 1.0),), "", "")
+    errors = 1e-3 * error_mv * np.where(np.arange(80) % 2, 1.0, -1.0)
+    fit = Refit(ParameterSpace(effect.searched), np.zeros(1), errors / 1e-3, np.ones((80, 1)), True, 1)
+    v = 1e-3 * error_mv
+    found = Explanation((effect,), fit, Adequacy(p, p, 0.0, 1.0), v, v, errors, np.full(80, 1e-3))
+    found.estimates = {effect.key: (Estimate("size", "", 1.0, (0.9, 1.1), 0.0, False),)}
+    return found
+
+
+def found(left_mv, p=0.0):
+    base = explanation("base", 10.0, p)
+    gap = Gap(base, base, 1e-3, 1e-3)
+    return RULES.decide(gap, [explanation("heat", left_mv)]), gap
+
+
+@pytest.mark.parametrize(("left_mv", "half"), [(4.0, "unexplained"), (1.5, "effect-found")])
+def test_a_constant_changes_the_verdicts_that_lie_near_it(left_mv, half):
+    findings, gap = found(left_mv)
+    for factor, verdict in ((0.5, half), (2.0, "effect-found")):
+        rules = replace(RULES, left_over=factor * RULES.left_over, left_fitted=factor * RULES.left_fitted)
+        assert verdict_by(rules, findings, gap)["verdict"] == verdict
+
+
+def test_what_was_not_searched_is_said():
+    findings, gap = found(4.0, p=0.008)
+    assert verdict_by(RULES, findings, gap)["verdict"] == "no-missing-effect"
+    nothing = Findings("no-missing-effect", gap.base, gap.base)
+    assert verdict_by(replace(RULES, false_alarm=0.02), nothing, gap)["verdict"] == NOT_SEARCHED
+
+
+def test_the_table_tells_which_cases_change(tmp_path):
+    def row(task, constant, factor, verdict, named, grade):
+        values = task, constant, factor, verdict, named, grade
+        return dict(zip(("task", "constant", "factor", "verdict", "named", "grade"), values, strict=True))
+
+    rows = [row("case_1", "", 1.0, "effect-found", "heat", "right"), row("case_2", "", 1.0, "unexplained", "", "right")]
+    for constant in ("clear_bic", "left_over"):
+        for factor in (0.5, 2.0):
+            rows += [{**known, "constant": constant, "factor": factor} for known in rows[:2]]
+    rows[-2] |= {"verdict": "unexplained", "named": "", "grade": "declined"}
+    expected = markdown_table(
+        ["constant", "value", "half (2 cases)", "twice"],
+        [
+            ["`clear_bic`", "10", "all the same", "all the same"],
+            ["`left_over`", "0.25", "all the same", "case_1: heat, right → unexplained, declined"],
+        ],
+        4,
+    )
+    assert sensitivity_table(rows) == expected
+    write_csv(tmp_path / "rows.csv", rows)
+    assert sensitivity_table(read_table(tmp_path / "rows.csv")) == expected
