@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 from ...core.metrics import objective_of
 from ...core.trial import Trial
@@ -14,35 +13,13 @@ from .wording import clipped, duration, number
 _MOST_ROWS = 40
 
 
-@dataclass(frozen=True)
-class FailureRow:
-    """A failed or reduced simulation, printed."""
-
-    index: int
-    place: str
-    reached: str
-    step: str
-    limit: str
-
-
-@dataclass(frozen=True)
-class Failures:
-    """Everything the template prints."""
-
-    summary: str  # How many failed, and which limits they met.
-    remedy: Sequence[str]  # What the rounds after a failed start tried, in order.
-    rows: Sequence[FailureRow]  # The simulations.
-    left_out: int  # How many more there were.
-
-
-def failures(run: RunRecord) -> Failures | None:
+def failures(run: RunRecord) -> dict[str, Any] | None:
     """What a run's failures amount to; None if nothing failed or was reduced."""
     shown = [trial for trial in run.trials if trial.failed or trial.reduction is not None]
     if not shown:
         return None
-    return Failures(
-        _summary(run), _remedy(run), [_row(run, trial) for trial in shown[:_MOST_ROWS]], len(shown) - _MOST_ROWS
-    )
+    rows = [_row(run, trial) for trial in shown[:_MOST_ROWS]]
+    return {"summary": _summary(run), "remedy": _remedy(run), "rows": rows, "left_out": len(shown) - _MOST_ROWS}
 
 
 def failure_words(trial: Trial) -> str:
@@ -97,15 +74,14 @@ def _first_good(round_: Round) -> Trial | None:
     return next((trial for trial in round_.trials if trial.ok), None)
 
 
-def _row(run: RunRecord, trial: Trial) -> FailureRow:
+def _row(run: RunRecord, trial: Trial) -> dict[str, Any]:
     failure = trial.failure
     where = "initial" if trial.phase == "initial" else f"{trial.phase} {trial.round}"
     if trial.reduction is not None:
         where += f", {trial.reduction.words}"
     step = "" if failure is None or not failure.step else f"{failure.step} (cycle {failure.cycle})"
-    return FailureRow(
-        trial.index, where, _reached(run, trial), step, "ran to its end" if failure is None else failure_words(trial)
-    )
+    limit = "ran to its end" if failure is None else failure_words(trial)
+    return {"index": trial.index, "place": where, "reached": _reached(run, trial), "step": step, "limit": limit}
 
 
 def _reached(run: RunRecord, trial: Trial) -> str:

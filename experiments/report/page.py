@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ...core.files import write_text
 from ...core.metrics import Quantity, errors_of, headline_of, objective_of
@@ -21,7 +21,7 @@ from .post_fit import best_score_line
 from .records import error_rows
 from .rounds import chapters
 from .templates import template
-from .wording import change, clipped, factor, number, short_name, unit
+from .wording import change, clipped, factor, number, printed_unit, short_name
 
 FILE_NAME = "report.html"
 
@@ -43,35 +43,6 @@ _MOST_NOTES = 100
 
 MOST_STEPS = 40
 """Steps of a record that the page lists; a record of many cycles has thousands."""
-
-
-@dataclass(frozen=True)
-class Figure:
-    """A headline number before and after."""
-
-    label: str
-    before: str
-    after: str
-    unit: str
-    effect: str
-
-
-@dataclass(frozen=True)
-class ParameterRow:
-    """A line of the parameter table, printed values throughout."""
-
-    name: str
-    unit: str
-    initial: str
-    best: str
-    factor: str
-    lower: str
-    upper: str
-    scale: str
-    # start, place: Initial and best value as shares of the range, on the parameter's own scale.
-    start: float
-    place: float
-    bound: str  # The bound on which the best value sits. One of '', 'lower', 'upper'.
 
 
 def build_report(folder: Path, out: Path | None = None) -> Path:
@@ -122,7 +93,7 @@ def render(run: RunRecord) -> str:
         convergence=convergence(run, objective),
         parameters=parameters,
         best_score=best_score_line(objective, run.best, run.lowest, run.metrics_of(run.lowest)),
-        at_bound=[row for row in parameters if row.bound],
+        at_bound=[row for row in parameters if row["bound"]],
         fixed=section(run),
         failures=failures(run),
         chapters=chapters(run),
@@ -131,29 +102,35 @@ def render(run: RunRecord) -> str:
     )
 
 
-def _figure(run: RunRecord, quantity: Quantity) -> Figure:
+def _figure(run: RunRecord, quantity: Quantity) -> dict[str, str]:
+    """A headline number before and after."""
     before, after = quantity.shown(run.initial_metrics), quantity.shown(run.best_metrics)
-    return Figure(quantity.label, number(before), number(after), quantity.unit, change(before, after))
+    return {
+        "label": quantity.label,
+        "before": number(before),
+        "after": number(after),
+        "unit": quantity.unit,
+        "effect": change(before, after),
+    }
 
 
-def _parameter_row(parameter: Parameter, run: RunRecord) -> ParameterRow:
+def _parameter_row(parameter: Parameter, run: RunRecord) -> dict[str, Any]:
+    """A line of the parameter table; ``start`` and ``place`` are shares of the range, on the parameter's own scale."""
     initial, best = run.initial.candidate[parameter.name], run.best.candidate[parameter.name]
     place = parameter.to_unit(best)
-    micro = parameter.unit == "m" and 0 < parameter.upper < 1e-2
-    scale = 1e6 if micro else 1.0
-    return ParameterRow(
-        name=short_name(parameter.name),
-        unit="µm" if micro else unit(parameter.unit),
-        initial=number(scale * initial),
-        best=number(scale * best),
-        factor=factor(initial, best),
-        lower=number(scale * parameter.lower),
-        upper=number(scale * parameter.upper),
-        scale=parameter.scale,
-        start=min(max(parameter.to_unit(initial), 0.0), 1.0),
-        place=min(max(place, 0.0), 1.0),
-        bound="lower" if place <= _AT_BOUND else "upper" if place >= 1.0 - _AT_BOUND else "",
-    )
+    scale, shown_unit = printed_unit(parameter)
+    return {
+        "name": short_name(parameter.name),
+        "unit": shown_unit,
+        "initial": number(scale * initial),
+        "best": number(scale * best),
+        "factor": factor(initial, best),
+        "lower": number(scale * parameter.lower),
+        "upper": number(scale * parameter.upper),
+        "start": min(max(parameter.to_unit(initial), 0.0), 1.0),
+        "place": min(max(place, 0.0), 1.0),
+        "bound": "lower" if place <= _AT_BOUND else "upper" if place >= 1.0 - _AT_BOUND else "",
+    }
 
 
 def _notes(run: RunRecord) -> Sequence[str]:

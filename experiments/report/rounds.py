@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 from markupsafe import escape
 
@@ -23,123 +23,54 @@ _PROMPTS, _REPLIES, _LEAST = 500_000, 250_000, 400
 _SHOWN_CHANGES = 3
 
 
-@dataclass(frozen=True)
-class Change:
-    """One value that a candidate changed."""
-
-    # name, before, after, factor: As they are printed.
-    name: str
-    before: str
-    after: str
-    factor: str
-    weight: float  # Size of the change as a share of the parameter's range, on its own scale.
+Printed = dict[str, Any]
+"""A part of the page, its texts as they are printed."""
 
 
-@dataclass(frozen=True)
-class TrialRow:
-    """One simulation of a round of several."""
-
-    index: int
-    changes: Sequence[Change]
-    objective: str
-    failure: str
-    reduced: str = ""
-
-
-@dataclass(frozen=True)
-class Text:
-    """A turn of a prompt, or where it was shown before."""
-
-    role: str
-    text: str
-    images: int
-    repeated: bool
-
-
-@dataclass(frozen=True)
-class Call:
-    """One call of the language model, or what votes or a reviewer made of its reply."""
-
-    title: str
-    prompt: Sequence[Text]
-    reply: str
-    lost: str
-    model: str
-    tokens: int
-    seconds: float
-    notes: Sequence[str]
-
-
-@dataclass(frozen=True)
-class Chapter:
-    """A round, ready to be printed."""
-
-    title: str  # ``"Round 3"`` or ``"Warm-up"``.
-    verdict: str  # What came of it. One of 'improved', 'worse', 'failed', 'lost', 'stop', 'open'.
-    # hypothesis, rationale, lost: In the proposer's words.
-    hypothesis: str
-    rationale: str
-    lost: str
-    # before, after, effect: The best objective before, the round's own, and the relative change.
-    before: str
-    after: str
-    effect: str
-    failure: str
-    simulations: str
-    # main, other: The largest changes, and the rest.
-    main: Sequence[Change]
-    other: Sequence[Change]
-    rows: Sequence[TrialRow]  # The simulations, where there are several.
-    remarks: Sequence[str]  # Problems with replies, and values that were projected.
-    calls: Sequence[Call]  # What was asked and answered.
-
-
-def chapters(run: RunRecord) -> list[Chapter]:
+def chapters(run: RunRecord) -> list[Printed]:
     """Every round of a run, in order."""
     library = _Library(run)
     return [_chapter(round_, run.task.space, library) for round_ in run.rounds]
 
 
-def changes(space: ParameterSpace, base: Trial, trial: Trial) -> list[Change]:
-    """What a trial changed against another, largest first."""
+def changes(space: ParameterSpace, base: Trial, trial: Trial) -> list[Printed]:
+    """What a trial changed against another, largest (as a share of the parameter's range, on its own scale) first."""
     found = []
     for parameter in space:
         before, after = base.candidate[parameter.name], trial.candidate[parameter.name]
         if abs(after - before) <= 1e-9 * max(abs(before), abs(after)):
             continue
-        found.append(
-            Change(
-                name=short_name(parameter.name),
-                before=quantity(before, parameter.unit),
-                after=quantity(after, parameter.unit),
-                factor=factor(before, after),
-                weight=abs(parameter.to_unit(after) - parameter.to_unit(before)),
-            )
-        )
-    return sorted(found, key=lambda item: -item.weight)
+        printed = {
+            "name": short_name(parameter.name),
+            "before": quantity(before, parameter.unit),
+            "after": quantity(after, parameter.unit),
+            "factor": factor(before, after),
+        }
+        found.append((abs(parameter.to_unit(after) - parameter.to_unit(before)), printed))
+    return [printed for _, printed in sorted(found, key=lambda item: -item[0])]
 
 
-def _chapter(round_: Round, space: ParameterSpace, library: _Library) -> Chapter:
+def _chapter(round_: Round, space: ParameterSpace, library: _Library) -> Printed:
     best = round_.best
     several = len(round_.trials) > 1
     changed = changes(space, round_.base, best) if best is not None and not several else []
-    return Chapter(
-        title=f"Round {round_.number}" if round_.phase == "search" else "Warm-up",
-        verdict=_verdict(round_),
-        hypothesis=clipped(round_.hypothesis, _TEXT),
-        rationale=clipped(round_.rationale, _TEXT),
-        lost=clipped(round_.lost, _TEXT),
-        before=number(round_.base.objective),
-        after="" if best is None or not best.ok else number(best.objective),
-        effect=change(round_.base.objective, best.objective) if best is not None else "",
-        failure=failure_words(best) if best is not None else "",
-        simulations=_simulations(round_),
-        main=changed[:_SHOWN_CHANGES],
-        other=changed[_SHOWN_CHANGES:],
-        rows=[_row(space, round_.base, trial) for trial in round_.trials] if several else [],
-        remarks=_remarks(round_),
-        calls=[library.call(exchange, first=place == 0) for place, exchange in enumerate(round_.exchanges)],
-    )
+    return {
+        "title": f"Round {round_.number}" if round_.phase == "search" else "Warm-up",
+        "verdict": _verdict(round_),
+        "hypothesis": clipped(round_.hypothesis, _TEXT),
+        "rationale": clipped(round_.rationale, _TEXT),
+        "lost": clipped(round_.lost, _TEXT),
+        "before": number(round_.base.objective),
+        "after": "" if best is None or not best.ok else number(best.objective),
+        "effect": change(round_.base.objective, best.objective) if best is not None else "",
+        "failure": failure_words(best) if best is not None else "",
+        "simulations": _simulations(round_),
+        "main": changed[:_SHOWN_CHANGES],
+        "other": changed[_SHOWN_CHANGES:],
+        "rows": [_row(space, round_.base, trial) for trial in round_.trials] if several else [],
+        "remarks": _remarks(round_),
+        "calls": [library.call(exchange, first=place == 0) for place, exchange in enumerate(round_.exchanges)],
+    }
 
 
 def _verdict(round_: Round) -> str:
@@ -161,11 +92,15 @@ def _simulations(round_: Round) -> str:
     return f"simulation {indices[0]}" if len(indices) == 1 else f"simulations {indices[0]} to {indices[-1]}"
 
 
-def _row(space: ParameterSpace, base: Trial, trial: Trial) -> TrialRow:
-    reduced = "" if trial.reduction is None else f"ran {trial.reduction.words}"
-    return TrialRow(
-        trial.index, changes(space, base, trial)[:4], number(trial.objective), failure_words(trial), reduced
-    )
+def _row(space: ParameterSpace, base: Trial, trial: Trial) -> Printed:
+    """One simulation of a round of several."""
+    return {
+        "index": trial.index,
+        "changes": changes(space, base, trial)[:4],
+        "objective": number(trial.objective),
+        "failure": failure_words(trial),
+        "reduced": "" if trial.reduction is None else f"ran {trial.reduction.words}",
+    }
 
 
 def _remarks(round_: Round) -> list[str]:
@@ -196,7 +131,7 @@ class _Library:
         self._turn_room = _room([text for _, text in turns], _PROMPTS)
         self._reply_room = _room([exchange.text for exchange in run.exchanges], _REPLIES)
 
-    def call(self, exchange: Exchange, first: bool) -> Call:
+    def call(self, exchange: Exchange, first: bool) -> Printed:
         """One exchange; turns that were printed before are only named."""
         prompt = []
         for turn in exchange.prompt:
@@ -204,18 +139,18 @@ class _Library:
             text = "" if key in self._seen else clipped(turn.text, self._turn_room)
             # On a second attempt the conversation so far stands right above.
             if first or key not in self._seen:
-                prompt.append(Text(turn.role, text, turn.images, key in self._seen))
+                prompt.append({"role": turn.role, "text": text, "images": turn.images, "repeated": key in self._seen})
             self._seen.add(key)
-        return Call(
-            title=_TITLES[exchange.made_by],
-            prompt=prompt,
-            reply=clipped(_laid_out(exchange.text), self._reply_room),
-            lost=clipped(exchange.lost, _TEXT),
-            model=exchange.model,
-            tokens=exchange.usage.tokens,
-            seconds=exchange.usage.seconds,
-            notes=[clipped(note, 300) for note in exchange.notes[:10]],
-        )
+        return {
+            "title": _TITLES[exchange.made_by],
+            "prompt": prompt,
+            "reply": clipped(_laid_out(exchange.text), self._reply_room),
+            "lost": clipped(exchange.lost, _TEXT),
+            "model": exchange.model,
+            "tokens": exchange.usage.tokens,
+            "seconds": exchange.usage.seconds,
+            "notes": [clipped(note, 300) for note in exchange.notes[:10]],
+        }
 
 
 def _room(texts: Sequence[str], total: int) -> int:

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import math
 import re
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ...core.parameters import Parameter
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _UNIT_IN_NAME = re.compile(r"\s*\[[^\[\]]*\]")
@@ -39,6 +43,12 @@ def quantity(value: float | None, of_unit: str) -> str:
     if value is not None and of_unit == "m" and 0 < abs(value) < 1e-3:
         return f"{number(value * 1e6)} µm"
     return f"{number(value)} {unit(of_unit)}".strip()
+
+
+def printed_unit(parameter: Parameter) -> tuple[float, str]:
+    """What a parameter's values are multiplied by where they are printed, and their unit then."""
+    micro = parameter.unit == "m" and 0 < parameter.upper < 1e-2
+    return (1e6, "µm") if micro else (1.0, unit(parameter.unit))
 
 
 def short_name(parameter: str) -> str:
