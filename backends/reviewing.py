@@ -15,7 +15,7 @@ from typing import Literal, TextIO
 
 from ..core.errors import BsaError
 from ..core.messages import Backend, BudgetSpent, JsonSchema, Message, Reply, ReplyRefused
-from ..core.recording import REVIEW, Recorder
+from ..core.recording import REVIEW, BackendAround, Recorder
 from ..core.reply_parsing import parse_object, strip_control
 
 
@@ -37,7 +37,7 @@ Reviewer = Callable[[str], Verdict]
 """Is shown a reply, free of control codes, and decides."""
 
 
-class ReviewingBackend:
+class ReviewingBackend(BackendAround):
     """Asks another backend, and a person about its reply.
 
     Parameters
@@ -49,11 +49,10 @@ class ReviewingBackend:
     """
 
     def __init__(self, inner: Backend, reviewer: Reviewer | None = None, recorder: Recorder | None = None) -> None:
-        self._inner = inner
+        super().__init__(inner)
         self._reviewer = reviewer or TerminalReviewer()
         self._recorder = recorder
         self.name = f"{inner.name}, reviewed"
-        self.sees_images = inner.sees_images
 
     def recorded_by(self, recorder: Recorder) -> ReviewingBackend:
         """See `bsa.core.recording.Layer`: the model's own reply is recorded, and the verdict on it."""
@@ -72,10 +71,6 @@ class ReviewingBackend:
         if self._recorder is not None:
             self._recorder.write(REVIEW, verdict=verdict.kind, text=verdict.text)
         return verdict
-
-    def close(self) -> None:
-        """Release the model."""
-        self._inner.close()
 
 
 def _shown(text: str, schema: JsonSchema) -> str:

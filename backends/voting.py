@@ -13,7 +13,7 @@ from typing import Any, Literal
 from ..core.errors import BsaError
 from ..core.messages import Backend, JsonSchema, Message, Reply, StructuredBy, Usage
 from ..core.proposal import is_change
-from ..core.recording import VOTE, Recorder
+from ..core.recording import VOTE, BackendAround, Recorder
 from ..core.reply_parsing import parse_object
 from .structured_output import LADDER
 
@@ -94,7 +94,7 @@ class Ballot:
         }
 
 
-class VotingBackend:
+class VotingBackend(BackendAround):
     """Asks another backend several times and merges the replies.
 
     Parameters
@@ -106,11 +106,10 @@ class VotingBackend:
     """
 
     def __init__(self, inner: Backend, votes: int, recorder: Recorder | None = None) -> None:
-        self._inner = inner
+        super().__init__(inner)
         self._votes = votes
         self._recorder = recorder
         self.name = f"{inner.name}, {votes} votes"
-        self.sees_images = inner.sees_images
 
     def recorded_by(self, recorder: Recorder) -> VotingBackend:
         """See `bsa.core.recording.Layer`: every reply is recorded, and what each voted for."""
@@ -138,10 +137,6 @@ class VotingBackend:
         if self._recorder is not None:
             self._recorder.record(VOTE, text=result.text, ballots=[ballot.as_json() for ballot in ballots], rule=RULE)
         return result
-
-    def close(self) -> None:
-        """Release the model."""
-        self._inner.close()
 
 
 def merge(ballots: Sequence[Ballot]) -> dict[str, Any] | None:

@@ -146,7 +146,20 @@ def is_outcome(event: Mapping[str, Any]) -> bool:
     return event["event"] in (REPLY, VOTE, REVIEW) or (event["event"] == LOST_CALL and bool(event.get("refused")))
 
 
-class RecordingBackend:
+class BackendAround:
+    """A backend that asks another one; what it does not change is that of the other."""
+
+    def __init__(self, inner: Backend) -> None:
+        self._inner = inner
+        self.name = inner.name
+        self.sees_images = inner.sees_images
+
+    def close(self) -> None:
+        """Release the model."""
+        self._inner.close()
+
+
+class RecordingBackend(BackendAround):
     """Stands before the language model.
 
     A lost call is made again, so that an outage never changes what the search does: it goes on as if nothing had
@@ -154,20 +167,10 @@ class RecordingBackend:
     """
 
     def __init__(self, inner: Backend, recorder: Recorder) -> None:
-        self._inner = inner
+        super().__init__(inner)
         self._recorder = recorder
         self._answered = False
         self._refused = 0
-
-    @property
-    def name(self) -> str:
-        """Name of the model behind."""
-        return self._inner.name
-
-    @property
-    def sees_images(self) -> bool:
-        """Whether the model behind can see."""
-        return self._inner.sees_images
 
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
         """See `Backend.complete`.
@@ -229,7 +232,3 @@ class RecordingBackend:
     def _heard(self, usage: Usage) -> None:
         self._refused = 0
         self._recorder.count_reply(usage)
-
-    def close(self) -> None:
-        """Release the model."""
-        self._inner.close()

@@ -10,12 +10,12 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from ...core.messages import Backend, JsonSchema, Message, Reply
-from ...core.recording import Recorder
+from ...core.recording import BackendAround, Recorder
 
 _FIRST_WAIT_S, _LONGEST_WAIT_S = 0.02, 1.0
 
 
-class SharedBackend:
+class SharedBackend(BackendAround):
     """A backend whose calls wait for one of a few places.
 
     The places are files held by the calling process: no server keeps count, and a place that a killed worker
@@ -28,19 +28,9 @@ class SharedBackend:
     """
 
     def __init__(self, inner: Backend, folder: Path, places: int) -> None:
-        self._inner = inner
+        super().__init__(inner)
         self._folder = folder
         self._places = places
-
-    @property
-    def name(self) -> str:
-        """Name of the model behind."""
-        return self._inner.name
-
-    @property
-    def sees_images(self) -> bool:
-        """Whether the model behind can see."""
-        return self._inner.sees_images
 
     def recorded_by(self, recorder: Recorder) -> SharedBackend:
         """See `bsa.core.recording.Layer`: a place is held as long as a round's votes take."""
@@ -62,7 +52,3 @@ class SharedBackend:
                     return self._inner.complete(messages, schema, seed=seed)
             time.sleep(wait_s * random.uniform(0.5, 1.5))
             wait_s = min(2 * wait_s, _LONGEST_WAIT_S)
-
-    def close(self) -> None:
-        """Release the model."""
-        self._inner.close()

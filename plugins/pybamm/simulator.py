@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from pydantic import BaseModel, Field
 
@@ -14,9 +15,11 @@ from ...core.simulation import Outcome
 from ...core.target import InitialSoc
 from ...core.task import Experiment, Protocol
 from ...core.task_reduction import TaskReduction
-from .equilibrium import EquilibriumCell
 from .reduced import reduced
 from .worker import Assignment, WorkerPool
+
+if TYPE_CHECKING:
+    from .equilibrium import EquilibriumCell
 
 _CYCLES_IN_THE_LIMIT = 20
 """Cycles for which the time limit is meant: a cycle of the slowest parameter set takes about a second."""
@@ -107,6 +110,8 @@ class PyBaMMSimulator:
         if any(experiment.protocol is not None for experiment in self._task.experiments):
             return None
         if self._equilibrium is None:
+            from .equilibrium import EquilibriumCell
+
             self._equilibrium = EquilibriumCell(self._task)
         return enumerate(map(self._equilibrium.outcome, candidates))
 
