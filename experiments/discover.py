@@ -10,7 +10,7 @@ from contextlib import ExitStack, closing, contextmanager
 import numpy as np
 
 from ..core.discovery.closure import fit_closure
-from ..core.discovery.discovery import Discovery, temperature_errors
+from ..core.discovery.discovery import Discovery
 from ..core.discovery.explanation import Explanation
 from ..core.discovery.findings import Listener, Nomination, Settings
 from ..core.discovery.localisation import in_words, localise
@@ -18,13 +18,12 @@ from ..core.discovery.next_experiment import propose
 from ..core.discovery.problem import Problem
 from ..core.discovery.ranking import Ranking, ask
 from ..core.discovery.recorded import RecordedSimulator
-from ..core.discovery.simulator import Simulator
+from ..core.discovery.simulator import Prediction, Simulator
 from ..core.files import write_text
 from ..core.messages import Backend
 from ..core.parameters import ParameterSpace
 from ..core.recording import Recorder
 from ..core.task import CellModel
-from ..core.trajectory import FloatArray
 from ..plugins.pybamm.effect_simulator_pool import EffectSimulatorPool
 from ..plugins.pybamm.radial_mesh import RadialMesh
 from .discovery_case import DiscoverOptions, read_case
@@ -113,8 +112,8 @@ def discover_on(
         return [r.key for r in asked[-1].ranked[:3]]
 
     findings = setup.engine(settings or options.settings, listener, preferred).run()
-    before = _errors(problem, findings.nearest_base)
-    after = _errors(problem, findings.best)
+    before = problem.errors(_predicted(problem, findings.nearest_base))
+    predictions = _predicted(problem, findings.best)
     noise = problem.noise_v
     places = localise(problem.observations, before, setup.capacity_ah)
     discovery = Discovery(
@@ -122,7 +121,7 @@ def discover_on(
         noise,
         problem.held_noise_v,
         places,
-        localise(problem.observations, after, setup.capacity_ah),
+        localise(problem.observations, problem.errors(predictions), setup.capacity_ah),
         in_words(places, noise),
         ranking=asked[-1] if asked else None,
         notes=[*setup.notes, *(f"not built: {name}: {why}" for name, why in setup.simulator.refused.items())],
@@ -136,8 +135,9 @@ def discover_on(
         discovery.next_experiment = propose(setup.simulator, findings.best, rival, setup.capacity_ah, noise, ambient)
     if findings.verdict == "unexplained":
         discovery.closure = fit_closure(problem.observations, before, setup.capacity_ah)
-    discovery.temperature_rms_k = _temperatures(problem, findings.best)
     found = findings.best
+    errors = problem.temperature_errors(predictions)
+    discovery.temperature_rms_k = {name: float(np.sqrt(np.mean(error**2))) for name, error in errors.items()}
     discovery.script = augmented_script(
         case.cell, found.effects, found.fit.candidate, setup.space.targets, case.measured_records, setup.mesh.fine
     )
@@ -146,21 +146,10 @@ def discover_on(
     return discovery
 
 
-def _errors(problem: Problem, explanation: Explanation) -> list[FloatArray]:
+def _predicted(problem: Problem, explanation: Explanation) -> list[Prediction]:
     predictions = problem.predict(explanation.effects, explanation.fit.candidate)
-    if predictions is None:
-        return [np.zeros(len(observed)) for observed in problem.observations]
-    return problem.errors(predictions)
-
-
-def _temperatures(problem: Problem, best: Explanation) -> dict[str, float]:
-    """How well the explanation predicts a temperature that it was never shown."""
-    predictions = problem.predict(best.effects, best.fit.candidate)
-    result: dict[str, float] = {}
-    for observed, prediction in zip(problem.observations, predictions or [], strict=False):
-        if observed.temperature is not None and prediction.temperature is not None:
-            result[observed.name] = temperature_errors(prediction.temperature, observed.temperature)
-    return result
+    assert predictions is not None, "a fit ends where it could be simulated"
+    return predictions
 
 
 def _second(explanations: Sequence[Explanation], best: Explanation) -> Explanation | None:

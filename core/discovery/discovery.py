@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from ..trajectory import FloatArray
 from .closure import Closure
 from .explanation import Explanation
 from .findings import Findings, Nomination
@@ -175,11 +174,6 @@ class Discovery:
             "leaves_noise_only": explanation.adequacy.adequate,
             "rejected": reason,
         }
-
-
-def temperature_errors(predicted: FloatArray, measured: FloatArray) -> float:
-    """Root mean square difference of two temperature curves, K."""
-    return float(np.sqrt(np.mean((predicted - measured) ** 2)))
 
 
 def _finite(value: Any) -> Any:

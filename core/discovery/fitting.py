@@ -438,13 +438,9 @@ class Fitter:
 
 
 def _temperature_error(problem: Problem, predictions: Sequence[Prediction]) -> float | None:
-    """Error of the temperature over all fitted records that have one, K; no fit is ever shown it."""
-    squares = [
-        (prediction.temperature - observed.temperature) ** 2
-        for prediction, observed in zip(predictions, problem.observations, strict=True)
-        if prediction.temperature is not None and observed.temperature is not None
-    ]
-    return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else None
+    """Error of the temperature over all fitted records that have one, K."""
+    errors = list(problem.temperature_errors(predictions).values())
+    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2))) if errors else None
 
 
 def _sample_rmse(errors: FloatArray, counts: FloatArray, noise: float) -> float:

@@ -147,6 +147,14 @@ class Problem:
             for observed, prediction in zip(self.observations, predictions, strict=True)
         ]
 
+    def temperature_errors(self, predictions: Sequence[Prediction]) -> dict[str, FloatArray]:
+        """Predicted minus measured temperature of the records that have one, K; no fit is ever shown it."""
+        return {
+            observed.name: prediction.temperature - observed.temperature
+            for prediction, observed in zip(predictions, self.observations, strict=True)
+            if prediction.temperature is not None and observed.temperature is not None
+        }
+
     def sigma(self, observed: Observations) -> FloatArray:
         """Standard deviations with what is uncertain about the mesh, V."""
         mesh = self.mesh_sigma.get(observed.name)

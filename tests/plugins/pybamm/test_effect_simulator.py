@@ -1,0 +1,47 @@
+"""The simulator of a discovery: a cheaper model beside the base model, and the check on mesh and tolerances."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bsa.core.discovery.simulator import MeasuredRecord, Moments, Request
+from bsa.core.target import target_named
+from bsa.core.task import CellModel
+from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.plugins.effects.catalogue import EFFECTS
+from bsa.plugins.pybamm.effect_simulator import EffectSimulator
+
+NAME = "Positive particle diffusivity [m2.s-1] factor"
+(RESISTANCE,) = (effect for effect in EFFECTS if effect.key == "contact-resistance")
+
+
+@pytest.fixture(scope="module")
+def request_of():
+    rest, drawn = np.arange(0.0, 100.0, 10.0), np.arange(110.0, 700.0, 10.0)
+    time, current = np.concatenate([rest, drawn]), np.repeat([0.0, 10.0], [len(rest), len(drawn)])
+    steps = (Step(StepKind.REST, 0, len(rest)), Step(StepKind.CC_DISCHARGE, len(rest), len(time)))
+    record = Trajectory(time, current, np.full(len(time), 3.8), None, steps)
+    strength = RESISTANCE.full_name(RESISTANCE.strength)
+    moments = Moments.single(time, current)
+    return Request((RESISTANCE,), {NAME: 1.0, strength: 0.01}, MeasuredRecord("a", record, 298.15), moments, soc=0.9)
+
+
+def voltages(model, *requests):
+    found = EffectSimulator(CellModel("Chen2020", model), {NAME: target_named(NAME)}).predict(requests)
+    return [prediction.voltage for prediction in found]
+
+
+def test_beside_dfn_the_cheaper_model_is_spme_with_the_same_effects(request_of):
+    usual, low = voltages("DFN", request_of, replace(request_of, low_fidelity=True))
+    (spme,) = voltages("SPMe", request_of)
+    np.testing.assert_array_equal(low, spme)
+    assert 1e-4 < np.max(np.abs(usual - low)) < 0.1
+    targets = {NAME: target_named(NAME)}
+    assert EffectSimulator(CellModel("Chen2020", "DFN"), targets).has_low_fidelity
+    assert not EffectSimulator(CellModel("Chen2020", "SPMe"), targets).has_low_fidelity
+
+
+@pytest.mark.parametrize("model", ["SPMe", "DFN"])
+def test_mesh_and_tolerances_can_be_checked(model, request_of):
+    usual, fine = voltages(model, request_of, replace(request_of, fine=True))
+    assert 0 < np.max(np.abs(usual - fine)) < 0.01
