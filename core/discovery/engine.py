@@ -127,13 +127,18 @@ class Engine:
         # Over many cycles a little charge lost on the way fits what sampling hides of the current: no second effect.
         if unfinished and self.settings.max_effects > 1 and fitter.as_new is None:
             explanations = self.add_second(base, explanations, nominations)
-        if explanations:
-            explanations = _sorted([fitter.exact(explanations[0]), *explanations[1:]])
+        explanations = self._exact(explanations)
         nearest = min(calibrated, base, key=lambda fit: fit.rmse_v)
         gap = Gap(base, nearest, self.problem.noise_v, self.problem.held_noise_v)
         findings = RULES.decide(gap, explanations)
         findings.nominations, findings.mesh_v, findings.nearest_base = nominations, mesh_v, nearest
         return findings
+
+    def _exact(self, explanations: Sequence[Explanation]) -> list[Explanation]:
+        """The same, where the best one and those that might yet be its rivals end on the base model's own Jacobians."""
+        near = [e for e in explanations if RULES.behind(e, explanations[0]) <= RULES.far_ahead]
+        exact = self._side_by_side([partial(self._fitter.exact, explanation) for explanation in near])
+        return _sorted([*exact, *(e for e in explanations if e not in near)])
 
     def _side_by_side(self, actions: Sequence[Callable[[], T]]) -> list[T]:
         return side_by_side(actions, self.problem.simulator.at_once)

@@ -17,8 +17,8 @@ NAME = "Positive particle diffusivity [m2.s-1] factor"
 
 @pytest.fixture(scope="module")
 def request_of():
-    rest, drawn = np.arange(0.0, 100.0, 10.0), np.arange(110.0, 700.0, 10.0)
-    time, current = np.concatenate([rest, drawn]), np.repeat([0.0, 10.0], [len(rest), len(drawn)])
+    rest, drawn = np.arange(0.0, 1201.0, 20.0), np.arange(1220.0, 4000.0, 20.0)
+    time, current = np.concatenate([rest, drawn]), np.repeat([0.0, 5 / 3], [len(rest), len(drawn)])
     steps = (Step(StepKind.REST, 0, len(rest)), Step(StepKind.CC_DISCHARGE, len(rest), len(time)))
     record = Trajectory(time, current, np.full(len(time), 3.8), None, steps)
     strength = RESISTANCE.full_name(RESISTANCE.strength)
