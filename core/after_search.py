@@ -14,7 +14,7 @@ from .journalled_simulations import JournalledSimulations
 from .metrics import Metrics, decode_metrics, evaluate
 from .post_fit_analysis import PostFitAnalysis, analyse
 from .prediction import HELD_OUT, Prediction, decode_prediction, encode_prediction, predict
-from .record_errors import RecordErrors, errors_by_record
+from .record_errors import RecordErrors, capacity_scatter, errors_by_record
 from .run_plugins import RunPlugins
 from .simulation import Outcome
 from .task import Task
@@ -118,8 +118,10 @@ class AfterSearch:
             self._journal.append(ANALYSIS, appraisal=found.as_json())
         return found
 
-    def predict(self, best: Trial, analysis: PostFitAnalysis | None) -> tuple[Prediction, ...]:
-        """The held-out records at the best trial's parameters."""
+    def predict(
+        self, best: Trial, analysis: PostFitAnalysis | None, fitted: Sequence[RecordErrors] = ()
+    ) -> tuple[Prediction, ...]:
+        """The held-out records at the best trial's parameters, given the errors of those that were fitted."""
         if not (best.ok and self._task.held_out):
             return ()
         known = self._predictions.get(best.index)
@@ -128,7 +130,9 @@ class AfterSearch:
         covariance = () if analysis is None else analysis.identifiability.covariance
         watched = WatchedSimulations(self._plugins, self._watch, variants=NOT_FITTED)
         try:
-            found = predict(self._task, best.candidate, self._task.held_out, watched, covariance)
+            found = predict(
+                self._task, best.candidate, self._task.held_out, watched, covariance, capacity_scatter(fitted)
+            )
         except KeyboardInterrupt:
             self._note("Stopped before the held-out records were scored. Resume the run to score them.")
             return ()

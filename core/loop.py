@@ -345,7 +345,7 @@ class Run:
             analysis=analysis,
             reason=reason,
             records=fit.records,
-            held_out=self._after.predict(best, analysis) if last_word else (),
+            held_out=self._after.predict(best, analysis, fit.records) if last_word else (),
         )
         self._journal.append("end", status=status, best=best.index)
         return result

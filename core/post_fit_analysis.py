@@ -6,11 +6,13 @@ Nothing here counts as a simulation of the search: it begins when the search has
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
 
+from .ageing.fade_band import FadeBand
+from .ageing.residuals import CAPACITY_TOLERANCE, compared_cycles
 from .derivatives import DIFFERENCE, beside, known_derivatives
 from .forecast import Forecast, what_to_measure_next
 from .identifiability import (
@@ -24,7 +26,8 @@ from .identifiability import (
 from .local_model import LocalModel
 from .parameters import Candidate
 from .posterior import sample
-from .residuals import noise_of_residuals, residuals, rms
+from .residuals import capacity_rows, noise_of_residuals, residuals, rms
+from .shape import shaped
 from .simulation import Outcome
 from .task import Experiment, Task
 from .task import Protocol as StepProtocol
@@ -89,6 +92,7 @@ class PostFitAnalysis:
     simulations: int = 0  # Simulations it took, none of which counts for the search; each suggested record is one.
     reused: int = 0  # Derivatives that trials of the search had shown already.
     seconds: float = 0.0  # Wall time of these simulations, those that ran side by side added up.
+    fade: tuple[FadeBand, ...] = ()  # Of each whole life the band of its capacity by cycle.
 
     def as_json(self) -> dict[str, Any]:
         """Plain dicts, lists, strings and numbers; what the records fix stands at the top level."""
@@ -114,6 +118,7 @@ class PostFitAnalysis:
             "simulations": self.simulations,
             "reused": self.reused,
             "seconds": self.seconds,
+            "fade": [asdict(band) for band in self.fade],
         }
 
     @classmethod
@@ -138,6 +143,7 @@ class PostFitAnalysis:
             content["simulations"],
             content["reused"],
             content["seconds"],
+            shaped(tuple[FadeBand, ...], content.get("fade", [])),
         )
 
 
@@ -187,9 +193,25 @@ def analyse(task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulatin
     suggestions = _suggestions(task, best, jacobian, noise, plugins, spent)
     worst = max(found.intervals, key=lambda name: found.intervals[name].share_of_range)
     moving = unsettled(jacobian, residual, noise, task.space.names)
+    fade = _fade_bands(task, residual, jacobian, found.covariance)
     return PostFitAnalysis(
-        best.index, found, unknown, moving, worst, suggestions, spent.simulations, reused, spent.seconds
+        best.index, found, unknown, moving, worst, suggestions, spent.simulations, reused, spent.seconds, fade
     )
+
+
+def _fade_bands(
+    task: Task, residual: FloatArray, jacobian: FloatArray, covariance: Sequence[Sequence[float]]
+) -> tuple[FadeBand, ...]:
+    """The bands of the capacities of fitted lives, from the derivatives that are known anyway."""
+    tables = [e.target.cycle_table for e in task.experiments if e.target.cycle_table is not None]
+    bands = []
+    for table, rows in zip(tables, capacity_rows(task), strict=True):
+        picks = compared_cycles(table)
+        unit_ah = CAPACITY_TOLERANCE * table.capacity_ah[picks]
+        scatter_ah = rms(residual[rows] * unit_ah)
+        slopes = jacobian[rows] * unit_ah[:, None]
+        bands.append(FadeBand.propagated(table.cycle[picks], slopes, covariance, scatter_ah))
+    return tuple(bands)
 
 
 def _corrected(task: Task, best: Trial, plugins: Simulating, spent: _Spent) -> FloatArray:
@@ -288,7 +310,7 @@ def _suggestions(
         run = here.runs[place]
         if run.failure is not None or run.trajectory is None:
             continue
-        alone = replace(task, experiments=(replace(experiment, target=run.trajectory),))
+        alone = replace(task, experiments=(replace(experiment, target=run.trajectory),), held_out=())
         changes = [residuals(alone, Outcome((outcome.runs[place],))) for outcome in around]
         if any(change is None for change in changes):
             continue

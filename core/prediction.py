@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .ageing.fade_band import CAPACITY, FadeBand
 from .derivatives import DIFFERENCE, beside
 from .encoding import decode_trajectory, encode_trajectory
 from .errors import BsaError
@@ -70,6 +71,7 @@ class Prediction:
     # simulated.
     curve: Trajectory | None
     simulations: int = 0  # What the band and the start took, beside the prediction itself.
+    fade: FadeBand | None = None  # Of a whole life the band of each cycle's capacity, beginning with the first.
 
     def as_json(self) -> dict[str, Any]:
         """Errors and bands as plain dicts, lists, strings and numbers; without the curve."""
@@ -85,7 +87,8 @@ def band_of(signal: str) -> str:
 def encode_prediction(prediction: Prediction) -> dict[str, Any]:
     """A prediction with its curve."""
     curve = None if prediction.curve is None else encode_trajectory(prediction.curve)
-    return {**prediction.as_json(), "curve": curve}
+    fade = {} if prediction.fade is None else {"fade": asdict(prediction.fade)}
+    return {**prediction.as_json(), "curve": curve, **fade}
 
 
 def decode_prediction(content: Mapping[str, Any]) -> Prediction:
@@ -103,6 +106,7 @@ def decode_prediction(content: Mapping[str, Any]) -> Prediction:
         shaped(dict[str, Band], content["bands"]),
         None if curve is None else decode_trajectory(curve),
         int(content["simulations"]),
+        shaped(FadeBand, content["fade"]) if "fade" in content else None,
     )
 
 
@@ -118,6 +122,7 @@ def predict(
     experiments: Sequence[Experiment],
     simulating: Simulating,
     covariance: Sequence[Sequence[float]] = (),
+    scatter: float = 0.0,
 ) -> tuple[Prediction, ...]:
     """Simulate records that were not fitted, and compare.
 
@@ -126,6 +131,9 @@ def predict(
     covariance : sequence of shape (p, p), optional
         Of the fitted parameters in the unit box (`Identifiability.covariance`). The band is its linear propagation:
         one more simulation along each of its principal directions.
+    scatter : float
+        Of whole lives, root-mean-square error of the fitted capacities as a share of the first: the band of a single
+        cycle is wider by it.
 
     Raises
     ------
@@ -139,7 +147,9 @@ def predict(
         slopes, more = _spread(task, candidate, chosen, simulating, np.array(covariance, dtype=np.float64), exact)
         spent += more
     return tuple(
-        _prediction(task, experiment, run, widths, spent)
+        _forecast(task, experiment, run, widths, covariance, scatter, spent)
+        if experiment.long
+        else _prediction(task, experiment, run, widths, spent)
         for experiment, run, widths in zip(chosen, exact.runs, slopes, strict=True)
     )
 
@@ -169,7 +179,8 @@ def _meeting_beginnings(
         places = [
             place
             for place, experiment in enumerate(experiments)
-            if experiment.initial_voltage is not None and begins_under_load(experiment.target)
+            # Of a life the target's first cycle need not be the one that is simulated first.
+            if experiment.initial_voltage is not None and not experiment.long and begins_under_load(experiment.target)
         ]
         if not places:
             break
@@ -203,7 +214,10 @@ def _spread(
     covariance: FloatArray,
     exact: Outcome,
 ) -> tuple[list[dict[str, FloatArray]], int]:
-    """Half the width of every observed signal's 95 % band on the samples of the exact simulation, and what it took."""
+    """Half the width of every observed signal's 95 % band on the samples of the exact simulation, and what it took.
+
+    Of a whole life the derivatives of the capacities of its cycles instead.
+    """
     space = task.space
     variances, directions = np.linalg.eigh(covariance)
     lengths = np.clip(np.sqrt(np.maximum(variances, 0.0)), DIFFERENCE, _LONGEST)
@@ -219,9 +233,13 @@ def _spread(
         if run.failure is not None or final.trajectory is None or not usable:
             widths.append({})
             continue
-        time = final.trajectory.time
         # The smallest matrix that maps the steps taken to the changes seen.
         inverse = np.linalg.pinv(moved[usable].T)
+        if experiments[place].long:
+            fades = [_capacities(around[number].runs[place], final) - _capacities(run, final) for number in usable]
+            widths.append({CAPACITY: np.array(fades).T @ inverse})
+            continue
+        time = final.trajectory.time
         found = {}
         for signal in task.observed:
             changes = [_at(time, around[number].runs[place], signal) - _at(time, run, signal) for number in usable]
@@ -230,6 +248,40 @@ def _spread(
             found[signal.name] = _NORMAL_95 * np.sqrt(np.maximum(variance, 0.0))
         widths.append(found)
     return widths, len(candidates)
+
+
+def _capacities(run: ExperimentRun, like: ExperimentRun) -> FloatArray:
+    """Capacity of the cycles of another run, A.h; 0 where a life has ended before."""
+    assert run.trajectory is not None
+    assert like.trajectory is not None
+    ours, theirs = run.trajectory.cycle_table, like.trajectory.cycle_table
+    assert ours is not None
+    assert theirs is not None
+    return np.nan_to_num(ours.at(theirs.cycle))
+
+
+def _forecast(
+    task: Task,
+    experiment: Experiment,
+    run: ExperimentRun,
+    slopes: Mapping[str, FloatArray],
+    covariance: Sequence[Sequence[float]],
+    scatter: float,
+    spent: int,
+) -> Prediction:
+    """A whole life, with the band of its capacities."""
+    errors, whole, measured = errors_of_record(task, experiment, run), run.trajectory, experiment.target.cycle_table
+    simulated = None if whole is None else whole.cycle_table
+    if whole is None or simulated is None or measured is None or CAPACITY not in slopes:
+        return Prediction(errors, {}, None if whole is None else whole.thinned(_SAMPLES_PER_STEP), spent)
+    fade = FadeBand.propagated(simulated.cycle, slopes[CAPACITY], covariance, scatter * float(simulated.capacity_ah[0]))
+    half = fade.at(measured.cycle)
+    inside = np.abs(simulated.at(measured.cycle) - measured.capacity_ah) <= half
+    percent = 100.0 / float(measured.capacity_ah[0])
+    rms = float(np.sqrt(np.mean(half**2)))
+    wide = rms >= _WIDE * float(measured.capacity_ah[0])
+    band = Band(percent * rms, percent * float(half.max()), float(np.mean(inside)), wide)
+    return Prediction(errors, {CAPACITY: band}, whole.thinned(_SAMPLES_PER_STEP), spent, fade)
 
 
 def _at(time: FloatArray, run: ExperimentRun, signal: Signal) -> FloatArray:

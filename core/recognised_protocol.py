@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,6 +35,45 @@ def with_switches(record: Trajectory) -> Trajectory:
     return Trajectory(time, steps=tuple(steps), signals=signals)
 
 
+@dataclass(frozen=True)
+class SeenStep:
+    """A step as a record shows it.
+
+    Attributes
+    ----------
+    kind : StepKind
+        What was done.
+    seconds, amperes : float
+        How long, and at which current (median, positive on discharge).
+    volts, last_volts : float
+        Median voltage and the last one.
+    last_amperes : float
+        Size of the last current.
+    at_limit : bool
+        Whether it ended at the record's highest voltage, or its lowest.
+    falls : bool
+        Whether the current of a hold fell until it ended.
+    """
+
+    kind: StepKind
+    seconds: float
+    amperes: float
+    volts: float
+    last_volts: float
+    last_amperes: float
+    at_limit: bool
+    falls: bool
+
+    def __str__(self) -> str:
+        for_time = f"for {max(self.seconds, 1.0):.0f} seconds"
+        if self.kind is StepKind.REST:
+            return f"Rest {for_time}"
+        if self.kind is StepKind.CV_HOLD:
+            return f"Hold at {self.volts:.3f} V " + (f"until {self.last_amperes:.4g} A" if self.falls else for_time)
+        until = f"until {self.last_volts:.3f} V" if self.at_limit else for_time
+        return f"{'Discharge' if self.amperes > 0 else 'Charge'} at {abs(self.amperes):.5g} A {until}"
+
+
 def recognised_protocol(record: Trajectory, name: str) -> tuple[tuple[str, ...], ...]:
     """Cycles of steps in amperes and volts, as PyBaMM step strings.
 
@@ -53,32 +92,45 @@ def recognised_protocol(record: Trajectory, name: str) -> tuple[tuple[str, ...],
     BsaError
         If a step is none that a protocol has, such as a drive cycle.
     """
-    limits = float(record.voltage.min()), float(record.voltage.max())
-    return tuple(
-        tuple(_told(record, step, limits, name) for step in record.steps if step.cycle == cycle)
-        for cycle in record.cycles
-    )
+    limits = voltage_limits(record)
+    return tuple(tuple(str(step) for step in seen_steps(record.cycle(n), limits, name)) for n in record.cycles)
 
 
-def _told(record: Trajectory, step: Step, limits: tuple[float, float], name: str) -> str:
-    current, voltage = (values[step.start : step.stop] for values in (record.current, record.voltage))
-    seconds = float(record.time[step.stop - 1] - record.time[step.start])
-    for_time = f"for {max(seconds, 1.0):.0f} seconds"
-    if step.kind is StepKind.REST:
-        return f"Rest {for_time}"
-    if step.kind is StepKind.CV_HOLD:
-        first, last = abs(float(current[0])), abs(float(current[-1]))
-        falls = 0.0 < last < _FALLING * first
-        return f"Hold at {_middle(voltage):.3f} V " + (f"until {last:.4g} A" if falls else for_time)
-    if step.kind not in (StepKind.CC_CHARGE, StepKind.CC_DISCHARGE, StepKind.PULSE):
+def voltage_limits(record: Trajectory) -> tuple[float, float]:
+    """The record's lowest and highest voltage, V."""
+    return float(record.voltage.min()), float(record.voltage.max())
+
+
+def seen_steps(record: Trajectory, limits: tuple[float, float], name: str) -> list[SeenStep]:
+    """The steps of a record that begin where the one before ended.
+
+    Raises
+    ------
+    BsaError
+        If a step is none that a protocol has, such as a drive cycle.
+    """
+    return [_seen(piece, step, limits, name) for step, piece in record.pieces()]
+
+
+def _seen(piece: Trajectory, step: Step, limits: tuple[float, float], name: str) -> SeenStep:
+    if not isinstance(step.kind, StepKind) or step.kind is StepKind.DRIVE:
         raise BsaError(
-            f'{name} has a step "{shown(step.kind)}" at {record.time[step.start]:.0f} s, which no protocol tells.',
-            "leave out --as-protocol: the measured current then drives the model.",
+            f'{name} has a step "{shown(step.kind)}" at {piece.time[0]:.0f} s, which no protocol tells.',
+            "leave out --as-protocol and --life: the measured current then drives the model.",
         )
-    amperes = _middle(current)
+    current, voltage = piece.current, piece.voltage
+    amperes, first, last = _middle(current), abs(float(current[0])), abs(float(current[-1]))
     limit = limits[0] if amperes > 0 else limits[1]
-    until = f"until {voltage[-1]:.3f} V" if abs(voltage[-1] - limit) < _AT_LIMIT_V else for_time
-    return f"{'Discharge' if amperes > 0 else 'Charge'} at {abs(amperes):.5g} A {until}"
+    return SeenStep(
+        kind=step.kind,
+        seconds=piece.duration,
+        amperes=amperes,
+        volts=_middle(voltage),
+        last_volts=float(voltage[-1]),
+        last_amperes=last,
+        at_limit=bool(abs(voltage[-1] - limit) < _AT_LIMIT_V),
+        falls=0.0 < last < _FALLING * first,
+    )
 
 
 def _middle(values: FloatArray) -> float:

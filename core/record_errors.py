@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from .alignment import pair_steps
+from .ageing.fade_band import CAPACITY
+from .alignment import StepPair, pair_steps
 from .cell import TEMPERATURE
 from .overlap import differences, rms_without_worst, scored_part, time_weights, weighted_rms
 from .shape import shaped
@@ -71,6 +72,12 @@ def errors_by_record(task: Task, outcome: Outcome) -> tuple[RecordErrors, ...]:
     )
 
 
+def capacity_scatter(records: Sequence[RecordErrors]) -> float:
+    """Root-mean-square error of the capacities of whole lives, as a share of the first; 0 of other records."""
+    errors = [record.signals[CAPACITY].rms for record in records if CAPACITY in record.signals]
+    return 0.01 * float(np.sqrt(np.mean(np.square(errors)))) if errors else 0.0
+
+
 def errors_of_record(task: Task, experiment: Experiment, run: ExperimentRun) -> RecordErrors:
     """The errors of one record.
 
@@ -87,9 +94,13 @@ def errors_of_record(task: Task, experiment: Experiment, run: ExperimentRun) -> 
     signals = [*task.observed_in(target)]
     if all(TEMPERATURE.name in curve.signals for curve in (target, simulated)):
         signals += [TEMPERATURE] * (TEMPERATURE.name not in {signal.name for signal in signals})
-    whole = {signal.name: _over_time(signal, simulated, target, driven) for signal in signals}
+    pairs = pair_steps(run.trajectory, experiment)
+    if experiment.long:
+        whole = {signal.name: _over_steps(signal, pairs) for signal in signals} | _of_capacity(simulated, target)
+    else:
+        whole = {signal.name: _over_time(signal, simulated, target, driven) for signal in signals}
     steps = []
-    for pair in pair_steps(run.trajectory, experiment):
+    for pair in pairs:
         if pair.simulated is None or len(pair.measured) < 2:
             continue
         found = {}
@@ -97,13 +108,14 @@ def errors_of_record(task: Task, experiment: Experiment, run: ExperimentRun) -> 
             if driven:
                 found[signal.name] = _over_time(signal, pair.simulated, pair.measured, driven)
             else:
-                measured, ours = pair.curves(signal, (np.arange(_PER_STEP) + 0.5) / _PER_STEP)
-                found[signal.name] = _error(signal, np.ones(_PER_STEP), ours - measured)
+                found[signal.name] = _error(signal, np.ones(_PER_STEP), _aligned(signal, pair))
         steps.append(StepErrors(pair.name, float(pair.measured.time[0]), pair.measured.duration, found))
     return RecordErrors(experiment.name, whole, tuple(steps), failure, run.limits)
 
 
 def _why(failure: SimulationFailure, experiment: Experiment) -> str:
+    if experiment.long:
+        return f"{failure.cause}, in cycle {failure.cycle} of {len(experiment.protocol or ())}"
     return f"{failure.cause}, after {failure.reached_s:.0f} of {experiment.target.duration:.0f} s"
 
 
@@ -113,6 +125,32 @@ def _over_time(signal: Signal, simulated: Trajectory, target: Trajectory, driven
     lone = [step.start for step in target.steps if driven and step.stop - step.start == 1 and step.start < len(time)]
     judged = np.delete(difference, lone) if len(lone) < len(time) else difference
     return replace(_error(signal, time_weights(time), difference), max=float(signal.shown_scale * np.abs(judged).max()))
+
+
+def _aligned(signal: Signal, pair: StepPair) -> FloatArray:
+    """Simulated minus measured at `_PER_STEP` points of a step, each curve on its own clock."""
+    measured, simulated = pair.curves(signal, (np.arange(_PER_STEP) + 0.5) / _PER_STEP)
+    return np.asarray(simulated - measured)
+
+
+def _over_steps(signal: Signal, pairs: Sequence[StepPair]) -> SignalError:
+    """The error over all steps of a long record, whose cycles have a clock of their own each."""
+    reached = [pair for pair in pairs if pair.simulated is not None and len(pair.measured) > 1] or pairs[:1]
+    weight = np.concatenate([np.full(_PER_STEP, max(pair.measured.duration, 1e-3)) for pair in reached])
+    return _error(signal, weight, np.concatenate([_aligned(signal, pair) for pair in reached]))
+
+
+def _of_capacity(simulated: Trajectory, target: Trajectory) -> dict[str, SignalError]:
+    """The error of the capacity of each cycle, in percent of the first one."""
+    ours, theirs = simulated.cycle_table, target.cycle_table
+    if ours is None or theirs is None:
+        return {}
+    off = 100.0 * (ours.at(theirs.cycle) - theirs.capacity_ah) / theirs.capacity_ah[0]
+    size = np.abs(off[np.isfinite(off)])
+    if not len(size):
+        return {}
+    weight = np.ones(len(size))
+    return {CAPACITY: SignalError("%", weighted_rms(weight, size), float(size.max()), rms_without_worst(weight, size))}
 
 
 def _error(signal: Signal, weight: FloatArray, difference: FloatArray) -> SignalError:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .ageing.residuals import table_residuals
+from .ageing.residuals import compared_cycles, table_residuals
 from .alignment import StepPair, pair_steps
 from .noise import noise_of
 from .robust_loss import robust
@@ -174,6 +174,7 @@ def _by_step(task: Task, pairs: list[StepPair], experiment: Experiment) -> list[
 def _protocol(task: Task, pairs: list[StepPair], experiment: Experiment) -> list[FloatArray]:
     brief_s = task.domain.brief_s
     floor_s = brief_s / _FLOORS_IN_BRIEF
+    weight = _weight_of_curves(task, experiment)
     parts: list[FloatArray] = []
     for pair in pairs:
         curves = [
@@ -184,8 +185,24 @@ def _protocol(task: Task, pairs: list[StepPair], experiment: Experiment) -> list
         ]
         measured_s, simulated_s = pair.duration_s
         ratio = np.log((simulated_s + floor_s) / (measured_s + floor_s))
-        parts.append(np.append(np.concatenate(curves), ratio / DURATION_TOLERANCE))
+        parts.append(weight * np.append(np.concatenate(curves), ratio / DURATION_TOLERANCE))
     return parts
+
+
+def _weight_of_curves(task: Task, experiment: Experiment) -> float:
+    """By what the residuals of curves are multiplied: of a life they count together as much as its cycle table.
+
+    A curve has many more points than a table has lines, but where a model is not quite right neighbouring points err
+    alike: counted one by one they would decide the fit, and the fade would follow wherever they lead.
+    """
+    table = experiment.target.cycle_table
+    if table is None:
+        return 1.0
+    points = sum(
+        1 + sum(_points(signal, POINTS) for signal in task.compared(step.kind, experiment))
+        for step in experiment.target.steps
+    )
+    return min(1.0, float(np.sqrt(len(table_residuals(None, table)) / points)))
 
 
 def _driven(task: Task, pairs: list[StepPair], experiment: Experiment) -> list[FloatArray]:
@@ -222,6 +239,17 @@ def tolerance_at(signal: Signal, size: Any, experiment: Experiment) -> Any:
 
 def _points(signal: Signal, usual: int) -> int:
     return max(usual, _OSCILLATING_POINTS) if signal.oscillates else usual
+
+
+def capacity_rows(task: Task) -> list[NDArray[np.intp]]:
+    """Places of the residuals of capacity by cycle (`compared_cycles`), for each long record of a task."""
+    found, about = [], rows_of(task).record
+    for number, experiment in enumerate(task.experiments):
+        table = experiment.target.cycle_table
+        if table is not None:
+            behind = int(np.flatnonzero(about == number)[-1]) + 1 - len(table_residuals(None, table))
+            found.append(behind + np.arange(len(compared_cycles(table))))
+    return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ from ..core.hooks import RunContext
 from ..core.loop import Listener
 from ..core.prediction import Prediction, predict
 from ..core.record import Record
+from ..core.record_errors import capacity_scatter
 from ..core.registry import installed
 from ..core.run_plugins import RunPlugins
 from ..core.scaffold import Scaffold
@@ -94,7 +95,7 @@ def predict_records(
     watched = WatchedSimulations(plugins, listener.counted if listener else _unwatched, variants=NOT_FITTED)
     covariance = () if run.analysis is None else run.analysis.identifiability.covariance
     try:
-        found = predict(task, run.best.candidate, task.held_out, watched, covariance)
+        found = predict(task, run.best.candidate, task.held_out, watched, covariance, capacity_scatter(run.records))
     finally:
         plugins.close()
     return ScoredRecords(replace(run, task=task, held_out=found), found, spectra)

@@ -142,6 +142,13 @@ class Records:
     reader_options: Mapping[str, Any] = field(default_factory=dict)  # The reader's own options.
     initial_soc: Sequence[float] = ()  # Nothing, one state of charge for all sources, or one for each.
     as_protocol: bool = False  # Whether the steps that they show are simulated, in place of the measured current.
+    life: bool = False  # Whether they are whole lives: capacity by cycle and the curves of a few cycles are compared.
+    fit_cycles: int | None = None  # Of a life so many cycles are fitted, the later ones held out; implies ``life``.
+
+    @property
+    def lives(self) -> bool:
+        """Whether they are whole lives."""
+        return self.life or self.fit_cycles is not None
 
     def requests(self) -> list[RecordRequest]:
         """What is asked of each source; files of one cell are joined.
@@ -163,7 +170,8 @@ class Records:
         each = len(self.initial_soc) == len(sources)
         socs = self.initial_soc if each else [*self.initial_soc, None][:1] * len(sources)
         protocol = RECOGNISED if self.as_protocol else None
-        return self._asked(sources, protocol=protocol, socs=socs)
+        asked = self._asked(sources, protocol=protocol, socs=socs)
+        return [request.as_life(self.fit_cycles) for request in asked] if self.lives else asked
 
     def held_out_requests(self) -> list[RecordRequest]:
         """What is asked of each record that is held out."""
@@ -216,7 +224,7 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
         "records": requests,
         "held_out": records.held_out_requests(),
         "scale_to_capacity": cell.scale,
-        "search": cell.search or "cell",
+        "search": cell.search or ("life" if records.lives else "cell"),
     }
     if cell.start_from is not None:
         if cell.parameters is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..trajectory import FloatArray, Trajectory
 from .cycle_table import CycleTable
@@ -17,12 +18,18 @@ _LINES = 24
 """Cycles of a table that give residuals, whatever its length, so that it weighs as much for 20 as for 2,000."""
 
 
+def compared_cycles(measured: CycleTable) -> NDArray[np.intp]:
+    """Places of the lines of a table that give residuals."""
+    picks = np.linspace(0, len(measured) - 1, min(len(measured), _LINES)).round().astype(np.intp)
+    return np.asarray(np.unique(picks))
+
+
 def table_residuals(simulated: Trajectory | None, measured: CycleTable) -> FloatArray:
     """Mismatches of capacity and resistance in tolerances, shape (k,); NaN where the simulation has no such cycle.
 
     The layout depends on the measured table alone.
     """
-    picks = np.unique(np.linspace(0, len(measured) - 1, min(len(measured), _LINES)).round().astype(np.intp))
+    picks = compared_cycles(measured)
     cycles = measured.cycle[picks]
     table = None if simulated is None else simulated.cycle_table
     if table is None:

@@ -17,6 +17,10 @@ _CHARGES = (StepKind.CC_CHARGE, StepKind.CV_HOLD)
 _LEAST_JUMP = 0.2
 """Share of the discharge current that must be switched on at once for the voltage step to give a resistance."""
 
+_PROMPT_S = 1.0
+"""Latest sample after the current is switched on that shows a resistance, s: later, diffusion adds to it, a third
+within half a minute."""
+
 
 def discharged_ah(record: Trajectory) -> float:
     """Charge drawn during the discharge steps of a record, A.h; pulses and rests left out."""
@@ -26,10 +30,10 @@ def discharged_ah(record: Trajectory) -> float:
 
 
 def resistance_ohm(record: Trajectory) -> float:
-    """Voltage drop over current where the first discharge sets in, ohm; NaN where no sample stands right before it."""
+    """Voltage drop over current where the first discharge sets in, ohm; NaN without samples right before and after."""
     for step in record.steps:
         if step.kind in _DISCHARGES:
-            if step.start == 0:
+            if step.start == 0 or record.time[step.start] - record.time[step.start - 1] > _PROMPT_S:
                 break
             current, voltage = (record.values(name)[step.start - 1 : step.start + 1] for name in ("current", "voltage"))
             jump = float(np.diff(current)[0])

@@ -48,6 +48,8 @@ def calibrate(
     search: str | Mapping[str, Any] | None = None,
     scale: bool = True,
     as_protocol: bool = False,
+    life: bool = False,
+    fit_cycles: int | None = None,
     weight: str | None = None,
     scaffold: str = "hybrid",
     rounds: int = 80,
@@ -96,12 +98,16 @@ def calibrate(
         PyBaMM's model options.
     search : str or mapping, optional
         What is searched: a preset, a YAML file, or parameters with bounds as such a file has them; by default
-        ``"cell"``.
+        ``"cell"``, of a life ``"life"``.
     scale : bool
         Whether the electrode area is scaled to the records' capacity.
     as_protocol : bool
         Whether the steps that the records show are simulated, in place of their measured current: charge and current
         are then judged too.
+    life : bool
+        Whether the records are those of whole lives: capacity by cycle, and the curves of a few cycles, are compared.
+    fit_cycles : int, optional
+        Of a life fit only the first cycles, and forecast the later ones; implies ``life``.
     weight : {'uniform', 'robust'}, optional
         How errors count: ``"robust"`` keeps what is far off for a short time from deciding the fit; by default the
         task's own, ``"uniform"`` for records.
@@ -161,7 +167,9 @@ def calibrate(
         )
         asked = run_request(
             task,
-            Records(sources, held, read, reader, reader_option or {}, given_socs(initial_soc), as_protocol),
+            Records(
+                sources, held, read, reader, reader_option or {}, given_socs(initial_soc), as_protocol, life, fit_cycles
+            ),
             CellChoice(
                 parameters, model, options or {}, search, scale, None if start_from is None else Path(start_from)
             ),

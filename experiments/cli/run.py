@@ -66,7 +66,8 @@ def run(
         str | None,
         shared.model_option(
             metavar="NAME|FILE",
-            help="What is searched, for --data: a preset (cell, the default; geometry, sei) or a YAML file.",
+            help="What is searched, for --data: a preset (cell, the default; life, that of --life; geometry, sei, "
+            "ageing) or a YAML file.",
             autocompletion=completion.search_presets,
         ),
     ] = None,
@@ -78,6 +79,18 @@ def run(
             help="Simulate the steps that the records show, in place of their measured current: charge is then judged.",
         ),
     ] = False,
+    life: Annotated[
+        bool,
+        shared.model_option(
+            "--life", help="The records are whole lives: compare capacity by cycle, and the curves of a few cycles."
+        ),
+    ] = False,
+    fit_cycles: Annotated[
+        int | None,
+        shared.model_option(
+            "--fit-cycles", min=1, metavar="N", help="Of a life fit the first N cycles, and forecast the later ones."
+        ),
+    ] = None,
     weight: Annotated[
         str | None,
         shared.model_option(
@@ -168,6 +181,8 @@ def run(
             reading.reader_options,
             initial_soc or (),
             as_protocol,
+            life,
+            fit_cycles,
         ),
         CellChoice(parameters, model, key_values(options, "--options"), search, scale, start_from),
         partial(run_config, scaffold, backend, reached, budgets | key_values(settings, "--set")),
@@ -175,7 +190,7 @@ def run(
         out,
     )
     to_discover = ""
-    if data and start_from is None:
+    if data and start_from is None and not request.task.long:
         typed = {
             "--parameters": parameters,
             "--model": model,

@@ -100,8 +100,12 @@ def prediction_overlays(task: Task, predictions: Sequence[Prediction]) -> list[O
     found = []
     for place, prediction in enumerate(predictions):
         experiment = by_name.get(prediction.errors.record)
-        if experiment is not None and prediction.curve is not None and len(prediction.curve):
-            found.append(_predicted(task, place, experiment, prediction.curve))
+        if experiment is None or prediction.curve is None or not len(prediction.curve):
+            continue
+        for shown in _cycles(experiment) if experiment.long else [experiment]:
+            curve = scored_part(prediction.curve, shown)
+            if curve is not None:
+                found.append(_predicted(task, place, shown, curve))
     return found
 
 
@@ -127,7 +131,7 @@ def _predicted(task: Task, place: int, experiment: Experiment, curve: Trajectory
     return Overlay(
         name=experiment.name,
         chart=Chart(
-            name=f"held-out-{place}",
+            name=f"held-out-{place}" + (f"-{experiment.scored_cycle}" if experiment.scored_cycle else ""),
             title="Measured and predicted over time, with the residual",
             description=_fit_after(task, predicted, measured),
             panels=panels,

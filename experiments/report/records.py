@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ...core.ageing.fade_band import CAPACITY
 from ...core.cell import TEMPERATURE
 from ...core.prediction import Band, Prediction
 from ...core.record_errors import RecordErrors, SignalError
@@ -64,14 +65,15 @@ def error_rows(task: Task, records: Sequence[RecordErrors], held_out: Sequence[P
 def _rows(task: Task, errors: RecordErrors, use: str, bands: dict[str, Band]) -> list[ErrorRow]:
     if not errors.signals:
         return [ErrorRow(errors.record, "", use, "", "", "", "", "", remark=errors.failure)]
-    words = {signal.name: signal.words for signal in (*task.observed, TEMPERATURE)}
+    words = {CAPACITY: CAPACITY} | {signal.name: signal.words for signal in (*task.observed, TEMPERATURE)}
     stopped = f"the simulation stopped early: {errors.failure}" if errors.failure else ""
     rows = []
     for name, error in errors.signals.items():
         steps = tuple(
             ErrorRow(errors.record, f"{step.name} ({duration(step.duration_s)})", use, *_printed(words[name], error))
             for step in errors.steps
-            for error in [step.signals[name]]
+            for error in [step.signals.get(name)]
+            if error is not None
         )
         band = bands.get(name)
         told = ("", "") if band is None else (number(band.rms, _DIGITS), f"{number(100 * band.inside, 2)} %")

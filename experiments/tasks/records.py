@@ -22,6 +22,7 @@ from ...core.spectrum import ImpedanceSpectrum
 from ...core.target import INITIAL_SOC, InitialSoc, soc_name
 from ...core.task import CellModel, Experiment, ParameterSource, Protocol, Task
 from ...core.trajectory import StepKind, Trajectory
+from .lives import as_life, with_ageing
 
 WIDTH = "Electrode width [m]"
 
@@ -73,6 +74,10 @@ class RecordRequest:
     initial_soc: float | None = None
     # Makes a long record of it: these cycles are compared by their curves, all others by the cycle table.
     detailed_cycles: Sequence[int] | Literal["auto"] | None = None
+    # Of a life, whose protocol is recognised: so many cycles are fitted, the later ones held out; None fits all.
+    fit_cycles: int | None = None
+    shown_protocol: Protocol = ()  # What a recognised protocol came to, where that is known already.
+    initial_voltage: float | None = None  # Open-circuit voltage at the start of the life that it is a part of, V.
 
     @property
     def as_measured(self) -> bool:
@@ -82,7 +87,7 @@ class RecordRequest:
     def protocol_of(self, record: Record) -> Protocol | None:
         """The protocol of its experiment."""
         if self.protocol == RECOGNISED:
-            return recognised_protocol(record.trajectory, record.name)
+            return self.shown_protocol or recognised_protocol(record.trajectory, record.name)
         return self.protocol
 
     def load(self) -> Record | ImpedanceSpectrum:
@@ -93,14 +98,29 @@ class RecordRequest:
             return self.source
         return read_file(self.source, self.read, installed(), self.reader, self.reader_options)
 
+    @property
+    def is_life(self) -> bool:
+        """Whether it is a record of equal cycles whose protocol its steps show."""
+        return self.protocol == RECOGNISED and self.detailed_cycles is not None
+
+    def as_life(self, fit_cycles: int | None = None) -> RecordRequest:
+        """The same record, compared as a whole life."""
+        return replace(self, protocol=RECOGNISED, detailed_cycles="auto", fit_cycles=fit_cycles)
+
     def parts(self) -> list[RecordRequest]:
-        """A request for each part of the record whose charge is known; see `parts_between_gaps`."""
+        """A request for each part of the record whose charge is known; see `parts_between_gaps`.
+
+        Those of a life are what is fitted and what is forecast.
+        """
         record = self.load()
         if not isinstance(record, Record):
             raise BsaError(
                 f"{record.name} is an impedance spectrum, which is not fitted.",
                 "compare it with a finished run: bsa predict RUN --data FILE.",
             )
+        if self.is_life and record.trajectory.cycle_table is None:
+            voltage, _ = _open_circuit_start(record.trajectory)
+            return [replace(part, initial_voltage=voltage) for part in as_life(self, record)]
         if self.protocol is not None or self.detailed_cycles is not None:
             return [replace(self, source=record)]
         first, *others = parts_between_gaps(record)
@@ -141,7 +161,7 @@ def build_task(
     from ...plugins.pybamm.presets import resolve_space, starts_given
     from ...plugins.pybamm.state_of_charge import equilibrium_capacity_ah, soc_at_voltage
 
-    records = [part for request in records for part in request.parts()]
+    records, forecast = _divided(records)
     loaded = [_as_asked(request) for request in records]
     notes = [f"{record.name}: {note}" for record in loaded for note in record.notes]
     fixed = dict(overrides or {})
@@ -161,6 +181,9 @@ def build_task(
             }
             notes.append(note)
     options = in_pybamm_spelling(options or {})
+    if any(request.is_life for request in records):
+        options, note = with_ageing(options)
+        notes += [note] * bool(note)
     change_k = max((float(np.ptp(t)) for r in loaded if (t := r.trajectory.temperature) is not None), default=0.0)
     by_current = all(request.protocol is None for request in records)
     if by_current and THERMAL not in options and change_k >= _WARMS_K:
@@ -187,6 +210,8 @@ def build_task(
         soc = request.initial_soc
         if soc is None and request.as_measured:
             voltage, words = _open_circuit_start(record.trajectory)
+            if request.initial_voltage is not None:
+                voltage, words = request.initial_voltage, f"starts at {request.initial_voltage:.3f} V"
             soc = _with_room_for(record.trajectory, soc_at_voltage(cell, voltage), capacity_ah)
             notes.append(f"{record.name}: {words}, taken as a state of charge of {soc:.3f}.")
         if soc is not None:
@@ -206,7 +231,19 @@ def build_task(
     compared = by_current and change_k > 0.0 and options.get(THERMAL, ISOTHERMAL) != ISOTHERMAL
     signals = (*CELL.signals, TEMPERATURE) if compared else CELL.signals
     task = Task(name, cell, space, tuple(experiments), tuple(notes), signals=signals)
-    return holding_out(task, held_out)
+    return holding_out(task, (*forecast, *held_out))
+
+
+def _divided(requests: Sequence[RecordRequest]) -> tuple[list[RecordRequest], list[RecordRequest]]:
+    """The parts that are fitted, and those of lives that are forecast."""
+    fitted: list[RecordRequest] = []
+    forecast: list[RecordRequest] = []
+    for request in requests:
+        parts = request.parts()
+        lives = request.is_life
+        fitted += parts[:1] if lives else parts
+        forecast += parts[1:] if lives else []
+    return fitted, forecast
 
 
 def _wide_window(values: Any, records: Sequence[Record], given: Collection[str]) -> dict[str, float]:
@@ -226,7 +263,7 @@ def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
     """The task with records that it does not fit.
 
     Each starts at the state of charge that its request names, or where the fitted cell shows the record's first
-    open-circuit voltage.
+    open-circuit voltage. Where whole lives were fitted, they are compared as such.
 
     Raises `BsaError` if a file cannot be read, is fitted as well, or the task's simulator is not driven by a cell's
     record.
@@ -238,6 +275,8 @@ def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
             f'task "{task.name}" is about a {task.domain.name}, whose records no reader reads.',
             "list what it holds out under held_out in its task file.",
         )
+    if task.long:
+        requests = [request if request.detailed_cycles else request.as_life() for request in requests]
     requests = [part for request in requests for part in request.parts()]
     loaded = [_as_asked(request) for request in requests]
     notes = [f"{record.name} (held out): {note}" for record in loaded for note in record.notes]
@@ -252,6 +291,7 @@ def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
 
 def _held_out(request: RecordRequest, record: Record) -> Experiment:
     starts_at_rest = request.initial_soc is None and request.as_measured
+    voltage = _resting_voltage(record.trajectory) if request.initial_voltage is None else request.initial_voltage
     return Experiment(
         name=record.name,
         target=record.trajectory,
@@ -259,7 +299,7 @@ def _held_out(request: RecordRequest, record: Record) -> Experiment:
         scored_cycle=request.scored_cycle,
         temperature_k=request.temperature_k if request.temperature_k is not None else record.ambient_k,
         initial_soc=request.initial_soc,
-        initial_voltage=_resting_voltage(record.trajectory) if starts_at_rest else None,
+        initial_voltage=voltage if starts_at_rest else None,
         detailed_cycles=() if request.detailed_cycles is None else record.trajectory.cycles,
     )
 
@@ -268,6 +308,8 @@ def _as_asked(request: RecordRequest) -> Record:
     """A part's record: with steps that meet where they are simulated, as a cycle table where that was asked for."""
     record = request.source
     assert isinstance(record, Record)
+    if record.trajectory.cycle_table is not None:
+        return record
     if request.protocol == RECOGNISED:
         record = replace(record, trajectory=with_switches(record.trajectory))
     if request.detailed_cycles is None:

@@ -43,6 +43,11 @@ class ExperimentEntry(BaseModel, extra="forbid"):
         description="Of a record of many cycles: which are compared by their curves, all others by capacity and "
         "resistance alone; auto chooses them.",
     )
+    fit_cycles: int | None = Field(
+        None,
+        ge=1,
+        description="Of a life whose protocol is recognised: how many cycles are fitted; later ones are held out.",
+    )
     temperature_degc: float | None = Field(None, gt=-100, lt=200, description="Ambient temperature in degC.")
     initial_soc: float | None = Field(None, ge=0, le=1, description="Initial state of charge.")
     read: ReadOptions = Field(default_factory=ReadOptions, description="What the file's header does not say.")
@@ -114,6 +119,7 @@ def _request(entry: ExperimentEntry, folder: Path) -> RecordRequest:
         protocol=read_protocol(entry.protocol) if isinstance(entry.protocol, list) else entry.protocol,
         scored_cycle=entry.scored_cycle,
         detailed_cycles=entry.detailed_cycles,
+        fit_cycles=entry.fit_cycles,
         temperature_k=None if entry.temperature_degc is None else entry.temperature_degc + ZERO_CELSIUS_K,
         initial_soc=entry.initial_soc,
     )

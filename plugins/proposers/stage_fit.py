@@ -60,6 +60,12 @@ class StageChoice(BaseModel, extra="forbid"):
     )
     after: str = Field("", description="A stage without which this one is skipped.")
     share: float = Field(1.0, gt=0, le=1, description="Share of the simulations still left that it may use.")
+    scan: int = Field(
+        0,
+        ge=0,
+        description="Values over the range of each of its parameters that has no prior, tried before the first "
+        "derivatives: a rate that is off by orders of magnitude shows none.",
+    )
 
     def takes(self, name: str) -> bool:
         """Whether the stage fits a parameter."""
@@ -146,6 +152,27 @@ class StageFit(Stage):
     ) -> None:
         super().__init__(task, choice, view, free, start, budget)
         self._search = self._from_here()
+        self._scan = self._spread(choice.scan)
+
+    def _spread(self, count: int) -> list[Candidate]:
+        """The values of a scan, one parameter moved at a time; none where fewer simulations are left."""
+        found: list[Candidate] = []
+        for place in np.flatnonzero(self._chosen & (self._space.prior_weights == 0.0)):
+            parameter = self._space[self._space.names[place]]
+            for position in (np.arange(count) + 0.5) / max(count, 1):
+                found.append({**self._here.candidate, parameter.name: parameter.from_unit(float(position))})
+        return found if len(found) < self._left else []
+
+    def _take_scan(self, trials: Sequence[Trial]) -> Trial:
+        """Begin at the best of the values tried, where one is better."""
+        self._scan = []
+        costs = [
+            np.inf if (residual := self._weighed(trial)) is None else float(residual @ residual)
+            for trial in (self._here, *trials)
+        ]
+        self._here = (self._here, *trials)[int(np.argmin(costs))]
+        self._search = self._from_here()
+        return self._here
 
     def _from_here(self, jacobian: FloatArray | None = None, fresh: bool = False) -> LeastSquares:
         """A fit from the present point; with derivatives, of those parameters alone that the data tell something of.
@@ -169,6 +196,8 @@ class StageFit(Stage):
 
     def ask(self, simulations_left: int) -> list[Candidate]:
         """What to simulate next; empty when the stage has ended."""
+        if self._scan:
+            return self._scan
         limit = min(self._left, simulations_left)
         points = self._search.ask(limit) if limit > 0 else []
         if not points and self._improved():
@@ -178,14 +207,20 @@ class StageFit(Stage):
             points = self._search.ask(limit) if limit > 0 else []
         return [self._space.at(point) for point in points] if len(points) <= limit else []
 
+    @property
+    def _method(self) -> str:
+        return f"{len(self._scan)} values over the ranges of those without a prior" if self._scan else super()._method
+
     def _improved(self) -> bool:
         """Whether the misfit is now so much smaller than was assumed that the priors weigh too much."""
         return self._misfit_noise() < _SETTLED * self._noise
 
     def tell(self, trials: Sequence[Trial]) -> Trial:
         """Take in the trials of the candidates asked for, in order; the trial of the best point."""
-        weighed = [self._weighed(trial) for trial in trials]
         self._left -= len(trials)
+        if self._scan:
+            return self._take_scan(trials)
+        weighed = [self._weighed(trial) for trial in trials]
         first = self._search.jacobian is None
         self._search.tell(weighed)
         for trial, residual in zip(trials, weighed, strict=True):

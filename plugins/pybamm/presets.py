@@ -97,7 +97,7 @@ def preset_space(
     parameter_set : str or ParameterFile
         A PyBaMM parameter set.
     preset_name : str
-        ``"geometry"``, ``"cell"``, ``"sei"`` or ``"ageing"``.
+        ``"geometry"``, ``"cell"``, ``"sei"``, ``"ageing"`` or ``"life"``.
     overrides : mapping of str to float, optional
         Values that replace those of the set; the search starts from them.
     options : mapping, optional

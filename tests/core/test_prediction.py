@@ -17,6 +17,7 @@ from bsa.experiments.report.records import TOO_WIDE, error_rows
 from bsa.experiments.run import summary
 from bsa.experiments.run_record import read_run
 from bsa_toy_cell import HIDDEN, record, space, toy_task
+from bsa_toy_life import life, life_task
 
 RunToy = Callable[..., RunResult]
 PROTOCOL = (("Rest for 60 seconds", "Discharge at 2 A until 3.2 V", "Rest for 600 seconds"),)
@@ -165,3 +166,31 @@ def test_a_simulator_that_knows_its_task_alone_says_so() -> None:
     with pytest.raises(BsaError, match="predicts no others"):
         predict(task, {"a": 0.2, "b": 0.3}, [Experiment("new", target)], Alone(target))
     assert space().names
+
+
+class Fading:
+    """A cell that loses so many A.h over a life, in proportion to its parameter, and is started anywhere."""
+
+    def simulate_variant(self, candidates: Any, experiments: Any, exact: bool = False) -> Any:
+        for place, candidate in enumerate(candidates):
+            yield place, Outcome((ExperimentRun(life(100, candidate["rate"])),), 0.0)
+
+
+def test_a_forecast_of_a_life_has_the_band_of_its_capacities() -> None:
+    from bsa.core.parameters import Parameter, ParameterSpace
+
+    whole = life(100, 0.2)
+    box = ParameterSpace((Parameter("rate", 0.2, 0.0, 1.0),))
+    task = replace(life_task(whole), space=box)
+    later = replace(task.experiments[0], name="later", initial_voltage=3.4)
+    (found,) = predict(task, {"rate": 0.2}, [later], Fading(), [[1e-4]], scatter=0.005)
+    assert found.fade is not None
+    share = np.arange(100) / 99
+    expected = 1.96 * np.sqrt(1e-4 * share**2 + 0.005**2)
+    np.testing.assert_allclose(found.fade.half_ah, expected, rtol=1e-6)
+    assert found.bands["capacity"].max == pytest.approx(100.0 * expected[-1])
+    assert found.bands["capacity"].inside == 1.0
+    again = decode_prediction(encode_prediction(found))
+    assert again.fade == found.fade
+    (*_, told) = error_rows(task, (), [found])
+    assert "capacity 0 % rms" in told.line

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from bsa.core.cell import CURRENT, VOLTAGE
 from bsa.core.parameters import Parameter, ParameterSpace
-from bsa.core.record_errors import RecordErrors, errors_by_record
+from bsa.core.record_errors import RecordErrors, capacity_scatter, errors_by_record
 from bsa.core.simulation import ExperimentRun, Outcome, SimulationFailure
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa_toy_life import life, life_task
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -91,3 +92,16 @@ def test_a_lone_sample_at_a_jump_is_no_largest_error() -> None:
     (found,) = errors_by_record(task_of(record), outcome(record.changed(voltage=off)))
     assert found.signals["voltage"].max == pytest.approx(10.0)
     assert [step.name for step in found.steps] == ["CC discharge"]
+
+
+def test_a_life_is_judged_step_by_step_and_by_its_capacities() -> None:
+    target, simulated = life(50, 0.20), life(50, 0.21)
+    (found,) = errors_by_record(life_task(target), outcome(simulated))
+    lost = 0.01 * np.arange(50) / 49
+    assert found.signals["capacity"].unit == "%"
+    assert found.signals["capacity"].max == pytest.approx(1.0)
+    assert found.signals["capacity"].rms == pytest.approx(100.0 * np.sqrt(np.mean(lost**2)))
+    # The clocks of later cycles differ by minutes; the voltages of their steps by 0.2 mV.
+    assert found.signals["voltage"].max == pytest.approx(0.2)
+    assert capacity_scatter([found]) == pytest.approx(np.sqrt(np.mean(lost**2)))
+    assert capacity_scatter([]) == 0.0

@@ -5,11 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 from bsa.core.ageing.cycle_table import LOSSES
+from bsa.core.ageing.fade_band import FadeBand
 from bsa.core.encoding import encode_proposal, encode_task, encode_trial
 from bsa.core.feedback import Feedback
+from bsa.core.identifiability import Identifiability
 from bsa.core.journal import Journal
 from bsa.core.metrics import evaluate
+from bsa.core.post_fit_analysis import PostFitAnalysis
+from bsa.core.prediction import Band, Prediction
 from bsa.core.proposal import Proposal
+from bsa.core.record_errors import RecordErrors, SignalError
 from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.task import Task
 from bsa.core.trajectory import Trajectory
@@ -77,3 +82,30 @@ def test_a_simulation_that_told_nothing_leaves_the_measured_life(tmp_path) -> No
     [drawn] = lives(run)
     assert [line.style for line in drawn.chart.panels[0].lines] == ["measured"]
     assert "best simulation" not in drawn.remark
+
+
+def test_a_forecast_is_drawn_behind_the_fit_with_its_band(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    run = run_of(tmp_path, life(200, 0.1), life(200, 0.2))
+    fitted, whole = run.task.experiments[0], life(300, 0.3)
+    assert whole.cycle_table is not None
+    later = replace(fitted, name="life, cycles 201 to 300", target=whole, detailed_cycles=whole.cycles)
+    later = replace(later, protocol=fitted.protocol + fitted.protocol[:100])
+    errors = RecordErrors(later.name, {"capacity": SignalError("%", 1.5, 3.0, 1.4)})
+    fade = FadeBand(tuple(whole.cycle_table.cycle), (0.02,) * 300)
+    prediction = Prediction(errors, {"capacity": Band(2.0, 2.0, 0.9)}, whole, 0, fade)
+    task = replace(run.task, experiments=(replace(fitted, name="life, cycles 1 to 200"),), held_out=(later,))
+    [drawn] = lives(replace(run, task=task, held_out=(prediction,)))
+    styles = [line.style for line in drawn.chart.panels[0].lines]
+    assert sorted(styles) == ["best", "initial", "limit", "limit", "measured", "measured"]
+    assert [band.label for band in drawn.chart.bands] == ["not fitted"]
+    assert "off by 1.5 % of the first capacity rms" in drawn.remark
+    assert "holds 90 % of them" in drawn.remark
+
+
+def test_the_band_of_a_fit_is_drawn_about_its_best_simulation(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    run = run_of(tmp_path, life(200, 0.1), life(200, 0.2))
+    known = Identifiability({}, (), (), 1.0, 10)
+    analysis = PostFitAnalysis(1, known, fade=(FadeBand((1.0, 200.0), (0.01, 0.02)),))
+    [drawn] = lives(replace(run, analysis=PostFitAnalysis.from_json(analysis.as_json())))
+    assert [line.style for line in drawn.chart.panels[0].lines].count("limit") == 2
+    assert any(key.label == "95 % band of a single cycle" for key in drawn.chart.keys)

@@ -1,52 +1,70 @@
-from collections.abc import Callable
+"""The study of measured lives: what it reads off a run, and that it takes the files as the command does."""
+
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from bsa.core.parameters import Candidate, ParameterSpace
+from bsa.core.ageing.fade_band import FadeBand
+from bsa.core.prediction import Prediction
+from bsa.core.record_errors import RecordErrors
+from bsa.core.task import Task
+from bsa.experiments.request import CellChoice, Records
+from bsa.experiments.run_record import RunRecord
 from bsa.experiments.studies import whole_life
-from bsa.experiments.studies.whole_life import CELLS, FORETOLD, foretell, read_table, space
-
-CALCE = Path(__file__).parents[4] / "shared" / "data" / "calce_cs2"
-WIDTH, GROWTH = space().names
+from bsa.experiments.studies.whole_life import EVERY, FITTED, FORETOLD, forecast, rows_of
+from bsa_toy_life import life, life_task
 
 
-def on_paper(count: int, searched: ParameterSpace) -> Callable[[Candidate], np.ndarray]:
-    """A life that follows the square root of the cycle number."""
-    cycles = np.arange(1.0, count + 1)
-    return lambda values: 20.0 * values[WIDTH] - 2.6e7 * np.sqrt(values[GROWTH]) * np.sqrt(cycles) * 1e-3
+class Stopped(Exception):
+    """Nothing is simulated here."""
 
 
-def written(path: Path, capacity: np.ndarray) -> Path:
-    rows = [f"{cycle},{value}" for cycle, value in enumerate(capacity, start=1)]
-    path.write_text("\n".join(["cycle,Qd_Arbin", *rows]), encoding="utf-8")
-    return path
+def part(task: Task, first: int, last: int) -> Task:
+    """The task of some of the cycles of its life."""
+    (experiment,) = task.experiments
+    table = experiment.target.cycle_table
+    assert table is not None
+    kept = (table.cycle >= first) & (table.cycle <= last)
+    columns = {name: getattr(table, name)[kept] for name in table.__dataclass_fields__}
+    target = replace(experiment.target, cycle_table=replace(table, **columns))
+    return replace(task, experiments=(replace(experiment, name=f"{first} to {last}", target=target),))
 
 
-def test_cycles_that_were_cut_short_are_left_out(tmp_path: Path) -> None:
-    capacity = 1.1 - 1e-4 * np.arange(60)
-    capacity[[20, 40]] = [0.9, 0.0]
-    table = read_table(written(tmp_path / "life.csv", capacity))
-    assert set(range(1, 61)) - set(table.cycle) == {21.0, 41.0}
+def test_every_fiftieth_cycle_is_told_with_its_band() -> None:
+    whole = life(FORETOLD, 0.25)
+    task = life_task(whole)
+    fitted, later = part(task, 1, FITTED), part(task, FITTED + 1, FORETOLD).experiments
+    cycles = np.arange(1.0, FORETOLD + 1)
+    fade = FadeBand(tuple(cycles), tuple(1e-4 * cycles))
+    prediction = Prediction(RecordErrors("later", {}), {}, life(FORETOLD, 0.2), 0, fade)
+    run = RunRecord.__new__(RunRecord)
+    object.__setattr__(run, "task", replace(fitted, held_out=later))
+    object.__setattr__(run, "held_out", (prediction,))
+    rows = list(rows_of("cell", run))
+    assert [row.cycle for row in rows] == list(range(EVERY, FORETOLD + 1, EVERY))
+    last = rows[-1]
+    assert last.measured_ah == pytest.approx(0.75)
+    assert last.predicted_ah == pytest.approx(0.8)
+    assert (last.low_ah, last.high_ah) == (pytest.approx(0.75), pytest.approx(0.85))
+    assert rows[0].measured_ah == pytest.approx(1.0 - 0.25 * (EVERY - 1) / (FORETOLD - 1))
 
 
-def test_a_life_on_paper_is_foretold_within_its_band(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(whole_life, "_life", on_paper)
-    truth = {WIDTH: 1.05 * space()[WIDTH].initial, GROWTH: 3e-20}
-    noise = np.random.default_rng(3).normal(0.0, 2e-3, FORETOLD)
-    table = read_table(written(tmp_path / "life.csv", on_paper(FORETOLD, space())(truth) + noise))
-    rows = list(foretell("paper", table))
-    assert [row.cycle for row in rows] == list(range(50, FORETOLD + 1, 50))
-    for row in rows:
-        assert row.predicted_ah == pytest.approx(row.measured_ah, abs=0.01)
-        assert row.low_ah < row.predicted_ah < row.high_ah
-    assert rows[-1].high_ah - rows[-1].low_ah < 0.02
+def test_the_files_are_taken_as_the_command_takes_them(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    asked: dict[str, object] = {}
 
+    def task_of_records(records: Records, _: CellChoice) -> Task:
+        asked.update(sources=records.sources, read=records.read, fit_cycles=records.fit_cycles)
+        return life_task(life(20, 0.1))
 
-@pytest.mark.real_data
-@pytest.mark.skipif(not CALCE.is_dir(), reason="the measured cells are not beside this checkout")
-@pytest.mark.parametrize("cell", CELLS)
-def test_tables_of_measured_lives_are_read(cell: str) -> None:
-    table = read_table(CALCE / f"{cell}_percycle.csv")
-    assert len(table) > 800
-    assert table.at(np.array([200.0]))[0] == pytest.approx(1.0, abs=0.06)
+    def execute_run(task: Task, config: object, *_: object, analysing: bool) -> None:
+        asked.update(scaffold=config.scaffold.name, analysing=analysing)  # type: ignore[attr-defined]
+        raise Stopped
+
+    monkeypatch.setattr(whole_life, "task_of_records", task_of_records)
+    monkeypatch.setattr(whole_life, "execute_run", execute_run)
+    with pytest.raises(Stopped):
+        forecast(Path("x.csv"), tmp_path)
+    assert asked["sources"] == [Path("x.csv")]
+    assert asked["read"].cycles == (1, FORETOLD)  # type: ignore[attr-defined]
+    assert (asked["fit_cycles"], asked["scaffold"], asked["analysing"]) == (FITTED, "ageing", True)

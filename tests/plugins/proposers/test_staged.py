@@ -247,3 +247,15 @@ def test_a_wrong_option_names_the_stage(tmp_path: Path) -> None:
 
     with pytest.raises(BsaError, match="data"):
         RunPlugins(load_scaffold(str(path)), RunContext(toy_task(), 1, tmp_path), installed(), print)
+
+
+def test_a_scan_begins_where_the_data_are_met_best(run_toy: RunToy, tmp_path: Path) -> None:
+    """Four values over the range of each parameter, each alone; the derivatives are taken at the best of them."""
+    one = {"name": "scanned", "data": "everything", "fits": ["Series"], "scan": 4}
+    result = run_toy(tmp_path / "run", scaffold=staged(stages=[one]), simulations=12)
+    tried = [trial for trial in result.trials if trial.phase == "search"]
+    places = [toy_task().space[SERIES].to_unit(trial.candidate[SERIES]) for trial in tried]
+    assert places[:4] == pytest.approx([0.125, 0.375, 0.625, 0.875])
+    best = min([result.trials[0], *tried[:4]], key=lambda trial: trial.misfit)
+    moved = abs(toy_task().space[SERIES].to_unit(best.candidate[SERIES]) - places[4])
+    assert 0.0 < moved < 0.02

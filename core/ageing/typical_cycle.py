@@ -1,0 +1,84 @@
+"""The cycle that a life repeats: what a cycler was told, and which of its cycles were carried out like that."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..recognised_protocol import SeenStep, seen_steps, voltage_limits
+from ..trajectory import Trajectory
+from .cycle_table import COLUMNS, CycleTable
+
+_CUT_SHORT = 0.97
+"""Share of the capacity of the cycles around it below which a cycle was cut short: cells fade by less within days, and
+recover by less after pauses."""
+
+_HALF = 0.5
+
+_AROUND = 15
+"""Cycles whose median says what is usual."""
+
+
+@dataclass(frozen=True)
+class TypicalCycle:
+    """The cycle that a life repeats.
+
+    Attributes
+    ----------
+    steps : tuple of str
+        As PyBaMM step strings.
+    numbers : tuple of int
+        The cycles that have these steps.
+    """
+
+    steps: tuple[str, ...]
+    numbers: tuple[int, ...]
+
+
+def typical_cycle(whole: Trajectory, name: str) -> TypicalCycle:
+    """The most frequent sequence of steps, each with the median of its currents, voltages and durations.
+
+    Parameters
+    ----------
+    whole : Trajectory
+        All cycles, cut into steps that begin where the one before ended.
+    name : str
+        The record's, for messages.
+
+    Raises
+    ------
+    BsaError
+        If a step is none that a protocol has, such as a drive cycle.
+    """
+    limits = voltage_limits(whole)
+    kinds = {number: tuple(step.kind for step in whole.cycle(number).steps) for number in whole.cycles}
+    ((usual, _),) = Counter(kinds.values()).most_common(1)
+    numbers = tuple(number for number, found in kinds.items() if found == usual)
+    seen = [seen_steps(whole.cycle(number), limits, name) for number in numbers]
+    return TypicalCycle(tuple(str(_median(steps)) for steps in zip(*seen, strict=True)), numbers)
+
+
+def _median(steps: tuple[SeenStep, ...]) -> SeenStep:
+    def middle(quantity: str) -> float:
+        return float(np.median([getattr(step, quantity) for step in steps]))
+
+    return SeenStep(
+        kind=steps[0].kind,
+        seconds=middle("seconds"),
+        amperes=middle("amperes"),
+        volts=middle("volts"),
+        last_volts=middle("last_volts"),
+        last_amperes=middle("last_amperes"),
+        at_limit=middle("at_limit") > _HALF,
+        falls=middle("falls") > _HALF,
+    )
+
+
+def without_cut_short(table: CycleTable) -> CycleTable:
+    """The table without cycles whose capacity lies far below that of the cycles around them."""
+    padded = np.pad(table.capacity_ah, _AROUND // 2, mode="edge")
+    usual = np.median(np.lib.stride_tricks.sliding_window_view(padded, _AROUND), axis=1)
+    whole = table.capacity_ah > _CUT_SHORT * usual
+    return CycleTable(table.cycle[whole], *(getattr(table, name)[whole] for name in COLUMNS))

@@ -1,0 +1,98 @@
+"""A cycler's record of a whole life as what is fitted of it, and what is forecast."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from ...core.ageing.choice import kept_cycles
+from ...core.ageing.cycle_table import COLUMNS, CycleTable
+from ...core.ageing.long_record import measured_table, with_curves
+from ...core.ageing.typical_cycle import TypicalCycle, typical_cycle, without_cut_short
+from ...core.errors import BsaError
+from ...core.recognised_protocol import with_switches
+from ...core.record import Record
+from ...core.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from .records import RecordRequest
+
+_FEWEST = 3
+"""Cycles without which there is no life to speak of."""
+
+_AGEING_OPTIONS = ("SEI", "lithium plating", "loss of active material", "particle mechanics")
+
+USUAL_GROWTH = {"SEI": "solvent-diffusion limited", "SEI film resistance": "distributed"}
+"""The first mechanism to try where none is named: capacity falls with the square root of time, as that of most cells
+does for most of their life."""
+
+
+def with_ageing(options: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
+    """Model options under which a cell ages, and a sentence where they had to be chosen."""
+    if any(options.get(name, "none") not in ("none", None) for name in _AGEING_OPTIONS):
+        return dict(options), ""
+    return {**options, **USUAL_GROWTH}, (
+        f"No mechanism of ageing was named: the model has an SEI that is {USUAL_GROWTH['SEI']} "
+        '(--options SEI="...", --options "lithium plating=..." and others choose).'
+    )
+
+
+def as_life(request: RecordRequest, record: Record) -> list[RecordRequest]:
+    """The request for what is fitted and, where later cycles are to be forecast, the one for those.
+
+    Every cycle is simulated as the record's most frequent one. Cycles of other steps, and those that were cut short,
+    are not compared.
+
+    Raises
+    ------
+    BsaError
+        If too few cycles are alike, or none is left to be fitted.
+    """
+    whole = record.trajectory
+    cycle = typical_cycle(with_switches(whole), record.name)
+    table = without_cut_short(measured_table(whole, cycle.numbers))
+    if len(table) < _FEWEST:
+        raise BsaError(
+            f"{record.name} has {len(whole.cycles)} cycles, of which {len(table)} are alike and whole.",
+            "a life needs more; leave out --life, or write a task file with its protocol (docs/ageing.md).",
+        )
+    last = request.fit_cycles or whole.cycles[-1]
+    fitted, later = _some(table, 0, last), _some(table, last, whole.cycles[-1])
+    if fitted is None:
+        raise BsaError(f"{record.name} has no whole cycle up to {last}.", "fit more cycles.")
+    found = [_part(request, record, cycle, fitted, (_told(whole, table, cycle),))]
+    return found if later is None else [*found, _part(request, record, cycle, later, ())]
+
+
+def _told(whole: Trajectory, table: CycleTable, cycle: TypicalCycle) -> str:
+    words = f"every cycle is simulated as: {', '.join(cycle.steps)}"
+    left_out = len(whole.cycles) - len(table)
+    if left_out:
+        words += f"; {left_out} of {len(whole.cycles)} cycles were cut short or have other steps, and are not compared"
+    return f"{words}."
+
+
+def _some(table: CycleTable, after: int, last: int) -> CycleTable | None:
+    chosen = (table.cycle > after) & (table.cycle <= last)
+    if not chosen.any():
+        return None
+    return CycleTable(table.cycle[chosen], *(getattr(table, name)[chosen] for name in COLUMNS))
+
+
+def _part(
+    request: RecordRequest, record: Record, cycle: TypicalCycle, table: CycleTable, notes: tuple[str, ...]
+) -> RecordRequest:
+    first, last = int(table.cycle[0]), int(table.cycle[-1])
+    wanted = request.detailed_cycles
+    if wanted is None or wanted == "auto":
+        kept = kept_cycles(last, table)
+    else:
+        kept = tuple(sorted({number for number in wanted if first <= number <= last}))
+    part = Record(
+        f"{record.name}, cycles {first} to {last}",
+        with_curves(record.trajectory, table, kept or (first, last)),
+        (*(record.notes if notes else ()), *notes),
+        record.ambient_k,
+    )
+    return replace(request, source=part, shown_protocol=(cycle.steps,) * last, detailed_cycles=kept)
