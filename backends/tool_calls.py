@@ -20,8 +20,6 @@ def tools(schema: JsonSchema, strictly: bool) -> list[dict[str, Any]]:
 
     Parameters
     ----------
-    schema : mapping
-        Of the wanted object.
     strictly : bool
         Whether parameters are told in the subset that hosted models enforce.
     """

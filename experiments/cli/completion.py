@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib.metadata import entry_points
 from importlib.resources import files
 from typing import TYPE_CHECKING, get_args
@@ -12,11 +13,25 @@ if TYPE_CHECKING:
     from ...core.registry import Kind
 
 
+def _installed(kind: Kind) -> Callable[[], list[str]]:
+    def names() -> list[str]:
+        from ...core.registry import installed
+
+        return sorted(installed().names(kind))
+
+    return names
+
+
+# What plugins offer; the presets of models are among the backends.
+backends, routes = _installed("backend"), _installed("route")
+readers, effects = _installed("reader"), _installed("effect")
+
+
 def tasks() -> list[str]:
     """Names of the tasks that need no file."""
     from ..tasks.find import packaged_tasks
 
-    return [*(name for name, _ in packaged_tasks()), *_installed("task")]
+    return [*(name for name, _ in packaged_tasks()), *_installed("task")()]
 
 
 def scaffolds() -> list[str]:
@@ -33,31 +48,11 @@ def grids() -> list[str]:
     return shipped_names()
 
 
-def backends() -> list[str]:
-    """Names of the backends and of the model presets."""
-    return _installed("backend")
-
-
-def routes() -> list[str]:
-    """Names of the routes to language models."""
-    return _installed("route")
-
-
 def kinds() -> list[str]:
     """Kinds of plugins."""
     from ...core.registry import KINDS
 
     return list(KINDS)
-
-
-def readers() -> list[str]:
-    """Names of the readers."""
-    return _installed("reader")
-
-
-def effects() -> list[str]:
-    """Names of the effects."""
-    return _installed("effect")
 
 
 def current_signs() -> list[str]:
@@ -84,9 +79,3 @@ def uncertain_presets() -> list[str]:
     from ...plugins.pybamm.uncertain_parameters import PRESETS
 
     return list(PRESETS)
-
-
-def _installed(kind: Kind) -> list[str]:
-    from ...core.registry import installed
-
-    return sorted(installed().names(kind))

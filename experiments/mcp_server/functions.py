@@ -6,6 +6,7 @@ import json
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from ...core.metrics import errors_of, evaluate
 from ...core.parameters import Candidate
 from ...core.printable import shown
 from ...core.proposal import apply_change
+from ...core.reading.summary import summary
 from ...core.registry import installed
 from ...core.run_plugins import RunPlugins
 from ...core.scaffold import load_scaffold
@@ -44,26 +46,11 @@ def read_record(path: Path, options: Mapping[str, Any]) -> Json:
         "samples": len(trajectory),
         "duration_s": trajectory.duration,
         "cycles": list(trajectory.cycles),
-        "steps": [_step(trajectory, place) for place in range(min(len(trajectory.steps), _MOST_STEPS))],
+        "steps": [asdict(row) for row in summary(record).steps[:_MOST_STEPS]],
         "steps_in_all": len(trajectory.steps),
         "ambient_c": None if record.ambient_k is None else round(record.ambient_k - 273.15, 2),
         "notes": list(record.notes),
         "sign": "current is positive on discharge",
-    }
-
-
-def _step(trajectory: Trajectory, place: int) -> Json:
-    step = trajectory.steps[place]
-    time, current, voltage = (
-        values[step.start : step.stop] for values in (trajectory.time, trajectory.current, trajectory.voltage)
-    )
-    return {
-        "kind": str(step.kind),
-        "cycle": step.cycle,
-        "start_s": float(time[0]),
-        "duration_s": float(time[-1] - time[0]),
-        "mean_current_a": round(float(current.mean()), 5),
-        "voltage_v": [round(float(voltage[0]), 4), round(float(voltage[-1]), 4)],
     }
 
 

@@ -27,11 +27,6 @@ class EquilibriumCell:
     since the start and the electrodes' capacities :math:`Q`. Temperature, resistances and the time that diffusion takes
     have no part in it.
 
-    Parameters
-    ----------
-    task : Task
-        Records without a protocol.
-
     References
     ----------
     Mohtat et al., J. Power Sources 427 (2019) 101, Eqs. 1 to 5.
