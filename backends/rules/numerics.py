@@ -20,30 +20,14 @@ class Record:
 
 @dataclass(frozen=True)
 class Numerics:
-    """Where the fit stands.
+    """Where the fit stands."""
 
-    Attributes
-    ----------
-    status : str
-        What the fit is doing.
-    misfit : float or None
-        In tolerances; None where it is not known.
-    misfits : tuple of float
-        Those of the latest rounds.
-    allowance : int
-        Simulations that the agent may direct, at least 1.
-    actions : tuple of str
-        Kinds of the agent's latest actions.
-    record : Record or None
-        None while no slopes are known.
-    """
-
-    status: str = ""
-    misfit: float | None = None
-    misfits: tuple[float, ...] = ()
-    allowance: int = 1
-    actions: tuple[str, ...] = ()
-    record: Record | None = None
+    status: str = ""  # What the fit is doing.
+    misfit: float | None = None  # In tolerances; None where it is not known.
+    misfits: tuple[float, ...] = ()  # Those of the latest rounds.
+    allowance: int = 1  # Simulations that the agent may direct, at least 1.
+    actions: tuple[str, ...] = ()  # Kinds of the agent's latest actions.
+    record: Record | None = None  # None while no slopes are known.
 
     @classmethod
     def read(cls, content: object) -> Numerics:

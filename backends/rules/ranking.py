@@ -34,8 +34,6 @@ def rank(messages: Sequence[Message], most: int) -> dict[str, Any]:
     ----------
     messages : sequence of Message
         The last one is JSON with ``discrepancy``, sentences, and ``effects``, each with ``name`` and ``signature``.
-    most : int
-        How many may be named.
     """
     prompt: Mapping[str, Any] = json.loads(messages[-1].text)
     seen = _topics(" ".join(prompt["discrepancy"]))

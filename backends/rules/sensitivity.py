@@ -28,28 +28,15 @@ TOLERANCES = {"_s": 5.0, "_mv": 2.0, "_pct": 1.0}
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """A linear model of the features around the present values.
+    """A linear model of the features around the present values."""
 
-    Attributes
-    ----------
-    parameters, features : tuple of str
-        Names of the columns and rows.
-    slopes : ndarray of shape (f, p)
-        Change of each feature per typical step of each parameter.
-    mismatch : ndarray of shape (f,)
-        The features now.
-    tolerance : ndarray of shape (f,)
-        What is as good as zero.
-    source : str
-        Where the slopes come from, in words.
-    """
-
+    # parameters, features: Names of the columns and rows.
     parameters: tuple[str, ...]
     features: tuple[str, ...]
-    slopes: Matrix
-    mismatch: Matrix
-    tolerance: Matrix
-    source: str
+    slopes: Matrix  # Change of each feature per typical step of each parameter. Shape (f, p).
+    mismatch: Matrix  # The features now. Shape (f,).
+    tolerance: Matrix  # What is as good as zero. Shape (f,).
+    source: str  # Where the slopes come from, in words.
 
 
 def infer(prompt: Prompt) -> Sensitivity:

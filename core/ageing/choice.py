@@ -56,8 +56,6 @@ def kept_cycles(count: int, table: CycleTable | None = None, most: int = KEPT) -
         How many cycles the record has.
     table : CycleTable, optional
         Its cycle table, whose bends are kept too. Only cycles of the table are chosen.
-    most : int
-        How many at most.
 
     Returns
     -------
@@ -86,16 +84,8 @@ def shown_cycles(
 
     Parameters
     ----------
-    kept : sequence of int
-        Cycles whose curves are known.
-    measured : CycleTable
-        Of the record.
-    simulated : CycleTable, optional
-        Of the latest simulation.
     asked : sequence of int
         Cycles that were asked for; the nearest kept ones stand for them.
-    most : int
-        How many at most.
 
     Returns
     -------

@@ -18,29 +18,18 @@ COLUMNS = (*MEASURED, *LOSSES)
 
 @dataclass(frozen=True, eq=False)
 class CycleTable:
-    """One line for each cycle.
+    """One line for each cycle."""
 
-    Attributes
-    ----------
-    cycle : ndarray of shape (n,)
-        Cycle numbers from 1, rising; cycles that were cut short are left out.
-    capacity_ah : ndarray of shape (n,)
-        Charge drawn in the discharge, A.h.
-    resistance_ohm : ndarray of shape (n,)
-        Voltage drop over current at the start of the discharge, ohm; NaN where it is not known.
-    rested_voltage_v : ndarray of shape (n,)
-        Voltage at the end of the charge, after the rest that follows it, V; NaN where it is not known.
-    lithium_lost_pct : ndarray of shape (n,)
-        Cyclable lithium lost since the start, in percent; known of simulations alone, NaN elsewhere.
-    negative_material_lost_pct, positive_material_lost_pct : ndarray of shape (n,)
-        Active material lost in each electrode, likewise.
-    """
-
-    cycle: FloatArray
-    capacity_ah: FloatArray
+    cycle: FloatArray  # Cycle numbers from 1, rising; cycles that were cut short are left out. Shape (n,).
+    capacity_ah: FloatArray  # Charge drawn in the discharge, A.h. Shape (n,).
+    # Voltage drop over current at the start of the discharge, ohm; NaN where it is not known. Shape (n,).
     resistance_ohm: FloatArray
+    # Voltage at the end of the charge, after the rest that follows it, V; NaN where it is not known. Shape (n,).
     rested_voltage_v: FloatArray
+    # Cyclable lithium lost since the start, in percent; known of simulations alone, NaN elsewhere. Shape (n,).
     lithium_lost_pct: FloatArray | None = None
+    # negative_material_lost_pct, positive_material_lost_pct: Active material lost in each electrode, likewise. Shape
+    # (n,).
     negative_material_lost_pct: FloatArray | None = None
     positive_material_lost_pct: FloatArray | None = None
 
@@ -72,12 +61,6 @@ class CycleTable:
         return np.asarray(found, dtype=np.float64)
 
     def up_to(self, cycle: float) -> CycleTable:
-        """The lines up to a cycle.
-
-        Raises
-        ------
-        BsaError
-            If there is none.
-        """
+        """The lines up to a cycle. Raises `BsaError` if there is none."""
         kept = self.cycle <= cycle
         return CycleTable(self.cycle[kept], *(getattr(self, name)[kept] for name in COLUMNS))

@@ -21,16 +21,11 @@ class AgeingMetrics(PaperMetrics):
 
     The errors of `PaperMetrics` are means over the detailed cycles, each compared from its own start; the charge of a
     cycle is that drawn in its discharge.
-
-    Attributes
-    ----------
-    fade_error : float
-        Mean over all cycles of the record of the capacity mismatch, in percent of the first cycle's capacity.
-    resistance_error : float
-        Mean over all cycles of the resistance mismatch, in percent; 0 where the record has no resistances.
     """
 
+    # Mean over all cycles of the record of the capacity mismatch, in percent of the first cycle's capacity.
     fade_error: float = 0.0
+    # Mean over all cycles of the resistance mismatch, in percent; 0 where the record has no resistances.
     resistance_error: float = 0.0
 
 

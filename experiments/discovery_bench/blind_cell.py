@@ -66,14 +66,10 @@ def plan_cases(folder: Path, name: str, kind: Kind, only: Sequence[str] | None =
     ----------
     folder : Path
         Made by `make_cases`; it is the store, too.
-    name : str
-        Of the campaign.
     kind : {'discovery', 'shortlist'}
         What is done with a case.
     only : sequence of str, optional
         Names of the cases to run; all by default.
-    **asked
-        Options of the discovery.
 
     Raises
     ------
@@ -93,13 +89,7 @@ def plan_cases(folder: Path, name: str, kind: Kind, only: Sequence[str] | None =
 
 
 def campaign_folder(folder: Path, name: str) -> Path:
-    """Where the rows of a campaign on blind cases lie.
-
-    Raises
-    ------
-    BsaError
-        If the name is a path.
-    """
+    """Where the rows of a campaign on blind cases lie. Raises `BsaError` if the name is a path."""
     if Path(name).name != name:
         raise BsaError(f'"{name}" is no name of results in {folder}.', "give a name, without a path.")
     return Store(folder).grid(name)

@@ -32,8 +32,6 @@ def protocol(name: str, lower_v: float, upper_v: float, rng: np.random.Generator
     ----------
     name : {'discharge', 'fast', 'pulses', 'drive', 'cycle', 'ageing'}
         Slow or fast discharge with rests, pulses over the range, drive cycle, charge and discharge, 8 to 25 cycles.
-    lower_v, upper_v : float
-        Voltage limits of the cell.
     rng : numpy.random.Generator
         Where rates, durations and sampling intervals come from.
     """

@@ -19,8 +19,6 @@ def read_results(folder: Path, name: str) -> Iterator[tuple[str, Mapping[str, An
     ----------
     folder : Path
         Of the blind cases. Their answers are opened.
-    name : str
-        Of the campaign.
 
     Raises
     ------

@@ -38,8 +38,6 @@ def sensitivity_rows(folder: Path, name: str) -> Iterator[dict[str, Any]]:
     ----------
     folder : Path
         Of the blind cases. Their answers are opened.
-    name : str
-        Of the campaign.
     """
     for task, cell, answer in finished_cases(folder, name):
         found, gap = _replayed(cell)

@@ -50,75 +50,34 @@ _REDUCED_BY: JsonSchema = {
 
 @dataclass(frozen=True)
 class Offer:
-    """What the agent may ask for in a round.
+    """What the agent may ask for in a round."""
 
-    Attributes
-    ----------
-    kinds : tuple of str
-        The actions.
-    space : ParameterSpace
-        What is searched.
-    steps : tuple of str
-        Names of the steps that can be looked at.
-    analysis_chars : int
-        How long its analysis may be; 0 asks for no reasons at all.
-    drives : bool
-        Whether the task can be made easier by what drives it (`Domain.drives`).
-    cycles : int
-        Of a long record, how many cycles can be asked for.
-    """
-
-    kinds: tuple[Kind, ...]
-    space: ParameterSpace
-    steps: tuple[str, ...] = ()
-    analysis_chars: int = 4000
-    drives: bool = False
-    cycles: int = 0
+    kinds: tuple[Kind, ...]  # The actions.
+    space: ParameterSpace  # What is searched.
+    steps: tuple[str, ...] = ()  # Names of the steps that can be looked at.
+    analysis_chars: int = 4000  # How long its analysis may be; 0 asks for no reasons at all.
+    drives: bool = False  # Whether the task can be made easier by what drives it (`Domain.drives`).
+    cycles: int = 0  # Of a long record, how many cycles can be asked for.
 
 
 @dataclass(frozen=True)
 class Action:
-    """A checked wish of the agent.
+    """A checked wish of the agent."""
 
-    Attributes
-    ----------
-    kind : str
-        What to do, of `Kind`.
-    candidates : tuple of Candidate
-        For ``set``, ``predict`` and ``simulate``: the values to try, inside the bounds.
-    updates : mapping of str to str
-        For ``set`` and ``predict``: the changes as written.
-    projected : tuple of str
-        Parameters whose value was moved to a bound.
-    parameters : tuple of str
-        For ``refine`` and ``jacobian``: what may move; empty for all.
-    simulations : int
-        How many simulations the action may take.
-    step : str
-        For ``look``: which step.
-    trial : int or None
-        For ``restart``: where from.
-    rate : float or None
-        For ``reduce``: the share of the currents to come back from; None for a gentler cell at full rate.
-    cycles : int or None
-        For ``reduce``: how many of the record's cycles to fit first; None for all.
-    look_at : tuple of int
-        Cycles of a long record that the next feedback is to show in detail.
-    analysis, hypothesis, rationale : str
-        The agent's words.
-    """
-
-    kind: Kind
+    kind: Kind  # What to do, of `Kind`.
+    # For ``set``, ``predict`` and ``simulate``: the values to try, inside the bounds.
     candidates: tuple[Candidate, ...] = ()
-    updates: Mapping[str, str] | None = None
-    projected: tuple[str, ...] = ()
-    parameters: tuple[str, ...] = ()
-    simulations: int = _DEFAULT_SIMULATIONS
-    step: str = ""
-    trial: int | None = None
+    updates: Mapping[str, str] | None = None  # For ``set`` and ``predict``: the changes as written.
+    projected: tuple[str, ...] = ()  # Parameters whose value was moved to a bound.
+    parameters: tuple[str, ...] = ()  # For ``refine`` and ``jacobian``: what may move; empty for all.
+    simulations: int = _DEFAULT_SIMULATIONS  # How many simulations the action may take.
+    step: str = ""  # For ``look``: which step.
+    trial: int | None = None  # For ``restart``: where from.
+    # For ``reduce``: the share of the currents to come back from; None for a gentler cell at full rate.
     rate: float | None = None
-    cycles: int | None = None
-    look_at: tuple[int, ...] = ()
+    cycles: int | None = None  # For ``reduce``: how many of the record's cycles to fit first; None for all.
+    look_at: tuple[int, ...] = ()  # Cycles of a long record that the next feedback is to show in detail.
+    # analysis, hypothesis, rationale: The agent's words.
     analysis: str = ""
     hypothesis: str = ""
     rationale: str = ""
@@ -184,10 +143,7 @@ def check_action(reply: Mapping[str, Any], offer: Offer, base: Candidate, trials
 
     A reply with changes and without an action asks for ``set``.
 
-    Raises
-    ------
-    BsaError
-        If the action is unknown or lacks what it needs; the message is made to be sent back to the model.
+    Raises `BsaError` if the action is unknown or lacks what it needs; the message is made to be sent back to the model.
     """
     kind = reply.get("action", "set")
     if kind not in offer.kinds:

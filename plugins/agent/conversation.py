@@ -21,21 +21,11 @@ _REPLY_CHARS = 4000
 
 @dataclass(frozen=True)
 class Answer(Generic[T]):
-    """What came of asking.
+    """What came of asking."""
 
-    Attributes
-    ----------
-    value : T or None
-        What the check made of the reply; None if no reply passed.
-    problems : tuple of str
-        What was wrong with the replies that did not pass, in order.
-    reply : Reply or None
-        The last reply, if there was one.
-    """
-
-    value: T | None
-    problems: tuple[str, ...]
-    reply: Reply | None
+    value: T | None  # What the check made of the reply; None if no reply passed.
+    problems: tuple[str, ...]  # What was wrong with the replies that did not pass, in order.
+    reply: Reply | None  # The last reply, if there was one.
 
 
 def ask(

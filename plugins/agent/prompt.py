@@ -45,10 +45,6 @@ def build_messages(situation: Situation, offer: Offer, short: bool = False) -> l
 
     Parameters
     ----------
-    situation : Situation
-        Where the run stands.
-    offer : Offer
-        What may be asked for.
     short : bool
         Whether a digest stands in for the memories.
     """

@@ -127,13 +127,7 @@ def converse(
 
 
 def require_backend(context: RunContext) -> Backend:
-    """The run's backend.
-
-    Raises
-    ------
-    BsaError
-        If the run has none.
-    """
+    """The run's backend. Raises `BsaError` if the run has none."""
     if context.backend is None:
         raise BsaError("this scaffold asks a language model, but the run has none.", "give --backend NAME.")
     return context.backend

@@ -38,30 +38,15 @@ _BOUNDS = ("lower", "upper")
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """What the agent may know when it is asked.
+    """What the agent may know when it is asked."""
 
-    Attributes
-    ----------
-    context : ProposeContext
-        Where the run stands.
-    base : Trial
-        The candidate to which changes apply: the closest so far.
-    last : Trial or None
-        The latest attempt, where it was no better.
-    recollections : tuple of Recollection
-        What memories and priors tell, the most important last, where models read best.
-    clipped : tuple of str
-        Parameters that the latest reply wanted beyond their bounds.
-    look_at : tuple of int
-        Cycles of a long record that the latest reply asked for.
-    """
-
-    context: ProposeContext
-    base: Trial
-    last: Trial | None
+    context: ProposeContext  # Where the run stands.
+    base: Trial  # The candidate to which changes apply: the closest so far.
+    last: Trial | None  # The latest attempt, where it was no better.
+    # What memories and priors tell, the most important last, where models read best.
     recollections: tuple[Recollection, ...]
-    clipped: tuple[str, ...] = ()
-    look_at: tuple[int, ...] = ()
+    clipped: tuple[str, ...] = ()  # Parameters that the latest reply wanted beyond their bounds.
+    look_at: tuple[int, ...] = ()  # Cycles of a long record that the latest reply asked for.
 
     @classmethod
     def of(
@@ -76,12 +61,6 @@ class Situation:
 
         Parameters
         ----------
-        context : ProposeContext
-            Where the run stands.
-        budget : int
-            Characters for each memory.
-        last : Trial, optional
-            The agent's latest attempt.
         clipped : sequence of str
             As the attribute.
         look_at : sequence of int

@@ -27,11 +27,8 @@ def apply_updates(
 ) -> tuple[dict[str, float], dict[str, str], tuple[str, ...]]:
     """The candidate, the changes as written, and the names of the parameters that hit a bound.
 
-    Raises
-    ------
-    BsaError
-        If it changes nothing, names an unknown parameter, or a change is not a finite number; the
-        message is made to be sent back to the model.
+    Raises `BsaError` if it changes nothing, names an unknown parameter, or a change is not a finite number; the message
+    is made to be sent back to the model.
     """
     if not isinstance(updates, Mapping):
         raise BsaError(

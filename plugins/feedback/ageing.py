@@ -87,8 +87,6 @@ def cycles_in_detail(
 
     Parameters
     ----------
-    task : Task
-        A long one.
     curves : sequence of Trajectory or None
         What was simulated of each record, or a thinned copy of it.
     asked : sequence of int

@@ -167,10 +167,7 @@ class _Steps:
     def simulate(self, number: int, state: Any) -> SolvedCycle:
         """One cycle from a state.
 
-        Raises
-        ------
-        CycleFailed
-            If a step cannot be solved, or ends otherwise than the protocol says.
+        Raises `CycleFailed` if a step cannot be solved, or ends otherwise than the protocol says.
         """
         parts: list[Any] = []
         for position, step in enumerate(self._steps):
