@@ -60,7 +60,8 @@ def discover(options: DiscoverOptions, listener: Listener = lambda text: None, w
         recorder = Recorder(journal.file, journal.earlier, say=listener)
 
         def make_simulator(cell: CellModel, space: ParameterSpace, mesh: RadialMesh) -> Simulator:
-            pool = EffectSimulatorPool(cell, space.targets, mesh.usual, mesh.fine, workers)
+            together = (*case.measured_records, *case.held)
+            pool = EffectSimulatorPool(cell, space.targets, mesh.usual, mesh.fine, workers, together)
             return RecordedSimulator(held.enter_context(closing(pool)), journal.file, journal.earlier)
 
         case = read_case(options)

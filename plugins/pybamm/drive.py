@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -24,6 +25,9 @@ _KNOTS = 50
 """Knots that stand for a smoothly varying current, as during a voltage hold."""
 
 _LOWEST_CUT_OFF_V, _HIGHEST_CUT_OFF_V = 0.5, 6.0
+
+DELAY = "Record begins later by [s]"
+"""Input that says which of several records drives a cell that is compiled for all of them."""
 
 JUMP_S = 1e-3
 """A step of the current takes this long in a function of time: short against any sampling, long against rounding."""
@@ -64,6 +68,7 @@ class CurrentFunction:
     stops: FloatArray
     finest_s: float | None  # Typical interval between knots where the current varies all the time (drive cycles), s.
     varying: FloatArray = field(default_factory=lambda: np.empty(0))  # The knots there, s. Shape (j,).
+    several: bool = False  # Whether it holds several records; see `one_after_another`.
 
 
 def steps_of_protocol(protocol: Protocol) -> list[list[Any]]:
@@ -107,8 +112,22 @@ class _Table(pybamm.Interpolant):  # type: ignore[misc]
 
 
 def interpolant(current: CurrentFunction) -> Any:
-    """A measured current as a PyBaMM expression of time."""
-    return _Table(current.time, current.current, pybamm.t, interpolator="linear")
+    """A measured current as a PyBaMM expression of time, and of the input `DELAY` where it has several records."""
+    time = pybamm.t + pybamm.InputParameter(DELAY) if current.several else pybamm.t
+    return _Table(current.time, current.current, time, interpolator="linear")
+
+
+def one_after_another(drives: Sequence[CurrentFunction]) -> tuple[CurrentFunction, list[float]]:
+    """The currents of several records as one function of time, and how much later each record is in it, s."""
+    if len(drives) == 1:
+        return drives[0], [0.0]
+    delays, end = [], 0.0
+    for one in drives:
+        delays.append(end + 1.0 - float(one.time[0]))
+        end = float(one.time[-1]) + delays[-1]
+    time = np.concatenate([one.time + delay for one, delay in zip(drives, delays, strict=True)])
+    current = np.concatenate([one.current for one in drives])
+    return CurrentFunction(time, current, np.empty(0), None, several=True), delays
 
 
 def gate(begin: str, end: str) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,7 +18,7 @@ from ...core.target import CellChange, Target
 from ...core.task import CellModel
 from ...core.trajectory import FloatArray, Trajectory
 from .compiled_cell import PAUSE, SOLVER_ERRORS, CompiledCell, Resolution, Start, first_line
-from .drive import JUMP_S, current_function
+from .drive import DELAY, JUMP_S, current_function, one_after_another
 
 _EMPTY_V, _FULL_V = 0.5, 6.0
 """What an empty and an overfull cell show until the current changes: the widened cut-offs."""
@@ -111,6 +112,8 @@ class DrivenCell:
         Ambient and initial temperature; None keeps the set's.
     start : Start, optional
         Where the record begins, for `follow`; `solve` is told at each call.
+    others : sequence of Trajectory
+        Further records whose currents the compiled cell can follow; see `on_other`.
 
     Attributes
     ----------
@@ -128,11 +131,12 @@ class DrivenCell:
         resolution: Resolution = SEARCH,
         start: Start | None = None,
         baked: CellChange | None = None,
+        others: Sequence[Trajectory] = (),
     ) -> None:
         self._effects = tuple(effects)
-        self._drive = current_function(record)
-        self._stops = self._drive.stops
-        self._restarts = np.union1d(self._stops, self._drive.varying)
+        self._drives = [current_function(one) for one in (record, *others)]
+        joined, self._delays = one_after_another(self._drives)
+        self._drive_by(0)
         self._cell = CompiledCell(
             cell,
             targets,
@@ -140,7 +144,7 @@ class DrivenCell:
             resolution,
             baked,
             effects,
-            self._drive,
+            joined,
             any_start=start is None,
         )
         self.heats = self._cell.heats
@@ -154,6 +158,17 @@ class DrivenCell:
         if self._drive.finest_s is not None:
             options |= _options_of_drive(self._drive.finest_s)
         self._solver = self._cell.solver(options, output_variables=list(_OUTPUTS), on_failure="ignore")
+
+    def _drive_by(self, place: int) -> None:
+        self._drive, self._delay_s = self._drives[place], self._delays[place]
+        self._stops = self._drive.stops
+        self._restarts = np.union1d(self._stops, self._drive.varying)
+
+    def on_other(self, place: int) -> DrivenCell:
+        """The same compiled cell, driven by the current of one of the other records."""
+        other = copy(self)
+        other._drive_by(place + 1)
+        return other
 
     def solve(
         self, candidate: Candidate, times: FloatArray, current: FloatArray, soc: float | None = None
@@ -269,7 +284,7 @@ class DrivenCell:
         grid = np.unique(np.concatenate([times[times > start], stops]))
         # Stops and samples closer than rounding would make steps of no length.
         stops, grid = (t[np.concatenate([[True], np.diff(t) > 1e-2 * JUMP_S])] for t in (stops, grid))
-        inputs = inputs | dict(zip(PAUSE, pause, strict=True))
+        inputs = inputs | dict(zip(PAUSE, pause, strict=True)) | {DELAY: self._delay_s}
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")

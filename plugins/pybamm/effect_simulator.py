@@ -16,6 +16,7 @@ from ...core.errors import BsaError
 from ...core.parameters import Candidate
 from ...core.target import Target
 from ...core.task import CellModel
+from ...core.trajectory import StepKind
 from .augmentation import part_of
 from .compiled_cell import Resolution
 from .driven_cell import FINE, SEARCH, Curve, DrivenCell
@@ -48,14 +49,22 @@ class EffectSimulator:
         What candidates set of the base parameters, by the names that they use.
     usual, fine : Resolution
         Mesh and tolerances of the search and of the check on it.
+    together : sequence of MeasuredRecord
+        Records that will all be asked for: a model is compiled once for those that go together.
     """
 
     at_once = 1
     recalled = 0
 
     def __init__(
-        self, cell: CellModel, targets: Mapping[str, Target], usual: Resolution = SEARCH, fine: Resolution = FINE
+        self,
+        cell: CellModel,
+        targets: Mapping[str, Target],
+        usual: Resolution = SEARCH,
+        fine: Resolution = FINE,
+        together: Sequence[MeasuredRecord] = (),
     ) -> None:
+        self._together = tuple(record for record in together if not _varies(record))
         self.has_low_fidelity = has_low_fidelity(cell)
         self._cells = {False: cell, True: replace(cell, model=_LOW_FIDELITY.get(cell.model, cell.model))}
         self._targets = dict(targets)
@@ -96,7 +105,11 @@ class EffectSimulator:
         # The record itself is kept, so that its identity stays its own.
         if not any(measured_record is known for known in self._records):
             self._records.append(measured_record)
-        key = (tuple(effect.key for effect in effects), id(measured_record), fine, low_fidelity)
+
+        def key_of(record: MeasuredRecord) -> _Key:
+            return tuple(effect.key for effect in effects), id(record), fine, low_fidelity
+
+        key = key_of(measured_record)
         if key in self._compiled:
             self._compiled.move_to_end(key)
             return self._compiled[key]
@@ -104,7 +117,17 @@ class EffectSimulator:
         try:
             resolution = self._resolution(measured_record, fine)
             cell, ambient_k = self._cells[low_fidelity], measured_record.ambient_k
-            driven = DrivenCell(cell, effects, measured_record.record, self._targets, ambient_k, resolution)
+            others = self._others(measured_record)
+            driven = DrivenCell(
+                cell,
+                effects,
+                measured_record.record,
+                self._targets,
+                ambient_k,
+                resolution,
+                others=[other.record for other in others],
+            )
+            self._compiled |= {key_of(other): driven.on_other(place) for place, other in enumerate(others)}
         except BsaError as error:
             if not effects and not low_fidelity:
                 raise
@@ -116,6 +139,14 @@ class EffectSimulator:
             self._compiled.popitem(last=False)
         return driven
 
+    def _others(self, measured_record: MeasuredRecord) -> list[MeasuredRecord]:
+        """The records that one compiled model can serve too: at the same temperature, with the same tolerances."""
+        if not any(measured_record is one for one in self._together):
+            return []
+        like = measured_record.ambient_k, is_long(measured_record)
+        alike = [one for one in self._together if (one.ambient_k, is_long(one)) == like]
+        return [one for one in alike if one is not measured_record]
+
     def _resolution(self, measured_record: MeasuredRecord, fine: bool) -> Resolution:
         chosen = self._resolutions[fine]
         return replace(chosen, rtol=min(chosen.rtol, _RTOL_OF_MANY_CYCLES)) if is_long(measured_record) else chosen
@@ -124,6 +155,11 @@ class EffectSimulator:
 def has_low_fidelity(cell: CellModel) -> bool:
     """Whether there is a cheaper model beside a cell's."""
     return cell.model in _LOW_FIDELITY
+
+
+def _varies(measured_record: MeasuredRecord) -> bool:
+    """Whether a record's current varies all the time, for which the integrator has settings of its own."""
+    return any(step.kind is StepKind.DRIVE for step in measured_record.record.steps)
 
 
 def _is_absent(effect: Effect, candidate: Candidate) -> bool:

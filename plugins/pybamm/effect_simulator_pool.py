@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ...core.discovery.simulator import Prediction, Request
+from ...core.discovery.simulator import MeasuredRecord, Prediction, Request
 from ...core.effect import Effect
 from ...core.errors import BsaError
 from ...core.parameters import Candidate
@@ -54,8 +54,16 @@ class RequestService:
         As for `EffectSimulator`.
     """
 
-    def __init__(self, cell: CellModel, targets: Mapping[str, Target], usual: Resolution, fine: Resolution) -> None:
+    def __init__(
+        self,
+        cell: CellModel,
+        targets: Mapping[str, Target],
+        usual: Resolution,
+        fine: Resolution,
+        together: Sequence[Path] = (),
+    ) -> None:
         self._arguments = (cell, dict(targets), usual, fine)
+        self._together = tuple(together)
         self._simulator: Any = None
         self._read: dict[Path, Any] = {}
 
@@ -65,7 +73,7 @@ class RequestService:
         from .parameter_sets import pybamm
 
         pybamm.set_logging_level("CRITICAL")
-        self._simulator = EffectSimulator(*self._arguments)
+        self._simulator = EffectSimulator(*self._arguments, [self._thing(path) for path in self._together])
 
     def work(self, job: _Job, report: Report) -> _Answer:
         """Answer a request."""
@@ -106,14 +114,21 @@ class EffectSimulatorPool:
     """
 
     def __init__(
-        self, cell: CellModel, targets: Mapping[str, Target], usual: Resolution, fine: Resolution, workers: int
+        self,
+        cell: CellModel,
+        targets: Mapping[str, Target],
+        usual: Resolution,
+        fine: Resolution,
+        workers: int,
+        together: Sequence[MeasuredRecord] = (),
     ) -> None:
-        self._pool = Pool(RequestService(cell, targets, usual, fine), workers, _TIME_LIMIT_S)
         self._lock = threading.Lock()
         self.at_once, self.has_low_fidelity = workers, has_low_fidelity(cell)
         self.recalled = 0
         self._folder = tempfile.TemporaryDirectory(prefix="bsa-")
         self._kept: dict[int, tuple[Any, Path]] = {}
+        files = [self._file(record) for record in together]
+        self._pool = Pool(RequestService(cell, targets, usual, fine, files), workers, _TIME_LIMIT_S)
         self.refused: dict[str, str] = {}
         self.simulations = 0
 

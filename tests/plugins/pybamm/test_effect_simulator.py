@@ -9,8 +9,10 @@ from bsa.core.target import target_named
 from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.effects.catalogue import EFFECTS
+from bsa.plugins.pybamm.compiled_cell import CompiledCell
 from bsa.plugins.pybamm.effect_simulator import EffectSimulator
 
+BUILD = CompiledCell.built_model
 NAME = "Positive particle diffusivity [m2.s-1] factor"
 (RESISTANCE,) = (effect for effect in EFFECTS if effect.key == "contact-resistance")
 
@@ -45,3 +47,27 @@ def test_beside_dfn_the_cheaper_model_is_spme_with_the_same_effects(request_of):
 def test_mesh_and_tolerances_can_be_checked(model, request_of):
     usual, fine = voltages(model, request_of, replace(request_of, fine=True))
     assert 0 < np.max(np.abs(usual - fine)) < 0.01
+
+
+def test_one_compiled_model_serves_several_records_as_models_of_their_own_do(request_of, monkeypatch):
+    record = request_of.measured_record.record
+    time, current = record.time[::2], 0.5 * record.current[::2]
+    count = int(np.sum(current == 0))
+    steps = (Step(StepKind.REST, 0, count), Step(StepKind.CC_DISCHARGE, count, len(time)))
+    second = MeasuredRecord("b", Trajectory(time, current, np.full(len(time), 3.8), None, steps), 298.15)
+    warm = MeasuredRecord("c", record, 308.15)
+    moments = Moments.single(time, current)
+    requests = [
+        request_of,
+        replace(request_of, measured_record=second, moments=moments),
+        replace(request_of, measured_record=warm),
+    ]
+    cell, targets = CellModel("Chen2020", "SPMe"), {NAME: target_named(NAME)}
+    apart = EffectSimulator(cell, targets).predict(requests)
+    built = []
+    monkeypatch.setattr(CompiledCell, "built_model", lambda self: built.append(self) or BUILD(self))
+    together = EffectSimulator(cell, targets, together=[request_of.measured_record, second, warm]).predict(requests)
+    assert len(built) == 2  # another ambient temperature is another model
+    for one, other in zip(apart, together, strict=True):
+        np.testing.assert_allclose(one.voltage, other.voltage, atol=2e-5)
+        np.testing.assert_allclose(one.temperature, other.temperature, atol=1e-3)
