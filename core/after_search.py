@@ -128,7 +128,10 @@ class AfterSearch:
         if known is not None:
             return tuple(decode_prediction(content) for content in known["predictions"])
         covariance = () if analysis is None else analysis.identifiability.covariance
-        watched = WatchedSimulations(self._plugins, self._watch, variants=NOT_FITTED)
+        # A life takes minutes for each simulation of its band: none is made twice. Other records may be simulated from
+        # several starts, by which the journal does not tell them apart.
+        simulating = self._analysed if self._task.long else self._plugins
+        watched = WatchedSimulations(simulating, self._watch, variants=NOT_FITTED)
         try:
             found = predict(
                 self._task, best.candidate, self._task.held_out, watched, covariance, capacity_scatter(fitted)

@@ -17,6 +17,9 @@ SHOWN = 6
 _LEAST_BEND = 0.02
 """Height of the bend over the chord, as a share of the fade, below which a fade is straight and has no knee."""
 
+_LESSER = 0.5
+"""Height of a bend as a share of that of the bend the other way, below which it may be a recovery after a pause."""
+
 
 def knee(table: CycleTable) -> int | None:
     """The cycle at which the fade turns steeper: furthest above the chord from first to last. None where none does."""
@@ -37,12 +40,13 @@ def _furthest(table: CycleTable, above: bool) -> int | None:
     chord = np.interp(cycles, cycles[[0, -1]], capacity[[0, -1]])
     height = (capacity - chord) * (1.0 if above else -1.0)
     place = int(np.argmax(height))
-    return int(cycles[place]) if height[place] > _LEAST_BEND * fade else None
+    least = max(_LEAST_BEND * fade, _LESSER * float(np.max(np.abs(height))))
+    return int(cycles[place]) if height[place] > least else None
 
 
 def _smooth(values: np.ndarray) -> np.ndarray:
-    """A running median, so that one odd cycle makes no bend."""
-    width = min(5, len(values))
+    """A running median over a tenth of a life, so that odd cycles, and recoveries after pauses, make no bend."""
+    width = min(max(5, len(values) // 10), len(values))
     padded = np.pad(values, (width // 2, width - 1 - width // 2), mode="edge")
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1))
 

@@ -22,6 +22,8 @@ _CAPACITY_HEIGHT, _OTHER_HEIGHT = 230.0, 120.0
 _LOST = dict(zip(LOSSES, ("lithium", "negative material", "positive material"), strict=True))
 _LOSS_STYLES = dict(zip(LOSSES, ("best", "initial", "limit"), strict=True))
 
+_FEW = 10
+
 _NOTHING_PCT = 1e-3
 """A loss below this is none: the integrator's own error."""
 
@@ -166,6 +168,11 @@ def _panel(
     for (style, table), found in zip(tables, values, strict=True):
         there = np.isfinite(found)
         panel.draw(across, table.cycle[there], found[there], style)
+        # A line through so few points cannot be seen.
+        if np.count_nonzero(there) < _FEW:
+            for cycle, value in zip(table.cycle[there], found[there], strict=True):
+                x, y = float(across.pixels(float(cycle))), float(axis.pixels(float(value)))
+                panel.markers.append(Marker(x, y, style, f"Cycle {cycle:.0f}: {number(float(value))}"))
     return panel
 
 

@@ -1,17 +1,26 @@
 """What is reported of a run is of one trial, and the best score is named where it is another's."""
 
 import json
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
+from bsa.core.after_search import AfterSearch
 from bsa.core.feedback import Feedback
-from bsa.core.journal import FILE_NAME, read_events
-from bsa.core.parameters import Candidate
+from bsa.core.identifiability import Identifiability
+from bsa.core.journal import FILE_NAME, Journal, read_events
+from bsa.core.parameters import Candidate, Parameter, ParameterSpace
+from bsa.core.post_fit_analysis import PostFitAnalysis
 from bsa.core.signal_metrics import SignalMetrics
+from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.trial import Trial, closest, likeliest, lowest
 from bsa.experiments.report.page import render
 from bsa.experiments.run_record import read_run
 from bsa_toy_cell import toy_scaffold
+from bsa_toy_life import life, life_task
 
 from ..conftest import RunToy
 
@@ -64,3 +73,43 @@ def test_a_run_that_is_taken_up_again_scores_nothing_twice(run_toy: RunToy, tmp_
     assert (again.best_metrics, again.records) == (whole.best_metrics, whole.records)
     added = (tmp_path / "run" / FILE_NAME).read_bytes()[len(events) :]
     assert b'"event":"score"' not in added
+
+
+class Stops:
+    """A cell that fades by its parameter; it is interrupted after so many simulations of lives."""
+
+    def __init__(self, after: int) -> None:
+        self.left, self.made = after, 0
+
+    def simulate_variant(self, candidates: Any, experiments: Any, exact: bool = False) -> Any:
+        for place, candidate in enumerate(candidates):
+            if not exact and self.left == 0:
+                raise KeyboardInterrupt
+            self.left -= not exact
+            self.made += not exact
+            yield place, Outcome((ExperimentRun(life(100, candidate["rate"])),), 0.0)
+
+
+def test_a_forecast_goes_on_in_the_middle_of_its_band(tmp_path: Path) -> None:
+    """A life takes minutes to simulate: what was simulated before an interrupt is not simulated again."""
+    box = ParameterSpace((Parameter("rate", 0.2, 0.0, 1.0), Parameter("other", 0.5, 0.0, 1.0)))
+    task = replace(life_task(life(100, 0.2)), space=box)
+    task = replace(task, held_out=(replace(task.experiments[0], name="later"),))
+    best = trial(1, 1.0, 1.0)
+    best = replace(best, candidate={"rate": 0.2, "other": 0.5}, metrics=SignalMetrics(1.0, {}))
+    analysis = PostFitAnalysis(1, Identifiability({}, (), (), 1.0, 10, ((1e-4, 0.0), (0.0, 1e-4))))
+
+    with closing(Journal(tmp_path)) as journal:
+        journal.append("run", format=1, identity="x", config={}, versions={}, task={})
+
+    def predicted(simulating: Stops) -> tuple[Any, ...]:
+        earlier = list(read_events(tmp_path))
+        with closing(Journal(tmp_path)) as journal:
+            return AfterSearch(task, simulating, journal, earlier, None).predict(best, analysis)  # type: ignore[arg-type]
+
+    first, second = Stops(2), Stops(10)
+    assert predicted(first) == ()
+    (found,) = predicted(second)
+    assert (first.made, second.made) == (2, 1)
+    assert found.fade is not None
+    assert found.fade.half_ah[-1] == pytest.approx(1.96 * 0.01, rel=1e-6)

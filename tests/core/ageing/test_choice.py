@@ -69,3 +69,11 @@ def test_what_is_shown_is_first_last_knee_worst_and_what_was_asked_for() -> None
 def test_no_more_is_shown_of_a_longer_record(count: int) -> None:
     life = table(1.0 - 0.2 * np.arange(count) / count)
     assert len(shown_cycles(kept_cycles(count), life, life, asked=range(1, count))) <= SHOWN
+
+
+def test_a_recovery_after_a_pause_is_no_knee() -> None:
+    cycle = np.arange(1.0, 201.0)
+    capacity = 1.1 - 0.007 * np.sqrt(cycle)
+    capacity[170:195] += 0.01
+    assert knee(table(capacity)) is None
+    assert levelling(table(capacity)) is not None

@@ -77,6 +77,7 @@ def test_shipped_grids_expand(name, tmp_path, monkeypatch):
         "scaffold-ablation": 8 * 9 * 3,
         "ageing": 5 * 3,
         "ageing-baselines": 5 * 5,
+        "ageing-ablation": 5 * 7,
     }
     assert grid.name == name
     assert len(cells) == runs[name]

@@ -259,3 +259,16 @@ def test_a_scan_begins_where_the_data_are_met_best(run_toy: RunToy, tmp_path: Pa
     best = min([result.trials[0], *tried[:4]], key=lambda trial: trial.misfit)
     moved = abs(toy_task().space[SERIES].to_unit(best.candidate[SERIES]) - places[4])
     assert 0.0 < moved < 0.02
+
+
+def test_a_run_cut_in_the_middle_of_a_batch_simulates_the_rest_of_it(run_toy: RunToy, tmp_path: Path) -> None:
+    short = {"scaffold": staged(order=["all"]), "simulations": 16}
+    whole = run_toy(tmp_path / "whole", **short)
+    lines = (tmp_path / "whole" / "journal.jsonl").read_bytes().splitlines(keepends=True)
+    batch = next(place for place, line in enumerate(lines) if b'"action":"jacobian"' in line)
+    (tmp_path / "cut").mkdir()
+    (tmp_path / "cut" / "journal.jsonl").write_bytes(b"".join(lines[: batch + 3]))
+    resumed = run_toy(tmp_path / "cut", **short)
+    events = [event for event in read_events(tmp_path / "cut") if event["event"] == "trial"]
+    assert sorted(event["index"] for event in events) == list(range(len(whole.trials)))
+    assert [trial.candidate for trial in resumed.trials] == [trial.candidate for trial in whole.trials]
