@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -103,6 +104,31 @@ class Journal:
                 self.path.unlink()
                 self.path.parent.rmdir()
         self._file.close()
+
+
+@dataclass(frozen=True)
+class OpenJournal:
+    """The journal of a run or a discovery that is under way."""
+
+    file: Journal  # Open for writing.
+    earlier: list[dict[str, Any]]  # Events from before it was stopped; none of a new one.
+
+
+@contextmanager
+def opened(folder: Path, simulation: str) -> Iterator[OpenJournal]:
+    """The journal in a folder; ``simulation`` is the kind of event that holds one."""
+    file = Journal(folder)
+    earlier: list[dict[str, Any]] = []
+    try:
+        earlier += list(read_events(folder))
+        yield OpenJournal(file, earlier)
+    except BsaError:
+        # Refused before its first simulation: what is left must not block the folder for the mended command.
+        if not earlier and not any(event["event"] == simulation for event in read_events(folder)):
+            file.clear()
+        raise
+    finally:
+        file.close()
 
 
 def check_run_folder(folder: Path) -> None:

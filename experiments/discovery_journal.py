@@ -5,27 +5,19 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..core import journal
 from ..core.discovery.recorded import SIMULATION
 from ..core.errors import BsaError
 from ..core.files import file_error
-from ..core.journal import FILE_NAME, FORMAT, Journal, read_events
+from ..core.journal import FILE_NAME, FORMAT, Journal, OpenJournal, read_events
 from ..core.shape import decoding, shaped
 from .discovery_case import DiscoverOptions
 from .run import versions
 
 KIND = "discovery"
-
-
-@dataclass(frozen=True)
-class OpenJournal:
-    """The journal of a discovery that is under way."""
-
-    file: Journal  # Open for writing.
-    earlier: list[dict[str, Any]]  # Events from before the discovery was stopped; none of a new one.
 
 
 @contextmanager
@@ -35,19 +27,9 @@ def opened(options: DiscoverOptions) -> Iterator[OpenJournal]:
     Raises `BsaError` if a record cannot be read, or the folder holds anything else.
     """
     asked = {"options": _dumped(options), "records": _digests(options)}
-    file = Journal(options.out)
-    earlier: list[dict[str, Any]] = []
-    try:
-        earlier = list(read_events(options.out))
-        _begin(file, earlier, asked)
-        yield OpenJournal(file, earlier)
-    except BsaError:
-        # Refused before its first simulation: what is left must not block the folder for the mended command.
-        if not earlier and not any(event["event"] == SIMULATION for event in read_events(options.out)):
-            file.clear()
-        raise
-    finally:
-        file.close()
+    with journal.opened(options.out, SIMULATION) as found:
+        _begin(found.file, found.earlier, asked)
+        yield found
 
 
 def _begin(file: Journal, earlier: list[dict[str, Any]], asked: Mapping[str, Any]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
+from contextlib import closing
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -14,7 +15,7 @@ from ..core.errors import BsaError
 from ..core.files import write_json, write_text
 from ..core.hooks import RunContext
 from ..core.identifiability import is_structured
-from ..core.journal import FILE_NAME, FORMAT, Journal, check_calibration, read_events
+from ..core.journal import FILE_NAME, FORMAT, Journal, check_calibration, opened, read_events
 from ..core.loop import Listener, Run, RunResult
 from ..core.messages import Backend
 from ..core.metrics import Metrics, errors_of
@@ -89,10 +90,8 @@ def execute_run(
     """
     resources = resources or Resources()
     config = config.model_copy(update={"scaffold": config.scaffold.made_for(task.simulator)})
-    journal = Journal(folder)
-    earlier: list[dict[str, Any]] = []
-    try:
-        earlier = list(read_events(folder))
+    with closing(backend), opened(folder, "trial") as book:
+        journal, earlier = book.file, book.earlier
         if any(event["event"] == "trial" for event in earlier):
             read_run(folder)  # What does not read must be refused before more is written behind it.
         _open_chapter(journal, earlier, task, config)
@@ -106,8 +105,7 @@ def execute_run(
             if listener:
                 listener.noted(text)
 
-        plugins = RunPlugins(config.scaffold, context, installed(), note)
-        try:
+        with closing(RunPlugins(config.scaffold, context, installed(), note)) as plugins:
             if listener:
                 for text in (*task.notes, *journal.warnings):
                     listener.noted(text)
@@ -120,16 +118,6 @@ def execute_run(
             write_results(folder, task, config, backend.name, result)
             for name, content in plugins.export(result.best.candidate).items():
                 write_text(folder / name, content)
-        finally:
-            plugins.close()
-    except BsaError:
-        # Refused before its first simulation: what is left must not block the folder for the mended command.
-        if not earlier and not any(event["event"] == "trial" for event in read_events(folder)):
-            journal.clear()
-        raise
-    finally:
-        journal.close()
-        backend.close()
     if report:
         from .report import build_report
 
