@@ -53,5 +53,5 @@ def test_options_stand_in_their_groups_and_no_word_is_broken(words: str) -> None
 
 def test_the_blind_cases_have_a_command_for_each_step() -> None:
     assert {name for name in COMMANDS if name.startswith("bench discovery")} == {
-        f"bench discovery {step}" for step in ("make", "run", "score", "shortlist")
+        f"bench discovery {step}" for step in ("make", "run", "score", "sensitivity", "shortlist")
     }
