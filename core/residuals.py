@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -28,8 +29,8 @@ _DRIVEN_POINTS = 40
 """Points of a signal in a step under a measured drive, where steps are few and long."""
 
 _AVERAGED = 10
-"""Points that each of a driven step's residuals averages: a cell that is empty for the last seconds of an hour, volts
-off, would fall between forty points."""
+"""Points that each of a driven step's residuals averages at least; where the record has more samples, as many as these:
+a cell that is empty, volts off, for the last half minute of a day would fall between fewer."""
 
 _OSCILLATING_POINTS = 200
 """Points at least of a signal that swings within a step: ten for each of twenty periods."""
@@ -214,7 +215,7 @@ def _driven(task: Task, pairs: list[StepPair], experiment: Experiment) -> list[F
         for signal in task.compared(pair.step.kind, experiment):
             points = _points(signal, _DRIVEN_POINTS)
             # A swing would average out. Midpoints: the ends of a step are where two records agree least on the clock.
-            averaged = 1 if signal.oscillates else _AVERAGED
+            averaged = 1 if signal.oscillates else max(_AVERAGED, math.ceil(len(pair.measured) / points))
             fractions = (np.arange(averaged * points) + 0.5) / (averaged * points)
             mismatch = _mismatch(task, pair, signal, experiment, fractions)
             curves.append(weight * mismatch.reshape(points, averaged).mean(axis=1))

@@ -204,6 +204,7 @@ class CellChoice:
     model: str | None = None
     options: Mapping[str, Any] = field(default_factory=dict)  # PyBaMM's model options.
     search: str | Mapping[str, Any] | None = None
+    ocp: str = ""  # Whose open-circuit potentials: "nearest", a set, or NEGATIVE/POSITIVE; empty for the set's own.
     scale: bool = True  # Whether the electrode area is scaled to the records' capacity.
     # Folder of a run that this one begins from: its parameters, model, options and search stand where nothing else is
     # said.
@@ -224,6 +225,7 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
         "records": requests,
         "held_out": records.held_out_requests(),
         "scale_to_capacity": cell.scale,
+        "ocp": cell.ocp,
         "search": cell.search or ("life" if records.lives else "cell"),
     }
     if cell.start_from is not None:

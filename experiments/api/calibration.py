@@ -46,6 +46,7 @@ def calibrate(
     model: str | None = None,
     options: Mapping[str, Any] | None = None,
     search: str | Mapping[str, Any] | None = None,
+    ocp: str = "",
     scale: bool = True,
     as_protocol: bool = False,
     life: bool = False,
@@ -99,6 +100,10 @@ def calibrate(
     search : str or mapping, optional
         What is searched: a preset, a YAML file, or parameters with bounds as such a file has them; by default
         ``"cell"``, of a life ``"life"``.
+    ocp : str
+        Whose open-circuit potentials to start from: ``"nearest"`` of the installed sets to the records' slow charge or
+        discharge, a set, or two with a slash between them for the negative and the positive electrode; by default
+        those of ``parameters``.
     scale : bool
         Whether the electrode area is scaled to the records' capacity.
     as_protocol : bool
@@ -171,7 +176,7 @@ def calibrate(
                 sources, held, read, reader, reader_option or {}, given_socs(initial_soc), as_protocol, life, fit_cycles
             ),
             CellChoice(
-                parameters, model, options or {}, search, scale, None if start_from is None else Path(start_from)
+                parameters, model, options or {}, search, ocp, scale, None if start_from is None else Path(start_from)
             ),
             partial(run_config, scaffold, backend, reached, budgets | dict(settings or {})),
             weight,

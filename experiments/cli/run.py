@@ -71,6 +71,7 @@ def run(
             autocompletion=completion.search_presets,
         ),
     ] = None,
+    ocp: shared.Ocp = "",
     scale: shared.Scale = True,
     as_protocol: Annotated[
         bool,
@@ -184,7 +185,7 @@ def run(
             life,
             fit_cycles,
         ),
-        CellChoice(parameters, model, key_values(options, "--options"), search, scale, start_from),
+        CellChoice(parameters, model, key_values(options, "--options"), search, ocp, scale, start_from),
         partial(run_config, scaffold, backend, reached, budgets | key_values(settings, "--set")),
         weight,
         out,

@@ -41,6 +41,15 @@ InitialSocs = Annotated[
 Join = Annotated[
     bool, records_option("--join", help="The files are of one cell: join them in the order of their dates.")
 ]
+Ocp = Annotated[
+    str,
+    model_option(
+        "--ocp",
+        metavar="WHOSE",
+        help="Whose open-circuit potentials to start from: nearest (of the installed sets, to the slow record), a set, "
+        "or NEGATIVE/POSITIVE; default: those of --parameters.",
+    ),
+]
 Scale = Annotated[bool, model_option("--scale/--no-scale", help="Scale the electrode area to the records' capacity.")]
 
 Via = Annotated[

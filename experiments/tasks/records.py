@@ -48,6 +48,10 @@ _PROMPT_S, _NEARLY_EMPTY = 10.0, 0.1
 """Latest sample after a current step that shows its resistance, s, and the share of the voltage range at whose bottom
 none does: a minute late, or at the end of a discharge, the same cells show two to ten times as much."""
 
+_NEAR_POTENTIALS_V = 0.015
+"""Misfit of a slow record up to which a set's potentials are near, V: published ones of one chemistry differ by 12 to
+16 mV."""
+
 _WARMS_K = 2.0
 """Change of a cell's temperature from which on its model is thermal, K: a smaller one may be that of the room."""
 
@@ -137,6 +141,7 @@ def build_task(
     search: str | Mapping[str, Any] = "cell",
     scale_to_capacity: bool = True,
     held_out: Sequence[RecordRequest] = (),
+    ocp: str = "",
 ) -> Task:
     """Read the records and put a task together.
 
@@ -150,6 +155,9 @@ def build_task(
         Whether the electrode area is scaled when the cell is of another size than the parameter set's.
     held_out : sequence of RecordRequest
         What is not fitted, and scored after the search.
+    ocp : str
+        Whose open-circuit potentials the cell starts with: ``"nearest"``, a set, or two with a slash between them (see
+        `chosen_potentials`); empty keeps those of the parameter set.
 
     Raises
     ------
@@ -164,6 +172,8 @@ def build_task(
     records, forecast = _divided(records)
     loaded = [_as_asked(request) for request in records]
     notes = [f"{record.name}: {note}" for record in loaded for note in record.notes]
+    parameter_set, said = _with_potentials(parameter_set, ocp, loaded)
+    notes += said
     fixed = dict(overrides or {})
     values = load(parameter_set, fixed)
     given = starts_given(search) | set(fixed)
@@ -244,6 +254,26 @@ def _divided(requests: Sequence[RecordRequest]) -> tuple[list[RecordRequest], li
         fitted += parts[:1] if lives else parts
         forecast += parts[1:] if lives else []
     return fitted, forecast
+
+
+def _with_potentials(
+    parameter_set: ParameterSource, wanted: str, records: Sequence[Record]
+) -> tuple[ParameterSource, list[str]]:
+    """The parameter set with the potentials that were asked for, and what is to be said of them."""
+    from ...plugins.pybamm.nearest_potentials import chosen_potentials, misfit_of, with_potentials
+
+    measured = [record.trajectory for record in records]
+    own_v = misfit_of(parameter_set, measured)
+    left = f"The open-circuit potentials of {parameter_set} leave {1e3 * (own_v or 0.0):.1f} mV rms of the slow record"
+    if not wanted:
+        far = own_v is not None and own_v > _NEAR_POTENTIALS_V
+        return parameter_set, [f"{left}: --ocp nearest looks for nearer ones among the installed sets."] * far
+    found = chosen_potentials(wanted, measured)
+    others = "; ".join(f"{other}: {1e3 * other.rms_v:.1f} mV" for other in found[1:4])
+    return with_potentials(parameter_set, found[0]), [
+        f"{left}, those of {found[0]} {1e3 * found[0].rms_v:.1f} mV: they are taken, and the electrodes balanced for "
+        "them." + f" The next: {others}." * bool(others)
+    ]
 
 
 def _wide_window(values: Any, records: Sequence[Record], given: Collection[str]) -> dict[str, float]:

@@ -66,6 +66,11 @@ class TaskFile(BaseModel, extra="forbid"):
     overrides: dict[str, float] = Field(
         default_factory=dict, description="Values that replace those of the set and are not searched."
     )
+    ocp: str = Field(
+        "",
+        description="Whose open-circuit potentials to start from: nearest, a set, or NEGATIVE/POSITIVE; left out, "
+        "those of the parameter set.",
+    )
     search: str | dict[str, Any] = Field(description="A preset's name, or parameters with bounds.")
     experiments: list[ExperimentEntry] = Field(min_length=1, description="The records to match.")
     held_out: list[ExperimentEntry] = Field([], description="Records that are not fitted, and scored after the search.")
@@ -104,6 +109,7 @@ def task_from(content: TaskFile, folder: Path) -> Task:
         options=content.options,
         overrides=content.overrides,
         search=content.search,
+        ocp=content.ocp,
         records=[_request(entry, folder) for entry in content.experiments],
         held_out=[_request(entry, folder) for entry in content.held_out],
     )

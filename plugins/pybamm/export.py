@@ -88,6 +88,11 @@ def parameter_values_json(cell: CellModel, change: CellChange) -> str:
     bake(values, change)
     if change.cyclable_lithium != 1.0:
         values.update(InitialState(values).concentrations(CellChange(cyclable_lithium=change.cyclable_lithium), None))
+    return as_json(values)
+
+
+def as_json(values: Any) -> str:
+    """The numbers and functions of a parameter set as JSON that ``pybamm.ParameterValues.from_json`` reads."""
     known = {name: value for name, value in values.items() if callable(value) or isinstance(value, (int, float))}
     return json.dumps(pybamm.ParameterValues(known).to_json(), default=_plain)
 

@@ -92,6 +92,14 @@ def test_a_cell_that_is_empty_for_the_last_seconds_does_not_fall_between_the_res
     assert abs(found[-1]) == pytest.approx(3000.0 * 20.0 / 90.0, rel=0.15)
 
 
+def test_nor_does_half_a_minute_of_a_day() -> None:
+    day = constant(1.0, 3.5, 86400)
+    emptied = day.changed(voltage=np.where(day.time > day.time[-1] - 30.0, 0.5, 3.5))
+    found = residuals(Task("t", CellModel("x"), space(), (Experiment("r", day),)), outcome_of(emptied))
+    assert found is not None
+    assert abs(found[-1]) == pytest.approx(3000.0 * 30.0 / (86400 / 40), rel=0.15)
+
+
 def test_a_weight_that_does_not_exist_is_refused() -> None:
     with pytest.raises(BsaError, match='"heavy"') as error:
         replace(toy_task(), weight="heavy")

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bsa.core.record import Record
+from bsa.core.target import CellChange
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.tasks.records import (
     CONTACT,
@@ -16,6 +17,8 @@ from bsa.experiments.tasks.records import (
     build_task,
 )
 from bsa.plugins.pybamm.model_options import in_pybamm_spelling
+from bsa.plugins.pybamm.parameter_sets import load
+from bsa.plugins.pybamm.state_of_charge import InitialState, equilibrium_capacity_ah
 
 SOC = "Initial state of charge"
 
@@ -172,3 +175,30 @@ def test_a_discharge_that_begins_under_load_starts_with_the_charge_that_it_gives
     assert _with_room_for(charge, 0.6, capacity_ah=2.5) == pytest.approx(0.2)
     rested = record.changed(current=np.r_[0.0, current[1:]])
     assert _with_room_for(rested, 0.6, capacity_ah=2.5) == 0.6
+
+
+def slow_discharge() -> Record:
+    """Twenty hours of the open-circuit voltage of Ecker2015 at about C/20, for a cell of 5 A.h."""
+    values = load("Ecker2015")
+    area = values["Electrode width [m]"] * values["Electrode height [m]"]
+    share = np.linspace(0.0, 0.98, 201)
+    drawn = share * equilibrium_capacity_ah("Ecker2015", {}) * 3600.0 / 96485.332 / area
+    voltage = InitialState(values).voltages(CellChange(), 0.99, drawn)
+    step = (Step(StepKind.CC_DISCHARGE, 0, 201),)
+    return Record("slow", Trajectory(np.linspace(0.0, 72000.0, 201), np.full(201, 0.25), voltage, None, step))
+
+
+def test_the_potentials_of_another_set_are_offered_and_taken_where_that_is_asked() -> None:
+    kept = task_of(slow_discharge())
+    assert kept.cell.parameter_set == "Chen2020"
+    assert any("--ocp nearest" in note for note in kept.notes)
+    taken = task_of(slow_discharge(), ocp="nearest")
+    assert str(taken.cell.parameter_set) == "Chen2020 with the potentials of Ecker2015"
+    assert any("those of Ecker2015 0." in note for note in taken.notes)
+    assert not any("--ocp" in note for note in taken.notes)
+
+
+def test_nothing_is_said_of_potentials_that_are_near_or_without_a_slow_record() -> None:
+    assert not any("open-circuit potentials" in note for note in task_of(record()).notes)
+    own = build_task("t", "Ecker2015", [RecordRequest(slow_discharge())], model="SPM")
+    assert not any("open-circuit potentials" in note for note in own.notes)

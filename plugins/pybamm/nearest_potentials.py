@@ -1,0 +1,258 @@
+"""Which published open-circuit potentials describe a cell: those of every installed set, fitted to slow records."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from itertools import product
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ...core.errors import BsaError, did_you_mean
+from ...core.reading.summary import SLOW_HOURS, SLOW_SWING_V
+from ...core.target import CellChange, ocp_name
+from ...core.task import ParameterFile, ParameterSource
+from ...core.trajectory import SECONDS_PER_HOUR, FloatArray, StepKind, Trajectory
+from .export import as_json
+from .ocp_shape import ELECTRODES, GRID, OcpCurves
+from .parameter_sets import load, pybamm, set_names
+
+_POINTS = 200
+"""Points of a slow step, at equal charges."""
+
+_COVERED = 0.5
+"""Share of a record's charge that its slow steps cross at least: less does not tell how the electrodes are balanced."""
+
+_STARTS = ((0.9, 0.03, 0.27, 0.9), (0.85, 0.02, 0.2, 0.95), (0.75, 0.01, 0.4, 0.98))
+"""Stoichiometries of a full and an empty cell from which a fit starts: negative, then positive electrode."""
+
+_LOWEST, _HIGHEST = (0.4, 5e-4, 5e-4, 0.5, 0.0), (0.9995, 0.3, 0.6, 0.9995, np.inf)
+"""Their bounds, and those of the polarisation, V: a cell uses most of both electrodes between its cut-offs."""
+
+_EVALUATIONS = 100
+"""Steps of such a fit at most: a pair that describes the cell needs twenty."""
+
+_POLARISATION_V = 0.01
+"""Half the distance of a slow charge from a slow discharge, to start with."""
+
+_NO_LITHIUM = ("Chayambuka2022",)
+"""Installed sets of sodium-ion cells: PyBaMM's sets do not say it."""
+
+_MOST = 0.95
+"""Largest volume fraction of active material."""
+
+
+@dataclass(frozen=True, eq=False)
+class SlowCurve:
+    """What a record's slow charges and discharges show of the open-circuit voltage.
+
+    Attributes
+    ----------
+    share : ndarray of shape (n,)
+        Charge drawn since the fullest point, from 0 to 1 at the emptiest.
+    voltage : ndarray of shape (n,)
+        Halfway between charge and discharge where both were measured, V.
+    charge_ah : float
+        Charge between these points.
+    polarised : int
+        1 or -1 where the voltage is that of discharges or of charges alone, 0 where it is that of both.
+    """
+
+    share: FloatArray
+    voltage: FloatArray
+    charge_ah: float
+    polarised: int
+
+
+@dataclass(frozen=True)
+class Potentials:
+    """Open-circuit potentials of two published electrodes, balanced as a measured cell shows them.
+
+    Attributes
+    ----------
+    negative, positive : str
+        The sets that they are from.
+    rms_v : float
+        What they leave of the slow record, V.
+    stoichiometry : mapping of str to tuple of float
+        Of each electrode, at the fullest and at the emptiest point of the slow record.
+    """
+
+    negative: str
+    positive: str
+    rms_v: float
+    stoichiometry: Mapping[str, tuple[float, float]]
+
+    @property
+    def sets(self) -> Mapping[str, str]:
+        """The set of each electrode."""
+        return {"Negative": self.negative, "Positive": self.positive}
+
+    def __str__(self) -> str:
+        if self.negative == self.positive:
+            return self.negative
+        return f"{self.negative} (negative) and {self.positive} (positive)"
+
+
+def slow_curve(records: Iterable[Trajectory]) -> SlowCurve | None:
+    """The slow curve of the record in which it crosses the most charge; None where none crosses enough."""
+    found = [curve for record in records if (curve := _slow_curve(record)) is not None]
+    return max(found, key=lambda curve: curve.charge_ah, default=None)
+
+
+def _slow_curve(record: Trajectory) -> SlowCurve | None:
+    drawn = record.discharge_capacity
+    measured: dict[StepKind, tuple[FloatArray, FloatArray]] = {}
+    for step in record.steps:
+        place = slice(step.start, step.stop)
+        hours = (record.time[step.stop - 1] - record.time[step.start]) / SECONDS_PER_HOUR
+        slow = hours >= SLOW_HOURS and np.ptp(record.voltage[place]) >= SLOW_SWING_V
+        if slow and step.kind in (StepKind.CC_CHARGE, StepKind.CC_DISCHARGE):
+            longest = measured.get(step.kind)
+            if longest is None or np.ptp(longest[0]) < np.ptp(drawn[place]):
+                order = np.argsort(drawn[place], kind="stable")
+                measured[step.kind] = drawn[place][order], record.voltage[place][order]
+    if not measured:
+        return None
+    first, last = (float(end([end(charge) for charge, _ in measured.values()])) for end in (np.min, np.max))
+    if last - first < _COVERED * np.ptp(drawn):
+        return None
+    at = np.linspace(first, last, _POINTS)
+    curves = {kind: np.interp(at, *curve, left=np.nan, right=np.nan) for kind, curve in measured.items()}
+    if len(curves) == 1:
+        ((kind, voltage),) = curves.items()
+        return SlowCurve(
+            (at - first) / (last - first), voltage, last - first, 1 if kind is StepKind.CC_DISCHARGE else -1
+        )
+    return SlowCurve((at - first) / (last - first), _halfway(at, *curves.values()), last - first, 0)
+
+
+def _halfway(at: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
+    """The mean of two curves; where only one is known, that one moved by half of the distance where both last were."""
+    both = np.isfinite(one) & np.isfinite(other)
+    half = 0.5 * np.interp(at, at[both], (other - one)[both])
+    return np.where(np.isfinite(one), one + half, other - half)
+
+
+def chosen_potentials(wanted: str, records: Iterable[Trajectory]) -> list[Potentials]:
+    """Published potentials, those that describe the slow records best first.
+
+    Parameters
+    ----------
+    wanted : str
+        ``"nearest"`` for the potentials of all installed sets, or the set, or two with a slash between them:
+        ``"Mohtat2020/NCA_Kim2011"`` for the negative and the positive electrode.
+    records : iterable of Trajectory
+        Measured.
+
+    Raises
+    ------
+    BsaError
+        If there is no such set, or no slow record.
+    """
+    slow = slow_curve(records)
+    if slow is None:
+        raise BsaError(
+            "no record holds a charge or discharge at C/10 or less that crosses half of its charge.",
+            "open-circuit potentials are chosen by such a record: add one, or leave --ocp out.",
+        )
+    known = {which: published_potentials(which) for which in ELECTRODES}
+    if wanted == "nearest":
+        chosen = [distinct(known[which]) for which in ELECTRODES]
+    else:
+        names = wanted.split("/")
+        for which, name in zip(ELECTRODES, (names[0], names[-1]), strict=True):
+            if name not in known[which]:
+                raise BsaError(
+                    f'"{name}" is no set with an open-circuit potential of the {which.lower()} electrode.',
+                    did_you_mean(name, known[which]) or f'choose "nearest", or of {", ".join(known[which])}.',
+                )
+        chosen = [[names[0]], [names[-1]]]
+    found = []
+    for negative, positive in product(*chosen):
+        curves = {"Negative": known["Negative"][negative], "Positive": known["Positive"][positive]}
+        found.append(Potentials(negative, positive, *_balanced(slow, curves)))
+    return sorted(found, key=lambda potentials: potentials.rms_v)
+
+
+@cache
+def published_potentials(which: str) -> Mapping[str, FloatArray]:
+    """The open-circuit potential of an electrode in every installed lithium-ion set, on `GRID`, V, by the set."""
+    found: dict[str, FloatArray] = {}
+    for name in set_names():
+        values = pybamm.ParameterValues(name)
+        if name not in _NO_LITHIUM and all(callable(values.get(ocp_name(electrode))) for electrode in ELECTRODES):
+            curve = OcpCurves(values).curve(which, CellChange())
+            if np.all(np.isfinite(curve)):
+                found[name] = curve
+    return found
+
+
+def distinct(curves: Mapping[str, FloatArray]) -> list[str]:
+    """The names of curves, each curve once."""
+    names: list[str] = []
+    for name, curve in curves.items():
+        if not any(np.allclose(curve, curves[other]) for other in names):
+            names.append(name)
+    return names
+
+
+def _balanced(slow: SlowCurve, curves: Mapping[str, FloatArray]) -> tuple[float, dict[str, tuple[float, float]]]:
+    """Root mean square misfit, V, and stoichiometries at which two potentials describe the slow steps best."""
+
+    def misfit(at: FloatArray) -> FloatArray:
+        x, y = at[0] + (at[1] - at[0]) * slow.share, at[2] + (at[3] - at[2]) * slow.share
+        shown = np.interp(y, GRID, curves["Positive"]) - np.interp(x, GRID, curves["Negative"]) - slow.polarised * at[4]
+        return np.asarray(shown - slow.voltage)
+
+    fits = [
+        least_squares(misfit, (*start, _POLARISATION_V), bounds=(_LOWEST, _HIGHEST), max_nfev=_EVALUATIONS)
+        for start in _STARTS
+    ]
+    best = min(fits, key=lambda fit: float(fit.cost))
+    full_n, empty_n, full_p, empty_p, _ = (float(value) for value in best.x)
+    rms_v = float(np.sqrt(np.mean(best.fun**2)))
+    return rms_v, {"Negative": (full_n, empty_n), "Positive": (full_p, empty_p)}
+
+
+def misfit_of(base: ParameterSource, records: Iterable[Trajectory]) -> float | None:
+    """What a set's own potentials leave of the slow records, V; None where there are none, or no potentials."""
+    slow, values = slow_curve(records), load(base)
+    if slow is None or not all(callable(values[ocp_name(which)]) for which in ELECTRODES):
+        return None
+    own = OcpCurves(values)
+    return _balanced(slow, {which: own.curve(which, CellChange()) for which in ELECTRODES})[0]
+
+
+def with_potentials(base: ParameterSource, found: Potentials) -> ParameterFile:
+    """A parameter set with other open-circuit potentials, and with electrodes balanced for them.
+
+    The volume fractions of active material get the ratio of capacities that the slow record shows, their product
+    unchanged as far as there is room; the initial concentrations are those of its fullest point. The size of the cell
+    is not touched.
+
+    Parameters
+    ----------
+    base : str or ParameterFile
+        What all else is taken from.
+    found : Potentials
+        Which ones.
+    """
+    values = load(base)
+    fractions = {which: f"{which} electrode active material volume fraction" for which in ELECTRODES}
+    larger: dict[str, float] = {}
+    for which, fraction in fractions.items():
+        highest = float(values[f"Maximum concentration in {which.lower()} electrode [mol.m-3]"])
+        full, empty = found.stoichiometry[which]
+        own = float(values[fraction]) * float(values[f"{which} electrode thickness [m]"]) * highest
+        larger[which] = 1.0 / (abs(full - empty) * own)
+        values.update({f"Initial concentration in {which.lower()} electrode [mol.m-3]": full * highest})
+        values.update({ocp_name(which): load(found.sets[which])[ocp_name(which)]})
+    mean = math.sqrt(math.prod(larger.values()))
+    wanted = {fraction: float(values[fraction]) * larger[which] / mean for which, fraction in fractions.items()}
+    room = min(1.0, _MOST / max(wanted.values()))
+    values.update({fraction: room * value for fraction, value in wanted.items()})
+    return ParameterFile(f"{base} with the potentials of {found}", "parameter-values", as_json(values))

@@ -1,0 +1,85 @@
+"""Published open-circuit potentials that describe a slow record, and cells that start from them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bsa.core.errors import BsaError
+from bsa.core.target import CellChange
+from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.plugins.pybamm.nearest_potentials import chosen_potentials, misfit_of, slow_curve, with_potentials
+from bsa.plugins.pybamm.parameter_sets import load
+from bsa.plugins.pybamm.state_of_charge import InitialState, equilibrium_capacity_ah
+
+FARADAY, HOURS, CAPACITY_AH = 96485.332, 20.0, 5.0
+
+
+def slow(parameter_set: str, polarisation_v: float, charge: bool = False) -> Trajectory:
+    """A discharge at C/20 of a set's cell at equilibrium, and a charge behind it; polarised alike."""
+    values = load(parameter_set)
+    state = InitialState(values)
+    area = values["Electrode width [m]"] * values["Electrode height [m]"]
+    capacity = equilibrium_capacity_ah(parameter_set, {})
+    time = np.linspace(0.0, 3600.0 * HOURS, 401)
+    drawn = np.linspace(0.0, 0.98 * capacity, 401)
+    voltage = state.voltages(CellChange(), 0.99, drawn * 3600.0 / FARADAY / area)
+    current = np.full(401, drawn[-1] / HOURS)
+    steps = (Step(StepKind.CC_DISCHARGE, 0, 401),)
+    if not charge:
+        return Trajectory(time, current, voltage - polarisation_v, None, steps)
+    return Trajectory(
+        np.concatenate([time, time[-1] + 1.0 + time]),
+        np.concatenate([current, -current]),
+        np.concatenate([voltage - polarisation_v, voltage[::-1] + polarisation_v]),
+        None,
+        (*steps, Step(StepKind.CC_CHARGE, 401, 802)),
+    )
+
+
+def test_the_potentials_of_the_set_that_made_the_record_are_nearest() -> None:
+    found = chosen_potentials("nearest", [slow("Ecker2015", 0.005)])
+    assert (found[0].negative, found[0].positive) == ("Ecker2015", "Ecker2015")
+    assert found[0].rms_v < 1e-3
+    assert found[1].rms_v > 3 * found[0].rms_v
+    own = misfit_of("Chen2020", [slow("Ecker2015", 0.005)])
+    assert own is not None
+    assert own > 0.015
+
+
+def test_halfway_between_charge_and_discharge_is_the_open_circuit() -> None:
+    both = slow_curve([slow("Chen2020", 0.03, charge=True)])
+    bare = slow_curve([slow("Chen2020", 0.0)])
+    assert both is not None
+    assert bare is not None
+    assert both.polarised == 0
+    assert np.max(np.abs(both.voltage - bare.voltage)[5:-5]) < 2e-3
+
+
+def test_a_set_with_other_potentials_shows_the_slow_record() -> None:
+    record = slow("Ecker2015", 0.0)
+    combined = with_potentials("Chen2020", chosen_potentials("Ecker2015", [record])[0])
+    values = load(combined)
+    state = InitialState(values)
+    scale = np.ptp(record.discharge_capacity) / equilibrium_capacity_ah(combined, {})
+    area = values["Electrode width [m]"] * values["Electrode height [m]"] * scale / 0.98
+    drawn = record.discharge_capacity * 3600.0 / FARADAY / area
+    start = state.soc_at(float(record.voltage[0]))
+    shown = state.voltages(CellChange(), start, drawn)
+    assert np.sqrt(np.mean((shown - record.voltage)[:-20] ** 2)) < 0.02
+    assert "Chen2020 with the potentials of Ecker2015" in str(combined)
+    assert values["Negative electrode thickness [m]"] == load("Chen2020")["Negative electrode thickness [m]"]
+
+
+def test_the_electrodes_can_be_of_two_sets() -> None:
+    (found,) = chosen_potentials("Mohtat2020/Ecker2015", [slow("Ecker2015", 0.0)])
+    assert str(found) == "Mohtat2020 (negative) and Ecker2015 (positive)"
+
+
+def test_an_unknown_set_and_a_record_without_a_slow_step_are_refused() -> None:
+    with pytest.raises(BsaError, match="Mohtat2002") as refused:
+        chosen_potentials("Mohtat2002", [slow("Ecker2015", 0.0)])
+    assert "Mohtat2020" in refused.value.hint
+    record = slow("Ecker2015", 0.0)
+    with pytest.raises(BsaError, match="C/10"):
+        chosen_potentials("nearest", [record.changed(time=record.time / 10.0)])
+    assert misfit_of("Chen2020", [record.changed(time=record.time / 10.0)]) is None
