@@ -56,6 +56,12 @@ class ReadOptions(BaseModel, extra="forbid", frozen=True):
         allow_inf_nan=False,
         description="Current in A for a file without a current column, in the sign convention of `current_sign`.",
     )
+    current_offset_a: float = Field(
+        default=0.0,
+        allow_inf_nan=False,
+        description="What the instrument adds to every current that is not zero, in A, positive on charge whatever the "
+        "file's sign; it is taken off.",
+    )
     where: dict[str, str] = Field(
         default={}, description='Keep only the rows in which a column has this value: {"test_id": "1"}.'
     )

@@ -19,6 +19,10 @@ LATE_S = 5.0
 FULL_V = 0.02
 """A charge that ends this near the record's upper voltage is a full one, in V."""
 
+SAME_REST_V, NOT_BACK_SHARE = 0.03, 0.05
+"""Two rest voltages as near as this, in V, belong to states of charge within some percent of each other; a net charge
+beyond this share of the record's range then has another cause."""
+
 DRIFT_CYCLES = 4
 """From so many cycles on, a net charge that drifts is told from a first cycle that began half full."""
 
@@ -44,7 +48,7 @@ def charge_notes(samples: Samples, trajectory: Trajectory) -> list[str]:
     counted = _counted(samples, drawn)
     size = float(np.ptp(drawn)) if counted is None else min(float(np.ptp(drawn)), float(np.ptp(counted)) or np.inf)
     notes = [] if counted is None else _of_counter(samples, drawn, counted, size)
-    return notes + _of_drift(trajectory)
+    return notes + _of_offset(trajectory) + _of_drift(trajectory)
 
 
 def _counted(samples: Samples, drawn: FloatArray) -> FloatArray | None:
@@ -92,6 +96,25 @@ def _of_counter(samples: Samples, drawn: FloatArray, counted: FloatArray, size: 
             f"({missed[k]:+.3g} A.h in {samples.time[k + 1] - samples.time[k]:.3g} s) after {samples.place(k)}."
         )
     return notes
+
+
+def _of_offset(trajectory: Trajectory) -> list[str]:
+    """The charge that a record does not bring back although it ends at the rest voltage where it began."""
+    first, last = trajectory.steps[0], trajectory.steps[-1]
+    if first is last or first.kind is not StepKind.REST or last.kind is not StepKind.REST:
+        return []
+    began_v, ended_v = trajectory.voltage[first.stop - 1], trajectory.voltage[last.stop - 1]
+    drawn = trajectory.discharge_capacity
+    passing = np.abs(trajectory.current) > 0.0
+    hours = float(np.sum(np.diff(trajectory.time)[passing[:-1]])) / 3600.0
+    net, size = float(drawn[-1]), float(np.ptp(drawn))
+    if abs(ended_v - began_v) > SAME_REST_V or abs(net) < NOT_BACK_SHARE * size or len(trajectory.cycles) > 1:
+        return []
+    return [
+        f"it begins at rest at {began_v:.3f} V and ends so at {ended_v:.3f} V, yet {abs(net):.3g} A.h more "
+        f"{'is drawn than charged' if net > 0 else 'is charged than drawn'} ({100 * abs(net) / size:.2g} %): an offset "
+        f"of the current of up to {1e3 * abs(net) / hours:.2g} mA would explain it (--current-offset {-net / hours:.2g})."
+    ]
 
 
 def _of_drift(trajectory: Trajectory) -> list[str]:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+
 from ..errors import BsaError
 from ..record import ReadOptions, Record
 from ..segmentation import segment
@@ -43,7 +47,7 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
     samples = with_clock(carried_on(samples, options.join))
     samples = without_glitches(samples)
     check_range(samples)
-    samples = with_sign(samples, options)
+    samples = _without_offset(with_sign(samples, options), options.current_offset_a)
     samples = with_gaps_noted(samples)
     _enough(samples)
     # `+ 0.0` turns the -0.0 of a rest into 0.0.
@@ -66,6 +70,14 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
         )
     trajectory = _selected(trajectory, options, samples.source)
     return Record(samples.source, trajectory, samples.notes, ambient)
+
+
+def _without_offset(samples: Samples, offset_a: float) -> Samples:
+    """The samples less what the instrument adds to the current wherever one passes."""
+    if offset_a == 0.0:
+        return samples
+    current = np.where(samples.current == 0.0, 0.0, samples.current + offset_a)  # positive on discharge by now
+    return replace(samples, current=current).noted(f"{1e3 * offset_a:.3g} mA are taken off the current, as was asked.")
 
 
 def _enough(samples: Samples) -> None:

@@ -34,6 +34,7 @@ def calibrate(
     unit: Mapping[str, str] | None = None,
     current_sign: str = "charge-positive",
     constant_current: float | None = None,
+    current_offset: float = 0.0,
     where: Mapping[str, Any] | None = None,
     cycles: str | int | None = None,
     sheet: str | None = None,
@@ -84,9 +85,10 @@ def calibrate(
         Records that are not fitted: the best candidate is scored on them after the search.
     initial_soc : float or sequence of float, optional
         State of charge at which all fitted records, or each, start; where it is searched too, the search starts there.
-    column, unit, current_sign, constant_current, where, cycles, sheet, reader, reader_option, temperature
-        How files and DataFrames are read; see `read_record`. Their current is positive on charge unless
-        ``current_sign`` says otherwise.
+    reader, reader_option, temperature, column, unit, where, cycles, sheet
+        How files and DataFrames are read; see `read_record`.
+    current_sign, constant_current, current_offset
+        What their current means, which is positive on charge unless ``current_sign`` says otherwise; as above.
     parameters : str
         What to start from; records need it or ``start_from``: a PyBaMM parameter set, a BPX or JSON file, or the folder
         of a run, whose calibrated cell is then the set.
@@ -156,7 +158,7 @@ def calibrate(
     else:
         if out is not None:
             check_run_folder(Path(out))
-        read = reading(column, unit, current_sign, constant_current, where, cycles, sheet, temperature)
+        read = reading(column, unit, current_sign, constant_current, current_offset, where, cycles, sheet, temperature)
         held = [source(one, read, number) for number, one in enumerate([] if holdout is None else listed(holdout), 1)]
         task = _named_task(data, parameters, ReadOptions() if held else read)
         given: Any = [] if task is not None else listed(data)  # type: ignore[arg-type]

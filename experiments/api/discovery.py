@@ -26,6 +26,7 @@ def discover(
     where: Mapping[str, Any] | None = None,
     current_sign: str = "charge-positive",
     constant_current: float | None = None,
+    current_offset: float = 0.0,
     cycles: str | int | None = None,
     sheet: str | None = None,
     reader: str | None = None,
@@ -57,8 +58,10 @@ def discover(
     data, holdout : path, pandas.DataFrame or Record, or a sequence of them
         Records to explain, and records that are predicted and never fitted. DataFrames and records are written into
         the folder ``OUT-records`` beside the discovery's, so that it can be resumed.
-    column, unit, where, current_sign, constant_current, cycles, sheet, reader, reader_option, temperature
+    reader, reader_option, temperature, column, unit, where, cycles, sheet
         How files and DataFrames are read; see `read_record`.
+    current_sign, constant_current, current_offset
+        What their current means; as above.
     parameters : str
         What to start from: a PyBaMM parameter set, a BPX or JSON file, or the folder of a run.
     model : {'DFN', 'SPMe', 'SPM'}
@@ -104,7 +107,7 @@ def discover(
         raise BsaError(f"{missing} is missing.", 'discover("RECORD.csv", parameters="Chen2020"), for example.')
     from ..discovery_case import discover_options
 
-    read = reading(column, unit, current_sign, constant_current, where, cycles, sheet, temperature)
+    read = reading(column, unit, current_sign, constant_current, current_offset, where, cycles, sheet, temperature)
     fitted = [source(one, read, number) for number, one in enumerate(listed(data), 1)]
     held = [] if holdout is None else [source(one, read, n) for n, one in enumerate(listed(holdout), len(fitted) + 1)]
     if not fitted:

@@ -23,6 +23,7 @@ READING: dict[str, Any] = {
     "unit": None,
     "current_sign": "charge-positive",
     "constant_current": None,
+    "current_offset": 0.0,
     "where": None,
     "cycles": None,
     "sheet": None,
@@ -39,6 +40,7 @@ def read_record(
     unit: Mapping[str, str] | None = None,
     current_sign: str = "charge-positive",
     constant_current: float | None = None,
+    current_offset: float = 0.0,
     where: Mapping[str, Any] | None = None,
     cycles: str | int | None = None,
     sheet: str | None = None,
@@ -62,6 +64,8 @@ def read_record(
         Sign of the current in ``data``: cyclers write it positive on charge.
     constant_current : float, optional
         Current in A where ``data`` has none, in that sign.
+    current_offset : float
+        What the instrument adds to every current that is not zero, in A, positive on charge whatever the sign.
     where : mapping, optional
         Keep only the rows with these values.
     cycles : str or int, optional
@@ -84,7 +88,7 @@ def read_record(
     BsaError
         If the data cannot be read, naming the row or column at fault.
     """
-    options = reading(column, unit, current_sign, constant_current, where, cycles, sheet, temperature)
+    options = reading(column, unit, current_sign, constant_current, current_offset, where, cycles, sheet, temperature)
     given = data if isinstance(data, list | tuple) else [data]
     files = [Path(one) for one in given if isinstance(one, str | Path)]
     if files and len(files) == len(given):
@@ -101,6 +105,7 @@ def reading(
     unit: Mapping[str, str] | None,
     current_sign: str,
     constant_current: float | None,
+    current_offset: float,
     where: Mapping[str, Any] | None,
     cycles: str | int | None,
     sheet: str | None,
@@ -114,6 +119,7 @@ def reading(
         cycles=None if cycles is None else str(cycles),
         current_sign=current_sign,
         constant_current_a=constant_current,
+        current_offset_a=current_offset,
         sheet=sheet,
         ambient_c=temperature,
     )

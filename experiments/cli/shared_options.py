@@ -122,6 +122,12 @@ class Reading:
         float | None,
         records_option(metavar="A", help="Current of a file without a current column, signed as --current-sign."),
     ] = None
+    current_offset: Annotated[
+        float,
+        records_option(
+            metavar="A", help="What the instrument adds to every current that is not zero, positive on charge."
+        ),
+    ] = 0.0
     cycles: Annotated[str | None, records_option(metavar="N-M", help='Cycles of the records to use, "1" or "2-4".')] = (
         None
     )
@@ -152,6 +158,7 @@ class Reading:
             cycles=self.cycles,
             current_sign=self.current_sign,
             constant_current_a=self.constant_current,
+            current_offset_a=self.current_offset,
             sheet=self.sheet,
             ambient_c=self.temperature,
             join=join,

@@ -22,6 +22,7 @@ class Reading(BaseModel, extra="forbid"):
         "charge-positive", description="charge-positive (as cyclers write), discharge-positive or auto."
     )
     constant_current: float | None = Field(None, description="Current of a file without a current column, A.")
+    current_offset: float = Field(0.0, description="What the instrument adds to the current, A, positive on charge.")
     where: dict[str, str] | None = Field(None, description='Keep only the rows with these values: {"test_id": "1"}.')
     cycles: str | None = Field(None, description='Cycles to use: "1" or "2-4".')
     sheet: str | None = Field(None, description="Sheet of a workbook.")

@@ -111,23 +111,21 @@ def _slow_curve(record: Trajectory) -> SlowCurve | None:
         hours = (record.time[step.stop - 1] - record.time[step.start]) / SECONDS_PER_HOUR
         slow = hours >= SLOW_HOURS and np.ptp(record.voltage[place]) >= SLOW_SWING_V
         if slow and step.kind in (StepKind.CC_CHARGE, StepKind.CC_DISCHARGE):
-            longest = measured.get(step.kind)
+            kind = StepKind(step.kind)
+            longest = measured.get(kind)
             if longest is None or np.ptp(longest[0]) < np.ptp(drawn[place]):
                 order = np.argsort(drawn[place], kind="stable")
-                measured[step.kind] = drawn[place][order], record.voltage[place][order]
+                measured[kind] = drawn[place][order], record.voltage[place][order]
     if not measured:
         return None
     first, last = (float(end([end(charge) for charge, _ in measured.values()])) for end in (np.min, np.max))
     if last - first < _COVERED * np.ptp(drawn):
         return None
     at = np.linspace(first, last, _POINTS)
-    curves = {kind: np.interp(at, *curve, left=np.nan, right=np.nan) for kind, curve in measured.items()}
-    if len(curves) == 1:
-        ((kind, voltage),) = curves.items()
-        return SlowCurve(
-            (at - first) / (last - first), voltage, last - first, 1 if kind is StepKind.CC_DISCHARGE else -1
-        )
-    return SlowCurve((at - first) / (last - first), _halfway(at, *curves.values()), last - first, 0)
+    curves = [np.interp(at, *curve, left=np.nan, right=np.nan) for curve in measured.values()]
+    polarised = 0 if len(curves) > 1 else 1 if StepKind.CC_DISCHARGE in measured else -1
+    voltage = _halfway(at, *curves) if len(curves) > 1 else curves[0]
+    return SlowCurve((at - first) / (last - first), voltage, last - first, polarised)
 
 
 def _halfway(at: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:

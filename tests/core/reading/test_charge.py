@@ -1,0 +1,33 @@
+"""What is said of a record's charge, and what is taken off its current."""
+
+import numpy as np
+import pytest
+from bsa.core.reading.checks import to_record
+from bsa.core.reading.samples import Samples
+from bsa.core.record import ReadOptions
+
+
+def there_and_back(offset_a: float) -> Samples:
+    """A discharge and a charge of 20 h between rests, as an instrument with an offset writes them (positive on charge)."""
+    time = np.arange(0.0, 44 * 3600.0, 60.0)
+    hours = time / 3600.0
+    true = np.select([(hours >= 1) & (hours < 21), (hours >= 22) & (hours < 42)], [-0.1, 0.1], 0.0)
+    drawn = -np.cumsum(true) * 60.0 / 3600.0
+    return Samples("a", time, 4.15 - 0.5 * drawn, np.where(true == 0.0, 0.0, true + offset_a))
+
+
+def test_a_charge_that_does_not_come_back_names_the_offset_that_takes_it_off() -> None:
+    (said,) = [note for note in to_record(there_and_back(-0.005), ReadOptions()).notes if "offset" in note]
+    assert "more is drawn than charged" in said
+    assert "--current-offset -0.005" in said
+    mended = to_record(there_and_back(-0.005), ReadOptions(current_offset_a=-0.005))
+    assert mended.trajectory.discharge_capacity[-1] == pytest.approx(0.0, abs=1e-9)
+    assert mended.trajectory.current[0] == 0.0
+    assert any("are taken off the current" in note for note in mended.notes)
+
+
+def test_a_sound_record_and_one_that_ends_elsewhere_say_nothing_of_an_offset() -> None:
+    assert not any("offset" in note for note in to_record(there_and_back(0.0), ReadOptions()).notes)
+    whole = there_and_back(-0.005)
+    half = whole.kept(whole.time < 21.9 * 3600.0)
+    assert not any("offset" in note for note in to_record(half, ReadOptions()).notes)
