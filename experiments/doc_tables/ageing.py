@@ -35,7 +35,8 @@ def published_lives(results: Results) -> str:
         found = {name: statistic([row[name] for row in own]).mean for name in _PAPER}
         remarks.append(
             f"* {method}: mean total MAPE {short(found['mape'])} %, charge {short(found['q_mape'])} % over {len(own)} "
-            f"tasks (the paper's better agent: {_PAPER['mape']} % and {_PAPER['q_mape']} % over five)."
+            f"runs, {max(row['simulations'] for row in own):.0f} simulations at most (the paper's better agent: "
+            f"{_PAPER['mape']} % and {_PAPER['q_mape']} % over five tasks)."
         )
     return results.framed("ageing", markdown_table(heads, lines), "\n".join(remarks))
 
