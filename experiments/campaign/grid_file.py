@@ -27,14 +27,14 @@ def _counted(numbers: list[int], what: str) -> list[int]:
 class SuiteFilter(BaseModel, extra="forbid"):
     """A part of a benchmark suite."""
 
-    suite: Literal["published", "generated", "random"] = Field(description="Which suite.")
+    suite: Literal["published", "generated", "random", "lives"] = Field(description="Which suite.")
     mode: str | None = Field(None, description="Only cases of this mode: regular, extreme, sei.")
     chemistry: str | list[str] | None = Field(None, description="Only cases on these parameter sets.")
     rates: str | list[str] | None = Field(None, description='Only these rates, charge/discharge: "1C/2C".')
     cases: int | str | list[str] | None = Field(
         None, description="How many of them (drawn evenly), or keys and patterns; all if left out."
     )
-    draw: int = Field(0, ge=0, description="Which of them a number takes; for the random suite, its seed.")
+    draw: int = Field(0, ge=0, description="Which of them a number takes; for the random suite and lives, its seed.")
     search: str | None = Field(None, description="Search-space preset; the case's own if left out.")
     starts: list[int] = Field(
         default_factory=lambda: [0],

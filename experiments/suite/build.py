@@ -11,6 +11,9 @@ from ...core.task import Task
 from .case import SuiteCase
 from .target import cell_of, experiment_of, target_of
 
+_SEARCHED = {"sei": "sei", "life": "ageing"}
+"""Search-space preset by the mode of a case."""
+
 
 def build_task(case: SuiteCase, search: str | Mapping[str, Any] | None = None) -> Task:
     """The task of a case: its base cell, its target, and generic physical bounds.
@@ -18,7 +21,7 @@ def build_task(case: SuiteCase, search: str | Mapping[str, Any] | None = None) -
     Parameters
     ----------
     search : str or mapping, optional
-        Search space, as in `resolve_space`; ``geometry`` by default, ``sei`` for the ageing cases.
+        Search space, as in `resolve_space`; ``geometry`` by default, ``sei`` or ``ageing`` for the ageing cases.
 
     Raises
     ------
@@ -37,5 +40,5 @@ def build_task(case: SuiteCase, search: str | Mapping[str, Any] | None = None) -
     notes: tuple[str, ...] = ()
     if run.failure is not None:
         notes = (f'The target itself stops in "{run.failure.step}" ({run.failure.cause}); what it reached is scored.',)
-    space = resolve_space(case.parameter_set, search or ("sei" if case.mode == "sei" else "geometry"), {}, cell.options)
+    space = resolve_space(case.parameter_set, search or _SEARCHED.get(case.mode, "geometry"), {}, cell.options)
     return Task(case.key, cell, space, (replace(experiment, target=reached),), notes)

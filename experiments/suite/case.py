@@ -35,7 +35,7 @@ class Noise:
 class SuiteCase:
     """A benchmark case; the truth in it is never shown to a proposer."""
 
-    mode: str  # How the truth was made. One of 'regular', 'extreme', 'sei', 'random'.
+    mode: str  # How the truth was made. One of 'regular', 'extreme', 'sei', 'random', 'life'.
     number: int  # Identifier within its mode.
     parameter_set: str  # The base cell, where every search starts.
     # charge_rate, discharge_rate: C-rates of the constant-current steps.
@@ -44,6 +44,12 @@ class SuiteCase:
     changes: Mapping[str, float]  # The true values of the parameters that differ from the base cell.
     cycles: int = 2  # Cycles of the protocol.
     noise: Noise = field(default_factory=Noise)  # Measurement noise of the target.
+    growth: Mapping[str, str] = field(default_factory=dict)  # Model options of what ages it, where not the paper's.
+
+    @property
+    def ages(self) -> bool:
+        """Whether it is a whole life, compared cycle by cycle."""
+        return self.mode in ("sei", "life")
 
     @property
     def key(self) -> str:
@@ -64,7 +70,7 @@ class SuiteCase:
     def options(self) -> dict[str, str]:
         """PyBaMM's model options: those under which what is hidden takes part."""
         own = next((law for name, law in _OWN_GROWTH.items() if name in self.changes), MODEL_OPTIONS["SEI"])
-        return {**MODEL_OPTIONS, "SEI": own}
+        return {**MODEL_OPTIONS, "SEI": own, **self.growth}
 
     @property
     def temperature_k(self) -> float | None:

@@ -12,10 +12,11 @@ import numpy as np
 from ...core.errors import BsaError, did_you_mean
 from .case import Noise, SuiteCase
 from .generated import generated_cases
+from .lives import life_cases
 from .published import published_cases
 from .random import random_cases
 
-SUITES = ("published", "generated", "random")
+SUITES = ("published", "generated", "random", "lives")
 
 _LEAVE_OUT_UNLESS_NAMED = "sei"
 
@@ -32,7 +33,9 @@ def load_suite(
     Parameters
     ----------
     name : str
-        ``"published"``, ``"generated"`` or ``"random"``.
+        ``"published"``, ``"generated"``, ``"random"`` or ``"lives"``.
+    seed, count : int
+        Of the random suite and of lives.
     noise : Noise, optional
         Measurement noise put on every target.
 
@@ -45,7 +48,10 @@ def load_suite(
         raise BsaError(f'there is no suite "{name}".', did_you_mean(name, SUITES) or f"suites: {', '.join(SUITES)}.")
     if name == "random":
         return random_cases(seed, count, noise)
-    cases = generated_cases() if name == "generated" else published_cases(folder)
+    if name == "lives":
+        cases = life_cases(seed, count)
+    else:
+        cases = generated_cases() if name == "generated" else published_cases(folder)
     if not noise:
         return cases
     return {key: replace(case, noise=noise) for key, case in cases.items()}

@@ -20,7 +20,7 @@ from ...core.errors import BsaError
 from ...core.files import write_json
 from ...core.parameters import Candidate
 from ...core.simulation import ExperimentRun, Outcome
-from ...core.target import CellChange
+from ...core.target import change_of, target_named
 from ...core.task import CellModel, Experiment
 from ...core.trajectory import StepKind, Trajectory
 from .case import Noise, SuiteCase, protocol
@@ -48,7 +48,6 @@ def experiment_of(case: SuiteCase, charge_rate: float | None = None, discharge_r
 
     values = load(case.parameter_set)
     nothing = np.zeros(1)
-    ages = case.mode == "sei"
     return Experiment(
         name=f"{charge_rate or case.charge_rate:g}C/{discharge_rate or case.discharge_rate:g}C",
         target=Trajectory(nothing, nothing, nothing),
@@ -59,9 +58,9 @@ def experiment_of(case: SuiteCase, charge_rate: float | None = None, discharge_r
             float(values["Lower voltage cut-off [V]"]),
             case.cycles,
         ),
-        scored_cycle=None if ages else 2,
+        scored_cycle=None if case.ages else 2,
         temperature_k=case.temperature_k,
-        detailed_cycles=kept_cycles(case.cycles) if ages else (),
+        detailed_cycles=kept_cycles(case.cycles) if case.ages else (),
     )
 
 
@@ -120,7 +119,8 @@ def _solve(cell: CellModel, experiment: Experiment, candidate: Candidate) -> Exp
 
     pybamm.set_logging_level("CRITICAL")
     resolution = Resolution(rtol=_RTOL, standard_mesh=True, least_atol=_ATOL)
-    return solve_reference(cell, experiment, CellChange(values=candidate), resolution)
+    change = change_of({name: target_named(name) for name in candidate}, candidate)
+    return solve_reference(cell, experiment, change, resolution)
 
 
 def _noisy(clean: Trajectory, noise: Noise, key: str) -> Trajectory:

@@ -78,6 +78,7 @@ def test_shipped_grids_expand(name, tmp_path, monkeypatch):
         "ageing": 5 * 3,
         "ageing-baselines": 5 * 5,
         "ageing-ablation": 5 * 7,
+        "own-lives": 20,
     }
     assert grid.name == name
     assert len(cells) == runs[name]
