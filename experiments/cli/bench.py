@@ -333,8 +333,11 @@ def models_command(
     ] = None,
     reports: Annotated[
         Path | None,
-        shared.records_option(metavar="FILE", help="Discrepancy reports to be ranked: reports.json of blind cases."),
+        shared.records_option(metavar="FILE", help="Discrepancy reports to be ranked in place of the packaged ones."),
     ] = None,
+    rankings: Annotated[
+        bool, shared.records_option("--rankings/--no-rankings", help="Whether reports are ranked at all.")
+    ] = True,
     seed: shared.Seed = 1234,
     execution: Execution,
     model: shared.LanguageModel,
@@ -344,21 +347,21 @@ def models_command(
     from dataclasses import replace
 
     from ..campaign.running import plan_campaign
-    from ..discovery_bench.reports import read_reports
+    from ..discovery_bench.reports import PACKAGED, read_reports
     from ..studies.models import CASES, card, models_grid, plan_rankings, write_card
 
     backend = _choice(model)
     chosen = replace(cases, cases=cases.cases or ",".join(CASES)).filter(seed)
-    ranked = read_reports(reports) if reports is not None else []
+    told = read_reports(reports or PACKAGED) if rankings else []
     execution.check()
     grid = models_grid(chosen, backend, scaffold, simulations, seed, warmup)
     plan = plan_campaign(grid, execution.store, out, say=say, make=not execution.dry_run)
     rows = execution.run(plan)
-    rankings = (
-        execution.run(plan_rankings(ranked, backend, seed, execution.store, plan.folder / "rankings")) if ranked else []
-    )
-    print(write_card(card(backend.use, scaffold, rows, rankings, ranked, plan.store), plan.folder))
-    finish([*rows, *rankings])
+    ranked: list[Row] = []
+    if told:
+        ranked = execution.run(plan_rankings(told, backend, seed, execution.store, plan.folder / "rankings"))
+    print(write_card(card(backend.use, scaffold, rows, ranked, told, plan.store), plan.folder))
+    finish([*rows, *ranked])
 
 
 @bench_app.command("docs")

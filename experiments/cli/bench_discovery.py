@@ -38,11 +38,16 @@ def make_command(
         int, shared.records_option(min=1, metavar="N", help="How many cases to make, the seed's first.")
     ] = 200,
     seed: shared.Seed = 2026,
+    short: Annotated[
+        bool,
+        shared.records_option("--short", help="Every effect in turn, alone, in SPMe and one or two short records."),
+    ] = False,
 ) -> None:
     """Make blind cases, with their answers sealed."""
+    from ..discovery_bench.draws import draw, draw_short
     from ..discovery_bench.making import make_cases
 
-    make_cases(folder, count, seed, print)
+    make_cases(folder, count, seed, print, draw_short if short else draw)
 
 
 @discovery_app.command("run")

@@ -40,6 +40,15 @@ SPREADS = {
 }
 """Typical logarithms by which a cell differs from its parameter set."""
 
+_SHORT = {
+    "any": ("pulses",),
+    "thermal": ("fast",),
+    "charge": ("cycle",),
+    "ambients": ("fast", "fast"),
+    "ageing": ("ageing",),
+}
+"""Records by what an effect needs to be seen; an hour or two each, but for ageing."""
+
 AMBIENTS_C = (5.0, 15.0, 25.0, 35.0, 45.0)
 
 
@@ -97,6 +106,22 @@ def draw(seed: int, number: int, attempt: int = 0) -> Draw:
     )
     protocols = _protocols({effect.records for effect in effects}, rng)
     return Draw(setting, hidden, protocols, *_conditions(effects, protocols, rng))
+
+
+def draw_short(seed: int, number: int, attempt: int = 0) -> Draw:
+    """Draw a case with one effect, one or two short records and SPMe, whose score test takes less than a minute.
+
+    The effects come in turn, so that the first cases hide each of them once.
+    """
+    rng = np.random.default_rng([seed, number, attempt, 4])
+    known = [effect for effect in EFFECTS if "SPMe" in effect.models]
+    effect = known[number % len(known)]
+    chemistry = str(rng.choice(CHEMISTRIES))
+    strength = _strength(effect, _capacity_ah(chemistry) / 5.0, rng)
+    hidden = Hidden(chemistry, "SPMe", (effect,), {effect.strength: strength}, _shifts(rng), points=25)
+    fitted = _SHORT[effect.records]
+    protocols = (*fitted, fitted[0])
+    return Draw("single", hidden, protocols, *_conditions((effect,), protocols, rng))
 
 
 @cache

@@ -22,6 +22,9 @@ from .draws import Draw, draw
 from .hidden_cell import measure
 from .protocols import protocol
 
+Drawn = Callable[[int, int, int], Draw]
+"""A case from the seed of a set, the case's number, and which attempt it is."""
+
 SEALED = "answers.sealed"
 DESCRIPTION = "case.json"
 
@@ -34,7 +37,11 @@ _DRAWS = 6
 
 
 def make_cases(
-    folder: Path, count: int = CASES, seed: int = 2026, listener: Callable[[str], None] = lambda text: None
+    folder: Path,
+    count: int = CASES,
+    seed: int = 2026,
+    listener: Callable[[str], None] = lambda text: None,
+    drawn: Drawn = draw,
 ) -> list[Path]:
     """Make the first ``count`` cases of a seed and seal the answers; cases that are there already are kept.
 
@@ -56,7 +63,7 @@ def make_cases(
         name = f"case_{number + 1:03d}"
         if name in answers:
             continue
-        answers[name] = _first_that_runs(folder / name, seed, number, listener)
+        answers[name] = _first_that_runs(folder / name, seed, number, listener, drawn)
         _seal(folder, seed, answers)
         made.append(folder / name)
         listener(f"{name} made")
@@ -77,10 +84,12 @@ def _seal(folder: Path, seed: int, answers: dict[str, Any]) -> None:
     write_text(folder / SEALED, base64.b64encode(zlib.compress(text.encode())).decode())
 
 
-def _first_that_runs(folder: Path, seed: int, number: int, listener: Callable[[str], None]) -> dict[str, Any]:
+def _first_that_runs(
+    folder: Path, seed: int, number: int, listener: Callable[[str], None], drawn: Drawn
+) -> dict[str, Any]:
     for attempt in range(_DRAWS):
         try:
-            return _make(folder, draw(seed, number, attempt), np.random.default_rng([seed, number, attempt, 3]))
+            return _make(folder, drawn(seed, number, attempt), np.random.default_rng([seed, number, attempt, 3]))
         except (pybamm.SolverError, BsaError, ValueError, IndexError) as error:
             listener(f"{folder.name}: draw {attempt + 1} failed ({type(error).__name__})")
     raise BsaError(f"{folder.name} could not be simulated in {_DRAWS} draws.", "another --seed may do.")

@@ -21,6 +21,9 @@ from ..effect_choice import effects_of
 from .results import read_results
 from .shortlists import SHORTLISTS, place_of
 
+PACKAGED = Path(__file__).parent / "packaged" / "reports.json"
+"""24 reports: those of 27 cases of ``bsa bench discovery make --short --seed 24`` that leave something."""
+
 HOW = {"named": False, "nameless": True}
 """Each report is ranked twice: with the effects' names, and with names without meaning."""
 

@@ -10,7 +10,7 @@ from bsa.core.discovery.observations import after_jumps
 from bsa.core.segmentation import segment
 from bsa.core.task import CellModel
 from bsa.experiments import discovery_bench
-from bsa.experiments.discovery_bench.draws import draw, setting_of
+from bsa.experiments.discovery_bench.draws import draw, draw_short, setting_of
 from bsa.experiments.discovery_bench.hidden_cell import Hidden, measure
 from bsa.experiments.discovery_bench.hidden_physics import EFFECTS, HiddenEffect
 from bsa.experiments.discovery_bench.making import DESCRIPTION, make_cases, unseal
@@ -86,6 +86,20 @@ def test_a_case_has_the_records_in_which_its_effect_can_be_seen():
                 assert {"thermal": "fast", "charge": "cycle"}[effect.records] in fitted
 
 
+def test_short_cases_hide_every_effect_in_turn():
+    cases = [draw_short(8, number) for number in range(44)]
+    hidden = [case.hidden.effects[0] for case in cases]
+    assert [effect.key for effect in hidden[:22]] == [effect.key for effect in EFFECTS if "SPMe" in effect.models]
+    assert hidden[22:] == hidden[:22]
+    assert {case.hidden.model for case in cases} == {"SPMe"}
+    for case, effect in zip(cases, hidden, strict=True):
+        assert len(case.protocols) <= 3
+        assert effect.records != "ambients" or np.ptp(case.ambients_c[:-1]) >= 10.0
+        assert effect.records != "ageing" or set(case.protocols) == {"ageing"}
+    strengths = [case.hidden.strengths[effect.strength] for case, effect in zip(cases, hidden, strict=True)]
+    assert strengths[22:] != strengths[:22]
+
+
 def test_six_cycles_sampled_once_a_minute_do_not_drift():
     hidden = Hidden("Mohtat2020", "SPMe", noise_v=0.0)
     record, exact = measure(hidden, [Step(0.0, 300.0), *CYCLE * 6], 0.9, 298.15, np.random.default_rng(0))
@@ -130,5 +144,7 @@ def test_cases_are_made_once_and_say_nothing(tmp_path, monkeypatch):
     assert set(unseal(tmp_path / "blind")) == {"case_001", "case_002", "case_003"}
     told = json.loads((more / DESCRIPTION).read_text())
     assert set(told) == {"parameters", "model", "records"}
+    make_cases(tmp_path / "short", 1, seed=11, drawn=draw_short)
+    assert unseal(tmp_path / "short")["case_001"]["keys"] == [EFFECTS[0].key]
     with pytest.raises(Exception, match="cases of seed 11, not 12"):
         make_cases(tmp_path / "blind", 4, seed=12)

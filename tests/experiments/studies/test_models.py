@@ -12,8 +12,9 @@ from bsa.experiments.campaign.grid_file import BackendChoice, SuiteFilter
 from bsa.experiments.campaign.running import plan_campaign, run_campaign
 from bsa.experiments.campaign.store import Store
 from bsa.experiments.campaign.task_sources import suite_cases
-from bsa.experiments.discovery_bench.reports import Report, places, ranking_cell, read_reports, write_reports
+from bsa.experiments.discovery_bench.reports import PACKAGED, Report, places, ranking_cell, read_reports, write_reports
 from bsa.experiments.discovery_bench.shortlists import SHORTLISTS
+from bsa.experiments.effect_choice import effects_of
 from bsa.experiments.studies.models import CASES, card, models_grid, plan_rankings, write_card
 from bsa.experiments.suite.case import SuiteCase
 from bsa_toy_cell import HIDDEN, toy_scaffold, toy_task
@@ -33,6 +34,16 @@ REPORT = Report(
 
 def test_the_cases_are_twelve_of_the_shipped_suite() -> None:
     assert len(suite_cases(SuiteFilter(suite="generated", cases=list(CASES)))) == len(set(CASES)) == 12
+
+
+def test_the_packaged_reports_can_be_ranked() -> None:
+    reports = read_reports(PACKAGED)
+    assert len(reports) == 24
+    assert len({report.hidden for report in reports}) > 12
+    for report in reports:
+        assert report.hidden in {effect.name for effect in effects_of(report.effects)}
+        assert report.discrepancy
+        assert set(report.by_score) <= set(report.effects)
 
 
 def test_a_report_is_ranked_with_names_and_without_and_not_asked_again(tmp_path: Path) -> None:
