@@ -113,7 +113,8 @@ def _of_offset(trajectory: Trajectory) -> list[str]:
     return [
         f"it begins at rest at {began_v:.3f} V and ends so at {ended_v:.3f} V, yet {abs(net):.3g} A.h more "
         f"{'is drawn than charged' if net > 0 else 'is charged than drawn'} ({100 * abs(net) / size:.2g} %): an offset "
-        f"of the current of up to {1e3 * abs(net) / hours:.2g} mA would explain it (--current-offset {-net / hours:.2g})."
+        f"of the current of up to {1e3 * abs(net) / hours:.2g} mA would explain it "
+        f"(--current-offset {-net / hours:.2g})."
     ]
 
 

@@ -8,7 +8,7 @@ from bsa.core.record import ReadOptions
 
 
 def there_and_back(offset_a: float) -> Samples:
-    """A discharge and a charge of 20 h between rests, as an instrument with an offset writes them (positive on charge)."""
+    """A discharge and a charge of 20 h between rests, as an instrument with an offset writes them; charge positive."""
     time = np.arange(0.0, 44 * 3600.0, 60.0)
     hours = time / 3600.0
     true = np.select([(hours >= 1) & (hours < 21), (hours >= 22) & (hours < 42)], [-0.1, 0.1], 0.0)
