@@ -106,18 +106,32 @@ def key_values(pairs: Sequence[str] | None, option: str) -> dict[str, Any]:
     return result
 
 
-def read_options(
-    columns: Mapping[str, str], units: Mapping[str, str], where: Mapping[str, str], cycles: str | None, **others: Any
+def reading(
+    column: Mapping[str, str] | None = None,
+    unit: Mapping[str, str] | None = None,
+    current_sign: str = "charge-positive",
+    constant_current: float | None = None,
+    current_offset: float = 0.0,
+    where: Mapping[str, Any] | None = None,
+    cycles: str | int | None = None,
+    sheet: str | None = None,
+    temperature: float | None = None,
+    join: bool = False,
 ) -> ReadOptions:
-    """What a person says about a file. Raises `BsaError` if an option is not valid."""
+    """What a person says about files. Raises `BsaError` if an option is not valid."""
     from .tasks.records import parse_cycles
 
     content: dict[str, Any] = {
-        "columns": dict(columns),
-        "units": dict(units),
-        "where": dict(where),
-        "cycles": None if cycles is None else parse_cycles(cycles),
-        **others,
+        "columns": dict(column or {}),
+        "units": dict(unit or {}),
+        "where": {key: str(value) for key, value in (where or {}).items()},
+        "cycles": None if cycles is None else parse_cycles(str(cycles)),
+        "current_sign": current_sign,
+        "constant_current_a": constant_current,
+        "current_offset_a": current_offset,
+        "sheet": sheet,
+        "ambient_c": temperature,
+        "join": join,
     }
     return validated(ReadOptions, content, "the options of the record")
 

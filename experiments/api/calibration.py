@@ -18,12 +18,13 @@ from ..request import (
     Records,
     RunRequest,
     backend_options,
+    reading,
     run_config,
     run_request,
     simulation_workers,
 )
 from .calibration_result import CalibrationResult
-from .measured import Data, given_socs, listed, reading, source
+from .measured import Data, given_socs, listed, source
 
 
 def calibrate(

@@ -14,8 +14,9 @@ from ...core.files import file_error
 from ...core.metrics import errors_of, headline_of
 from ..report.page import FILE_NAME as REPORT
 from ..report.wording import number, quantity
+from ..request import reading
 from ..run_record import RunRecord, read_run
-from .measured import READING, Data, given_socs, listed, reading, source
+from .measured import READING, Data, given_socs, listed, source
 from .notebook import picture_of, render
 from .scripts import namespace_of
 
@@ -155,7 +156,7 @@ class CalibrationResult:
         unknown = sorted(set(options) - set(READING))
         if unknown:
             raise BsaError(f'there is no option "{unknown[0]}" for reading.', did_you_mean(unknown[0], READING))
-        read = reading(**{**READING, **options})
+        read = reading(**options)
         sources = [source(one, read, number) for number, one in enumerate(listed(data), 1)]
         records = Records(sources, (), read, reader, reader_option, given_socs(initial_soc))
         scored = predict_records(self.folder, records.requests(), simulation_workers(workers))

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.errors import BsaError
 from ...core.printable import shown
-from ..request import Records, backend_options, simulation_workers
+from ..request import Records, backend_options, reading, simulation_workers
 from .discovery_result import DiscoveryResult
-from .measured import Data, listed, reading, source
+from .measured import Data, listed, source
 
 if TYPE_CHECKING:
     from ..discovery_case import DiscoverOptions

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from ...core.errors import BsaError
 from ...core.printable import shown
 from ...core.record import ReadOptions, Record
-from ..request import read_options
+from ..request import reading
 
 if TYPE_CHECKING:
     import pandas
@@ -18,18 +19,8 @@ Data: TypeAlias = "str | Path | Record | pandas.DataFrame"
 """One record: a file, a DataFrame, or what `read_record` returned."""
 
 
-READING: dict[str, Any] = {
-    "column": None,
-    "unit": None,
-    "current_sign": "charge-positive",
-    "constant_current": None,
-    "current_offset": 0.0,
-    "where": None,
-    "cycles": None,
-    "sheet": None,
-    "temperature": None,
-}
-"""The options of reading a record, as they are by default."""
+READING = tuple(name for name in inspect.signature(reading).parameters if name != "join")
+"""The options of reading a record."""
 
 
 def read_record(
@@ -98,31 +89,6 @@ def read_record(
             data if isinstance(data, str | Path) else files, options, reader=reader, reader_options=reader_option or {}
         )
     return _read_frame(data, options, name or "DataFrame")
-
-
-def reading(
-    column: Mapping[str, str] | None,
-    unit: Mapping[str, str] | None,
-    current_sign: str,
-    constant_current: float | None,
-    current_offset: float,
-    where: Mapping[str, Any] | None,
-    cycles: str | int | None,
-    sheet: str | None,
-    temperature: float | None,
-) -> ReadOptions:
-    """The checked options of a record."""
-    return read_options(
-        columns=column or {},
-        units=unit or {},
-        where={key: str(value) for key, value in (where or {}).items()},
-        cycles=None if cycles is None else str(cycles),
-        current_sign=current_sign,
-        constant_current_a=constant_current,
-        current_offset_a=current_offset,
-        sheet=sheet,
-        ambient_c=temperature,
-    )
 
 
 def listed(data: Data | Sequence[Data]) -> list[Data]:

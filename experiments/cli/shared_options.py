@@ -149,19 +149,19 @@ class Reading:
 
     def options(self, join: bool = False) -> ReadOptions:
         """What a header does not say, and whether the files are of one cell."""
-        from ..request import key_texts, read_options
+        from ..request import key_texts, reading
 
-        return read_options(
-            columns=key_texts(self.column, "--column"),
-            units=key_texts(self.unit, "--unit"),
-            where=key_texts(self.where, "--where"),
-            cycles=self.cycles,
-            current_sign=self.current_sign,
-            constant_current_a=self.constant_current,
-            current_offset_a=self.current_offset,
-            sheet=self.sheet,
-            ambient_c=self.temperature,
-            join=join,
+        return reading(
+            key_texts(self.column, "--column"),
+            key_texts(self.unit, "--unit"),
+            self.current_sign,
+            self.constant_current,
+            self.current_offset,
+            key_texts(self.where, "--where"),
+            self.cycles,
+            self.sheet,
+            self.temperature,
+            join,
         )
 
     @property

@@ -28,7 +28,7 @@ from ..api.calibration_result import CalibrationResult
 from ..api.discovery_result import DiscoveryResult
 from ..discover import RESULT as DISCOVERY_RESULT
 from ..report.page import FILE_NAME as REPORT
-from ..request import CellChoice, Records, task_of_records
+from ..request import CellChoice, Records, reading, task_of_records
 from ..tasks.find import find_task
 
 Json = dict[str, Any]
@@ -137,7 +137,7 @@ def _task(data: str | list[Path], options: Mapping[str, Any], cell: Mapping[str,
     """The task of that name, or of matching records."""
     if isinstance(data, str):
         return find_task(data)
-    read = measured.reading(**{name: options[name] for name in measured.READING})
+    read = reading(**{name: options[name] for name in measured.READING})
     return task_of_records(Records(data, read=read, reader=options["reader"]), CellChoice(**cell))
 
 
