@@ -58,6 +58,9 @@ _WARMS_K = 2.0
 _GROWS_WITH_AREA = {"Cell volume [m3]": 1.0, "Cell cooling surface area [m2]": 2.0 / 3.0}
 """Powers of the electrode area with which a cell's other sizes grow, where its shape stays."""
 
+_MANY_CYCLES = 50
+"""Cycles from which on a record is more likely meant as a life: each simulation of so many takes minutes."""
+
 _SAME_SIZE = (0.8, 1.25)
 """Ratios of measured to nominal capacity that the search bridges by itself."""
 
@@ -171,7 +174,7 @@ def build_task(
 
     records, forecast = _divided(records)
     loaded = [_as_asked(request) for request in records]
-    notes = [f"{record.name}: {note}" for record in loaded for note in record.notes]
+    notes = [f"{record.name}: {note}" for record in loaded for note in (*record.notes, *_too_many_cycles(record))]
     parameter_set, said = _with_potentials(parameter_set, ocp, loaded)
     notes += said
     fixed = dict(overrides or {})
@@ -242,6 +245,13 @@ def build_task(
     signals = (*CELL.signals, TEMPERATURE) if compared else CELL.signals
     task = Task(name, cell, space, tuple(experiments), tuple(notes), signals=signals)
     return holding_out(task, (*forecast, *held_out))
+
+
+def _too_many_cycles(record: Record) -> list[str]:
+    count = len(record.trajectory.cycles)
+    if count <= _MANY_CYCLES or record.trajectory.cycle_table is not None:
+        return []
+    return [f"all {count} cycles are simulated as they were measured; --life compares their fade, in far less time."]
 
 
 def _divided(requests: Sequence[RecordRequest]) -> tuple[list[RecordRequest], list[RecordRequest]]:

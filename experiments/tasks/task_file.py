@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, model_validator
 
 from ...core.encoding import decode_task
 from ...core.errors import BsaError
@@ -53,6 +53,12 @@ class ExperimentEntry(BaseModel, extra="forbid"):
     read: ReadOptions = Field(default_factory=ReadOptions, description="What the file's header does not say.")
     reader: str | None = Field(None, description="Reader to use; left out, the one that fits.")
     reader_options: dict[str, Any] = Field(default_factory=dict, description="The reader's own options.")
+
+    @model_validator(mode="after")
+    def _divided(self) -> ExperimentEntry:
+        if self.fit_cycles is not None and (self.protocol != "recognised" or self.detailed_cycles is None):
+            raise ValueError("fit_cycles goes with protocol: recognised and detailed_cycles: auto")
+        return self
 
 
 class TaskFile(BaseModel, extra="forbid"):

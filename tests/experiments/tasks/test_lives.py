@@ -12,6 +12,7 @@ from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.request import CellChoice, Records, task_of_records
 from bsa.experiments.tasks.lives import USUAL_GROWTH, with_ageing
 from bsa.experiments.tasks.records import RecordRequest, holding_out
+from bsa.experiments.tasks.task_file import ExperimentEntry
 
 CUT_SHORT = 17
 GROWTH = "SEI solvent diffusivity [m2.s-1]"
@@ -88,6 +89,22 @@ def test_records_held_out_of_a_life_are_lives() -> None:
 def test_what_is_no_life_is_refused() -> None:
     with pytest.raises(BsaError, match="2 are alike"):
         task_of(life(2), life=True)
+
+
+def test_many_cycles_that_are_no_life_are_named() -> None:
+    def told(count: int) -> bool:
+        return any("--life" in note and f"all {count} cycles" in note for note in task_of(life(count)).notes)
+
+    assert told(60)
+    assert not told(40)
+
+
+def test_a_task_file_divides_a_recognised_life_alone() -> None:
+    entry = {"data": "x.csv", "fit_cycles": 3}
+    with pytest.raises(ValueError, match="goes with protocol: recognised"):
+        ExperimentEntry.model_validate(entry)
+    divided = ExperimentEntry.model_validate({**entry, "protocol": "recognised", "detailed_cycles": "auto"})
+    assert divided.fit_cycles == 3
 
 
 CALCE = Path(__file__).parents[4] / "shared" / "data" / "calce_cs2" / "CS2_35_all.csv.gz"
