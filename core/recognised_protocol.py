@@ -37,32 +37,18 @@ def with_switches(record: Trajectory) -> Trajectory:
 
 @dataclass(frozen=True)
 class SeenStep:
-    """A step as a record shows it.
+    """A step as a record shows it."""
 
-    Attributes
-    ----------
-    kind : StepKind
-        What was done.
-    seconds, amperes : float
-        How long, and at which current (median, positive on discharge).
-    volts, last_volts : float
-        Median voltage and the last one.
-    last_amperes : float
-        Size of the last current.
-    at_limit : bool
-        Whether it ended at the record's highest voltage, or its lowest.
-    falls : bool
-        Whether the current of a hold fell until it ended.
-    """
-
-    kind: StepKind
+    kind: StepKind  # What was done.
+    # seconds, amperes: How long, and at which current (median, positive on discharge).
     seconds: float
     amperes: float
+    # volts, last_volts: Median voltage and the last one.
     volts: float
     last_volts: float
-    last_amperes: float
-    at_limit: bool
-    falls: bool
+    last_amperes: float  # Size of the last current.
+    at_limit: bool  # Whether it ended at the record's highest voltage, or its lowest.
+    falls: bool  # Whether the current of a hold fell until it ended.
 
     def __str__(self) -> str:
         for_time = f"for {max(self.seconds, 1.0):.0f} seconds"
@@ -104,10 +90,7 @@ def voltage_limits(record: Trajectory) -> tuple[float, float]:
 def seen_steps(record: Trajectory, limits: tuple[float, float], name: str) -> list[SeenStep]:
     """The steps of a record that begin where the one before ended.
 
-    Raises
-    ------
-    BsaError
-        If a step is none that a protocol has, such as a drive cycle.
+    Raises `BsaError` if a step is none that a protocol has, such as a drive cycle.
     """
     return [_seen(piece, step, limits, name) for step, piece in record.pieces()]
 

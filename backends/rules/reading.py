@@ -38,24 +38,13 @@ _LARGEST_FACTOR = 1e3
 
 @dataclass(frozen=True)
 class PastTrial:
-    """An earlier trial.
+    """An earlier trial."""
 
-    Attributes
-    ----------
-    index : int
-        Its number.
-    steps : tuple of float
-        Its values in typical steps above the present ones, in the order of the searched parameters.
-    numbers : mapping of str to float
-        Its features or residuals, where they are told.
-    asked_by : str
-        Who asked for it.
-    """
-
-    index: int
+    index: int  # Its number.
+    # Its values in typical steps above the present ones, in the order of the searched parameters.
     steps: tuple[float, ...]
-    numbers: Mapping[str, float]
-    asked_by: str = ""
+    numbers: Mapping[str, float]  # Its features or residuals, where they are told.
+    asked_by: str = ""  # Who asked for it.
 
 
 @dataclass(frozen=True)
@@ -69,48 +58,22 @@ class DomainRule:
 
 @dataclass(frozen=True)
 class Prompt:
-    """What the prompt says, by section.
+    """What the prompt says, by section."""
 
-    Attributes
-    ----------
-    parameters : dict of str to float
-        The searched parameters and their present values.
-    steps : dict of str to str
-        A change of each parameter that is worth trying, ``"*1.1"`` or ``"+0.03"``.
-    features : dict of str to float
-        The numbers that are to become zero: features, or residuals where there are no others.
-    tolerances : dict of str to float
-        The size of a mismatch that counts as one, by feature.
-    attempt : tuple of float
-        The latest attempt where it was no better, in typical steps from the present values; empty if there is none.
-    sensitivities : Sensitivities
-        What each parameter does to each feature; empty without memory.
-    trials : tuple of PastTrial
-        Empty without memory.
-    rules : tuple of DomainRule
-        Empty without priors.
-    bounds : dict of str to (float, float)
-        Of the parameters, where they are told.
-    numerics : Numerics
-        Where the fit stands that runs beside the agent.
-    present : int
-        Number of the present trial.
-    simulations_left : int
-        How many more there may be.
-    """
-
-    parameters: dict[str, float]
-    steps: dict[str, str]
-    features: dict[str, float]
-    tolerances: dict[str, float] = field(default_factory=dict)
+    parameters: dict[str, float]  # The searched parameters and their present values.
+    steps: dict[str, str]  # A change of each parameter that is worth trying, ``"*1.1"`` or ``"+0.03"``.
+    features: dict[str, float]  # The numbers that are to become zero: features, or residuals where there are no others.
+    tolerances: dict[str, float] = field(default_factory=dict)  # The size of a mismatch that counts as one, by feature.
+    # The latest attempt where it was no better, in typical steps from the present values; empty if there is none.
     attempt: tuple[float, ...] = ()
+    # What each parameter does to each feature; empty without memory.
     sensitivities: Sensitivities = field(default_factory=lambda: Sensitivities({}))
-    trials: tuple[PastTrial, ...] = ()
-    rules: tuple[DomainRule, ...] = ()
-    bounds: dict[str, tuple[float, float]] = field(default_factory=dict)
-    numerics: Numerics = field(default_factory=Numerics)
-    present: int = 0
-    simulations_left: int = 0
+    trials: tuple[PastTrial, ...] = ()  # Empty without memory.
+    rules: tuple[DomainRule, ...] = ()  # Empty without priors.
+    bounds: dict[str, tuple[float, float]] = field(default_factory=dict)  # Of the parameters, where they are told.
+    numerics: Numerics = field(default_factory=Numerics)  # Where the fit stands that runs beside the agent.
+    present: int = 0  # Number of the present trial.
+    simulations_left: int = 0  # How many more there may be.
 
 
 def read_prompt(messages: Sequence[Message]) -> Prompt:

@@ -18,8 +18,6 @@ def long_record(whole: Trajectory, wanted: Sequence[int] | None = None) -> Traje
 
     Parameters
     ----------
-    whole : Trajectory
-        All cycles, cut into steps.
     wanted : sequence of int, optional
         The cycles whose curves are kept; left out, the first, the last, the bends of the fade, and some between.
 
@@ -39,10 +37,7 @@ def measured_table(whole: Trajectory, numbers: Collection[int]) -> CycleTable:
     A cycler's first sample of a step may be late. The charge is that from the switch on; a resistance is told only
     where the sample is prompt.
 
-    Raises
-    ------
-    BsaError
-        If none of the cycles has a discharge.
+    Raises `BsaError` if none of the cycles has a discharge.
     """
     lines = []
     for number in numbers:
@@ -58,9 +53,6 @@ def measured_table(whole: Trajectory, numbers: Collection[int]) -> CycleTable:
 def with_curves(whole: Trajectory, table: CycleTable, kept: Sequence[int]) -> Trajectory:
     """The curves of some cycles, each step from its switch on, with a cycle table.
 
-    Raises
-    ------
-    BsaError
-        If one of the cycles does not exist.
+    Raises `BsaError` if one of the cycles does not exist.
     """
     return replace(in_sequence([(number, with_switches(whole.cycle(number))) for number in kept]), cycle_table=table)

@@ -23,18 +23,10 @@ _AROUND = 15
 
 @dataclass(frozen=True)
 class TypicalCycle:
-    """The cycle that a life repeats.
+    """The cycle that a life repeats."""
 
-    Attributes
-    ----------
-    steps : tuple of str
-        As PyBaMM step strings.
-    numbers : tuple of int
-        The cycles that have these steps.
-    """
-
-    steps: tuple[str, ...]
-    numbers: tuple[int, ...]
+    steps: tuple[str, ...]  # As PyBaMM step strings.
+    numbers: tuple[int, ...]  # The cycles that have these steps.
 
 
 def typical_cycle(whole: Trajectory, name: str) -> TypicalCycle:

@@ -44,10 +44,7 @@ def as_life(request: RecordRequest, record: Record) -> list[RecordRequest]:
     Every cycle is simulated as the record's most frequent one. Cycles of other steps, and those that were cut short,
     are not compared.
 
-    Raises
-    ------
-    BsaError
-        If too few cycles are alike, or none is left to be fitted.
+    Raises `BsaError` if too few cycles are alike, or none is left to be fitted.
     """
     whole = record.trajectory
     cycle = typical_cycle(with_switches(whole), record.name)
