@@ -17,6 +17,15 @@ CLEAR_EVIDENCE = math.log(20.0)
 """Log odds of the true model over the base fit from which an effect counts as detectable: 20 to 1."""
 
 
+_SURFACES = {
+    "double-layer-capacitance": ("Negative", "Positive"),
+    "sei-growth": ("Negative",),
+    "lithium-plating": ("Negative",),
+}
+"""Effects whose strength acts on each square metre of particle surface, and in which electrodes. A discovery fits no
+radius: a smaller one, which has more surface, is a larger strength to it."""
+
+
 @dataclass(frozen=True)
 class Graded:
     """One case with its grade."""
@@ -112,7 +121,10 @@ def _evidence(row: Result, answer: Result) -> float | None:
 
 
 def _strengths(row: Result, answer: Result) -> list[tuple[float, float, float, tuple[float, float]]]:
-    """Truth, null value, fitted value and interval of each hidden strength, where the variant is right, too."""
+    """Truth, null value, fitted value and interval of each hidden strength, where the variant is right, too.
+
+    The truth is the strength at the set's own radii, see `_SURFACES`; where there is no single one, it is left out.
+    """
     found = []
     true = dict(answer["strengths"].values())
     for effect in row["effects"]:
@@ -120,9 +132,11 @@ def _strengths(row: Result, answer: Result) -> list[tuple[float, float, float, t
         unit = f" [{parameter['unit']}]" if parameter["unit"] else ""
         name = f"{effect['name']}: {parameter['name']}{unit}"
         variant = f" ({effect['variant']})" if effect.get("variant") else ""
-        if name in true and f"{effect['name']}{variant}" in answer["strengths"]:
+        electrodes = _SURFACES.get(effect["name"], ())
+        radii = {answer["shifts"].get(f"{which} particle radius [m]", 1.0) for which in electrodes} or {1.0}
+        if len(radii) == 1 and name in true and f"{effect['name']}{variant}" in answer["strengths"]:
             low, high = parameter["ci95"]
-            found.append((true[name], parameter["null"], parameter["value"], (low, high)))
+            found.append((true[name] / radii.pop(), parameter["null"], parameter["value"], (low, high)))
     return found
 
 

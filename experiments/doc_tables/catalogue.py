@@ -36,6 +36,7 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "discovery-blind-cases": discovery.each_blind_case,
     "discovery": discovery.earlier_cases,
     "discovery-cases": discovery.each_earlier_case,
+    "discovery-time": discovery.time_taken,
     "discovery-sensitivity": discovery.sensitivity,
     "discovery-shortlists": discovery.shortlists,
     "measured-cells": discovery.measured_cells,

@@ -49,6 +49,22 @@ def sensitivity(results: Results) -> str:
     return results.framed(name, sensitivity_table(results.rows(name)))
 
 
+def time_taken(results: Results) -> str:
+    """What one discovery costs, by the base model and the version."""
+    lines = [
+        [
+            row["model"],
+            row["version"],
+            f"{row['processor_s']:.0f}",
+            f"{row['solves']:.0f}",
+            f"{row['strength_mohm']:.1f}",
+        ]
+        for row in results.rows("discovery_time")
+    ]
+    heads = ["base model", "version", "processor s", "single-record solves", "contact resistance / mohm"]
+    return results.framed("discovery_time", markdown_table(heads, lines, 2))
+
+
 def shortlists(results: Results) -> str:
     """How high each ranking has the hidden effect."""
     return results.framed("discovery_shortlists", shortlist_table(results.rows("discovery_shortlists")).rstrip())

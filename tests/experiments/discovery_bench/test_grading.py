@@ -30,6 +30,7 @@ def answer(effects=(), outside="", setting="strong", model="SPMe", chi2=300.0):
         "model": model,
         "truth_chi2": chi2,
         "averages": 300,
+        "shifts": {},
     }
 
 
@@ -225,3 +226,24 @@ def test_answers_and_results_of_different_cases_are_refused(tmp_path):
     write(tmp_path, {"case_02": answer([R])}, [row("case_01", "effect-found", [R])])
     with pytest.raises(BsaError, match="case that it has not: 'case_01'"):
         grade_cases(tmp_path, "discovery")
+
+
+@pytest.mark.parametrize(
+    ("shifts", "error"),
+    [
+        ({}, 0.25),
+        ({"Negative particle radius [m]": 0.8, "Positive particle radius [m]": 0.8}, 0.0),
+        ({"Negative particle radius [m]": 0.8}, None),
+        ({"Negative electrode active material volume fraction": 0.8}, 0.25),
+    ],
+)
+def test_a_strength_on_the_particles_surface_is_compared_at_the_sets_own_radii(tmp_path, shifts, error):
+    name, words = "double-layer-capacitance", "double-layer-capacitance: capacitance [F.m-2]"
+    hidden = answer([name], setting="single") | {"strengths": {name: [words, 20.0]}, "shifts": shifts}
+    found = row("case_01", "effect-found", [name])
+    parameter = {"name": "capacitance", "unit": "F.m-2", "null": 0.0, "value": 25.0, "ci95": (24.0, 26.0)}
+    found["effects"] = [{"name": name, "parameters": [parameter]}]
+    write(tmp_path, {"case_01": hidden}, [found])
+    (graded,) = grade_cases(tmp_path, "discovery")
+    assert graded.parameter_error == (error if error is None else pytest.approx(error))
+    assert graded.covered == (None if error is None else float(error == 0.0))
