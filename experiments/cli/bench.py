@@ -360,7 +360,8 @@ def models_command(
     ranked: list[Row] = []
     if told:
         ranked = execution.run(plan_rankings(told, backend, seed, execution.store, plan.folder / "rankings"))
-    print(write_card(card(backend.use, scaffold, rows, ranked, told, plan.store), plan.folder))
+    found = card(backend.use, scaffold, simulations, rows, ranked, told, plan.store)
+    print(write_card(found, plan.folder))
     finish([*rows, *ranked])
 
 

@@ -42,6 +42,7 @@ class Card:
     """What one backend did."""
 
     backend: str  # Its name.
+    simulations: int  # How many a calibration has at most.
     tasks: int  # Tasks that were calibrated to the end.
     # error_pct, rules_pct, hybrid_pct: Geometric mean of the total MAPE in percent, by the scaffold with this backend,
     # with ``rules``, and by the hybrid with ``rules``, over the same tasks.
@@ -94,15 +95,15 @@ def plan_rankings(
 
 
 def card(
-    backend: str, scaffold: str, rows: Sequence[Row], rankings: Sequence[Row], reports: Sequence[Report], store: Store
+    backend: str,
+    scaffold: str,
+    simulations: int,
+    rows: Sequence[Row],
+    rankings: Sequence[Row],
+    reports: Sequence[Report],
+    store: Store,
 ) -> Card:
-    """The card of a backend.
-
-    Parameters
-    ----------
-    backend, scaffold : str
-        Whose it is, and the scaffold of its calibrations.
-    """
+    """The card of a backend, from the rows of `models_grid` and of its rankings."""
     done = with_results(rows)
     own = _by_task(done, scaffold=scaffold, backend=backend)
     rules = _by_task(done, scaffold=scaffold, backend="rules")
@@ -118,6 +119,7 @@ def card(
     error, with_rules, with_hybrid = (_geometric([found[t]["mape"] for t in common]) for found in (own, rules, hybrid))
     return Card(
         backend=backend,
+        simulations=simulations,
         tasks=len(common),
         error_pct=error,
         rules_pct=with_rules,
@@ -168,6 +170,7 @@ def cards_table(rows: Sequence[Mapping[str, Any]]) -> str:
     """A column a backend."""
     lines = [
         ["tasks", *(f"{row['tasks']:.0f}" for row in rows)],
+        ["simulations a task", *(f"{row['simulations']:.0f}" for row in rows)],
         ["error / %", *(short(row["error_pct"]) for row in rows)],
         ["`rules` on the same tasks / %", *(short(row["rules_pct"]) for row in rows)],
         ["hybrid with `rules` / %", *(short(row["hybrid_pct"]) for row in rows)],
@@ -187,4 +190,4 @@ def cards_table(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _places(row: Mapping[str, Any], how: str) -> str:
-    return ", ".join(str(row[f"{how}_{k}"]) for k in _AMONG) if row["reports"] else "–"
+    return ", ".join(f"{row[f'{how}_{k}']:.0f}" for k in _AMONG) if row["reports"] else "–"
