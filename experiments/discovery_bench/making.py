@@ -124,7 +124,9 @@ def _make(folder: Path, case: Draw, rng: np.random.Generator) -> dict[str, Any]:
     for place, (name, ambient_c, soc) in enumerate(conditions, start=1):
         record, exact = measure(hidden, protocol(name, *limits, rng), soc, ambient_c + 273.15, rng)
         held = place == len(case.protocols)
-        cut = segment(record)  # a record that cannot even be cut is no test
+        cut = segment(record)  # a record that cannot even be cut, or that no reader takes, is no test
+        if record.voltage.min() < 0.0:
+            raise ValueError(f"{record.voltage.min():.3f} V is no voltage of a single cell")
         if not held:
             more, averages = _noise_cost(cut, exact, ambient_c)
             squares, count = squares + more, count + averages

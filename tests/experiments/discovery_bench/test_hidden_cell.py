@@ -148,3 +148,19 @@ def test_cases_are_made_once_and_say_nothing(tmp_path, monkeypatch):
     assert unseal(tmp_path / "short")["case_001"]["keys"] == [EFFECTS[0].key]
     with pytest.raises(Exception, match="cases of seed 11, not 12"):
         make_cases(tmp_path / "blind", 4, seed=12)
+
+
+def test_a_cell_that_no_reader_would_take_is_drawn_again(tmp_path, monkeypatch):
+    short = [Step(0.0, 100.0), Step(1.0, 300.0), Step(0.0, 300.0)]
+    monkeypatch.setattr("bsa.experiments.discovery_bench.making.protocol", lambda *drawn: short)
+    measured = []
+
+    def reversed_at_first(*arguments):
+        record, exact = measure(*arguments)
+        measured.append(record)
+        return (record.changed(voltage=record.voltage - 5.0) if len(measured) == 1 else record), exact
+
+    monkeypatch.setattr("bsa.experiments.discovery_bench.making.measure", reversed_at_first)
+    said: list[str] = []
+    make_cases(tmp_path / "blind", 1, seed=11, listener=said.append)
+    assert said == ["case_001: draw 1 failed (ValueError)", "case_001 made"]
