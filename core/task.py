@@ -42,6 +42,9 @@ class ParameterFile:
 Weight = Literal["uniform", "robust"]
 """How errors count: by their square, or large ones by their order of magnitude."""
 
+NEAREST = "nearest"
+"""In place of a parameter set, or of its open-circuit potentials: those that a slow record is nearest to."""
+
 ParameterSource = str | ParameterFile
 """Where base parameters come from: the name of an installed set, or a file."""
 

@@ -256,8 +256,8 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
     if cell.parameters is None:
         raise BsaError(
             "a record needs a parameter set to start from.",
-            "add --parameters Chen2020 (NMC811), Marquis2019 or Ai2020 (LCO), Prada2013 (LFP), Ecker2015 (NMC); "
-            "bsa list parameters shows all sets.",
+            "add --parameters Chen2020 (NMC811), Marquis2019 or Ai2020 (LCO), Prada2013 (LFP), Ecker2015 (NMC), or "
+            "nearest with a discharge at C/10; bsa list parameters shows all sets.",
         )
     source = parameter_source(cell.parameters)
     return build_task(parameter_set=source, model=cell.model or "DFN", options=cell.options, **asked)

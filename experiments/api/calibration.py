@@ -91,8 +91,9 @@ def calibrate(
     current_sign, constant_current, current_offset
         What their current means, which is positive on charge unless ``current_sign`` says otherwise; as above.
     parameters : str
-        What to start from; records need it or ``start_from``: a PyBaMM parameter set, a BPX or JSON file, or the folder
-        of a run, whose calibrated cell is then the set.
+        What to start from; records need it or ``start_from``: a PyBaMM parameter set, a BPX or JSON file, the folder
+        of a run, whose calibrated cell is then the set, or ``"nearest"``: the installed set whose positive electrode a
+        slow record is nearest to.
     start_from : path, optional
         Folder of a run: begin at its best values, with its parameters, model, options and search where nothing else is
         given.

@@ -190,10 +190,12 @@ def run(
         weight,
         out,
     )
+    from ...core.task import NEAREST
+
     to_discover = ""
     if data and start_from is None and not request.task.long:
         typed = {
-            "--parameters": parameters,
+            "--parameters": request.folder if ocp or parameters == NEAREST else parameters,
             "--model": model,
             "--options": options,
             "--no-scale": not scale,

@@ -20,7 +20,7 @@ from ...core.record import ReadOptions, Record
 from ...core.registry import installed
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.target import INITIAL_SOC, InitialSoc, soc_name
-from ...core.task import CellModel, Experiment, ParameterSource, Protocol, Task
+from ...core.task import NEAREST, CellModel, Experiment, ParameterSource, Protocol, Task
 from ...core.trajectory import StepKind, Trajectory
 from .lives import as_life, with_ageing
 
@@ -151,7 +151,7 @@ def build_task(
     Parameters
     ----------
     parameter_set, model, options, overrides
-        As in `CellModel`.
+        As in `CellModel`; the set may be ``"nearest"``: that of the positive electrode among the nearest potentials.
     search : str or mapping
         Name of a preset, or parameters with bounds.
     scale_to_capacity : bool
@@ -273,17 +273,23 @@ def _with_potentials(
     from ...plugins.pybamm.nearest_potentials import chosen_potentials, misfit_of, with_potentials
 
     measured = [record.trajectory for record in records]
-    own_v = misfit_of(parameter_set, measured)
-    left = f"The open-circuit potentials of {parameter_set} leave {1e3 * (own_v or 0.0):.1f} mV rms of the slow record"
-    if not wanted:
+    words = []
+    if parameter_set != NEAREST:
+        own_v = misfit_of(parameter_set, measured)
         far = own_v is not None and own_v > _NEAR_POTENTIALS_V
-        return parameter_set, [f"{left}: --ocp nearest looks for nearer ones among the installed sets."] * far
-    found = chosen_potentials(wanted, measured)
+        words = [
+            f"The open-circuit potentials of {parameter_set} leave {1e3 * (own_v or 0.0):.1f} mV of the slow record"
+        ]
+        if not wanted:
+            return parameter_set, [f"{words[0]}: --ocp nearest looks for nearer ones among the installed sets."] * far
+    found = chosen_potentials(wanted or NEAREST, measured)
+    taken = found[0]
+    base = taken.positive if parameter_set == NEAREST else parameter_set
+    left = "" if words else "leave "
+    words.append(f"{'those' if words else 'The potentials'} of {taken} {left}{1e3 * taken.rms_v:.1f} mV")
+    said = f"{', '.join(words)}: they are taken, with electrodes balanced for them, and all else from {base}."
     others = "; ".join(f"{other}: {1e3 * other.rms_v:.1f} mV" for other in found[1:4])
-    return with_potentials(parameter_set, found[0]), [
-        f"{left}, those of {found[0]} {1e3 * found[0].rms_v:.1f} mV: they are taken, and the electrodes balanced for "
-        "them." + f" The next: {others}." * bool(others)
-    ]
+    return with_potentials(base, taken), [said + f" The next: {others}." * bool(others)]
 
 
 def _wide_window(values: Any, records: Sequence[Record], given: Collection[str]) -> dict[str, float]:

@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 from ...core.errors import BsaError, did_you_mean
 from ...core.reading.summary import SLOW_HOURS, SLOW_SWING_V
 from ...core.target import CellChange, ocp_name
-from ...core.task import ParameterFile, ParameterSource
+from ...core.task import NEAREST, ParameterFile, ParameterSource
 from ...core.trajectory import SECONDS_PER_HOUR, FloatArray, StepKind, Trajectory
 from .export import as_json
 from .ocp_shape import ELECTRODES, GRID, OcpCurves
@@ -158,7 +158,7 @@ def chosen_potentials(wanted: str, records: Iterable[Trajectory]) -> list[Potent
             "open-circuit potentials are chosen by such a record: add one, or leave --ocp out.",
         )
     known = {which: published_potentials(which) for which in ELECTRODES}
-    if wanted == "nearest":
+    if wanted == NEAREST:
         chosen = [distinct(known[which]) for which in ELECTRODES]
     else:
         names = wanted.split("/")

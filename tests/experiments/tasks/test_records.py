@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bsa.core.errors import BsaError
 from bsa.core.record import Record
 from bsa.core.target import CellChange
 from bsa.core.trajectory import Step, StepKind, Trajectory
@@ -192,10 +193,18 @@ def test_the_potentials_of_another_set_are_offered_and_taken_where_that_is_asked
     kept = task_of(slow_discharge())
     assert kept.cell.parameter_set == "Chen2020"
     assert any("--ocp nearest" in note for note in kept.notes)
-    taken = task_of(slow_discharge(), ocp="nearest")
+    taken = task_of(slow_discharge(), ocp="Ecker2015")
     assert str(taken.cell.parameter_set) == "Chen2020 with the potentials of Ecker2015"
     assert any("those of Ecker2015 0." in note for note in taken.notes)
     assert not any("--ocp" in note for note in taken.notes)
+
+
+def test_the_nearest_set_is_that_of_the_positive_electrode() -> None:
+    task = build_task("t", "nearest", [RecordRequest(slow_discharge())], model="SPM")
+    assert str(task.cell.parameter_set) == "Ecker2015 with the potentials of Ecker2015"
+    assert any("all else from Ecker2015" in note for note in task.notes)
+    with pytest.raises(BsaError, match="C/10"):
+        build_task("t", "nearest", [RecordRequest(record())], model="SPM")
 
 
 def test_nothing_is_said_of_potentials_that_are_near_or_without_a_slow_record() -> None:
