@@ -286,7 +286,8 @@ def _with_potentials(
     taken = found[0]
     base = taken.positive if parameter_set == NEAREST else parameter_set
     left = "" if words else "leave "
-    words.append(f"{'those' if words else 'The potentials'} of {taken} {left}{1e3 * taken.rms_v:.1f} mV")
+    rest = "" if words else " of the slow record"
+    words.append(f"{'those' if words else 'The potentials'} of {taken} {left}{1e3 * taken.rms_v:.1f} mV{rest}")
     said = f"{', '.join(words)}: they are taken, with electrodes balanced for them, and all else from {base}."
     others = "; ".join(f"{other}: {1e3 * other.rms_v:.1f} mV" for other in found[1:4])
     return with_potentials(base, taken), [said + f" The next: {others}." * bool(others)]

@@ -101,7 +101,7 @@ class Worker(Generic[Job, Answer]):
 
     def __init__(self, service: Service[Job, Answer], time_limit_s: float) -> None:
         self._service = service
-        self._time_limit_s = time_limit_s
+        self._time_limit_s = self._allowed_s = time_limit_s
         self._process: Any = None
         self.connection: Connection | None = None
         self.deadline = 0.0
@@ -123,7 +123,8 @@ class Worker(Generic[Job, Answer]):
         self.start()
         assert self.connection is not None
         self._started = time.monotonic()
-        self.deadline = self._started + self._time_limit_s * allowance
+        self._allowed_s = self._time_limit_s * allowance
+        self.deadline = self._started + self._allowed_s
         if not self._ready:
             self.deadline += START_LIMIT_S
         self._reported: Any = None
@@ -158,7 +159,7 @@ class Worker(Generic[Job, Answer]):
 
     def give_up(self) -> tuple[Answer]:
         """Stop a job that ran past its time limit."""
-        return self._lost(f"no result within the time limit of {self._time_limit_s:g} s")
+        return self._lost(f"no result within the time limit of {self._allowed_s:g} s")
 
     def _lost(self, cause: str) -> tuple[Answer]:
         answer = self._service.lost(cause, time.monotonic() - self._started, self._reported)

@@ -25,13 +25,18 @@ _CYCLES_IN_THE_LIMIT = 20
 """Cycles for which the time limit is meant: a cycle of the slowest parameter set takes about a second."""
 
 
+_SAMPLES_IN_THE_LIMIT = 10_000
+"""Samples of measured currents for which it is meant: of a drive cycle every sample is a change of the current."""
+
+
 class PyBaMMOptions(BaseModel, extra="forbid"):
     """How PyBaMM is run."""
 
     time_limit_s: float = Field(
         30.0,
         gt=0,
-        description="Longest time for one evaluation of up to 20 cycles, in seconds; in proportion for more.",
+        description="Longest time for one evaluation of up to 20 cycles or 10,000 samples, in seconds; in proportion "
+        "for more.",
     )
 
 
@@ -65,7 +70,9 @@ class PyBaMMSimulator:
 
     def _limit_s(self, experiments: Sequence[Experiment]) -> float:
         cycles = max(len(experiment.protocol or ()) for experiment in experiments)
-        return self._options.time_limit_s * max(1.0, cycles / _CYCLES_IN_THE_LIMIT)
+        samples = sum(len(experiment.target) for experiment in experiments if experiment.protocol is None)
+        larger = max(1.0, cycles / _CYCLES_IN_THE_LIMIT, samples / _SAMPLES_IN_THE_LIMIT)
+        return self._options.time_limit_s * larger
 
     @hookimpl
     def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
