@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,15 +103,13 @@ def _life(name: str, experiment: Experiment, simulated: _Simulated) -> Life:
     drawn = list(tables.items())
     if later is not None:
         drawn.append(("measured", later))
-    panels = [_panel("Capacity / A h", "capacity_ah", drawn, across, TOP, _CAPACITY_HEIGHT)]
-    keys = [Key(style, style) for style in tables]
     base = simulated.best or simulated.initial
-    if simulated.fade is not None and base is not None:
-        cycles = np.array(simulated.fade.cycle)
-        middle, half = base.at(cycles), np.array(simulated.fade.half_ah)
-        there = np.isfinite(middle)
-        for side in (-1.0, 1.0):
-            panels[0].draw(across, cycles[there], (middle + side * half)[there], "limit")
+    limits = [] if simulated.fade is None or base is None else _limits(base, simulated.fade)
+    panels = [_panel("Capacity / A h", "capacity_ah", drawn, across, TOP, _CAPACITY_HEIGHT, [y for _, y in limits])]
+    keys = [Key(style, style) for style in tables]
+    if limits:
+        for cycles, edge in limits:
+            panels[0].draw(across, cycles, edge, "limit")
         keys.append(Key("limit", "95 % band of a single cycle"))
     for cycle in experiment.detailed_cycles:
         height = float(measured.at(np.array([float(cycle)]))[0])
@@ -146,6 +145,14 @@ def _life(name: str, experiment: Experiment, simulated: _Simulated) -> Life:
     )
 
 
+def _limits(base: CycleTable, fade: FadeBand) -> list[tuple[FloatArray, FloatArray]]:
+    """The lower and the upper edge of the band about a simulated fade: cycles and capacities."""
+    cycles = np.array(fade.cycle)
+    middle, half = base.at(cycles), np.array(fade.half_ah)
+    there = np.isfinite(middle)
+    return [(cycles[there], (middle + side * half)[there]) for side in (-1.0, 1.0)]
+
+
 def _not_fitted(measured: CycleTable, later: CycleTable | None, across: Axis) -> list[Band]:
     if later is None:
         return []
@@ -159,10 +166,16 @@ def _table(trial: Trial, place: int) -> CycleTable | None:
 
 
 def _panel(
-    label: str, column: str, tables: list[tuple[str, CycleTable]], across: Axis, top: float, height: float
+    label: str,
+    column: str,
+    tables: list[tuple[str, CycleTable]],
+    across: Axis,
+    top: float,
+    height: float,
+    beside: Sequence[FloatArray] = (),
 ) -> Panel:
     values = [getattr(table, column) for _, table in tables]
-    known = np.concatenate([found[np.isfinite(found)] for found in values])
+    known = np.concatenate([found[np.isfinite(found)] for found in (*values, *beside)])
     axis = vertical(*padded(float(known.min()), float(known.max())), top, height)
     panel = Panel(axis, label, ticks=axis.ticks(4))
     for (style, table), found in zip(tables, values, strict=True):

@@ -105,7 +105,9 @@ def test_a_forecast_is_drawn_behind_the_fit_with_its_band(tmp_path) -> None:  # 
 def test_the_band_of_a_fit_is_drawn_about_its_best_simulation(tmp_path) -> None:  # type: ignore[no-untyped-def]
     run = run_of(tmp_path, life(200, 0.1), life(200, 0.2))
     known = Identifiability({}, (), (), 1.0, 10)
-    analysis = PostFitAnalysis(1, known, fade=(FadeBand((1.0, 200.0), (0.01, 0.02)),))
+    analysis = PostFitAnalysis(1, known, fade=(FadeBand((1.0, 200.0), (0.01, 0.15)),))
     [drawn] = lives(replace(run, analysis=PostFitAnalysis.from_json(analysis.as_json())))
     assert [line.style for line in drawn.chart.panels[0].lines].count("limit") == 2
     assert any(key.label == "95 % band of a single cycle" for key in drawn.chart.keys)
+    # The panel holds the band, whose lower edge ends at 0.9 - 0.15 A h, below all curves.
+    assert drawn.chart.panels[0].axis.low < 0.75
