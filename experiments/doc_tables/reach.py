@@ -15,8 +15,26 @@ from .results import Results
 
 
 def reach(results: Results) -> str:
-    """Published tasks and blind records, each in a sentence or two."""
-    return f"{_published(results)}\n{_discovery(results)}"
+    """Measured cells, published tasks and blind records, each in a sentence or two."""
+    return f"{_measured(results)}\n{_published(results)}\n{_discovery(results)}"
+
+
+def _measured(results: Results) -> str:
+    rows = results.rows("real_cells")
+    cells = len({row["cell"] for row in rows})
+    parts = []
+    for role, words in (("fitted", "that were fitted"), ("held out", "that no fit has seen")):
+        own = [row for row in rows if row["role"] == role]
+        whole, most = ([row[name] for row in own] for name in ("rms_mv", "rms_99_mv"))
+        parts.append(
+            f"the {len(own)} records {words}: {short(min(whole))} to {short(max(whole))} mV rms, median "
+            f"{short(float(np.median(whole)))} ({short(min(most))} to {short(max(most))} over 99 % of the time)"
+        )
+    return (
+        f"* On {cells} measured cells of public data sets, started from literature sets, voltage under the measured "
+        f"current; {'; '.join(parts)}. Cell by cell, with what is still wrong: "
+        "[docs/real-cells.md](docs/real-cells.md)."
+    )
 
 
 def _published(results: Results) -> str:

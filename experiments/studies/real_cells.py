@@ -102,7 +102,9 @@ def chosen(names: Sequence[str], study: str = MEASURED_CURRENT) -> list[TaskFile
 
 def missing(cell: TaskFile, data: Path) -> list[str]:
     """The records of a cell that are not in the folder."""
-    return [entry.data for entry in (*cell.experiments, *cell.held_out) if not (data / entry.data).is_file()]
+    return [
+        name for entry in (*cell.experiments, *cell.held_out) for name in entry.files if not (data / name).is_file()
+    ]
 
 
 def run_cell(

@@ -14,7 +14,8 @@ from ...core.errors import BsaError
 from ...core.files import file_error
 from ...core.printable import shown
 from ...core.protocol_text import read_protocol
-from ...core.record import ReadOptions
+from ...core.reading.reading import read_record
+from ...core.record import ReadOptions, Record
 from ...core.shape import decoding
 from ...core.task import Task, Weight
 from ...core.validation import validated
@@ -31,7 +32,9 @@ ZERO_CELSIUS_K = 273.15
 class ExperimentEntry(BaseModel, extra="forbid"):
     """One record and how it was made."""
 
-    data: str = Field(description="The record, relative to the task file.")
+    data: str | list[str] = Field(
+        description="The record, relative to the task file; several files of one cell are joined by their dates."
+    )
     protocol: list[list[str] | str] | Literal["recognised"] | None = Field(
         None,
         description='Cycles of PyBaMM step strings, or "200 x [step, step]"; recognised: as the record\'s steps show; '
@@ -53,6 +56,11 @@ class ExperimentEntry(BaseModel, extra="forbid"):
     read: ReadOptions = Field(default_factory=ReadOptions, description="What the file's header does not say.")
     reader: str | None = Field(None, description="Reader to use; left out, the one that fits.")
     reader_options: dict[str, Any] = Field(default_factory=dict, description="The reader's own options.")
+
+    @property
+    def files(self) -> list[str]:
+        """The names of the record's files."""
+        return [self.data] if isinstance(self.data, str) else self.data
 
     @model_validator(mode="after")
     def _divided(self) -> ExperimentEntry:
@@ -124,7 +132,7 @@ def task_from(content: TaskFile, folder: Path) -> Task:
 
 def _request(entry: ExperimentEntry, folder: Path) -> RecordRequest:
     return RecordRequest(
-        source=folder / entry.data,
+        source=_source(entry, folder),
         read=entry.read,
         reader=entry.reader,
         reader_options=entry.reader_options,
@@ -135,6 +143,14 @@ def _request(entry: ExperimentEntry, folder: Path) -> RecordRequest:
         temperature_k=None if entry.temperature_degc is None else entry.temperature_degc + ZERO_CELSIUS_K,
         initial_soc=entry.initial_soc,
     )
+
+
+def _source(entry: ExperimentEntry, folder: Path) -> Path | Record:
+    """The file, or what the files of one cell hold together."""
+    if isinstance(entry.data, str):
+        return folder / entry.data
+    files = [folder / name for name in entry.data]
+    return read_record(files, entry.read, reader=entry.reader, reader_options=entry.reader_options)
 
 
 def _read_json(path: Path) -> Any:
