@@ -1,0 +1,34 @@
+"""Task files of cells: what stands in them is what is read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from bsa.experiments.tasks.task_file import load_task_file
+
+HEAD = "Date,Time [s],Current [A],Voltage [V]\n"
+
+
+def part(path: Path, date: str, first_v: float) -> None:
+    """Twenty minutes of discharge at 2.5 A between rests, from a date on."""
+    rows = [f"{date},{60 * n},{-2.5 if 5 <= n < 25 else 0.0},{first_v - 0.01 * n:.3f}" for n in range(31)]
+    path.write_text(HEAD + "\n".join(rows) + "\n", encoding="utf-8")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    part(tmp_path / "later.csv", "2024-05-02 10:00:00", 3.6)
+    part(tmp_path / "first.csv", "2024-05-01 10:00:00", 4.0)
+    text = "name: joined\nparameter_set: Chen2020\nmodel: SPM\nsearch: geometry\n"
+    (tmp_path / "task.yaml").write_text(
+        text + "experiments: [{data: [later.csv, first.csv], initial_soc: 0.9}]\n", encoding="utf-8"
+    )
+    return tmp_path
+
+
+def test_several_files_of_one_cell_are_one_record(folder: Path) -> None:
+    (experiment,) = load_task_file(folder / "task.yaml").experiments
+    assert len(experiment.target) == 62
+    assert experiment.target.discharge_capacity[-1] == pytest.approx(2 * 2.5 / 3.0, rel=0.1)
+    assert any("joined" in note for note in load_task_file(folder / "task.yaml").notes)
