@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from scipy.constants import physical_constants
 
 from ...core.parameters import Candidate
@@ -11,6 +12,7 @@ from ...core.simulation import ExperimentRun, Outcome, SimulationFailure
 from ...core.target import CellChange
 from ...core.task import Task
 from ...core.trajectory import SECONDS_PER_HOUR
+from . import drive
 from .compiled_cell import start_of
 from .ocp_shape import keeping_ocp_falling
 from .parameter_sets import load
@@ -37,6 +39,10 @@ class EquilibriumCell:
         values = load(task.cell.parameter_set, task.cell.overrides)
         self._falling = keeping_ocp_falling(values, self._targets)
         self._state = InitialState(values)
+        widened: dict[str, float] = {}
+        drive.widen_cut_offs(widened)
+        # Beyond them an empty or overfull cell is simulated as such; published potentials reach to -100 V there.
+        self._shown_v = sorted(widened.values())
         self._area = {name: float(values[name]) for name in _AREA}
         self._drawn_mol = [
             experiment.target.discharge_capacity * SECONDS_PER_HOUR / _FARADAY for experiment in task.experiments
@@ -55,7 +61,7 @@ class EquilibriumCell:
         record = self._task.experiments[place].target
         change = self._falling(self._task.space.change(candidate))
         drawn = self._drawn_mol[place] / self._area_of(change)
-        voltage = self._state.voltages(change, self._soc(place, change), drawn)
+        voltage = np.clip(self._state.voltages(change, self._soc(place, change), drawn), *self._shown_v)
         # The measured temperature stays: nothing is said of it.
         return ExperimentRun(record.changed(record.time - record.time[0], voltage=voltage))
 
