@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from bsa.core.trajectory import Step, StepKind, Trajectory
-from bsa.plugins.pybamm.drive import current_function, pieces_of
+from bsa.plugins.pybamm.drive import CurrentFunction, current_function, one_after_another, pieces_of
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -64,3 +64,11 @@ def test_a_single_sample_at_rest_before_the_load_is_at_rest():
     drive = current_function(Trajectory(time, current, np.linspace(4.18, 2.6, len(time)), None, steps))
     np.testing.assert_allclose(np.interp(time, drive.time, drive.current), current)
     assert drive.stops[0] == 0.0
+
+
+def test_knots_a_rounding_error_apart_stay_in_order_behind_a_long_record():
+    first = CurrentFunction(np.array([0.0, 1e5]), np.array([5.0, 5.0]), np.empty(0), None)
+    close = np.array([0.0, 1.0, np.nextafter(1.0, 2.0), 2.0])
+    joined, delays = one_after_another([first, CurrentFunction(close, np.arange(4.0), np.empty(0), None)])
+    assert np.all(np.diff(joined.time) > 0)
+    assert np.interp([1.5, 2.0], joined.time - delays[1], joined.current) == pytest.approx([2.5, 3.0])
