@@ -24,7 +24,8 @@ _BETWEEN = 4
 _KNOTS = 50
 """Knots that stand for a smoothly varying current, as during a voltage hold."""
 
-_LOWEST_CUT_OFF_V, _HIGHEST_CUT_OFF_V = 0.5, 6.0
+EMPTY_V, FULL_V = 0.5, 6.0
+"""What an empty and an overfull cell show until a measured current changes, in place of the set's cut-offs."""
 
 DELAY = "Record begins later by [s]"
 """Input that says which of several records drives a cell that is compiled for all of them."""
@@ -92,7 +93,7 @@ def _parse(text: str) -> Any:
 
 def widen_cut_offs(values: Any) -> None:
     """Let a measured current run its course: a voltage event would end it before the record does."""
-    values.update({"Lower voltage cut-off [V]": _LOWEST_CUT_OFF_V, "Upper voltage cut-off [V]": _HIGHEST_CUT_OFF_V})
+    values.update({"Lower voltage cut-off [V]": EMPTY_V, "Upper voltage cut-off [V]": FULL_V})
 
 
 class _Table(pybamm.Interpolant):  # type: ignore[misc]

@@ -18,10 +18,7 @@ from ...core.target import CellChange, Target
 from ...core.task import CellModel
 from ...core.trajectory import FloatArray, Trajectory
 from .compiled_cell import PAUSE, SOLVER_ERRORS, CompiledCell, Resolution, Start, first_line
-from .drive import DELAY, JUMP_S, current_function, one_after_another
-
-_EMPTY_V, _FULL_V = 0.5, 6.0
-"""What an empty and an overfull cell show until the current changes: the widened cut-offs."""
+from .drive import DELAY, EMPTY_V, FULL_V, JUMP_S, current_function, one_after_another
 
 _NEVER = (1e12, 1e12)
 """A pause that never comes, s."""
@@ -96,7 +93,7 @@ class Curve:
 
 def within_limits(voltage: FloatArray) -> NDArray[np.bool_]:
     """Which samples show a cell that neither ran empty nor overfull."""
-    return np.asarray((voltage > _EMPTY_V) & (voltage < _FULL_V), dtype=np.bool_)
+    return np.asarray((voltage > EMPTY_V) & (voltage < FULL_V), dtype=np.bool_)
 
 
 class DrivenCell:
@@ -231,7 +228,7 @@ class DrivenCell:
             cause = ""
         voltage, kelvin = np.interp(times, clock, voltage), np.interp(times, clock, kelvin)
         for shown in pauses:
-            voltage[shown.holds(times)] = _EMPTY_V if shown.empty else _FULL_V
+            voltage[shown.holds(times)] = EMPTY_V if shown.empty else FULL_V
         return Response(voltage, kelvin, tuple(pauses), float(clock[-1]), cause)
 
     def _go_through(self, inputs: dict[str, float], times: FloatArray, parts: list[_Part], pauses: list[Pause]) -> str:

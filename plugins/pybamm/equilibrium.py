@@ -12,8 +12,8 @@ from ...core.simulation import ExperimentRun, Outcome, SimulationFailure
 from ...core.target import CellChange
 from ...core.task import Task
 from ...core.trajectory import SECONDS_PER_HOUR
-from . import drive
 from .compiled_cell import start_of
+from .drive import EMPTY_V, FULL_V
 from .ocp_shape import keeping_ocp_falling
 from .parameter_sets import load
 from .state_of_charge import InitialState
@@ -39,10 +39,6 @@ class EquilibriumCell:
         values = load(task.cell.parameter_set, task.cell.overrides)
         self._falling = keeping_ocp_falling(values, self._targets)
         self._state = InitialState(values)
-        widened: dict[str, float] = {}
-        drive.widen_cut_offs(widened)
-        # Beyond them an empty or overfull cell is simulated as such; published potentials reach to -100 V there.
-        self._shown_v = sorted(widened.values())
         self._area = {name: float(values[name]) for name in _AREA}
         self._drawn_mol = [
             experiment.target.discharge_capacity * SECONDS_PER_HOUR / _FARADAY for experiment in task.experiments
@@ -61,7 +57,8 @@ class EquilibriumCell:
         record = self._task.experiments[place].target
         change = self._falling(self._task.space.change(candidate))
         drawn = self._drawn_mol[place] / self._area_of(change)
-        voltage = np.clip(self._state.voltages(change, self._soc(place, change), drawn), *self._shown_v)
+        # Beyond these an empty or overfull cell is simulated as such; published potentials reach to -100 V there.
+        voltage = np.clip(self._state.voltages(change, self._soc(place, change), drawn), EMPTY_V, FULL_V)
         # The measured temperature stays: nothing is said of it.
         return ExperimentRun(record.changed(record.time - record.time[0], voltage=voltage))
 
