@@ -23,6 +23,10 @@ Status = Literal["infeasible", "descending", "restarting", "done"]
 PERFECT = 0.02
 """Root mean square of the residuals, in tolerances, below which nothing is worth a simulation (20 µV)."""
 
+_SAVED = 0.25
+"""Share of that to which a fit goes on from a point that saved it simulations: where below it a fit ends is chance, and
+with a better point it shall end no higher than without."""
+
 _SUSPICIOUS = 3.0
 """Root mean square, in tolerances or in standard deviations of the noise if that is more, above which an end may be a
 trap rather than a model's or a record's limits."""
@@ -51,6 +55,9 @@ _ENDINGS = {
     "misfit": "a further step is predicted to gain less than this misfit leaves uncertain",
     "no progress": "no step gains what is predicted; differences are as small as the simulator's own error",
 }
+
+_ROUNDING = 1e-9
+"""Distance in units of the box below which two points are one."""
 
 _STEPS_WORTH = 6
 """Simulations beyond a Jacobian without which a restart cannot get anywhere."""
@@ -224,23 +231,43 @@ class Descent:
         if self._restarting and self._best is not None:
             self._restarting = self._search.cost > self._best.cost
 
-    def adopt(self, trial: Trial) -> None:
-        """Go on from a better point that somebody else found, with what is believed of the derivatives."""
-        best = self.best
-        jacobian = None
-        if best is not None and best.jacobian is not None and best.residual is not None and trial.residuals is not None:
-            step = self._task.space.to_unit(trial.candidate) - best.point
-            unexplained = trial.residuals - best.residual - best.jacobian @ step
-            jacobian = best.jacobian + np.outer(unexplained, step) / max(float(step @ step), 1e-300)
-        self._best = best
+    def adopt(self, trial: Trial, trials: Sequence[Trial]) -> None:
+        """Go on from a better point that somebody else found.
+
+        Parameters
+        ----------
+        trials : sequence of Trial
+            All so far: those near it tell of the derivatives there.
+        """
+        self._best = self.best
         self._told.append(trial)
         self._feasibility = None
-        self._search = self._search_from(trial.candidate, trial.residuals, jacobian)
+        self._search = self._search_from(
+            trial.candidate, trial.residuals, self._jacobian_at(trial, trials), _SAVED * PERFECT
+        )
         self._out_of_ideas = self._restarting = False
         self._polled = []
 
+    def _jacobian_at(self, here: Trial, trials: Sequence[Trial]) -> FloatArray | None:
+        """The fit's Jacobian made to agree with the trials that are no farther away than the fit, the nearest last."""
+        best = self.best
+        if best is None or best.jacobian is None or here.residuals is None:
+            return None
+        point, jacobian = self._task.space.to_unit(here.candidate), best.jacobian.copy()
+        reach = (1.0 + _ROUNDING) * np.linalg.norm(best.point - point)
+        whole = [(trial.candidate, trial.residuals) for trial in trials if trial.reduction is None]
+        steps = [(self._task.space.to_unit(there) - point, seen) for there, seen in whole if seen is not None]
+        for step, residuals in sorted(steps, key=lambda pair: -float(np.linalg.norm(pair[0]))):
+            if _ROUNDING < np.linalg.norm(step) <= reach:
+                jacobian += np.outer(residuals - here.residuals - jacobian @ step, step) / (step @ step)
+        return jacobian
+
     def _search_from(
-        self, candidate: Candidate, residuals: FloatArray | None, jacobian: FloatArray | None = None
+        self,
+        candidate: Candidate,
+        residuals: FloatArray | None,
+        jacobian: FloatArray | None = None,
+        enough: float = PERFECT,
     ) -> LeastSquares:
         self._first_misfit = self._first_misfit or rms(residuals)
         freedom = max(len(self._noise_of_each) - len(self._task.space), 1)
@@ -250,7 +277,7 @@ class Descent:
             noise=self.noise,
             # Above the noise the misfit is all that is known of the errors: one of its own squares is one deviation.
             tolerance=1.0 / freedom,
-            enough=PERFECT,
+            enough=enough,
         )
         return LeastSquares(self._task.space.to_unit(candidate), residuals, settings, jacobian=jacobian)
 

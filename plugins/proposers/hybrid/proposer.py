@@ -2,8 +2,9 @@
 
 The main fit is the least-squares proposer's own, and at least four fifths of the simulations are its until it ends by
 itself. The agent's trials run on an account of their own, and the fit goes over to a point of the agent's only where
-its cost is clearly lower than the fit's. So an agent that finds nothing better leaves the fit as it would be alone
-with a fifth fewer simulations, and one that does saves it the way.
+its cost is clearly lower than the fit's; such a point is charged to the fit, for which it stands for a step. So an
+agent that finds nothing better leaves the fit as it would be alone with a fifth fewer simulations, and one that does
+saves it the way.
 """
 
 from __future__ import annotations
@@ -110,7 +111,10 @@ class HybridProposer:
         self._misfits.append(self._main.misfit)
         self._take_own(theirs)
         if self._agent_best is not None and _cost(self._agent_best) < _BETTER * self._main.cost:
-            self._main.adopt(self._agent_best)
+            self._main.adopt(self._agent_best, context.trials)
+            # It stands for a step of the fit, so that an agent that leads can go on.
+            self._main_spent += 1
+            self._agent_spent -= 1
         return self._main
 
     def _take_own(self, trials: Sequence[Trial]) -> None:

@@ -148,3 +148,24 @@ def test_after_a_trap_both_sides_of_every_parameter_are_tried(run_toy: RunToy) -
     found = space.to_unit(descent.base.candidate) - origin
     assert found[0] == pytest.approx(0.25, abs=0.01)
     assert found[1:] == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_point_that_is_taken_over_brings_what_the_trials_near_it_tell(run_toy: RunToy) -> None:
+    task = toy_task()
+    space = task.space
+    origin = space.to_unit(space.initial)
+    first = run_toy(task=task, scaffold=toy_scaffold("default"), warm_up=0).trials[0]
+    slopes = 50.0 * np.eye(len(origin)) + np.random.default_rng(5).normal(0.0, 10.0, (len(origin), len(origin)))
+    goal, there = origin + 0.1, origin + 0.08
+
+    def trial(point: np.ndarray) -> Trial:
+        # Near the goal the slopes are others than at the start, and not in proportion.
+        matrix = slopes if np.linalg.norm(point - goal) < 0.1 else slopes[::-1]
+        return replace(first, candidate=space.from_unit(point), residuals=matrix @ (point - goal))
+
+    descent = Descent(task, DescentOptions(), seed=1, start=trial(origin))
+    descent.tell([trial(space.to_unit(candidate)) for candidate in descent.ask(100)])
+    near = [trial(there + step) for step in 0.01 * np.eye(len(origin))]
+    descent.adopt(trial(there), [trial(origin), *near])
+    (asked,) = descent.ask(100)
+    assert space.to_unit(asked) == pytest.approx(goal, abs=1e-3)

@@ -146,6 +146,17 @@ def test_a_better_point_becomes_the_fits_at_once(run_toy: RunToy, tmp_path: Path
     assert all(trial.misfit < mixed.trials[0].misfit / 5 for trial in after)
 
 
+def test_an_agent_that_leads_can_go_on(run_toy: RunToy, tmp_path: Path) -> None:
+    def closer(schema: JsonSchema, seed: int, call: int) -> dict[str, Any]:
+        off = 1.0 + 0.002 * 0.05 ** (call - 1)
+        return words("set", updated_params={name: f"{value * off:.6g}" for name, value in HIDDEN.items()})
+
+    search(run_toy, tmp_path, "hybrid", 9, HIDDEN, backend=Speaking(closer))
+    proposals = [event for event in read_events(tmp_path) if event["event"] == "proposal"]
+    # A fifth of eight simulations would be one.
+    assert [event["details"]["authors"] for event in proposals[1:]] == [["fit", "agent"], ["fit", "agent"]]
+
+
 def test_a_good_idea_is_taken_up_once_the_fit_is_at_a_loss(run_toy: RunToy, tmp_path: Path) -> None:
     # Nothing simulates above 0.03 Ohm, and the rules of thumb do not know this cell's parameters.
     scaffold = Scaffold.model_validate(
