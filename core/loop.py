@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
@@ -313,12 +313,9 @@ class Run:
         return Feedback({"reduced": reduction.words, "events": [event]})
 
     def _partial(self, outcome: Outcome, reduction: TaskReduction | None) -> FloatArray | None:
-        if reduction is None:
-            return None if outcome.ok else partial_residuals(self._task, outcome)
-        experiments = self._plugins.reduce_task(reduction)
-        if reduction.rate < 1.0 or experiments is None:
-            return None
-        return partial_residuals(replace(self._task, experiments=experiments), outcome)
+        # There is no record at lower currents.
+        compared = not outcome.ok if reduction is None else reduction.rate == 1.0
+        return partial_residuals(self._task, outcome) if compared else None
 
     def _finish(self, status: Status, reason: str, started: float) -> RunResult:
         initial, best, scored_best = self._trials[0], likeliest(self._trials), self.lowest

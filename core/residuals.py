@@ -104,14 +104,15 @@ def residuals(task: Task, outcome: Outcome) -> FloatArray | None:
 
 
 def partial_residuals(task: Task, outcome: Outcome) -> FloatArray | None:
-    """Residuals of a simulation that failed: those of the steps that it finished, in every cycle.
+    """Residuals of a simulation that failed, or was of the first cycles alone: those of the steps that it finished.
 
-    Unlike `residuals` they do not stop at the scored cycle, which a simulation that fails may never reach.
+    Unlike `residuals` they do not stop at the scored cycle, which such a simulation may never reach.
 
     Returns
     -------
     ndarray of shape (k,) or None
-        The layout depends on the task alone; NaN for steps not finished. None if no step was.
+        The layout depends on the task alone, and is that of `residuals` where every cycle is scored; NaN for steps not
+        finished. None if no step was.
     """
     parts: list[FloatArray] = []
     for experiment, run in zip(task.experiments, outcome.runs, strict=True):
@@ -119,7 +120,8 @@ def partial_residuals(task: Task, outcome: Outcome) -> FloatArray | None:
         pairs = pair_steps(run.trajectory, whole)
         reached = _finished(pairs, run)
         for place, part in enumerate(_by_step(task, pairs, whole)):
-            parts.append(part if place < reached else np.full_like(part, np.nan))
+            finished = place < reached and pairs[place].reached
+            parts.append(part if finished else np.full_like(part, np.nan))
         parts += _of_table(run.trajectory, experiment)
     joined = np.concatenate(parts)
     return None if np.all(np.isnan(joined)) else joined

@@ -46,9 +46,9 @@ class Trial:
     reduction : TaskReduction or None
         How the task was reduced for this simulation; it then has no metrics and no residuals of the task.
     partial : ndarray of shape (k,) or None
-        Of a trial that failed: residuals of all cycles (see `partial_residuals`), NaN for steps that it did
-        not finish. Of a reduced one: residuals against the record's first cycles. None where there is no record
-        to compare with, or nothing was reached.
+        Of a trial that failed, and of one of the first cycles alone: residuals of all cycles (see
+        `partial_residuals`), NaN for steps that it did not finish. None where there is no record to compare with, or
+        nothing was reached.
     limits : tuple of str
         See `ExperimentRun.limits`.
     """

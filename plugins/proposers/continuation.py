@@ -272,7 +272,12 @@ class FirstCycleContinuation(Continuation):
             self._tried = self._search.point
         reduced = [trial for trial in trials if trial.reduction is not None]
         if reduced:
-            self._search.tell([None if trial.failed else trial.partial for trial in reduced])
+            self._search.tell([_of_its_cycles(trial) for trial in reduced])
         good = [trial for trial in whole if trial.residuals is not None]
         if good:
             self.found, self.over = good[0], True
+
+
+def _of_its_cycles(trial: Trial) -> FloatArray | None:
+    """The residuals of the first cycles, of which the trial was alone; None where it failed."""
+    return None if trial.failed or trial.partial is None else trial.partial[np.isfinite(trial.partial)]

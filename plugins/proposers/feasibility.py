@@ -104,7 +104,7 @@ class Feasibility:
         self._strides = list(_STRIDES) if np.any(self._gentle) else []
         self._farthest = start
         # Lower currents do not empty a cell that is too large any sooner.
-        self._continuations = (["shortened"] if too_large else ["shortened", "slowed"]) if _can_be_reduced(task) else []
+        self._continuations = (["shortened"] if too_large else ["shortened", "slowed"]) if can_be_reduced(task) else []
         self._continuation: Continuation | None = None
         self._asked: Reductions = ()
 
@@ -174,7 +174,7 @@ class Feasibility:
         return None
 
 
-def _can_be_reduced(task: Task) -> bool:
+def can_be_reduced(task: Task) -> bool:
     """Whether a protocol, which may be reduced, drives every record; a measured current has no cut-offs."""
     return bool(task.domain.drives) and all(experiment.protocol is not None for experiment in task.experiments)
 

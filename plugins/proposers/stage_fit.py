@@ -14,8 +14,10 @@ from ...core.identifiability import effective_noise
 from ...core.least_squares import LeastSquares
 from ...core.parameters import Candidate
 from ...core.task import Task
+from ...core.task_reduction import TaskReduction
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial
+from .feasibility import can_be_reduced
 from .stage_data import Data, View
 
 _NOISE_FLOOR = 1.0
@@ -92,6 +94,8 @@ class Stage(ABC):
     """
 
     takes_slopes = False
+    reduction: TaskReduction | None = None
+    """How the task is reduced for the candidates just asked for; None where it is not."""
 
     def __init__(
         self, task: Task, choice: StageChoice, view: View, free: NDArray[np.bool_], start: Trial, budget: int
@@ -114,8 +118,8 @@ class Stage(ABC):
 
     def numbers(self) -> dict[str, float]:
         """What the fit knows of itself, for the journal."""
-        assert self._here.residuals is not None
-        seen = self._view(self._here.residuals)
+        seen = self._seen(self._here)
+        assert seen is not None
         return {"misfit_tolerances": float(np.sqrt(np.mean(seen**2))), "noise_tolerances": self._noise}
 
     def describe(self) -> str:
@@ -128,13 +132,20 @@ class Stage(ABC):
         return "finite differences" if self.takes_slopes else "a least-squares step"
 
     def _misfit_noise(self) -> float:
-        assert self._here.residuals is not None
-        seen = self._view(self._here.residuals)
+        seen = self._seen(self._here)
+        assert seen is not None
         return min(effective_noise(seen, int(np.count_nonzero(self._free)), _NOISE_FLOOR), _USUAL_NOISE)
 
     def _weighed(self, trial: Trial) -> FloatArray | None:
         """The view's residuals in standard deviations."""
-        return None if trial.residuals is None else self._view(trial.residuals) / self._noise
+        seen = self._seen(trial)
+        return None if seen is None else seen / self._noise
+
+    def _seen(self, trial: Trial) -> FloatArray | None:
+        """The view's residuals; None where the trial did not get so far."""
+        of_all = trial.residuals if trial.reduction is None or trial.failed else trial.partial
+        seen = None if of_all is None else self._view(of_all)
+        return None if seen is None or np.any(np.isnan(seen)) else seen
 
     def _box(self) -> Box:
         steps = [p.difference if p.deviation is not None else _SHARE_OF_RANGE for p in self._space]
@@ -145,12 +156,18 @@ class Stage(ABC):
 
 
 class StageFit(Stage):
-    """A stage whose derivatives are simulated; parameters and attributes as for `Stage`."""
+    """A stage whose derivatives are simulated; parameters and attributes as for `Stage`.
+
+    One that is fitted to the first cycle simulates no other, and the whole task where it ended.
+    """
 
     def __init__(
         self, task: Task, choice: StageChoice, view: View, free: NDArray[np.bool_], start: Trial, budget: int
     ) -> None:
         super().__init__(task, choice, view, free, start, budget)
+        self._start = start
+        self._first_cycle = _first_cycle_of(task) if choice.data == "first-cycle" else None
+        self.reduction = self._first_cycle
         self._search = self._from_here()
         self._scan = self._spread(choice.scan)
 
@@ -198,17 +215,23 @@ class StageFit(Stage):
         """What to simulate next; empty when the stage has ended."""
         if self._scan:
             return self._scan
-        limit = min(self._left, simulations_left)
+        # The last one simulates all cycles where the fit of the first one ended.
+        limit = min(self._left, simulations_left) - (self.reduction is not None)
         points = self._search.ask(limit) if limit > 0 else []
         if not points and self._improved():
             before, self._noise = self._noise, self._misfit_noise()
             known, fresh = self._search.jacobian, bool(np.isfinite(self._search.predicted))
             self._search = self._from_here(None if known is None else before / self._noise * known, fresh)
             points = self._search.ask(limit) if limit > 0 else []
-        return [self._space.at(point) for point in points] if len(points) <= limit else []
+        if points and len(points) <= limit:
+            return [self._space.at(point) for point in points]
+        self.reduction = None
+        return [self._here.candidate] if self._here.reduction is not None else []
 
     @property
     def _method(self) -> str:
+        if self._first_cycle is not None and self.reduction is None:
+            return "all cycles where it ended"
         return f"{len(self._scan)} values over the ranges of those without a prior" if self._scan else super()._method
 
     def _improved(self) -> bool:
@@ -220,6 +243,11 @@ class StageFit(Stage):
         self._left -= len(trials)
         if self._scan:
             return self._take_scan(trials)
+        if self._here.reduction is not None and self.reduction is None:
+            # A cell whose first cycle fits may fail in a later one.
+            (whole,) = trials
+            self._here = whole if whole.residuals is not None else self._start
+            return self._here
         weighed = [self._weighed(trial) for trial in trials]
         first = self._search.jacobian is None
         self._search.tell(weighed)
@@ -230,3 +258,12 @@ class StageFit(Stage):
         if first and jacobian is not None and self._search.stage == "step":
             self._search = self._from_here(jacobian, fresh=True)
         return self._here
+
+
+def _first_cycle_of(task: Task) -> TaskReduction | None:
+    """The task up to the first cycle that its records show; None where that is all, or its cycles are not known."""
+    if not can_be_reduced(task):
+        return None
+    first = max(experiment.target.steps[0].cycle for experiment in task.experiments)
+    last = max(len(experiment.protocol or ()) for experiment in task.experiments)
+    return TaskReduction(cycles=first) if first < last else None

@@ -152,6 +152,7 @@ class StagedProposer:
             tuple(candidates),
             rationale=" ".join([*notes, stage.describe()]),
             action="jacobian" if stage.takes_slopes else "refine",
+            reductions=(stage.reduction,) * len(candidates),
             details={"stage": stage.choice.name, "skipped": skipped, **stage.numbers()},
             by_simulations=True,
         )

@@ -12,22 +12,27 @@ import numpy as np
 import pybamm
 import pytest
 from bsa.core.errors import BsaError
+from bsa.core.feedback import Feedback
 from bsa.core.journal import read_events
 from bsa.core.least_squares import LeastSquares
 from bsa.core.loop import RunResult
 from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.record import Record
-from bsa.core.residuals import residuals, rows_of
+from bsa.core.residuals import partial_residuals, residuals, rows_of
 from bsa.core.scaffold import Scaffold, load_scaffold
 from bsa.core.segmentation import segment
-from bsa.core.simulation import ExperimentRun, Outcome
+from bsa.core.simulation import ExperimentRun, Outcome, SimulationFailure
 from bsa.core.task import Experiment, Task
+from bsa.core.task_reduction import TaskReduction, shortened
 from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.core.trial import Trial
 from bsa.experiments.run_record import read_run
 from bsa.plugins.proposers import stage_fit as stage_fit_module
 from bsa.plugins.proposers.stage_data import view_of
+from bsa.plugins.proposers.stage_fit import StageFit
 from bsa.plugins.proposers.staged import StagedOptions
 from bsa_toy_cell import CAPACITY, HIDDEN, POLARISATION, RELAXATION, SERIES, toy_scaffold, toy_task
+from bsa_toy_life import life, life_task
 
 RunToy = Callable[..., RunResult]
 
@@ -272,3 +277,53 @@ def test_a_run_cut_in_the_middle_of_a_batch_simulates_the_rest_of_it(run_toy: Ru
     events = [event for event in read_events(tmp_path / "cut") if event["event"] == "trial"]
     assert sorted(event["index"] for event in events) == list(range(len(whole.trials)))
     assert [trial.candidate for trial in resumed.trials] == [trial.candidate for trial in whole.trials]
+
+
+def test_a_stage_of_the_first_cycle_simulates_no_other_and_the_life_where_it_ended() -> None:
+    task = life_task(life(200, 0.2))
+    target = task.experiments[0].target
+    choice = next(s for s in StagedOptions.model_validate(load_scaffold("ageing").proposer.options).plan)
+
+    def seen(candidate: Any, reduction: TaskReduction | None) -> Trial:
+        """A cell whose voltage is off by its series resistance, and that fails after the first cycle above 0.1 ohm."""
+        shown = shortened(task.experiments[0], 1).target if reduction else target
+        off = 1e-1 * (candidate[SERIES] / 0.03 - 1.0)
+        outcome = Outcome((ExperimentRun(shown.changed(voltage=shown.voltage + off)),))
+        whole = None if reduction else residuals(task, outcome)
+        partial = partial_residuals(task, outcome) if reduction else None
+        return Trial(
+            0, "search", 1, candidate, None, None, whole, Feedback(), (), 0.0, reduction=reduction, partial=partial
+        )
+
+    start = seen(task.space.initial, None)
+    free = np.array([name == SERIES for name in task.space.names])
+    stage = StageFit(task, choice, view_of(task, "first-cycle"), free, start, 40)
+    here, asked = start, []
+    while candidates := stage.ask(40):
+        asked.append(stage.reduction)
+        here = stage.tell([seen(candidate, stage.reduction) for candidate in candidates])
+    assert len(asked) > 2
+    assert asked[:-1] == [TaskReduction(cycles=1)] * (len(asked) - 1)
+    assert asked[-1] is None
+    assert here.residuals is not None
+    assert here.candidate[SERIES] == pytest.approx(0.03, rel=0.01)
+
+
+def test_a_first_cycle_whose_life_fails_is_given_up() -> None:
+    task = life_task(life(200, 0.2))
+    choice = StagedOptions.model_validate(load_scaffold("ageing").proposer.options).plan[0]
+    first = partial_residuals(task, Outcome((ExperimentRun(shortened(task.experiments[0], 1).target),)))
+    assert first is not None
+    outcome = Outcome(
+        (ExperimentRun(task.experiments[0].target.changed(voltage=task.experiments[0].target.voltage + 0.1)),)
+    )
+    start = Trial(0, "initial", 0, task.space.initial, None, None, residuals(task, outcome), Feedback(), (), 0.0)
+    stage = StageFit(task, choice, view_of(task, "first-cycle"), np.ones(4, dtype=bool), start, 40)
+    near = replace(start, residuals=None, partial=first, reduction=TaskReduction(cycles=1))
+    while (candidates := stage.ask(40)) and stage.reduction is not None:
+        # Every other cell has the record's first cycle.
+        stage.tell([replace(near, candidate=candidate) for candidate in candidates])
+    assert len(candidates) == 1
+    failed = replace(start, residuals=None, failure=SimulationFailure("empty"), candidate=candidates[0])
+    assert stage.tell([failed]) is start
+    assert stage.ask(40) == []
