@@ -126,6 +126,8 @@ class Effect:
         has it), or an empty string.
     on_request : bool
         Whether it is considered only where it is named: what imitates most others would leave nothing else to find.
+    ages : bool
+        Whether it changes the cell from cycle to cycle: what a whole life is asked for.
     """
 
     name: str
@@ -139,6 +141,7 @@ class Effect:
     measurement: Measurement | None = None
     lacks: Callable[[Evidence], str] | None = field(default=None, compare=False)
     on_request: bool = False
+    ages: bool = False
 
     @property
     def key(self) -> str:

@@ -33,9 +33,12 @@ def levelling(table: CycleTable) -> int | None:
 
 def _furthest(table: CycleTable, above: bool) -> int | None:
     # The first cycle starts from another state than all others: what sets it apart is no bend.
-    cycles, capacity = table.cycle[1:], _smooth(table.capacity_ah[1:])
-    fade = float(np.ptp(capacity)) if len(capacity) else 0.0
-    if len(cycles) < 5 or fade <= 0:
+    cycles = table.cycle[1:]
+    if len(cycles) < 5:
+        return None
+    capacity = _smooth(table.capacity_ah[1:])
+    fade = float(np.ptp(capacity))
+    if fade <= 0:
         return None
     chord = np.interp(cycles, cycles[[0, -1]], capacity[[0, -1]])
     height = (capacity - chord) * (1.0 if above else -1.0)

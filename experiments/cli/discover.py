@@ -19,6 +19,7 @@ from .progress import printable
 
 if TYPE_CHECKING:
     from ..discovery_case import DiscoverOptions
+    from ..request import CellChoice, Records
 
 
 @with_options(shared.Reading)
@@ -30,6 +31,8 @@ def discover(
     holdout: shared.Holdout = None,
     join: shared.Join = False,
     reading: shared.Reading,
+    life: shared.Life = False,
+    fit_cycles: shared.FitCycles = None,
     parameters: Annotated[
         str | None,
         shared.model_option(
@@ -87,7 +90,7 @@ def discover(
 ) -> None:
     """Find where a model and measured records disagree, name the missing effect, add it, show the gap shrink."""
     from ..discovery_case import discover_options
-    from ..request import Records, key_values
+    from ..request import CellChoice, Records, key_values
 
     if resume is not None:
         from ..discovery_journal import read_options
@@ -97,6 +100,11 @@ def discover(
     if not data or parameters is None:
         missing = "--data" if not data else "--parameters"
         raise BsaError(f"{missing} is missing.", "bsa discover --data RECORD.csv --parameters Chen2020, for example.")
+    if life or fit_cycles is not None:
+        whole = Records(data, (), reading.options(join), reading.reader, reading.reader_options, fit_cycles=fit_cycles)
+        base = CellChoice(parameters, model, key_values(options, "--options"), scale=scale)
+        _carry_out_life(whole, base, out, effect, max_effects, as_json)
+        return
     asked = discover_options(
         Records(data, holdout or (), reading.options(join), reading.reader, reading.reader_options),
         out,
@@ -123,11 +131,8 @@ def _carry_out(asked: DiscoverOptions, workers: int, as_json: bool) -> None:
 
     print(f"discovery → {asked.out}", file=sys.stderr)
 
-    def say(text: str) -> None:
-        print(printable(text, 400), file=sys.stderr, flush=True)
-
     try:
-        found = find(asked, say, simulation_workers(workers))
+        found = find(asked, _say, simulation_workers(workers))
     except (KeyboardInterrupt, Outage) as stopped:
         why = "interrupted" if isinstance(stopped, KeyboardInterrupt) else printable(str(stopped), 400)
         print(f"Stopped: {why}. Go on with: bsa discover --resume {shlex.quote(str(asked.out))}", file=sys.stderr)
@@ -139,3 +144,25 @@ def _carry_out(asked: DiscoverOptions, workers: int, as_json: bool) -> None:
     for name in found.names:
         print(f"  {printable(name)}")
     print(f"  report: {asked.out / 'report.html'}")
+
+
+def _say(text: str) -> None:
+    print(printable(text, 400), file=sys.stderr, flush=True)
+
+
+def _carry_out_life(
+    records: Records, cell: CellChoice, out: Path | None, effects: list[str] | None, max_effects: int, as_json: bool
+) -> None:
+    from ..discover_life import RESULT, discover_life
+    from ..request import named_after, numbered_folder
+
+    folder = out or numbered_folder(Path("runs"), f"{named_after(records.sources)}-discover")
+    print(f"discovery → {folder}", file=sys.stderr)
+    found = discover_life(records, cell, folder, effects, max_effects, _say)
+    if as_json:
+        print((folder / RESULT).read_text())
+        return
+    print(f"verdict: {found.verdict}")
+    for name in found.best.names if found.verdict in ("effect-found", "ambiguous") else ():
+        print(f"  {printable(name)}")
+    print(f"  {found.reason}")

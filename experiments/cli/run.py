@@ -80,18 +80,8 @@ def run(
             help="Simulate the steps that the records show, in place of their measured current: charge is then judged.",
         ),
     ] = False,
-    life: Annotated[
-        bool,
-        shared.model_option(
-            "--life", help="The records are whole lives: compare capacity by cycle, and the curves of a few cycles."
-        ),
-    ] = False,
-    fit_cycles: Annotated[
-        int | None,
-        shared.model_option(
-            "--fit-cycles", min=1, metavar="N", help="Of a life fit the first N cycles, and forecast the later ones."
-        ),
-    ] = None,
+    life: shared.Life = False,
+    fit_cycles: shared.FitCycles = None,
     weight: Annotated[
         str | None,
         shared.model_option(

@@ -51,6 +51,16 @@ Ocp = Annotated[
     ),
 ]
 Scale = Annotated[bool, model_option("--scale/--no-scale", help="Scale the electrode area to the records' capacity.")]
+Life = Annotated[
+    bool,
+    model_option(
+        "--life", help="The records are whole lives: compare capacity by cycle, and the curves of a few cycles."
+    ),
+]
+FitCycles = Annotated[
+    int | None,
+    model_option("--fit-cycles", min=1, metavar="N", help="Of a life fit the first N cycles; later ones are held out."),
+]
 
 Via = Annotated[
     str | None,

@@ -29,8 +29,11 @@ does for most of their life."""
 
 
 def with_ageing(options: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
-    """Model options under which a cell ages, and a sentence where they had to be chosen."""
-    if any(options.get(name, "none") not in ("none", None) for name in _AGEING_OPTIONS):
+    """Model options under which a cell ages, and a sentence where they had to be chosen.
+
+    Whoever names one, though it be ``SEI=none``, has chosen.
+    """
+    if any(name in options for name in _AGEING_OPTIONS):
         return dict(options), ""
     return {**options, **USUAL_GROWTH}, (
         f"No mechanism of ageing was named: the model has an SEI that is {USUAL_GROWTH['SEI']} "

@@ -10,6 +10,9 @@ from ..pybamm.augmentation import PyBaMMPart
 
 FEWEST_CYCLES = 3
 
+_FEWEST_OF_A_LIFE = 50
+"""Cycles from which what only a whole life can tell is considered: below, it would be one more rival."""
+
 
 def _needs_cycles(option: str) -> Callable[[Evidence], str]:
     def lacks(evidence: Evidence) -> str:
@@ -42,6 +45,7 @@ sei_reaction = Effect(
     citation=_SEI_CITATION,
     physics=PyBaMMPart(options={"SEI": "reaction limited"}, values=_sei_reaction),
     lacks=_needs_cycles("SEI"),
+    ages=True,
 )
 
 sei_diffusion = Effect(
@@ -54,6 +58,7 @@ sei_diffusion = Effect(
     citation=_SEI_CITATION,
     physics=PyBaMMPart(options={"SEI": "solvent-diffusion limited"}, values=_sei_diffusion),
     lacks=_needs_cycles("SEI"),
+    ages=True,
 )
 
 
@@ -84,6 +89,7 @@ lithium_plating = Effect(
         values=_plating,
     ),
     lacks=_needs_cycles("lithium plating"),
+    ages=True,
 )
 
 
@@ -122,6 +128,7 @@ def _lam(which: str, physics: Any) -> Effect:
         citation="Reniers et al., J. Electrochem. Soc. 166 (2019) A3189, doi:10.1149/2.0281914jes",
         physics=PyBaMMPart(options={"loss of active material": "current-driven"}, values=physics),
         lacks=_needs_cycles("loss of active material"),
+        ages=True,
     )
 
 
@@ -161,6 +168,38 @@ porosity_change = Effect(
     citation="Sikha et al., J. Electrochem. Soc. 151 (2004) A1104, doi:10.1149/1.1759972",
     physics=PyBaMMPart(options={"calculate discharge energy": "true"}, values=_clogging),
     lacks=_porosity_lacks,
+    ages=True,
+)
+
+
+def _growing_contact(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    import pybamm
+
+    throughput = pybamm.Variable("Throughput capacity [A.h]") / known["Nominal cell capacity [A.h]"]
+    # In units of the resistance that loses 1 mV at 1C, so that one range fits cells of any size.
+    unit = 1e-3 / known["Nominal cell capacity [A.h]"]
+    return {"Contact resistance [Ohm]": known["Contact resistance [Ohm]"] + p["growth"] * unit * throughput}
+
+
+def _growth_lacks(evidence: Evidence) -> str:
+    few = evidence.cycles < _FEWEST_OF_A_LIFE
+    return f"no record has {_FEWEST_OF_A_LIFE} cycles, so that a resistance hardly grows" * few
+
+
+resistance_growth = Effect(
+    name="resistance-growth",
+    title="contacts whose resistance grows with charge throughput",
+    equation="R -> R + s R_1mV Q_throughput / Q_nominal, R_1mV = 1 mV / (1C)",
+    parameters=(EffectParameter("growth", "", 0.0, 0.0, 10.0, 0.1),),
+    signature="resistance grows at a constant pace; capacity is lost by the cut-offs alone, less at lower rates",
+    citation="Vetter et al., J. Power Sources 147 (2005) 269, doi:10.1016/j.jpowsour.2005.01.006",
+    physics=PyBaMMPart(
+        options={"contact resistance": "true", "calculate discharge energy": "true"},
+        borrowed={"Contact resistance [Ohm]": 0.0},
+        values=_growing_contact,
+    ),
+    lacks=_growth_lacks,
+    ages=True,
 )
 
 
@@ -185,5 +224,6 @@ EFFECTS = (
     _lam("negative", _lam_negative),
     _lam("positive", _lam_positive),
     porosity_change,
+    resistance_growth,
     self_discharge,
 )

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from ...core.effect import Effect
 from ...core.parameters import Candidate
 from ...core.simulation import ExperimentRun, SimulationFailure
 from ...core.target import CellChange, Target
@@ -27,6 +28,8 @@ class CompiledExperiment:
         What is searched, by the names that candidates use; all become inputs.
     baked : CellChange, optional
         Values built into the model; needed for geometry on the standard mesh.
+    effects : sequence of Effect
+        What is added to the model; their parameters become inputs too.
 
     Attributes
     ----------
@@ -45,9 +48,10 @@ class CompiledExperiment:
         targets: Mapping[str, Target],
         resolution: Resolution = SEARCH,
         baked: CellChange | None = None,
+        effects: Sequence[Effect] = (),
     ) -> None:
         assert experiment.protocol is not None
-        self.cell = CompiledCell(cell, targets, start_of(experiment), resolution, baked)
+        self.cell = CompiledCell(cell, targets, start_of(experiment), resolution, baked, effects)
         self.steps = drive.steps_of_protocol(experiment.protocol)
         # A near-singular candidate can spin for minutes: a sound solve advances faster than this even
         # while it settles after a jump of the current.

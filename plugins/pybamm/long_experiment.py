@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 
 from ...core.ageing.cycle_table import COLUMNS
 from ...core.ageing.summary import discharged_ah, filled, in_sequence, line_of, table_of
+from ...core.effect import Effect
 from ...core.parameters import Candidate
 from ...core.protocol_text import runs_of
 from ...core.simulation import ExperimentRun, SimulationFailure
@@ -62,7 +63,7 @@ class LongExperiment:
 
     Parameters
     ----------
-    cell, targets, resolution, baked
+    cell, targets, resolution, baked, effects
         As for `CompiledExperiment`.
     experiment : Experiment
         A long one. The curves of its detailed cycles are kept.
@@ -78,6 +79,7 @@ class LongExperiment:
         resolution: Resolution = SEARCH,
         baked: CellChange | None = None,
         leave_out: bool = True,
+        effects: Sequence[Effect] = (),
     ) -> None:
         assert experiment.protocol is not None
         self._kept = frozenset(experiment.detailed_cycles)
@@ -90,7 +92,9 @@ class LongExperiment:
         )
         self._places = [0, *accumulate(repeats)]
         self._tolerance = TOLERANCE if leave_out else None
-        self._compiled = CompiledExperiment(cell, replace(experiment, protocol=short), targets, resolution, baked)
+        self._compiled = CompiledExperiment(
+            cell, replace(experiment, protocol=short), targets, resolution, baked, effects
+        )
 
     def solve(self, candidate: Candidate, on_step: Callable[[str, int], None] | None = None) -> ExperimentRun:
         """Simulate one candidate; see `CompiledExperiment.solve`."""

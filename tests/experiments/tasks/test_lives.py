@@ -74,7 +74,8 @@ def test_the_cell_and_what_ages_it_are_searched() -> None:
 def test_a_mechanism_that_is_named_stays_alone() -> None:
     named = {"lithium plating": "irreversible"}
     assert with_ageing(named) == (named, "")
-    options, note = with_ageing({"SEI": "none", "thermal": "lumped"})
+    assert with_ageing({"SEI": "none"}) == ({"SEI": "none"}, "")
+    options, note = with_ageing({"thermal": "lumped"})
     assert options == {"SEI": USUAL_GROWTH["SEI"], "SEI film resistance": "distributed", "thermal": "lumped"}
     assert note
 

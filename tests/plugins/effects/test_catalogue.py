@@ -27,6 +27,7 @@ NAMES = {
     "lithium-plating",
     "loss-of-active-material",
     "porosity-change",
+    "resistance-growth",
     "self-discharge",
     "current-gain",
     "current-offset",
@@ -79,6 +80,15 @@ def test_ageing_needs_cycles():
         if effect.name in ("sei-growth", "lithium-plating", "loss-of-active-material", "porosity-change"):
             assert effect.lacks is not None
             assert "cycles" in effect.lacks(few)
+
+
+def test_a_life_is_asked_for_what_changes_from_cycle_to_cycle():
+    named = {effect.name for effect in EFFECTS if effect.ages}
+    ageing = {"sei-growth", "lithium-plating", "loss-of-active-material", "porosity-change", "resistance-growth"}
+    assert named == ageing
+    (growth,) = (effect for effect in EFFECTS if effect.name == "resistance-growth")
+    assert "hardly grows" in growth.lacks(Evidence("SPMe", {}, 20, 0.0, 1.0))
+    assert not growth.lacks(Evidence("SPM", {}, 200, 0.0, 1.0))
 
 
 def test_effects_that_contradict_each_other_are_refused():

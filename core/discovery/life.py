@@ -1,0 +1,162 @@
+"""Which mechanism ages a cell: each is fitted to the same life, and the rules of a discovery decide.
+
+What the fitted cycles have in common is taken out of the residuals (`Changes`), so that a cell that is not met quite
+right stands for no mechanism. Later cycles are never fitted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..ageing.changes import Changes, of_cycles
+from ..effect import Effect
+from ..parameters import Candidate, ParameterSpace
+from ..trajectory import FloatArray
+from .adequacy import judge
+from .explanation import Explanation, estimates_of
+from .findings import Findings, Listener
+from .refit import Refit, refit
+from .rules import RULES, Gap, bic
+
+Simulate = Callable[[tuple[Effect, ...], Sequence[Candidate]], Sequence[FloatArray | None]]
+"""The residuals of a life's task with some effects, for values of their parameters; None where it failed."""
+
+_SCANNED = 8
+"""Strengths that are tried over the range of each mechanism: rates differ from cell to cell by orders of magnitude."""
+
+_BELOW = 0.1
+"""Least strength that is tried, in probes: effects that are smaller hardly show in hundreds of cycles."""
+
+_BEYOND = 2
+"""Strengths in a row that come no nearer, after which larger ones are not tried."""
+
+_BUDGET = 25
+"""Simulations of each fit at most: one or two strengths are fitted."""
+
+_SHARE = 0.3
+"""Deviation of a strength that a scan has found, as a share of it: the unit of a fit's steps."""
+
+_SECOND = 0.1
+"""Share of its own best strength at which a second mechanism begins beside a first one."""
+
+DEVIATION_V = 1e-3
+"""What a standard deviation counts as, V, for rules that are about voltages: a good cycler's millivolt."""
+
+
+class LifeDiscovery:
+    """Fits mechanisms to a life and judges them.
+
+    Parameters
+    ----------
+    simulate : callable
+        Simulates the whole life.
+    changes : Changes
+        What is compared.
+    max_effects : int
+        Mechanisms in one explanation at most.
+    """
+
+    def __init__(
+        self, simulate: Simulate, changes: Changes, listener: Listener = lambda text: None, max_effects: int = 2
+    ) -> None:
+        self._simulate, self._changes, self._say = simulate, changes, listener
+        self._max_effects = max_effects
+        self.simulations = 0
+
+    def run(self, catalogue: Sequence[Effect]) -> Findings:
+        """Fit every effect, then the best with each of the others, and decide."""
+        (nothing,) = self._residuals((), [{}])
+        assert nothing is not None, "the cell without ageing runs: its first cycle was fitted"
+        base = self._explanation((), self._unchanged(nothing))
+        self._tell(base)
+        if base.adequacy.adequate:
+            return Findings("no-missing-effect", base, base, reason="noise explains what changes from cycle to cycle")
+        found = [self._tell(fit) for effect in catalogue if (fit := self._single(effect, base)) is not None]
+        found = _sorted(found)
+        if found and self._max_effects > 1 and not found[0].adequacy.adequate:
+            others = [one for one in found[1:] if one.names != found[0].names]
+            pairs = [self._pair(found[0], other) for other in others]
+            found = _sorted([*found, *(self._tell(pair) for pair in pairs if pair is not None)])
+        return RULES.decide(Gap(base, base, DEVIATION_V, DEVIATION_V), found)
+
+    def _residuals(self, effects: tuple[Effect, ...], candidates: Sequence[Candidate]) -> list[FloatArray | None]:
+        """The changes of all cycles."""
+        self.simulations += len(candidates)
+        found = self._simulate(effects, candidates)
+        return [None if one is None else self._changes(one) for one in found]
+
+    def _fitted(self, effects: tuple[Effect, ...], candidates: Sequence[Candidate]) -> list[FloatArray | None]:
+        found = self._residuals(effects, candidates)
+        return [None if one is None else one[self._changes.fitted] for one in found]
+
+    def _unchanged(self, changes: FloatArray) -> Refit:
+        seen = changes[self._changes.fitted]
+        return Refit(ParameterSpace(()), np.zeros(0), seen, np.zeros((len(seen), 0)), True, 1, promised=0.0)
+
+    def _single(self, effect: Effect, base: Explanation) -> Explanation | None:
+        """The best fit of an effect; None where no strength of it comes nearer than none."""
+        strength = effect.full_name(effect.strength)
+        best, least, beyond = 0.0, base.fit.cost, 0
+        for value in np.geomspace(_BELOW * effect.strength.probe, effect.strength.upper, _SCANNED):
+            (seen,) = self._fitted((effect,), [{strength: float(value)}])
+            cost = np.inf if seen is None else float(seen @ seen)
+            if cost < least:
+                best, least, beyond = float(value), cost, 0
+            else:
+                beyond += bool(best) or cost > base.fit.cost
+            if beyond == _BEYOND:
+                break
+        if not best:
+            self._say(f"{effect.key}: no strength of it comes nearer than none")
+            return None
+        return self._fit((effect,), {strength: best})
+
+    def _pair(self, first: Explanation, second: Explanation) -> Explanation | None:
+        effects = (*first.effects, *second.effects)
+        (other,) = second.effects
+        start = {**first.fit.candidate, **second.fit.candidate}
+        start[other.full_name(other.strength)] *= _SECOND
+        return self._fit(effects, start)
+
+    def _fit(self, effects: tuple[Effect, ...], start: Candidate) -> Explanation | None:
+        searched = [parameter for effect in effects for parameter in effect.searched]
+        space = ParameterSpace(
+            tuple(
+                replace(p, initial=start[p.name], deviation=_SHARE * start[p.name]) if not p.prior else p
+                for p in searched
+            )
+        )
+        fit = refit(lambda candidates: self._fitted(effects, candidates), space, np.zeros(len(space)), budget=_BUDGET)
+        return None if fit is None else self._explanation(effects, fit)
+
+    def _explanation(self, effects: tuple[Effect, ...], fit: Refit) -> Explanation:
+        (all_cycles,) = self._residuals(effects, [fit.candidate])
+        assert all_cycles is not None, "a fit ends where it could be simulated"
+        errors, sigma = DEVIATION_V * all_cycles[self._changes.fitted], np.full(len(fit.residual), DEVIATION_V)
+        steps = self._changes.steps[self._changes.fitted]
+        found = Explanation(
+            effects,
+            fit,
+            judge([errors / sigma], [sigma], [steps], len(fit.space)),
+            DEVIATION_V * of_cycles(all_cycles, self._changes.fitted),
+            DEVIATION_V * of_cycles(all_cycles, self._changes.held),
+            errors,
+            sigma,
+        )
+        found.estimates = estimates_of(effects, fit, found.dispersion(0.0))
+        return found
+
+    def _tell(self, found: Explanation) -> Explanation:
+        fitted, later = found.rmse_v / DEVIATION_V, found.held_rmse_v / DEVIATION_V
+        self._say(f"{found.label}: {fitted:.2f} deviations, later cycles {later:.2f}")
+        return found
+
+
+def _sorted(explanations: Sequence[Explanation]) -> list[Explanation]:
+    if not explanations:
+        return []
+    nearest = min(explanations, key=lambda one: one.misfit_v)
+    return sorted(explanations, key=lambda one: bic(one, nearest))

@@ -1,0 +1,177 @@
+"""Lives with one hidden mechanism, and a measured one: ``python -m bsa.experiments.studies.life_discovery FOLDER``.
+
+The hidden lives are PyBaMM's own experiments, made without anything of the search, with 1 mV of noise; the measured
+one is that of CALCE's cell CS2_35 in ``FOLDER``. Each is asked as ``bsa discover --life`` asks. Cases named behind the
+folder are asked alone.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.discovery.findings import Findings
+from ...core.discovery.life import DEVIATION_V
+from ...core.files import write_csv
+from ...core.record import ReadOptions
+from ...plugins.pybamm.parameter_sets import pybamm
+from ..discover_life import discover_life
+from ..request import CellChoice, Records, reading
+
+CYCLE = (
+    "Charge at 1C until 4.2 V",
+    "Hold at 4.2 V until C/20",
+    "Rest for 5 minutes",
+    "Discharge at 1C until 2.5 V",
+    "Rest for 5 minutes",
+)
+SET, MODEL, CYCLES, FITTED = "Chen2020", "SPM", 200, 120
+_START, _NOISE_V = 0.2, 1e-3
+_MEASURED_SET, _MEASURED_CYCLES, _MEASURED_FITTED = "Ai2020", 500, 300
+
+MEASURED = ("CS2_35",)
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """A mechanism that a life was made with."""
+
+    name: str  # As the catalogue calls it.
+    options: Mapping[str, Any]  # PyBaMM's model options.
+    change: Callable[[Any], Mapping[str, Any]]  # Parameter values that it takes, from those at hand.
+    ohm_per_cycle: float = 0.0  # By which a contact resistance grows.
+
+
+def _scaled_plating(values: Any) -> dict[str, Any]:
+    usual = values["Exchange-current density for plating [A.m-2]"]
+
+    def scaled(*arguments: Any) -> Any:
+        return 0.015 * usual(*arguments)
+
+    return {"Exchange-current density for plating [A.m-2]": scaled}
+
+
+HIDDEN = {
+    "diffusion": Hidden(
+        "sei-growth",
+        {"SEI": "solvent-diffusion limited"},
+        lambda values: {"SEI solvent diffusivity [m2.s-1]": 40 * values["SEI solvent diffusivity [m2.s-1]"]},
+    ),
+    "reaction": Hidden(
+        "sei-growth",
+        {"SEI": "reaction limited"},
+        lambda values: {
+            "SEI reaction exchange current density [A.m-2]": 3 * values["SEI reaction exchange current density [A.m-2]"]
+        },
+    ),
+    "plating": Hidden("lithium-plating", {"lithium plating": "irreversible"}, _scaled_plating),
+    # Driven by stress, where the catalogue's loss goes with the charge that flows.
+    "material": Hidden(
+        "loss-of-active-material",
+        {"loss of active material": ("stress-driven", "none"), "particle mechanics": "swelling only"},
+        lambda values: {
+            "Negative electrode LAM constant proportional term [s-1]": 20
+            * values["Negative electrode LAM constant proportional term [s-1]"]
+        },
+    ),
+    "resistance": Hidden("resistance-growth", {"contact resistance": "true"}, lambda values: {}, 1e-4),
+}
+
+
+@dataclass(frozen=True)
+class LifeRow:
+    """What was found in one life."""
+
+    case: str
+    hidden: str  # The mechanism; empty for a measured life.
+    verdict: str
+    named: str
+    rivals: str
+    # Errors of the cell without ageing and of the best mechanism, in the fitted cycles and in the later ones, in
+    # standard deviations.
+    base_error: float
+    error: float
+    base_later_error: float
+    later_error: float
+    best: str  # The mechanism that came nearest.
+    reason: str
+    processor_s: float  # Without the fit of the first cycle, which has a process of its own.
+
+
+def make(hidden: Hidden, path: Path, seed: int, cycles: int = CYCLES) -> None:
+    """Simulate a life by PyBaMM's own experiment, and write it as a cycler would."""
+    values = pybamm.ParameterValues(SET)
+    # What the set lacks of ageing, from one that was made for it.
+    others = pybamm.ParameterValues("OKane2022")
+    values.update({name: others[name] for name in others if name not in values}, check_already_exists=False)
+    values.update(dict(hidden.change(values)))
+    values.update({"Contact resistance [Ohm]": "[input]"}, check_already_exists=False)
+    experiment = pybamm.Experiment([CYCLE], period="30 seconds")
+    model = pybamm.lithium_ion.SPM(dict(hidden.options))
+    simulation = pybamm.Simulation(model, parameter_values=values, experiment=experiment)
+    rng = np.random.default_rng(seed)
+    solution = None
+    with path.open("w") as file:
+        file.write("time_s,current_A,voltage_V\n")
+        for number in range(cycles):
+            start = {"initial_soc": _START} if solution is None else {"starting_solution": solution}
+            inputs = {"Contact resistance [Ohm]": hidden.ohm_per_cycle * number}
+            cycle = simulation.solve(inputs=inputs, **start).cycles[-1]
+            time_s, current, voltage = (cycle[name].entries for name in ("Time [s]", "Current [A]", "Voltage [V]"))
+            noisy = voltage + rng.normal(0.0, _NOISE_V, len(voltage))
+            np.savetxt(file, np.column_stack([time_s, -current, noisy]), "%.8g", ",")
+            solution = cycle.last_state
+            solution.termination = "final time"
+
+
+def ask(case: str, folder: Path, data: Path) -> LifeRow:
+    """Make a life, or take a measured one, and ask which mechanism ages it."""
+    if case in HIDDEN:
+        path = folder / f"{case}.csv"
+        make(HIDDEN[case], path, list(HIDDEN).index(case))
+        columns = {"time": "time_s", "current": "current_A", "voltage": "voltage_V"}
+        records = Records([path], read=reading(columns, temperature=25.0), fit_cycles=FITTED)
+        cell = CellChoice(SET, MODEL)
+    else:
+        read = ReadOptions(cycles=(1, _MEASURED_CYCLES))
+        records = Records([data / f"{case}_all.csv.gz"], read=read, fit_cycles=_MEASURED_FITTED)
+        cell = CellChoice(_MEASURED_SET, MODEL)
+    began = time.process_time()
+    found = discover_life(records, cell, folder / case, listener=print)
+    return row_of(case, found, time.process_time() - began)
+
+
+def row_of(case: str, found: Findings, seconds: float) -> LifeRow:
+    """What was found, as a row."""
+    named = " + ".join(found.best.names) if found.verdict in ("effect-found", "ambiguous") else ""
+    rivals = ", ".join(sorted({" + ".join(rival.names) for rival in found.rivals}))
+    return LifeRow(
+        case=case,
+        hidden=HIDDEN[case].name if case in HIDDEN else "",
+        verdict=found.verdict,
+        named=named,
+        rivals=rivals,
+        base_error=found.base.rmse_v / DEVIATION_V,
+        error=found.best.rmse_v / DEVIATION_V,
+        base_later_error=found.base.held_rmse_v / DEVIATION_V,
+        later_error=found.best.held_rmse_v / DEVIATION_V,
+        best=found.best.label,
+        reason=found.reason,
+        processor_s=seconds,
+    )
+
+
+if __name__ == "__main__":
+    data_folder, *cases = sys.argv[1:]
+    out = Path("life_discovery")
+    out.mkdir(exist_ok=True)
+    rows = []
+    for one in cases or (*HIDDEN, *MEASURED):
+        rows.append(asdict(ask(one, out, Path(data_folder))))
+        write_csv(Path("life_discovery.csv"), rows)
