@@ -33,6 +33,9 @@ _BELOW = 0.1
 _BEYOND = 2
 """Strengths in a row that come no nearer, after which larger ones are not tried."""
 
+_WORSE = 2.0
+"""Times the cost of no ageing at which a strength is too large, though none was better."""
+
 _BUDGET = 25
 """Simulations of each fit at most: one or two strengths are fitted."""
 
@@ -78,8 +81,10 @@ class LifeDiscovery:
         found = _sorted(found)
         if found and self._max_effects > 1 and not found[0].adequacy.adequate:
             others = [one for one in found[1:] if one.names != found[0].names]
-            pairs = [self._pair(found[0], other) for other in others]
-            found = _sorted([*found, *(self._tell(pair) for pair in pairs if pair is not None)])
+            pairs = [self._tell(pair) for other in others if (pair := self._pair(found[0], other)) is not None]
+            # A second mechanism also makes up for a law of the first that is not quite the cell's: only one with which
+            # nothing is left is a mechanism.
+            found = _sorted([*found, *(pair for pair in pairs if pair.adequacy.adequate)])
         return RULES.decide(Gap(base, base, DEVIATION_V, DEVIATION_V), found)
 
     def _residuals(self, effects: tuple[Effect, ...], candidates: Sequence[Candidate]) -> list[FloatArray | None]:
@@ -106,7 +111,8 @@ class LifeDiscovery:
             if cost < least:
                 best, least, beyond = float(value), cost, 0
             else:
-                beyond += bool(best) or cost > base.fit.cost
+                # Far below what shows, a cost is that of none but for the integrator's error.
+                beyond += bool(best) or cost > _WORSE * base.fit.cost
             if beyond == _BEYOND:
                 break
         if not best:

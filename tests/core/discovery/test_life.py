@@ -1,7 +1,9 @@
 """Mechanisms of ageing, fitted to lives made on paper."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from bsa.core.ageing.changes import Changes
 from bsa.core.discovery.life import LifeDiscovery
@@ -9,7 +11,7 @@ from bsa.core.effect import Effect, EffectParameter
 from bsa.core.parameters import Candidate
 from bsa.core.residuals import residuals
 from bsa.core.simulation import ExperimentRun, Outcome
-from bsa.core.trajectory import FloatArray
+from bsa.core.trajectory import FloatArray, Trajectory
 from bsa_toy_life import life, life_task
 
 CYCLES, FITTED = 200, 120
@@ -23,7 +25,8 @@ ROOT, LINEAR, LATE = (mechanism(name) for name in ("root", "linear", "late"))
 BENDS = {"root": 0.5, "linear": 1.0, "late": 3.0}
 
 
-def discovery(lost: float, bend: float) -> LifeDiscovery:
+def discovery(lost: float, bend: float, max_effects: int = 1, idle: float = 0.0) -> LifeDiscovery:
+    """``idle`` is a factor of the residuals at strengths below 1e-3: the integrator's error."""
     task = life_task(life(CYCLES, lost, bend))
 
     def simulate(effects: tuple[Effect, ...], candidates: Sequence[Candidate]) -> list[FloatArray | None]:
@@ -31,10 +34,22 @@ def discovery(lost: float, bend: float) -> LifeDiscovery:
         for candidate in candidates:
             lives = [life(CYCLES, effect.values(candidate)["lost"], BENDS[effect.name]) for effect in effects]
             shown = lives[0] if lives else life(CYCLES, 0.0)
-            found.append(residuals(task, Outcome((ExperimentRun(shown),))))
+            seen = residuals(task, Outcome((ExperimentRun(shown),)))
+            small = 0.0 < sum(candidate.values()) < 1e-3
+            found.append(seen if seen is None else (1.0 + idle * small) * seen)
         return found
 
-    return LifeDiscovery(simulate, Changes(task, FITTED), max_effects=1)
+    return LifeDiscovery(simulate, Changes(task, FITTED), max_effects=max_effects)
+
+
+def both(lost: Mapping[Effect, float]) -> Trajectory:
+    """A life that loses capacity by several laws."""
+    none = life(CYCLES, 0.0)
+    share = np.arange(CYCLES) / (CYCLES - 1)
+    gone = sum((lost[effect] * share ** BENDS[effect.name] for effect in lost), np.zeros(CYCLES))
+    assert none.cycle_table is not None
+    table = replace(none.cycle_table, capacity_ah=1.0 - gone, resistance_ohm=0.02 * (1.0 + gone))
+    return replace(none, cycle_table=table)
 
 
 @pytest.mark.parametrize("hidden", [ROOT, LINEAR, LATE])
@@ -69,3 +84,28 @@ def test_strengths_far_beyond_the_best_are_not_simulated() -> None:
     assert engine.run([LINEAR]).best.names == ("linear",)
     assert 0.2 < max(tried) < 0.5
     assert engine.simulations < 30
+
+
+def test_strengths_that_do_not_show_are_no_reason_to_stop() -> None:
+    found = discovery(0.1, 1.0, idle=1e-3).run([LINEAR])
+    assert (found.verdict, found.best.names) == ("effect-found", ("linear",))
+
+
+def test_a_second_mechanism_that_makes_up_for_the_first_ones_law_is_not_named() -> None:
+    found = discovery(0.1, 0.8, max_effects=2).run([LINEAR, LATE, ROOT])
+    assert all(len(one.effects) == 1 or one.adequacy.adequate for one in found.explanations)
+    assert len(found.best.names) == 1
+
+
+def test_two_mechanisms_with_which_nothing_is_left_are_named() -> None:
+    """The table loses by both laws, and so does the pair that is simulated."""
+    hidden = {ROOT: 0.2, LATE: 0.2}
+    record = both(hidden)
+    task = life_task(record)
+
+    def simulate(effects: tuple[Effect, ...], candidates: Sequence[Candidate]) -> list[FloatArray | None]:
+        lives = [both({effect: effect.values(one)["lost"] for effect in effects}) for one in candidates]
+        return [residuals(task, Outcome((ExperimentRun(shown),))) for shown in lives]
+
+    found = LifeDiscovery(simulate, Changes(task, FITTED)).run([ROOT, LINEAR, LATE])
+    assert (found.verdict, found.best.names) == ("effect-found", ("late", "root"))
