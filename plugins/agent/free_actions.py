@@ -14,9 +14,13 @@ from ..feedback.steps import curves, named_steps
 from .actions import Action
 from .linear_advice import predicted, suggested
 from .situation import Situation
+from .updates import apply_updates
 
 _POINTS = 13
 """Points of a curve: every twelfth of a step's duration."""
+
+_DECIMALS = 6
+"""Decimals of a curve's values: what is smaller is the solver's."""
 
 
 def answer(action: Action, situation: Situation) -> str:
@@ -26,7 +30,10 @@ def answer(action: Action, situation: Situation) -> str:
     if action.candidates:
         return section("Prediction", predicted(situation, action.candidates[0]))
     change = suggested(situation)
-    return section("Suggested change", {"updated_params": change, "note": "removes most, if all acts linearly"})
+    promised = {"note": "no effects are known"}
+    if change:
+        promised = predicted(situation, apply_updates(change, situation.task.space, situation.base.candidate)[0])
+    return section("Suggested change", {"updated_params": change, **promised})
 
 
 def picture(action: Action, situation: Situation) -> tuple[Path, ...]:
@@ -57,5 +64,5 @@ def _curves(name: str, situation: Situation) -> dict[str, Any]:
         unit = "pct" if signal.relative else signal.shown
         heads = ["at_pct", f"measured_{signal.unit}", f"simulated_{signal.unit}", f"residual_{unit}"]
         rows = zip((100.0 * fractions).tolist(), *(values.tolist() for values in found.values()), strict=True)
-        content[signal.name] = rounded(table(heads, rows), 5)
+        content[signal.name] = rounded(table(heads, [[round(value, _DECIMALS) for value in row] for row in rows]), 5)
     return rounded(content, 5)  # type: ignore[no-any-return]

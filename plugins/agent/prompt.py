@@ -19,7 +19,7 @@ _ACTIONS: dict[Kind, str] = {
     "simulate": f'simulate up to {MOST_AT_ONCE} sets of changes at once, listed in "candidates".',
     "jacobian": 'measure effects here: each parameter in "params" (default: all) moves alone by half a step, '
     "a simulation each.",
-    "predict": 'free: what the measured effects promise of "updated_params"; without it, the changes they suggest.',
+    "predict": 'free: what the measured effects promise of "updated_params"; without it, of the change they suggest.',
     "look": 'free: the present curves of the step in "step", measured and simulated.',
     "refine": 'let the fit go on for "simulations" steps; with "params" only those parameters move for a while.',
     "restart": 'go on from the earlier trial with the number "trial".',

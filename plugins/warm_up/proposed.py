@@ -35,9 +35,10 @@ class ProposedWarmUp:
         situation = Situation.of(context, _MEMORY_BUDGET)
         sections = situation.sections()
         sections.append(
-            f"{title(INSTRUCTION)}Before the search, we learn what each parameter does. Propose {wanted} "
-            "perturbations of the present values; each will be simulated. Choose them so that every "
-            'parameter\'s effect can be told from the others. Write changes as "*1.1" or "+0.02".'
+            f"{title(INSTRUCTION)}Before the search, which has simulations of its own, we learn what each parameter "
+            f"does. Propose {wanted} perturbations of the present values; each will be simulated. Choose them so that "
+            "every parameter's effect can be told from the others. Where you expect the values elsewhere, let all "
+            'share that move, so that effects are measured there. Write changes as "*1.1" or "+0.02".'
         )
         system = system_message(context.task, situation.base)
         messages = [system, Message("user", "\n\n".join(sections), situation.images)]

@@ -23,6 +23,10 @@ def test_a_prediction_of_nothing_is_the_change_that_the_effects_suggest(make_sit
     ((_, content),) = read_sections(answer(Action("predict"), situation))
     assert content["updated_params"] == suggested(situation)
     assert float(content["updated_params"][CAPACITY].removeprefix("*")) > 1.0
+    _, rows = read_table(content["prediction"])
+    assert sum((after / tolerance) ** 2 for _, _, after, tolerance in rows) < 0.1 * sum(
+        (now / tolerance) ** 2 for _, now, _, tolerance in rows
+    )
 
 
 def test_a_look_shows_measured_beside_simulated(make_situation: MakeSituation) -> None:
@@ -31,6 +35,7 @@ def test_a_look_shows_measured_beside_simulated(make_situation: MakeSituation) -
     ((_, content),) = read_sections(answer(Action("look", step="cc_discharge"), situation))
     columns, rows = read_table(content["voltage"])
     assert columns == ["at_pct", "measured_V", "simulated_V", "residual_mV"]
+    assert all(value == round(value, 6) for row in rows for value in row)
     for _, measured, simulated, residual in rows:
         assert 1e3 * (simulated - measured) == pytest.approx(residual, abs=0.3)
 
