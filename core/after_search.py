@@ -127,15 +127,13 @@ class AfterSearch:
         known = self._predictions.get(best.index)
         if known is not None:
             return tuple(decode_prediction(content) for content in known["predictions"])
-        covariance = () if analysis is None else analysis.identifiability.covariance
+        draws = () if analysis is None else analysis.identifiability.draws
         # A life takes minutes for each simulation of its band: none is made twice. Other records may be simulated from
         # several starts, by which the journal does not tell them apart.
         simulating = self._analysed if self._task.long else self._plugins
         watched = WatchedSimulations(simulating, self._watch, variants=NOT_FITTED)
         try:
-            found = predict(
-                self._task, best.candidate, self._task.held_out, watched, covariance, capacity_scatter(fitted)
-            )
+            found = predict(self._task, best.candidate, self._task.held_out, watched, draws, capacity_scatter(fitted))
         except KeyboardInterrupt:
             self._note("Stopped before the held-out records were scored. Resume the run to score them.")
             return ()

@@ -224,6 +224,13 @@ class RunHooks:
         """
 
     @hookspec(firstresult=True)
+    def simulate_finer(self, candidate: Candidate) -> Outcome | None:
+        """A candidate on a mesh of twice the points of the reference discretisation; see `simulate`.
+
+        Optional: tells how far the discretisation stands from the equations. A simulator without one has no such error.
+        """
+
+    @hookspec(firstresult=True)
     def simulate_variant(
         self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...], exact: bool
     ) -> Iterable[tuple[int, Outcome]] | None:

@@ -19,14 +19,19 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 from scipy.stats import t as student
 
-from .local_model import BOX_VARIANCE
 from .parameters import Candidate, ParameterSpace
 from .trajectory import FloatArray
 
 Verdict = Literal["fixed", "loose", "open"]
 
+BOX_VARIANCE = 1.0 / 12.0
+"""Variance of an even distribution over a bounded range: what the bounds alone say of a parameter."""
+
 _FIXED, _LOOSE = 0.05, 0.25
 """Half-width of an interval, as a share of the searched range, up to which a parameter is fixed or loose."""
+
+_DRAWS_KEPT = 20
+"""Draws that a prediction is simulated at: they tell its standard deviation to a sixth."""
 
 _CORRELATED = 0.9
 _NAMED_WEIGHT = 0.2
@@ -72,6 +77,8 @@ class Identifiability:
     points: int  # How many residuals there were.
     # Of the estimates in the unit box, in the order of ``intervals``; empty in journals that do not have it.
     covariance: tuple[tuple[float, ...], ...] = ()
+    # Some draws from the posterior in the unit box, likewise, each as likely as another: what predictions spread by.
+    draws: tuple[tuple[float, ...], ...] = ()
 
     @property
     def fixed(self) -> tuple[str, ...]:
@@ -94,6 +101,7 @@ class Identifiability:
         content["combinations"] = [dict(combination) for combination in content["combinations"]]
         content["correlated"] = [list(group) for group in self.correlated]
         content["covariance"] = [list(row) for row in self.covariance]
+        content["draws"] = [list(row) for row in self.draws]
         return content
 
     @classmethod
@@ -106,6 +114,7 @@ class Identifiability:
             content["noise"],
             content["points"],
             tuple(tuple(map(float, row)) for row in content.get("covariance", ())),
+            tuple(tuple(map(float, row)) for row in content.get("draws", ())),
         )
 
 
@@ -232,13 +241,31 @@ def with_sample(found: Identifiability, draws: FloatArray, space: ParameterSpace
             verdict=_verdict(half),
         )
     covariance = np.atleast_2d(np.cov(draws.T))
-    return replace(found, intervals=intervals, covariance=tuple(tuple(row) for row in covariance.tolist()))
+    some = np.random.default_rng(0).permutation(len(draws))[:_DRAWS_KEPT]
+    return replace(
+        found,
+        intervals=intervals,
+        covariance=tuple(tuple(row) for row in covariance.tolist()),
+        draws=tuple(tuple(row) for row in draws[some].tolist()),
+    )
 
 
 def covariance_of(jacobian: FloatArray, noise: float) -> FloatArray:
     """Covariance of the estimates in the unit box, shape (p, p); a direction without data keeps that of the box."""
     singular, rows = _decomposed(jacobian)
     return np.asarray((rows.T * _variances(singular, noise)) @ rows)
+
+
+def linear_estimate(centre: FloatArray, residual: FloatArray, jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mean and covariance of a posterior without bends or bounds, the box counting by its variance.
+
+    Parameters
+    ----------
+    centre, residual, jacobian : ndarray of shapes (p,), (m,) and (m, p)
+        In the unit box; residuals and their derivatives in standard deviations.
+    """
+    covariance = covariance_of(jacobian, 1.0)
+    return np.asarray(centre - covariance @ (jacobian.T @ residual)), covariance
 
 
 def _decomposed(jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:

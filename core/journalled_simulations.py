@@ -41,6 +41,10 @@ class JournalledSimulations:
         made = self._inner.simulate([candidates[place] for place in missing], exact) if missing else ()
         return self._all(candidates, _WHOLE_TASK, known, missing, made)
 
+    def simulate_finer(self, candidate: Candidate) -> Outcome | None:
+        """See `RunHooks.simulate_finer`; it is one simulation, and made again."""
+        return self._inner.simulate_finer(candidate)
+
     def simulate_variant(
         self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...], exact: bool = False
     ) -> Iterator[tuple[int, Outcome]] | None:

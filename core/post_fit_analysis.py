@@ -17,17 +17,15 @@ from .derivatives import DIFFERENCE, beside, known_derivatives
 from .forecast import Forecast, what_to_measure_next
 from .identifiability import (
     Identifiability,
-    effective_noise,
     identify,
     open_directions,
     unsettled,
     with_sample,
 )
-from .local_model import LocalModel
 from .parameters import Candidate
-from .posterior import sample
 from .residuals import capacity_rows, noise_of_residuals, residuals, rms
 from .shape import shaped
+from .simulated_posterior import Errors, simulated_posterior
 from .simulation import Outcome
 from .task import Experiment, Task
 from .task import Protocol as StepProtocol
@@ -39,6 +37,13 @@ NOISE_FLOOR = 1.0
 
 A good cycler's. A target that was simulated has no noise, and its fit would seem to fix everything.
 """
+
+_NO_APPROXIMATION = 3.0
+"""Root mean square, in tolerances, by which search and reference may differ: beyond it, and beyond the misfit, one of
+them is no approximation of the other, and the search's residuals stand."""
+
+_ROUNDS_OF_A_LIFE = 1
+"""Of simulations at draws from the posterior, where each takes minutes."""
 
 _ALONG = 0.02
 """Step along an undetermined direction: longer than a difference, since little happens along it."""
@@ -52,6 +57,10 @@ class Simulating(Protocol):
 
     def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
         """See `RunHooks.simulate`."""
+        ...
+
+    def simulate_finer(self, candidate: Candidate) -> Outcome | None:
+        """See `RunHooks.simulate_finer`."""
         ...
 
     def simulate_variant(
@@ -185,9 +194,10 @@ def analyse(task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulatin
     if best.residuals is None:
         return None
     spent = _Spent()
-    jacobian, reused, unknown = _jacobian(task, trials, best, plugins, spent)
-    residual = _corrected(task, best, plugins, spent)
-    draws, noise = _posterior(task, best, residual, jacobian, plugins, spent)
+    jacobian, reused, unknown, looked = _jacobian(task, trials, best, plugins, spent)
+    errors = _errors(task, best, plugins, spent)
+    residual = best.residuals + errors.shift
+    draws, noise = _posterior(task, trials, best, looked, jacobian, errors, plugins, spent)
     straight = identify(jacobian, residual, task.space, best.candidate, noise=noise)
     found = with_sample(straight, draws, task.space)
     suggestions = _suggestions(task, best, jacobian, noise, plugins, spent)
@@ -214,46 +224,65 @@ def _fade_bands(
     return tuple(bands)
 
 
-def _corrected(task: Task, best: Trial, plugins: Simulating, spent: _Spent) -> FloatArray:
-    """The residuals at the simulator's reference accuracy, so that intervals do not stand on the search mesh's error.
+def _errors(task: Task, best: Trial, plugins: Simulating, spent: _Spent) -> Errors:
+    """How far the search's residuals are off: by the record's noise, and by the mesh.
 
-    Where the two differ by more than the misfit, one of them is no approximation of the other, and the search's stand.
+    The error of the mesh hardly depends on the candidate: what one simulation on twice the points shows is added to the
+    residuals of all. The error falls with the square of the spacing, so that a third as much is left.
     """
     assert best.residuals is not None
+    deviation = np.sqrt(noise_of_residuals(task) ** 2 + NOISE_FLOOR**2)
     (outcome,) = spent.counted(plugins.simulate([best.candidate], True), 1)
-    exact = residuals(task, outcome)
-    if exact is None or rms(exact - best.residuals) > best.misfit:
-        return best.residuals
-    return exact
+    reference = residuals(task, outcome)
+    nothing = np.zeros(len(deviation))
+    if reference is None or rms(reference - best.residuals) > max(best.misfit, _NO_APPROXIMATION):
+        return Errors(deviation, nothing, nothing)
+    # A life takes minutes, and its tolerances are wider than what a mesh does.
+    finer = None if task.long else plugins.simulate_finer(best.candidate)
+    found = None if finer is None else residuals(task, finer)
+    if found is None:
+        return Errors(deviation, reference - best.residuals, nothing)
+    return Errors(deviation, found - best.residuals, (found - reference) / 3.0)
 
 
 def _posterior(
-    task: Task, best: Trial, residual: FloatArray, jacobian: FloatArray, plugins: Simulating, spent: _Spent
+    task: Task,
+    trials: Sequence[Trial],
+    best: Trial,
+    looked: Sequence[tuple[FloatArray, FloatArray]],
+    jacobian: FloatArray,
+    errors: Errors,
+    plugins: Simulating,
+    spent: _Spent,
 ) -> tuple[FloatArray, float]:
     """Draws from the posterior in the unit box, and the noise that they stand on, in tolerances."""
     assert best.residuals is not None
-    deviation = np.sqrt(noise_of_residuals(task) ** 2 + NOISE_FLOOR**2)
-    centre = task.space.to_unit(best.candidate)
-    model = LocalModel.straight(centre, residual / deviation, jacobian / deviation[:, None])
-    probes = model.probes()
-    if probes:
-        candidates = [task.space.from_unit(centre + step * direction) for direction, step in probes]
+    space = task.space
+    known = [(space.to_unit(trial.candidate), trial.residuals) for trial in trials if trial.residuals is not None]
+    known = [(space.to_unit(best.candidate), best.residuals), *known, *looked]
+
+    def simulate(points: FloatArray) -> list[FloatArray | None]:
+        candidates = [space.from_unit(point) for point in points]
         seen = [residuals(task, outcome) for outcome in spent.counted(plugins.simulate(candidates, False), 1)]
-        model = model.with_curvature(probes, [None if r is None else (r - best.residuals) / deviation for r in seen])
-    draws = sample(model)
-    nearest = draws[int(np.argmin(model.cost_function()(draws)))]
-    # Where the model does not come down to the noise, and where neighbours err alike, the residuals say less.
-    excess = effective_noise(model.residual_at(nearest), len(centre), 1.0)
-    if excess > 1.0:
-        draws = sample(model, excess**2)
-    return draws, excess * float(np.sqrt(np.mean(deviation**2)))
+        return [None if residual is None else errors.whitened(residual) for residual in seen]
+
+    draws, excess = simulated_posterior(
+        [point for point, _ in known],
+        [errors.whitened(residual) for _, residual in known],
+        jacobian / errors.deviation[:, None],
+        simulate,
+        *((_ROUNDS_OF_A_LIFE,) if task.long else ()),
+    )
+    return draws, excess * float(np.sqrt(np.mean(errors.deviation**2)))
 
 
 def _jacobian(
     task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulating, spent: _Spent
-) -> tuple[FloatArray, int, tuple[str, ...]]:
+) -> tuple[FloatArray, int, tuple[str, ...], list[tuple[FloatArray, FloatArray]]]:
+    """The Jacobian, how many of its columns the search knew, what could not be had, and what was simulated for it."""
     assert best.residuals is not None
     space = task.space
+    looked: list[tuple[FloatArray, FloatArray]] = []
     centre = space.to_unit(best.candidate)
     known = known_derivatives(trials, best, space)
     columns = dict(known.columns)
@@ -273,10 +302,11 @@ def _jacobian(
             change = float(point[place] - centre[place])
             there = residuals(task, outcome)
             if there is not None and change != 0.0:
+                looked.append((point, there))
                 columns[place] = (there - best.residuals) / change
     found = replace(known, columns=columns)
     unknown = tuple(space.names[place] for place in found.missing(len(space)))
-    return found.matrix(len(best.residuals), len(space)), len(known.columns), unknown
+    return found.matrix(len(best.residuals), len(space)), len(known.columns), unknown, looked
 
 
 def _suggestions(

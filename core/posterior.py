@@ -1,7 +1,7 @@
-"""What records leave of the parameters' ranges: a sample of the posterior on a local model.
+"""What records leave of the parameters' ranges: a sample of the posterior within the bounds.
 
-A linear interval takes the range as endless. The sample keeps inside the bounds, within which every value is as likely
-before the fit.
+A linear interval takes the range as endless and responses as straight. The sample keeps inside the bounds, within which
+every value is as likely before the fit, and follows the cost wherever it bends.
 
 References
 ----------
@@ -10,9 +10,10 @@ Goodman & Weare, Commun. Appl. Math. Comput. Sci. 5 (2010) 65.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from .local_model import LocalModel
 from .trajectory import FloatArray
 
 _STRETCH = 2.0
@@ -21,32 +22,54 @@ _STRETCH = 2.0
 _WALKERS = 6
 """Walkers for each parameter; the sampler needs twice the parameters at least."""
 
-_MOVES, _BURNT, _KEPT_EVERY = 2400, 600, 12
-"""Moves of every walker, those not counted at first, and how many lie between two that are kept: about one time of
+_FEWEST = 20
+
+MOVES, _BURNT, _KEPT_EVERY = 2400, 0.25, 12
+"""Moves of every walker, the share of them not counted, and how many lie between two that are kept: about one time of
 autocorrelation at ten parameters."""
 
 _INSIDE = 1e-6
 """Distance from a bound at which a walker may start."""
 
+_STRANDED = 4
+"""Of so many draws one goes on, the one of least cost: what a first guess left far from everything stays there."""
 
-def sample(model: LocalModel, dispersion: float = 1.0, seed: int = 0) -> FloatArray:
+
+def beginning(mean: FloatArray, covariance: FloatArray, seed: int = 0) -> FloatArray:
+    """Walkers spread as a normal distribution, inside the box; an even number."""
+    rng = np.random.default_rng(seed)
+    count = max(_WALKERS * len(mean), _FEWEST)
+    points = mean + rng.standard_normal((2 * (count // 2), len(mean))) @ np.linalg.cholesky(covariance).T
+    # Reflected rather than cut: walkers on one bound would never leave it.
+    folded = np.abs(np.mod(points + 1.0, 2.0) - 1.0)
+    return np.clip(folded, _INSIDE, 1.0 - _INSIDE)
+
+
+def going_on(draws: FloatArray, costs: Callable[[FloatArray], FloatArray], seed: int = 0) -> FloatArray:
+    """Walkers from the draws of a sample, for one of another cost; as many as `beginning` makes."""
+    count = max(_WALKERS * draws.shape[1], _FEWEST)
+    some = np.random.default_rng(seed).permutation(len(draws))[: _STRANDED * 2 * (count // 2)]
+    order = np.argsort(costs(draws[some]))[: 2 * (count // 2)]
+    return np.asarray(draws[some[order]])
+
+
+def sample(
+    costs: Callable[[FloatArray], FloatArray], walkers: FloatArray, moves: int = MOVES, seed: int = 0
+) -> FloatArray:
     """Draws from the posterior over the unit box, shape (n, p).
 
     Parameters
     ----------
-    model : LocalModel
-        Its cost is twice the negative logarithm of the likelihood.
-    dispersion : float
-        By which the cost is divided, where the residuals are larger than their standard deviations.
+    costs : callable
+        Twice the negative logarithm of the likelihood at points of shape (k, p).
+    walkers : ndarray of shape (w, p)
+        Where they start, inside the box; an even number.
     """
     rng = np.random.default_rng(seed)
-    count = len(model.centre)
-    walkers = _beginning(model, dispersion, max(_WALKERS * count, 20), rng)
-    costs = model.cost_function(dispersion)
-    half = len(walkers) // 2
+    walkers, half, count = walkers.copy(), len(walkers) // 2, walkers.shape[1]
     cost = costs(walkers)
     kept: list[FloatArray] = []
-    for move in range(_MOVES):
+    for move in range(moves):
         for own, others in ((slice(0, half), slice(half, None)), (slice(half, None), slice(0, half))):
             here = walkers[own]
             partner = walkers[others][rng.integers(half, size=half)]
@@ -58,15 +81,6 @@ def sample(model: LocalModel, dispersion: float = 1.0, seed: int = 0) -> FloatAr
             taken = np.log(rng.random(half)) < likelier
             walkers[own] = np.where(taken[:, None], there, here)
             cost[own] = np.where(taken, new, cost[own])
-        if move >= _BURNT and move % _KEPT_EVERY == 0:
+        if move >= _BURNT * moves and move % _KEPT_EVERY == 0:
             kept.append(walkers.copy())
     return np.concatenate(kept)
-
-
-def _beginning(model: LocalModel, dispersion: float, count: int, rng: np.random.Generator) -> FloatArray:
-    """Walkers around the linear estimate, spread as the linear posterior is, inside the box; an even number."""
-    mean, covariance = model.linear_estimate(dispersion)
-    points = mean + rng.standard_normal((2 * (count // 2), len(mean))) @ np.linalg.cholesky(covariance).T
-    # Reflected rather than cut: walkers on one bound would never leave it.
-    folded = np.abs(np.mod(points + 1.0, 2.0) - 1.0)
-    return np.clip(folded, _INSIDE, 1.0 - _INSIDE)

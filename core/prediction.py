@@ -7,9 +7,9 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.stats import t as student
 
 from .ageing.fade_band import CAPACITY, FadeBand
-from .derivatives import DIFFERENCE, beside
 from .encoding import decode_trajectory, encode_trajectory
 from .errors import BsaError
 from .overlap import differences, scored_part, time_weights, weighted_rms
@@ -25,15 +25,14 @@ from .trajectory import FloatArray, Trajectory
 HELD_OUT = "held-out"
 """Journal event that holds the predictions of the best trial."""
 
-_LONGEST = 0.05
-"""Longest step along a direction of the covariance, as a share of the range: beyond it responses bend."""
+_DRAWS_OF_A_LIFE = 8
+"""Draws that a whole life is simulated at: each takes minutes."""
 
-_NORMAL_95 = 1.96
 _SAMPLES_PER_STEP = 300
 """Samples of a step that a prediction's curve keeps, for drawing."""
 
 _WIDE = 0.1
-"""Share of a signal's measured range: no response of a cell is linear over as much."""
+"""Share of a signal's measured range: a band of as much predicts next to nothing."""
 
 _UNDER_LOAD = 0.05
 """Share of a record's largest current above which its first sample is no open-circuit voltage."""
@@ -56,8 +55,8 @@ class Band:
     # Share of the time in which the measured signal lies in the band. The band knows the parameters' errors only, not
     # the model's: well below 0.95 says that the model, not its parameters, is what is wrong.
     inside: float
-    # Whether its half width is a tenth of the measured range or more: it is then larger than what a linear propagation
-    # can say, and tells only that the fitted records leave the parameters open.
+    # Whether its half width is a tenth of the measured range or more: it then tells only that the fitted records leave
+    # the parameters open.
     wide: bool = False
 
 
@@ -121,16 +120,16 @@ def predict(
     candidate: Candidate,
     experiments: Sequence[Experiment],
     simulating: Simulating,
-    covariance: Sequence[Sequence[float]] = (),
+    draws: Sequence[Sequence[float]] = (),
     scatter: float = 0.0,
 ) -> tuple[Prediction, ...]:
     """Simulate records that were not fitted, and compare.
 
     Parameters
     ----------
-    covariance : sequence of shape (p, p), optional
-        Of the fitted parameters in the unit box (`Identifiability.covariance`). The band is its linear propagation:
-        one more simulation along each of its principal directions.
+    draws : sequence of shape (n, p), optional
+        From the posterior of the fitted parameters in the unit box (`Identifiability.draws`). The band is what one more
+        simulation at each of them shows.
     scatter : float
         Of whole lives, root-mean-square error of the fitted capacities as a share of the first: the band of a single
         cycle is wider by it.
@@ -142,15 +141,16 @@ def predict(
     """
     chosen, spent = _meeting_beginnings(candidate, tuple(experiments), simulating)
     exact = _simulated([candidate], chosen, simulating, True)[0]
-    slopes: list[dict[str, FloatArray]] = [{}] * len(chosen)
-    if len(covariance):
-        slopes, more = _spread(task, candidate, chosen, simulating, np.array(covariance, dtype=np.float64), exact)
+    moves: list[dict[str, FloatArray]] = [{}] * len(chosen)
+    if len(draws):
+        few = draws[:_DRAWS_OF_A_LIFE] if task.long else draws
+        moves, more = _spread(task, candidate, chosen, simulating, few, exact)
         spent += more
     return tuple(
-        _forecast(task, experiment, run, widths, covariance, scatter, spent)
+        _forecast(task, experiment, run, moved, scatter, spent)
         if experiment.long
-        else _prediction(task, experiment, run, widths, spent)
-        for experiment, run, widths in zip(chosen, exact.runs, slopes, strict=True)
+        else _prediction(task, experiment, run, {name: _half_width(m) for name, m in moved.items()}, spent)
+        for experiment, run, moved in zip(chosen, exact.runs, moves, strict=True)
     )
 
 
@@ -211,43 +211,38 @@ def _spread(
     candidate: Candidate,
     experiments: tuple[Experiment, ...],
     simulating: Simulating,
-    covariance: FloatArray,
+    draws: Sequence[Sequence[float]],
     exact: Outcome,
 ) -> tuple[list[dict[str, FloatArray]], int]:
-    """Half the width of every observed signal's 95 % band on the samples of the exact simulation, and what it took.
+    """How far every observed signal moves with each draw, shape (n, d), on the samples of the exact simulation.
 
-    Of a whole life the derivatives of the capacities of its cycles instead.
+    Of a whole life how far the capacities of its cycles move. And what it took.
     """
-    space = task.space
-    variances, directions = np.linalg.eigh(covariance)
-    lengths = np.clip(np.sqrt(np.maximum(variances, 0.0)), DIFFERENCE, _LONGEST)
-    points = [
-        beside(space, candidate, direction, length) for direction, length in zip(directions.T, lengths, strict=True)
-    ]
-    moved = np.array(points) - space.to_unit(candidate)
-    candidates = [candidate, *(space.from_unit(point) for point in points)]
+    candidates = [candidate, *(task.space.from_unit(np.array(draw)) for draw in draws)]
     here, *around = _simulated(candidates, experiments, simulating, False)
-    widths: list[dict[str, FloatArray]] = []
+    moves: list[dict[str, FloatArray]] = []
     for place, (run, final) in enumerate(zip(here.runs, exact.runs, strict=True)):
-        usable = [number for number, outcome in enumerate(around) if outcome.runs[place].failure is None]
-        if run.failure is not None or final.trajectory is None or not usable:
-            widths.append({})
-            continue
-        # The smallest matrix that maps the steps taken to the changes seen.
-        inverse = np.linalg.pinv(moved[usable].T)
-        if experiments[place].long:
-            fades = [_capacities(around[number].runs[place], final) - _capacities(run, final) for number in usable]
-            widths.append({CAPACITY: np.array(fades).T @ inverse})
-            continue
-        time = final.trajectory.time
-        found = {}
-        for signal in task.observed:
-            changes = [_at(time, around[number].runs[place], signal) - _at(time, run, signal) for number in usable]
-            jacobian = np.array(changes).T @ inverse
-            variance = np.einsum("ij,jk,ik->i", jacobian, covariance, jacobian)
-            found[signal.name] = _NORMAL_95 * np.sqrt(np.maximum(variance, 0.0))
-        widths.append(found)
-    return widths, len(candidates)
+        others = [outcome.runs[place] for outcome in around if outcome.runs[place].failure is None]
+        if run.failure is not None or final.trajectory is None or not others:
+            moves.append({})
+        elif experiments[place].long:
+            fades = [_capacities(other, final) - _capacities(run, final) for other in others]
+            moves.append({CAPACITY: np.array(fades).T})
+        else:
+            time = final.trajectory.time
+            moves.append(
+                {
+                    signal.name: np.array([_at(time, other, signal) - _at(time, run, signal) for other in others]).T
+                    for signal in task.observed
+                }
+            )
+    return moves, len(candidates)
+
+
+def _half_width(moves: FloatArray) -> FloatArray:
+    """Half the 95 % band about the fit, from what so many draws move."""
+    factor = float(student.ppf(0.975, moves.shape[1]))
+    return np.asarray(factor * np.sqrt(np.mean(moves**2, axis=1)))
 
 
 def _capacities(run: ExperimentRun, like: ExperimentRun) -> FloatArray:
@@ -264,17 +259,19 @@ def _forecast(
     task: Task,
     experiment: Experiment,
     run: ExperimentRun,
-    slopes: Mapping[str, FloatArray],
-    covariance: Sequence[Sequence[float]],
+    moves: Mapping[str, FloatArray],
     scatter: float,
     spent: int,
 ) -> Prediction:
     """A whole life, with the band of its capacities."""
     errors, whole, measured = errors_of_record(task, experiment, run), run.trajectory, experiment.target.cycle_table
     simulated = None if whole is None else whole.cycle_table
-    if whole is None or simulated is None or measured is None or CAPACITY not in slopes:
+    if whole is None or simulated is None or measured is None or CAPACITY not in moves:
         return Prediction(errors, {}, None if whole is None else whole.thinned(_SAMPLES_PER_STEP), spent)
-    fade = FadeBand.propagated(simulated.cycle, slopes[CAPACITY], covariance, scatter * float(simulated.capacity_ah[0]))
+    moved = moves[CAPACITY] / np.sqrt(moves[CAPACITY].shape[1])
+    # Draws are directions of their own, of which each has the share of one.
+    own = np.eye(moved.shape[1]).tolist()
+    fade = FadeBand.propagated(simulated.cycle, moved, own, scatter * float(simulated.capacity_ah[0]))
     half = fade.at(measured.cycle)
     inside = np.abs(simulated.at(measured.cycle) - measured.capacity_ah) <= half
     percent = 100.0 / float(measured.capacity_ah[0])

@@ -135,6 +135,16 @@ class RunPlugins:
                 return
             yield pair
 
+    def simulate_finer(self, candidate: Candidate) -> Outcome | None:
+        """See `RunHooks.simulate_finer`; None where the simulator has one mesh."""
+        hook, simulator = "simulate_finer", self._only("simulate_finer")
+        outcome = simulator and simulator.call(hook, candidate=dict(candidate))
+        if simulator is None or outcome is None:
+            return None
+        experiments = len(self._context.task.experiments)
+        ((_, checked),) = self._outcomes(simulator, hook, [(0, outcome)], 1, experiments)
+        return checked
+
     def simulate_variant(
         self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...], exact: bool = False
     ) -> Iterator[tuple[int, Outcome]] | None:

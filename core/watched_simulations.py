@@ -42,6 +42,10 @@ class WatchedSimulations:
         purpose = self._exact if exact else FIXED
         return self._counted(purpose, self._inner.simulate(candidates, exact), len(candidates))
 
+    def simulate_finer(self, candidate: Candidate) -> Outcome | None:
+        """See `RunHooks.simulate_finer`."""
+        return self._inner.simulate_finer(candidate)
+
     def simulate_variant(
         self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...], exact: bool = False
     ) -> Iterator[tuple[int, Outcome]] | None:

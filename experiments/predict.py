@@ -93,9 +93,9 @@ def predict_records(
     context = RunContext(task, int(run.config["seed"]), folder, None, workers)
     plugins = RunPlugins(scaffold, context, installed())
     watched = WatchedSimulations(plugins, listener.counted if listener else _unwatched, variants=NOT_FITTED)
-    covariance = () if run.analysis is None else run.analysis.identifiability.covariance
+    draws = () if run.analysis is None else run.analysis.identifiability.draws
     try:
-        found = predict(task, run.best.candidate, task.held_out, watched, covariance, capacity_scatter(run.records))
+        found = predict(task, run.best.candidate, task.held_out, watched, draws, capacity_scatter(run.records))
     finally:
         plugins.close()
     return ScoredRecords(replace(run, task=task, held_out=found), found, spectra)

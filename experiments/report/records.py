@@ -14,7 +14,7 @@ from .wording import duration, number
 
 _DIGITS = 3
 
-TOO_WIDE = "the band is too wide to be linear: the fitted records leave the parameters open"
+TOO_WIDE = "the band is a tenth of the measured range: the fitted records leave the parameters open"
 
 FITTED, HELD_OUT = "fitted", "held out"
 

@@ -143,7 +143,7 @@ def _experiments(cell: CellModel, rng: np.random.Generator) -> tuple[Experiment,
 
 def _true_run(cell: CellModel, experiment: Experiment, change: CellChange, points: int) -> ExperimentRun:
     from ...plugins.pybamm.compiled import CompiledExperiment
-    from ...plugins.pybamm.compiled_cell import Resolution
+    from ...plugins.pybamm.resolution import Resolution
 
     fine = Resolution(rtol=1e-7, points=points, standard_mesh=True, least_atol=1e-7)
     return CompiledExperiment(cell, experiment, {}, fine, baked=change).solve({})

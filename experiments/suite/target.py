@@ -113,8 +113,8 @@ def cache_folder() -> Path:
 
 
 def _solve(cell: CellModel, experiment: Experiment, candidate: Candidate) -> ExperimentRun:
-    from ...plugins.pybamm.compiled_cell import Resolution
     from ...plugins.pybamm.parameter_sets import pybamm
+    from ...plugins.pybamm.resolution import Resolution
     from ...plugins.pybamm.solving import solve_reference
 
     pybamm.set_logging_level("CRITICAL")

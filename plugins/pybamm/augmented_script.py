@@ -19,11 +19,10 @@ from ...core.printable import shown
 from ...core.target import CellChange, Target, change_of
 from ...core.task import CellModel, ParameterFile
 from .augmentation import augmented_cell, part_of
-from .compiled_cell import Resolution
 from .drive import current_function
-from .driven_cell import FINE
 from .export import parameter_values_json
 from .parameter_sets import FILL_FROM, load, pybamm
+from .resolution import FINE, Resolution
 from .state_of_charge import InitialState, initial_concentration
 
 _TEMPLATE = Path(__file__).with_name("augmented_model.py.j2")

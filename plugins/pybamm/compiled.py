@@ -11,9 +11,10 @@ from ...core.simulation import ExperimentRun, SimulationFailure
 from ...core.target import CellChange, Target
 from ...core.task import CellModel, Experiment
 from . import drive
-from .compiled_cell import SEARCH, SOLVER_ERRORS, CompiledCell, Resolution, first_line, start_of
+from .compiled_cell import SOLVER_ERRORS, CompiledCell, first_line, start_of
 from .last_moments import last_moments, nearest_limit
 from .parameter_sets import pybamm
+from .resolution import SEARCH, Resolution
 from .step_solutions import Unfinished, keep_solver_steps_of_holds, to_trajectory
 
 

@@ -16,6 +16,7 @@ from .augmentation import PyBaMMPart, augmented_cell, part_of
 from .mesh import search_spatial_methods, search_submeshes
 from .ocp_shape import keeping_ocp_falling
 from .parameter_sets import bake, input_values, load, open_to_search, pybamm
+from .resolution import SEARCH, Resolution
 from .state_of_charge import InitialState, initial_concentration
 
 MODELS = {"SPM": "SPM", "SPMe": "SPMe", "DFN": "DFN"}
@@ -25,34 +26,6 @@ PAUSE = ("Pause begins [s]", "Pause ends [s]")
 
 SOLVER_ERRORS = (pybamm.SolverError, ValueError, ArithmeticError, RuntimeError)
 """What a candidate can provoke in a solve."""
-
-
-@dataclass(frozen=True)
-class Resolution:
-    """Mesh and tolerances of a solve."""
-
-    rtol: float = 1e-5  # Relative tolerance of the integrator.
-    points: int | None = None  # Mesh points in every domain; None keeps PyBaMM's own.
-    radial_points: int | None = None  # Mesh points in a particle, where it needs others.
-    # Whether to use PyBaMM's own mesh, whose lengths are numbers, instead of one whose lengths are inputs.
-    standard_mesh: bool = False
-    least_atol: float = 0.0  # The absolute tolerance is a tenth of the relative one, and at least this.
-
-    @property
-    def atol(self) -> float:
-        """Absolute tolerance of the integrator."""
-        return max(0.1 * self.rtol, self.least_atol)
-
-    def mesh(self) -> dict[str, int]:
-        """Mesh points by the name of the coordinate, as PyBaMM's ``var_pts`` has them."""
-        radial = self.radial_points or self.points
-        chosen = {"x_n": self.points, "x_s": self.points, "x_p": self.points, "r_n": radial, "r_p": radial}
-        return {name: count for name, count in chosen.items() if count is not None}
-
-
-SEARCH = Resolution()
-REFERENCE = Resolution(rtol=1e-6, standard_mesh=True)
-"""For final scores. At an absolute tolerance of 1e-8 every experiment on Ecker2015 fails in its first rest."""
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,9 @@ from ...core.parameters import Candidate
 from ...core.target import CellChange, Target
 from ...core.task import CellModel
 from ...core.trajectory import FloatArray, Trajectory
-from .compiled_cell import PAUSE, SOLVER_ERRORS, CompiledCell, Resolution, Start, first_line
+from .compiled_cell import PAUSE, SOLVER_ERRORS, CompiledCell, Start, first_line
 from .drive import DELAY, EMPTY_V, FULL_V, JUMP_S, current_function, one_after_another
+from .resolution import Resolution
 
 _NEVER = (1e12, 1e12)
 """A pause that never comes, s."""
@@ -35,9 +36,7 @@ _Part = tuple[FloatArray, FloatArray, FloatArray]
 _OUTPUTS = ("Voltage [V]", "Volume-averaged cell temperature [K]")
 
 SEARCH = Resolution(standard_mesh=True)
-FINE = Resolution(rtol=1e-7, points=40, standard_mesh=True, least_atol=1e-7)
-"""For a discovery, whose base parameters change no length of the mesh. At an absolute tolerance of 1e-8 DFN fails where
-the current first steps."""
+"""For a discovery, whose base parameters change no length of the mesh."""
 
 
 def _options_of_drive(finest_s: float) -> dict[str, Any]:

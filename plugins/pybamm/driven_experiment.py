@@ -13,9 +13,10 @@ from ...core.simulation import ExperimentRun, SimulationFailure
 from ...core.target import CellChange, Target
 from ...core.task import CellModel, Experiment
 from ...core.trajectory import Step, Trajectory
-from .compiled_cell import SEARCH, Resolution, start_of
+from .compiled_cell import start_of
 from .drive import JUMP_S
 from .driven_cell import DrivenCell, Pause
+from .resolution import SEARCH, Resolution
 
 
 class DrivenExperiment:

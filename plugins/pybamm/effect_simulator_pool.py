@@ -16,9 +16,9 @@ from ...core.errors import BsaError
 from ...core.parameters import Candidate
 from ...core.target import Target
 from ...core.task import CellModel
-from .compiled_cell import Resolution
 from .effect_simulator import has_low_fidelity
 from .processes import Pool, Report
+from .resolution import Resolution
 
 _TIME_LIMIT_S = 120.0
 """Longest time for one simulation, s. Twenty cycles with a layer that grows take ten; what crawls on has failed."""

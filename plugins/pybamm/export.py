@@ -14,9 +14,10 @@ from ...core.target import CellChange
 from ...core.task import CellModel, Experiment, ParameterFile, Task
 from ...core.trajectory import StepKind
 from . import drive
-from .compiled_cell import MODELS, REFERENCE
+from .compiled_cell import MODELS
 from .ocp_shape import BUMP_WIDTH, OcpCurves
 from .parameter_sets import FILL_FROM, bake, load, pybamm
+from .resolution import REFERENCE
 from .state_of_charge import InitialState
 from .step_solutions import step_kind
 

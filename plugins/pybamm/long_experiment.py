@@ -19,10 +19,11 @@ from ...core.target import CellChange, Target
 from ...core.task import CellModel, Experiment
 from ...core.trajectory import FloatArray, Trajectory
 from .compiled import CompiledExperiment
-from .compiled_cell import SEARCH, SOLVER_ERRORS, Resolution, first_line
+from .compiled_cell import SOLVER_ERRORS, first_line
 from .cycle_jumps import TOLERANCE, CycleFailed, CycleRunner, SolvedCycle
 from .last_moments import last_moments, nearest_limit
 from .parameter_sets import pybamm
+from .resolution import SEARCH, Resolution
 from .step_solutions import Unfinished, to_trajectory
 
 _COMPILED_REPEATS = 2

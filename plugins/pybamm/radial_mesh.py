@@ -17,8 +17,8 @@ from ...core.discovery.observations import after_jumps, evenly
 from ...core.discovery.simulator import MeasuredRecord
 from ...core.task import CellModel
 from ...core.trajectory import FloatArray
-from .compiled_cell import Resolution
-from .driven_cell import FINE, SEARCH, DrivenCell, within_limits
+from .driven_cell import SEARCH, DrivenCell, within_limits
+from .resolution import FINE, Resolution
 
 _POINTS = (20, 40, 80, 160)
 _SHIFT_V = 1e-2

@@ -8,9 +8,9 @@ from ...core.simulation import ExperimentRun
 from ...core.target import CellChange, Target
 from ...core.task import CellModel, Experiment
 from .compiled import CompiledExperiment
-from .compiled_cell import REFERENCE, Resolution
 from .driven_experiment import DrivenExperiment
 from .long_experiment import LongExperiment
+from .resolution import REFERENCE, Resolution
 
 Simulated = CompiledExperiment | DrivenExperiment | LongExperiment
 

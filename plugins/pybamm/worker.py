@@ -13,6 +13,7 @@ from ...core.simulation import ExperimentRun, Outcome, SimulationFailure
 from ...core.target import Target, change_of
 from ...core.task import CellModel, Experiment
 from .processes import Pool, Report
+from .resolution import FINE, REFERENCE, Resolution
 
 _REFERENCE_ALLOWANCE = 10.0
 """A reference solve builds its model anew, on a finer mesh at tighter tolerances: it may take this much longer."""
@@ -43,14 +44,14 @@ class CandidateService:
         cell, targets = self._assignment.cell, self._assignment.targets
         self._compiled = [compiled(cell, experiment, targets) for experiment in self._assignment.experiments]
 
-    def work(self, job: tuple[Candidate, bool], report: Report) -> Outcome:
+    def work(self, job: tuple[Candidate, Resolution | None], report: Report) -> Outcome:
         """Simulate a candidate; what it provokes is a failed trial with the experiments that were done before."""
-        candidate, exact = job
+        candidate, resolution = job
         started = time.perf_counter()
         runs: list[ExperimentRun] = []
         try:
             for number in range(len(self._compiled)):
-                runs.append(self._simulate(number, candidate, exact, report))
+                runs.append(self._simulate(number, candidate, resolution, report))
         except BsaError:
             raise
         except Exception as error:
@@ -58,12 +59,14 @@ class CandidateService:
             runs += [ExperimentRun(None, SimulationFailure(reason))] * (len(self._compiled) - len(runs))
         return Outcome(tuple(runs), time.perf_counter() - started)
 
-    def _simulate(self, number: int, candidate: Candidate, exact: bool, report: Report) -> ExperimentRun:
+    def _simulate(
+        self, number: int, candidate: Candidate, resolution: Resolution | None, report: Report
+    ) -> ExperimentRun:
         from .solving import solve_reference
 
-        if exact:
+        if resolution is not None:
             change = change_of(self._assignment.targets, candidate)
-            return solve_reference(self._assignment.cell, self._assignment.experiments[number], change)
+            return solve_reference(self._assignment.cell, self._assignment.experiments[number], change, resolution)
         run: ExperimentRun = self._compiled[number].solve(candidate, lambda *step: report(step))
         return run
 
@@ -88,8 +91,16 @@ class WorkerPool:
 
     def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
         """Simulate all candidates; the place and the outcome of each as it finishes."""
-        jobs = [(dict(candidate), exact) for candidate in candidates]
-        return self.processes.run(jobs, _REFERENCE_ALLOWANCE if exact else 1.0)
+        return self._at(REFERENCE if exact else None, candidates)
+
+    def simulate_finer(self, candidate: Candidate) -> Outcome:
+        """Simulate a candidate on a mesh of twice the points."""
+        ((_, outcome),) = self._at(FINE, [candidate])
+        return outcome
+
+    def _at(self, resolution: Resolution | None, candidates: Sequence[Candidate]) -> Iterator[tuple[int, Outcome]]:
+        jobs = [(dict(candidate), resolution) for candidate in candidates]
+        return self.processes.run(jobs, 1.0 if resolution is None else _REFERENCE_ALLOWANCE)
 
     def close(self) -> None:
         """End all processes."""

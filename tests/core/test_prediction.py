@@ -18,6 +18,7 @@ from bsa.experiments.run import summary
 from bsa.experiments.run_record import read_run
 from bsa_toy_cell import HIDDEN, record, space, toy_task
 from bsa_toy_life import life, life_task
+from scipy.stats import t as student
 
 RunToy = Callable[..., RunResult]
 PROTOCOL = (("Rest for 60 seconds", "Discharge at 2 A until 3.2 V", "Rest for 600 seconds"),)
@@ -99,14 +100,15 @@ def linear_task(current: float = 1.0) -> tuple[Task, Trajectory]:
     return Task("linear", CellModel("Chen2020"), box, (Experiment("fitted", target),)), target
 
 
-def test_the_band_is_the_linear_propagation_of_the_covariance() -> None:
+def test_the_band_is_what_the_draws_show() -> None:
     task, target = linear_task()
-    covariance = np.array([[4e-4, 1e-4], [1e-4, 9e-4]])
+    draws = np.array([[0.22, 0.15], [0.18, 0.16], [0.2, 0.11]])
     candidate = {"a": 0.2, "b": 0.3}
-    (found,) = predict(task, candidate, [Experiment("new", target)], Linear(target), covariance.tolist())
+    (found,) = predict(task, candidate, [Experiment("new", target)], Linear(target), draws.tolist())
     assert found.curve is not None
     slope = np.column_stack([-np.ones(51), -2.0 * target.time / 100])  # per unit of the box
-    expected = 1.96 * np.sqrt(np.einsum("ij,jk,ik->i", slope, covariance, slope))
+    moved = slope @ (draws - [0.2, 0.15]).T
+    expected = student.ppf(0.975, 3) * np.sqrt(np.mean(moved**2, axis=1))
     np.testing.assert_allclose(found.curve.values("voltage_band"), expected, rtol=1e-6)
     assert found.bands["voltage"].max == pytest.approx(1e3 * expected.max(), rel=1e-6)
     assert found.bands["voltage"].inside == 1.0
@@ -118,7 +120,7 @@ def test_a_band_too_wide_to_be_linear_is_named() -> None:
     task, target = linear_task()
     fit, new = {"a": 0.2, "b": 0.3}, [Experiment("new", target)]
     narrow, wide = (
-        predict(task, fit, new, Linear(target), [[variance, 0.0], [0.0, variance]])[0] for variance in (1e-6, 1e-2)
+        predict(task, fit, new, Linear(target), [[0.2 + off, 0.15], [0.2 - off, 0.15]])[0] for off in (1e-3, 0.1)
     )
     assert not narrow.bands["voltage"].wide
     assert wide.bands["voltage"].wide
@@ -183,7 +185,7 @@ def test_a_forecast_of_a_life_has_the_band_of_its_capacities() -> None:
     box = ParameterSpace((Parameter("rate", 0.2, 0.0, 1.0),))
     task = replace(life_task(whole), space=box)
     later = replace(task.experiments[0], name="later", initial_voltage=3.4)
-    (found,) = predict(task, {"rate": 0.2}, [later], Fading(), [[1e-4]], scatter=0.005)
+    (found,) = predict(task, {"rate": 0.2}, [later], Fading(), [[0.21], [0.19]], scatter=0.005)
     assert found.fade is not None
     share = np.arange(100) / 99
     expected = 1.96 * np.sqrt(1e-4 * share**2 + 0.005**2)

@@ -16,8 +16,8 @@ from bsa.experiments.discovery_bench.hidden_physics import EFFECTS, HiddenEffect
 from bsa.experiments.discovery_bench.making import DESCRIPTION, make_cases, unseal
 from bsa.experiments.discovery_bench.protocols import Step
 from bsa.experiments.effect_choice import effects_of
-from bsa.plugins.pybamm.compiled_cell import Resolution
 from bsa.plugins.pybamm.driven_cell import DrivenCell
+from bsa.plugins.pybamm.resolution import Resolution
 
 CELL = ("hidden_cell", "hidden_physics", "protocols", "draws")
 

@@ -6,9 +6,9 @@ from bsa.core.target import CellChange, target_named
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.pybamm import drive
-from bsa.plugins.pybamm.compiled_cell import Resolution
 from bsa.plugins.pybamm.driven_experiment import DrivenExperiment
 from bsa.plugins.pybamm.parameter_sets import pybamm
+from bsa.plugins.pybamm.resolution import Resolution
 from bsa.plugins.pybamm.solving import compiled, solve_reference
 
 SPM = CellModel("Chen2020", "SPM")

@@ -8,9 +8,9 @@ import pytest
 from bsa.core.target import CellChange, Value
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Trajectory
-from bsa.plugins.pybamm.compiled_cell import SEARCH
 from bsa.plugins.pybamm.cycle_jumps import TOLERANCE
 from bsa.plugins.pybamm.long_experiment import LongExperiment
+from bsa.plugins.pybamm.resolution import SEARCH
 from bsa.plugins.pybamm.solving import compiled, solve_reference
 
 CELL = CellModel("Chen2020", "SPM", {"SEI": "reaction limited"})

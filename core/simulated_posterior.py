@@ -1,0 +1,125 @@
+"""The posterior of a fit, on the simulations of the search and some more where it turns out to be.
+
+Along weakly determined directions no straight or parabolic model of the residuals holds: draws from one cost hundreds
+of times what it says. So an emulator learns the residuals, its draws are simulated, and it learns from these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .emulator import Emulator, learn
+from .identifiability import effective_noise, linear_estimate
+from .posterior import MOVES, beginning, going_on, sample
+from .trajectory import FloatArray
+
+_ROUNDS, _AT_ONCE = 6, 16
+"""Rounds of simulations at draws, and how many a round: about as many in all as a search makes."""
+
+_SETTLED = 1.0
+"""Squared deviations by which the emulator may be off at nine of ten simulated draws when no more are needed.
+
+The tenth is not the median, since the ends of a valley are found last.
+"""
+
+_CHOICE = 8
+"""Draws of which the one that the emulator knows least is simulated, for every second simulation: valleys end there."""
+
+_LOOKING = 500
+"""Moves of a sample that only says where to simulate next."""
+
+_FAR = 100.0
+"""Root-mean-square residual, in deviations, from which a simulation tells nothing of the neighbourhood of a fit."""
+
+_MOST = 250
+"""Simulations that an emulator learns from: its time grows with their third power, and is a second at so many."""
+
+_SAME = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """How far residuals are off, whatever the candidate, in tolerances; arrays of shape (m,)."""
+
+    deviation: FloatArray  # Standard deviation of each, independent of the others.
+    shift: FloatArray  # What is known of the mesh of the search: to be added to its residuals.
+    doubt: FloatArray  # Standard deviation of what is not, all of it of one sign.
+
+    def whitened(self, residual: FloatArray) -> FloatArray:
+        """Residuals of the search whose errors are independent and of deviation one."""
+        scaled, doubt = (residual + self.shift) / self.deviation, self.doubt / self.deviation
+        power = float(doubt @ doubt)
+        if power == 0.0:
+            return np.asarray(scaled)
+        return np.asarray(scaled - (1.0 - 1.0 / np.sqrt(1.0 + power)) * doubt * float(doubt @ scaled) / power)
+
+
+def simulated_posterior(
+    points: Sequence[FloatArray],
+    residuals: Sequence[FloatArray],
+    jacobian: FloatArray,
+    simulate: Callable[[FloatArray], Sequence[FloatArray | None]],
+    rounds: int = _ROUNDS,
+) -> tuple[FloatArray, float]:
+    """Draws in the unit box, shape (n, p), and by what factor residuals are larger than their deviations.
+
+    Parameters
+    ----------
+    points : sequence of ndarray of shape (p,)
+        What was simulated, the best first.
+    residuals : sequence of ndarray of shape (m,)
+        What came of it, in deviations.
+    jacobian : ndarray of shape (m, p)
+        Derivatives at the best, likewise.
+    simulate : callable
+        Residuals at points of shape (k, p), likewise; None for one that fails.
+    """
+    seen, found = np.array(points), np.array(residuals)
+    rng = np.random.default_rng(0)
+    emulator: Emulator | None = None
+    walkers = draws = np.zeros((0, 0))
+    off = np.inf
+    for number in range(rounds + 1):
+        usable = _usable(seen, found)
+        emulator = learn(seen[usable], found[usable], emulator)
+        # Where the model does not come down to the noise, and where neighbours err alike, the residuals say less.
+        excess = effective_noise(found[usable[0]], seen.shape[1], 1.0)
+        costs = emulator.cost_function(excess**2)
+        if number == 0:
+            walkers = beginning(*linear_estimate(seen[0], found[0] / excess, jacobian / excess))
+        else:
+            walkers = going_on(draws, costs)
+        draws = sample(costs, walkers, _LOOKING)
+        if number == rounds or off < _SETTLED:
+            break
+        wanted = _wanted(emulator, draws, rng)
+        more = simulate(wanted)
+        done = [place for place, residual in enumerate(more) if residual is not None]
+        if done:
+            made = np.array([more[place] for place in done])
+            off = float(np.quantile(np.sum((emulator.residuals(wanted[done]) - made) ** 2, axis=1), 0.9)) / excess**2
+            seen, found = np.vstack([seen, wanted[done]]), np.vstack([found, made])
+    return sample(costs, going_on(draws, costs), MOVES), excess
+
+
+def _wanted(emulator: Emulator, draws: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Draws to simulate: half of them any, half of them what the emulator knows least."""
+    some = draws[rng.choice(len(draws), _AT_ONCE // 2 * (1 + _CHOICE))]
+    usual, others = np.split(some, [_AT_ONCE // 2])
+    unsure = np.sum(emulator.predict(others)[1], axis=1).reshape(-1, _CHOICE)
+    return np.vstack([usual, others.reshape(-1, _CHOICE, others.shape[1])[np.arange(len(unsure)), unsure.argmax(1)]])
+
+
+def _usable(points: FloatArray, residuals: FloatArray) -> FloatArray:
+    """Places of the simulations to learn from, the best first, each point once."""
+    size = np.sqrt(np.mean(residuals**2, axis=1))
+    chosen: list[int] = []
+    for place in np.argsort(size, kind="stable"):
+        far = size[place] > max(_FAR, size[chosen[0]] if chosen else 0.0)
+        again = any(np.max(np.abs(points[place] - points[other])) < _SAME for other in chosen)
+        if not (far or again) and len(chosen) < _MOST:
+            chosen.append(int(place))
+    return np.array(chosen or [int(np.argmin(size))])

@@ -1,0 +1,62 @@
+import numpy as np
+import pytest
+from bsa.core.simulated_posterior import Errors, simulated_posterior
+
+
+def residuals(points: np.ndarray) -> np.ndarray:
+    """A record that sees the product of two parameters to half a percent, and nothing else of them."""
+    product = (0.2 + points[:, 0]) * (0.2 + points[:, 1])
+    return np.column_stack([200.0 * (product / 0.49 - 1.0), np.zeros(len(points))])
+
+
+def test_draws_follow_a_bent_valley_to_its_ends() -> None:
+    asked = []
+
+    def simulate(points: np.ndarray) -> list[np.ndarray | None]:
+        asked.append(len(points))
+        return list(residuals(points))
+
+    centre = np.array([0.5, 0.5])
+    start = [centre, *(centre + step for step in ([0.007, 0.0], [0.0, 0.007], [0.2, 0.0], [0.0, -0.2]))]
+    slope = 200.0 * 0.7 / 0.49
+    draws, excess = simulated_posterior(
+        start, list(residuals(np.array(start))), np.array([[slope, slope], [0.0, 0.0]]), simulate
+    )
+    assert excess == 1.0
+    assert sum(asked) <= 64
+    # A straight interval would leave the valley at once: at its ends the product is 40 % off along the tangent.
+    low, high = np.quantile(draws, [0.025, 0.975], axis=0)
+    assert np.all(low < 0.28)
+    assert np.all(high > 0.9)
+    assert np.quantile(np.sum(residuals(draws) ** 2, axis=1), 0.9) < 8.0
+
+
+def test_a_valley_that_is_straight_takes_one_round() -> None:
+    slopes = np.random.default_rng(0).normal(size=(20, 2)) * 50.0
+
+    def line(points: np.ndarray) -> np.ndarray:
+        return (points - 0.5) @ slopes.T
+
+    asked = []
+
+    def simulate(points: np.ndarray) -> list[np.ndarray | None]:
+        asked.append(len(points))
+        return list(line(points))
+
+    rng = np.random.default_rng(1)
+    start = [np.full(2, 0.5), *rng.uniform(0.4, 0.6, size=(12, 2))]
+    draws, _ = simulated_posterior(start, list(line(np.array(start))), slopes, simulate)
+    deviation = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
+    assert len(asked) == 1
+    assert np.std(draws, axis=0) == pytest.approx(deviation, rel=0.12)
+
+
+def test_an_error_of_one_sign_costs_little_and_others_as_much_as_before() -> None:
+    doubt = np.array([3.0, 4.0, 0.0])
+    errors = Errors(np.ones(3), np.array([0.5, 0.0, 0.0]), doubt)
+    alone = errors.whitened(doubt - errors.shift)
+    assert alone @ alone == pytest.approx(25.0 / 26.0)
+    across = np.array([4.0, -3.0, 1.0])
+    assert errors.whitened(across - errors.shift) == pytest.approx(across)
+    plain = Errors(np.full(3, 2.0), np.zeros(3), np.zeros(3))
+    assert plain.whitened(doubt) == pytest.approx(doubt / 2.0)
