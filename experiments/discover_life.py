@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ..backends.opening import open_backend
 from ..core.ageing.changes import Changes
+from ..core.discovery.drift import Drift
 from ..core.discovery.explanation import Explanation
 from ..core.discovery.findings import Findings, Listener
 from ..core.discovery.life import DEVIATION_V, LifeDiscovery
@@ -25,6 +26,7 @@ from ..core.task_reduction import shortened
 from ..core.trajectory import FloatArray
 from ..plugins.pybamm.long_experiment import LongExperiment
 from ..plugins.pybamm.parameter_sets import pybamm
+from .degradation_modes import degradation_modes
 from .effect_choice import effects_of
 from .request import CellChoice, Records, run_config, task_of_records
 from .run import execute_run
@@ -39,6 +41,55 @@ _CELL_SIMULATIONS = 60
 """Simulations of the first cycle, by which the cell is fitted: two Jacobians of some twenty-five parameters."""
 
 
+@dataclass(frozen=True)
+class LifeFindings:
+    """What was found in a life."""
+
+    findings: Findings  # The verdict, and every mechanism that was fitted.
+    modes: tuple[Drift, ...]  # Lithium, active material and resistance by cycle, whatever the mechanism.
+    fit_cycles: int  # The last cycle that was fitted.
+    simulations: int  # Lives that were simulated.
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The mechanisms found; empty unless the verdict is ``"effect-found"`` or ``"ambiguous"``."""
+        return self.findings.best.names if self.findings.verdict in ("effect-found", "ambiguous") else ()
+
+    def as_json(self, notes: Sequence[str]) -> dict[str, Any]:
+        """The contents of ``discovery.json``; errors are in standard deviations of the residuals."""
+        findings = self.findings
+        return {
+            "verdict": findings.verdict,
+            "reason": findings.reason,
+            "effects": list(self.names),
+            "rivals": [list(rival.names) for rival in findings.rivals],
+            "fit_cycles": self.fit_cycles,
+            "base": _errors(findings.base),
+            "candidates": [self._candidate(one) for one in findings.explanations],
+            "modes": [asdict(mode) for mode in self.modes],
+            "simulations": self.simulations,
+            "notes": list(notes),
+        }
+
+    def _candidate(self, one: Explanation) -> dict[str, Any]:
+        base = self.findings.base
+        if one is self.findings.best and self.names:
+            rejected = ""
+        elif one in self.findings.rivals:
+            rejected = "cannot be told from the best"
+        else:
+            rejected = RULES.objection_to(one, Gap(base, base, DEVIATION_V, DEVIATION_V))
+            rejected = rejected or "explains the life less well than the best"
+        return {
+            "name": one.label,
+            **_errors(one),
+            "delta_bic": bic_difference(base, one),
+            "parameters": {key: [asdict(estimate) for estimate in rows] for key, rows in one.estimates.items()},
+            "converged": bool(one.settled),
+            "rejected": rejected,
+        }
+
+
 def discover_life(
     records: Records,
     cell: CellChoice,
@@ -46,7 +97,7 @@ def discover_life(
     effects: Sequence[str] | None = None,
     max_effects: int = 2,
     listener: Listener = lambda text: None,
-) -> Findings:
+) -> LifeFindings:
     """Fit the cell to the first cycle of a life, then each mechanism to the fitted cycles, and say which one it is.
 
     Parameters
@@ -80,11 +131,14 @@ def discover_life(
     simulator = LifeSimulator(task, best)
     evidence = Evidence(task.cell.model, task.cell.options, count, 0.0, 1.0)
     chosen = [e for e in effects_of(effects) if e.ages and not (e.lacks and e.lacks(evidence))]
-    discovery = LifeDiscovery(simulator, Changes(task, fit_cycles), listener, max_effects)
-    findings = discovery.run(chosen)
-    content = as_json(findings, fit_cycles, task.notes, discovery.simulations)
-    write_text(out / RESULT, json.dumps(content, indent=1))
-    return findings
+    modes = degradation_modes(task, best)
+    for mode in modes:
+        listener(f"{mode.name}: {mode.per_100_cycles:+.2g} ± {mode.half_per_100_cycles:.1g} in 100 cycles")
+    (new,) = simulator((), [{}])
+    discovery = LifeDiscovery(simulator, Changes(task, fit_cycles, new), listener, max_effects)
+    found = LifeFindings(discovery.run(chosen), tuple(modes), fit_cycles, discovery.simulations)
+    write_text(out / RESULT, json.dumps(found.as_json(task.notes), indent=1))
+    return found
 
 
 def _first_cycle(task: Task, folder: Path) -> Candidate:
@@ -124,35 +178,6 @@ class LifeSimulator:
 
     def _one(self, compiled: LongExperiment, strengths: Candidate) -> FloatArray | None:
         return residuals(self._task, Outcome((compiled.solve({**self._cell, **strengths}),)))
-
-
-def as_json(findings: Findings, fit_cycles: int, notes: Sequence[str], simulations: int) -> Mapping[str, Any]:
-    """The contents of ``discovery.json``; errors are in standard deviations of the residuals."""
-    gap = Gap(findings.base, findings.nearest_base, DEVIATION_V, DEVIATION_V)
-    return {
-        "verdict": findings.verdict,
-        "reason": findings.reason,
-        "effects": list(findings.best.names) if findings.verdict in ("effect-found", "ambiguous") else [],
-        "rivals": [list(rival.names) for rival in findings.rivals],
-        "fit_cycles": fit_cycles,
-        "base": _errors(findings.base),
-        "candidates": [
-            {
-                "name": one.label,
-                **_errors(one),
-                "delta_bic": bic_difference(findings.base, one),
-                "parameters": {key: [asdict(e) for e in rows] for key, rows in one.estimates.items()},
-                "converged": bool(one.settled),
-                "rejected": ""
-                if one is findings.best or one in findings.rivals
-                else RULES.objection_to(one, gap)
-                or "explains the life less well than the best, or needs more effects for the same",
-            }
-            for one in findings.explanations
-        ],
-        "simulations": simulations,
-        "notes": list(notes),
-    }
 
 
 def _errors(found: Explanation) -> dict[str, float]:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ..residuals import noise_of_residuals, rows_of
 from ..task import Task
-from ..trajectory import FloatArray
+from ..trajectory import FloatArray, StepKind
 from .cycle_table import CycleTable
 from .residuals import CAPACITY_TOLERANCE, RESISTANCE_TOLERANCE, compared_cycles
 
@@ -19,7 +19,8 @@ class Changes:
     """Residuals of a life without what its fitted cycles have in common, in standard deviations.
 
     A point of a curve is compared with the same point of the other cycles whose curves are kept, a capacity with the
-    other capacities.
+    other capacities. Rests are left out: after a discharge to its cut-off a cell relaxes by as much as its last minute
+    drove it, which says more of that minute than of ageing.
 
     Parameters
     ----------
@@ -27,16 +28,19 @@ class Changes:
         One life, all cycles of which are compared.
     fit_cycles : int
         The last cycle that is fitted; the later ones are held out.
+    new : ndarray of shape (m,), optional
+        Residuals of the cell that was fitted to the first cycle. Where that is off, a model tells a change no better:
+        in each step of a cycle the misfit counts as noise.
 
     Attributes
     ----------
     fitted, held : ndarray of bool, shape (m,)
-        Which residuals are of fitted cycles, and which of later ones.
+        Which of the residuals that are compared are of fitted cycles, and which of later ones.
     steps : ndarray of int, shape (m,)
         Which step of which cycle each is of.
     """
 
-    def __init__(self, task: Task, fit_cycles: int) -> None:
+    def __init__(self, task: Task, fit_cycles: int, new: FloatArray | None = None) -> None:
         (experiment,) = task.experiments
         table = experiment.target.cycle_table
         assert table is not None
@@ -45,8 +49,9 @@ class Changes:
         curves = len(rows.record) - len(lines)
         cycles = np.array([step.cycle for step in experiment.target.steps])[rows.step]
         cycles[curves:] = [cycle for _, cycle, _ in lines]
-        self.fitted = cycles <= fit_cycles
-        self.held = ~self.fitted
+        rests = [step.kind is StepKind.REST for step in experiment.target.steps]
+        compared = np.array([*(not rests[step] for step in rows.step[:curves]), *([True] * len(lines))])
+        self.fitted, self.held = compared & (cycles <= fit_cycles), compared & (cycles > fit_cycles)
         self.steps = np.where(np.arange(len(cycles)) < curves, rows.step, rows.step.max() + 1)
         begins = {step.cycle: place for place, step in reversed(list(enumerate(experiment.target.steps)))}
         points, number = [], 0
@@ -60,6 +65,9 @@ class Changes:
         scale = np.where(rows.scale > 0, rows.scale, np.max(rows.scale[:curves], initial=0.0))
         self._sigma = np.hypot(scale, noise_of_residuals(task))
         self._sigma[curves:] = [scatter for _, _, scatter in lines]
+        if new is not None:
+            signals = [f"{points[place].split()[0]} {rows.signal[place]}" for place in range(curves)]
+            self._sigma = np.hypot(self._sigma, _left(new, np.array([*signals, *points[curves:]]), cycles))
 
     def __call__(self, residual: FloatArray) -> FloatArray:
         """The changes in a task's residuals, in standard deviations, shape (m,)."""
@@ -83,6 +91,16 @@ def _lines(table: CycleTable) -> list[tuple[str, int, float]]:
     ):
         scatter = max(1.0, _scatter(values) / tolerance)
         found += [(name, int(table.cycle[place]), scatter) for place in places]
+    return found
+
+
+def _left(new: FloatArray, kinds: NDArray[np.str_], cycles: NDArray[np.intp]) -> FloatArray:
+    """Root mean square of what is left of each kind of residual in the first cycle that has it."""
+    found = np.zeros(len(new))
+    for kind in np.unique(kinds):
+        same = kinds == kind
+        first = same & (cycles == np.min(cycles[same]))
+        found[same] = np.sqrt(np.mean(new[first] ** 2))
     return found
 
 

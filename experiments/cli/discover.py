@@ -162,7 +162,7 @@ def _carry_out_life(
     if as_json:
         print((folder / RESULT).read_text())
         return
-    print(f"verdict: {found.verdict}")
-    for name in found.best.names if found.verdict in ("effect-found", "ambiguous") else ():
+    print(f"verdict: {found.findings.verdict}")
+    for name in found.names:
         print(f"  {printable(name)}")
-    print(f"  {found.reason}")
+    print(f"  {printable(found.findings.reason)}")

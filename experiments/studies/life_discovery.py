@@ -71,7 +71,6 @@ HIDDEN = {
         },
     ),
     "plating": Hidden("lithium-plating", {"lithium plating": "irreversible"}, _scaled_plating),
-    # Driven by stress, where the catalogue's loss goes with the charge that flows.
     "material": Hidden(
         "loss-of-active-material",
         {"loss of active material": ("stress-driven", "none"), "particle mechanics": "swelling only"},
@@ -130,7 +129,20 @@ def make(hidden: Hidden, path: Path, seed: int, cycles: int = CYCLES) -> None:
             solution.termination = "final time"
 
 
-def ask(case: str, folder: Path, data: Path) -> LifeRow:
+@dataclass(frozen=True)
+class ModeRow:
+    """How one quantity drifts over a life."""
+
+    case: str
+    quantity: str
+    cycle: int  # The last one.
+    value: float  # What it comes to there.
+    half: float  # Half its 95 % interval.
+    per_100_cycles: float
+    half_per_100_cycles: float
+
+
+def ask(case: str, folder: Path, data: Path) -> tuple[LifeRow, list[ModeRow]]:
     """Make a life, or take a measured one, and ask which mechanism ages it."""
     if case in HIDDEN:
         path = folder / f"{case}.csv"
@@ -144,7 +156,11 @@ def ask(case: str, folder: Path, data: Path) -> LifeRow:
         cell = CellChoice(_MEASURED_SET, MODEL)
     began = time.process_time()
     found = discover_life(records, cell, folder / case, listener=print)
-    return row_of(case, found, time.process_time() - began)
+    modes = [
+        ModeRow(case, m.name, m.cycles[-1], m.values[-1], m.half[-1], m.per_100_cycles, m.half_per_100_cycles)
+        for m in found.modes
+    ]
+    return row_of(case, found.findings, time.process_time() - began), modes
 
 
 def row_of(case: str, found: Findings, seconds: float) -> LifeRow:
@@ -171,7 +187,10 @@ if __name__ == "__main__":
     data_folder, *cases = sys.argv[1:]
     out = Path("life_discovery")
     out.mkdir(exist_ok=True)
-    rows = []
+    rows, drifting = [], []
     for one in cases or (*HIDDEN, *MEASURED):
-        rows.append(asdict(ask(one, out, Path(data_folder))))
+        row, modes = ask(one, out, Path(data_folder))
+        rows.append(asdict(row))
+        drifting += [asdict(mode) for mode in modes]
         write_csv(Path("life_discovery.csv"), rows)
+        write_csv(Path("life_modes.csv"), drifting)

@@ -25,6 +25,14 @@ def _needs_cycles(option: str) -> Callable[[Evidence], str]:
     return lacks
 
 
+def _needs_a_life(option: str = "") -> Callable[[Evidence], str]:
+    def lacks(evidence: Evidence) -> str:
+        few = evidence.cycles < _FEWEST_OF_A_LIFE
+        return f"no record has {_FEWEST_OF_A_LIFE} cycles" * few or _needs_cycles(option)(evidence)
+
+    return lacks
+
+
 def _sei_reaction(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
     return {"SEI reaction exchange current density [A.m-2]": 1.5e-7 * p["rate"]}
 
@@ -132,6 +140,37 @@ def _lam(which: str, physics: Any) -> Effect:
     )
 
 
+def _stress_negative(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    return {"Negative electrode LAM constant proportional term [s-1]": 2.7778e-7 * p["rate"]}
+
+
+def _stress_positive(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    return {"Positive electrode LAM constant proportional term [s-1]": 2.7778e-7 * p["rate"]}
+
+
+def _stressed(which: str, losing: tuple[str, str], physics: Any) -> Effect:
+    return Effect(
+        name="loss-of-active-material",
+        variant=f"{which} electrode by stress",
+        title=f"loss of active material in the {which} electrode, driven by the stress in its particles",
+        equation="d(eps_s)/dt = -s beta (sigma_h / sigma_c)^m, beta = 2.78e-7 1/s",
+        parameters=(EffectParameter("rate", "", 0.0, 0.0, 500.0, 2.0),),
+        signature="capacity and the place of one electrode's steps shift, faster as less material carries the current",
+        citation="O'Kane et al., Phys. Chem. Chem. Phys. 24 (2022) 7909, doi:10.1039/D2CP00417H",
+        physics=PyBaMMPart(
+            options={
+                "loss of active material": losing,
+                "particle mechanics": "swelling only",
+                # Else the stress would change the new cell's diffusion too.
+                "stress-induced diffusion": "false",
+            },
+            values=physics,
+        ),
+        lacks=_needs_a_life("loss of active material"),
+        ages=True,
+    )
+
+
 def _clogging(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
     import pybamm
 
@@ -181,11 +220,6 @@ def _growing_contact(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str
     return {"Contact resistance [Ohm]": known["Contact resistance [Ohm]"] + p["growth"] * unit * throughput}
 
 
-def _growth_lacks(evidence: Evidence) -> str:
-    few = evidence.cycles < _FEWEST_OF_A_LIFE
-    return f"no record has {_FEWEST_OF_A_LIFE} cycles, so that a resistance hardly grows" * few
-
-
 resistance_growth = Effect(
     name="resistance-growth",
     title="contacts whose resistance grows with charge throughput",
@@ -198,7 +232,7 @@ resistance_growth = Effect(
         borrowed={"Contact resistance [Ohm]": 0.0},
         values=_growing_contact,
     ),
-    lacks=_growth_lacks,
+    lacks=_needs_a_life(),
     ages=True,
 )
 
@@ -223,6 +257,8 @@ EFFECTS = (
     lithium_plating,
     _lam("negative", _lam_negative),
     _lam("positive", _lam_positive),
+    _stressed("negative", ("stress-driven", "none"), _stress_negative),
+    _stressed("positive", ("none", "stress-driven"), _stress_positive),
     porosity_change,
     resistance_growth,
     self_discharge,

@@ -123,6 +123,11 @@ class InitialState:
         start = self._start(change, soc)
         return {initial_concentration(which): start.stoichiometry[which] * start.highest[which] for which in ELECTRODES}
 
+    def inventory(self, change: CellChange) -> dict[str, float]:
+        """Lithium that the electrodes share, under ``"lithium"``, and what each can hold, mol per m2 of electrode."""
+        _, _, lithium, held, _ = self._balance(change)
+        return {"lithium": lithium, **held}
+
     def voltages(self, change: CellChange, soc: float | None, drawn: FloatArray) -> FloatArray:
         """Open-circuit voltage after charge was drawn, V, shape (n,).
 

@@ -37,7 +37,7 @@ def test_every_effect_of_ageing_is_absent_at_its_null(short_life: Path) -> None:
     (base,) = simulator((), [{}])
     assert base is not None
     ageing = [effect for effect in EFFECTS if effect.ages and effect.name != "porosity-change"]
-    assert len(ageing) == 6
+    assert len(ageing) == 8
     for effect in ageing:
         (found,) = simulator((effect,), [{effect.full_name(effect.strength): 0.0}])
         assert found is not None, effect.key
@@ -51,7 +51,7 @@ def test_the_hidden_mechanism_is_named(case: str, tmp_path: Path) -> None:
     make(HIDDEN[case], tmp_path / "life.csv", 0, 100)
     records = Records([tmp_path / "life.csv"], read=READ, fit_cycles=60)
     found = discover_life(records, CellChoice("Chen2020", "SPM"), tmp_path / "out")
-    assert (found.verdict, found.best.names) == ("effect-found", (HIDDEN[case].name,))
+    assert (found.findings.verdict, found.names) == ("effect-found", (HIDDEN[case].name,))
     content = json.loads((tmp_path / "out" / "discovery.json").read_text())
     assert content["effects"] == [HIDDEN[case].name]
     assert content["candidates"][0]["later_error"] < 0.3 * content["base"]["later_error"]

@@ -52,3 +52,15 @@ def test_capacities_that_scatter_count_for_less() -> None:
     assert residual is not None
     capacities = changes(residual)[changes.steps == changes.steps.max()][:24]
     assert 0.5 < np.sqrt(np.mean(capacities**2)) < 2.0
+
+
+def test_where_the_new_cell_is_off_a_change_counts_for_less() -> None:
+    record = TASK.experiments[0].target
+    new = residuals(TASK, Outcome((ExperimentRun(record.changed(voltage=record.voltage + 0.02)),)))
+    aged = residuals(TASK, Outcome((ExperimentRun(life(100, 0.3)),)))
+    assert new is not None
+    assert aged is not None
+    plain, weighed = Changes(TASK, 60)(aged), Changes(TASK, 60, new)(aged)
+    off = np.abs(new) > 0.0
+    assert np.all(np.abs(weighed[off]) <= 0.2 * np.abs(plain[off]) + 1e-12)
+    assert weighed[~off] == pytest.approx(plain[~off])
