@@ -280,6 +280,7 @@ def by_hand(results: Results) -> str:
     lines = [
         [
             row["task"],
+            row["scaffold"],
             *(short(row[name]) for name in ("initial_mape", "mape")),
             f"{row['simulations']:.0f}",
             short(early[row["task"]]),
@@ -289,7 +290,7 @@ def by_hand(results: Results) -> str:
         ]
         for row in results.rows("by_hand")
     ]
-    heads = ["error in %", "start", "by hand", "simulations", "hybrid with `rules` after 20", "calls"]
+    heads = ["error in %", "scaffold", "start", "by hand", "simulations", "hybrid with `rules` after 20", "calls"]
     return results.framed("by_hand", markdown_table([*heads, "tokens a prompt", "tokens a reply"], lines))
 
 
