@@ -101,6 +101,10 @@ def discover(
         missing = "--data" if not data else "--parameters"
         raise BsaError(f"{missing} is missing.", "bsa discover --data RECORD.csv --parameters Chen2020, for example.")
     if life or fit_cycles is not None:
+        others = {"--holdout": bool(holdout), "--override": bool(override), "--effect-option": bool(effect_option)}
+        others |= {"--backend": backend is not None, "--search": search != "all", "--workers": workers > 0}
+        if unused := [name for name, given in others.items() if given]:
+            raise BsaError(f"{' and '.join(unused)} cannot be given with --life.", "leave it out; see docs/ageing.md.")
         whole = Records(data, (), reading.options(join), reading.reader, reading.reader_options, fit_cycles=fit_cycles)
         base = CellChoice(parameters, model, key_values(options, "--options"), scale=scale)
         _carry_out_life(whole, base, out, effect, max_effects, as_json)

@@ -91,3 +91,51 @@ def whole_lives(results: Results) -> str:
             f"{short(float(np.max(off)))} % at most; the band holds {held} of {len(later)} cycles after the fit."
         )
     return results.framed("whole_life", markdown_table(heads, lines), "\n".join(remarks))
+
+
+def mechanisms(results: Results) -> str:
+    """Which mechanism was found in lives with a hidden one, and in measured ones."""
+    rows = results.rows("life_discovery")
+    lines = [
+        [
+            row["task"],
+            _text(row["hidden"], "not known"),
+            row["verdict"],
+            _text(row["named"], "none") + _text(row["rivals"], "", " or {}"),
+            row["best"],
+            f"{row['base_error']:.1f} → {row['error']:.1f}",
+            f"{row['base_later_error']:.1f} → {row['later_error']:.1f}",
+            f"{row['processor_s']:.0f}",
+        ]
+        for row in rows
+    ]
+    heads = ["life", "hidden", "verdict", "named", "nearest", "fitted cycles", "later cycles", "processor s"]
+    known = [row for row in rows if isinstance(row["hidden"], str)]
+    right = sum(row["verdict"] == "effect-found" and row["named"] == row["hidden"] for row in known)
+    wrong = sum(row["verdict"] == "effect-found" and row["named"] != row["hidden"] for row in known)
+    remark = (
+        f"* {right} of {len(known)} hidden mechanisms named alone, {wrong} wrong names. Errors: standard deviations."
+    )
+    return results.framed("life_discovery", markdown_table(heads, lines), remark)
+
+
+def _text(field: object, empty: str, form: str = "{}") -> str:
+    """A field in some words; others where it is empty."""
+    return form.format(field) if isinstance(field, str) else empty
+
+
+def modes(results: Results) -> str:
+    """How lithium, active material and resistance drift over the same lives."""
+    rows = results.rows("life_modes")
+    lines = [
+        [
+            row["task"],
+            row["quantity"],
+            f"{short(row['value'])} ± {short(row['half'])}",
+            f"{row['cycle']:.0f}",
+            f"{short(row['per_100_cycles'])} ± {short(row['half_per_100_cycles'])}",
+        ]
+        for row in rows
+    ]
+    heads = ["life", "quantity", "at the end (95 %)", "cycle", "in 100 cycles (95 %)"]
+    return results.framed("life_modes", markdown_table(heads, lines))

@@ -32,6 +32,8 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "ageing": ageing.published_lives,
     "life-cost": ageing.life_cost,
     "whole-life": ageing.whole_lives,
+    "life-discovery": ageing.mechanisms,
+    "life-modes": ageing.modes,
     "discovery-blind": discovery.blind_cases,
     "discovery-blind-cases": discovery.each_blind_case,
     "discovery": discovery.earlier_cases,

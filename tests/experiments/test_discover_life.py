@@ -1,12 +1,14 @@
 """`bsa discover --life`: what it refuses, and lives whose mechanism is known."""
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from bsa.core.ageing.changes import Changes
 from bsa.core.errors import BsaError
+from bsa.experiments.cli.main import main
 from bsa.experiments.discover_life import LifeSimulator, discover_life
 from bsa.experiments.request import CellChoice, Records, reading, task_of_records
 from bsa.experiments.studies.life_discovery import HIDDEN, make
@@ -55,3 +57,14 @@ def test_the_hidden_mechanism_is_named(case: str, tmp_path: Path) -> None:
     content = json.loads((tmp_path / "out" / "discovery.json").read_text())
     assert content["effects"] == [HIDDEN[case].name]
     assert content["candidates"][0]["later_error"] < 0.3 * content["base"]["later_error"]
+
+
+def test_what_a_life_is_not_asked_with_is_refused(
+    short_life: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arguments = ["bsa", "discover", "--data", str(short_life), "--life", "--parameters", "Chen2020"]
+    monkeypatch.setattr(sys, "argv", [*arguments, "--search", "capacity", "--override", "x=1"])
+    with pytest.raises(SystemExit) as caught:
+        main()
+    assert caught.value.code == 2
+    assert "--override and --search cannot be given with --life" in capsys.readouterr().err

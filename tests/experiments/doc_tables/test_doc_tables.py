@@ -166,3 +166,35 @@ def test_a_shortlist_counts_places(made):
         {"case": "b", "ranked_by": "score test", "place": math.inf},
     ]
     assert "| score test | 2 | 1 | 1 | 1 |" in made("discovery-shortlists", discovery_shortlists=rows)
+
+
+def test_mechanisms_found_are_counted_where_one_was_hidden(made):
+    def row(case, hidden, verdict, named, rivals=""):
+        errors = {"base_error": 5.0, "error": 1.0, "base_later_error": 9.0, "later_error": 1.5}
+        found = {
+            "verdict": verdict,
+            "named": named,
+            "rivals": rivals,
+            "best": named or "?",
+            "reason": "",
+            "processor_s": 40.0,
+        }
+        return {"case": case, "hidden": hidden, **found, **errors}
+
+    rows = [
+        row("a", "sei-growth", "effect-found", "sei-growth"),
+        row("b", "lithium-plating", "effect-found", "sei-growth"),
+        row("c", "lithium-plating", "ambiguous", "sei-growth", "lithium-plating"),
+        row("d", "", "unexplained", ""),
+    ]
+    text = made("life-discovery", life_discovery=rows)
+    assert "1 of 3 hidden mechanisms named alone, 1 wrong names" in text
+    assert "sei-growth or lithium-plating" in text
+    assert "| d | not known | unexplained | none |" in text
+    assert "5.0 → 1.0" in text
+
+
+def test_modes_are_told_with_their_intervals(made):
+    row = {"case": "a", "quantity": "Loss of lithium inventory [%]", "cycle": 200, "value": 4.0, "half": 0.2}
+    text = made("life-modes", life_modes=[{**row, "per_100_cycles": 2.0, "half_per_100_cycles": 0.1}])
+    assert "| a | Loss of lithium inventory [%] | 4 ± 0.2 | 200 | 2 ± 0.1 |" in text
