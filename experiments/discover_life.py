@@ -10,6 +10,7 @@ from typing import Any
 
 from ..backends.opening import open_backend
 from ..core.ageing.changes import Changes
+from ..core.discovery.discovery import finite
 from ..core.discovery.drift import Drift
 from ..core.discovery.explanation import Explanation
 from ..core.discovery.findings import Findings, Listener
@@ -28,6 +29,7 @@ from ..plugins.pybamm.long_experiment import LongExperiment
 from ..plugins.pybamm.parameter_sets import pybamm
 from .degradation_modes import degradation_modes
 from .effect_choice import effects_of
+from .report.life_discovery import render
 from .request import CellChoice, Records, run_config, task_of_records
 from .run import execute_run
 
@@ -107,7 +109,7 @@ def discover_life(
     cell : CellChoice
         The base model, which need not age.
     out : Path
-        Where ``discovery.json`` and the run of the first cycle go.
+        Where ``discovery.json``, ``report.html`` and the run of the first cycle go.
     effects : sequence of str, optional
         Mechanisms to consider; all effects of ageing by default.
 
@@ -137,7 +139,9 @@ def discover_life(
     (new,) = simulator((), [{}])
     discovery = LifeDiscovery(simulator, Changes(task, fit_cycles, new), listener, max_effects)
     found = LifeFindings(discovery.run(chosen), tuple(modes), fit_cycles, discovery.simulations)
-    write_text(out / RESULT, json.dumps(found.as_json(task.notes), indent=1))
+    content = found.as_json(task.notes)
+    write_text(out / RESULT, json.dumps(finite(content), indent=1, allow_nan=False))
+    write_text(out / "report.html", render(content))
     return found
 
 

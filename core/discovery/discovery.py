@@ -90,7 +90,7 @@ class Discovery:
             "wall_s": self.wall_s,
             "notes": self.notes,
         }
-        cleaned: Json = _finite(content)
+        cleaned: Json = finite(content)
         return cleaned
 
     def _effects(self, best: Explanation) -> list[Json]:
@@ -176,12 +176,12 @@ class Discovery:
         }
 
 
-def _finite(value: Any) -> Any:
+def finite(value: Any) -> Any:
     """The same content with what JSON cannot say as None, and NumPy's numbers as Python's."""
     if isinstance(value, dict):
-        return {str(key): _finite(entry) for key, entry in value.items()}
+        return {str(key): finite(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_finite(entry) for entry in value]
+        return [finite(entry) for entry in value]
     if isinstance(value, (bool, np.bool_)):
         return bool(value)
     if isinstance(value, (float, np.floating)):

@@ -170,3 +170,4 @@ def _carry_out_life(
     for name in found.names:
         print(f"  {printable(name)}")
     print(f"  {printable(found.findings.reason)}")
+    print(f"  report: {folder / 'report.html'}")

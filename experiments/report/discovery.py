@@ -20,7 +20,7 @@ from .wording import number, time_unit
 
 _VOLTAGE_HEIGHT, _RESIDUAL_HEIGHT = 210.0, 130.0
 
-_VERDICTS = {
+VERDICTS = {
     "effect-found": "An effect explains the discrepancy",
     "ambiguous": "Several effects explain the discrepancy equally well",
     "unexplained": "A discrepancy remains that no effect of the catalogue explains",
@@ -46,7 +46,7 @@ def write_page(path: Path, discovery: Discovery, problem: Problem | None) -> Non
     """
     figures = [] if problem is None else _figures(discovery, problem)
     content = discovery.to_json()
-    page = template("discovery.html.j2").render(d=content, headline=_VERDICTS[discovery.verdict], figures=figures)
+    page = template("discovery.html.j2").render(d=content, headline=VERDICTS[discovery.verdict], figures=figures)
     write_text(path, page)
 
 
