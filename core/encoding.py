@@ -22,7 +22,17 @@ from .protocol_text import read_protocol, written
 from .shape import shaped
 from .signals import Signal
 from .simulation import ExperimentRun, Outcome, SimulationFailure
-from .target import CyclableLithium, EffectValue, Factor, InitialSoc, OcpShape, Target, Value, target_named
+from .target import (
+    CyclableLithium,
+    DiffusivityShape,
+    EffectValue,
+    Factor,
+    InitialSoc,
+    OcpShape,
+    Target,
+    Value,
+    target_named,
+)
 from .task import CellModel, Experiment, Task, Weight
 from .task_reduction import TaskReduction
 from .trajectory import FloatArray, Step, Trajectory
@@ -133,6 +143,7 @@ _TARGETS: dict[str, type[Target]] = {
     "initial_soc": InitialSoc,
     "cyclable_lithium": CyclableLithium,
     "ocp_shape": OcpShape,
+    "diffusivity_shape": DiffusivityShape,
     "effect": EffectValue,
 }
 

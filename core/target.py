@@ -14,6 +14,7 @@ CYCLABLE_LITHIUM = "Cyclable lithium factor"
 
 _FACTOR = " factor"
 
+_DIFFUSIVITY_SHAPE = re.compile(r"(Negative|Positive) particle diffusivity factor at stoichiometry (\d*\.?\d+)")
 _OCP_SHAPE = re.compile(r"(Negative|Positive) electrode OCP correction at stoichiometry (\d*\.?\d+) \[V\]")
 
 
@@ -57,6 +58,19 @@ class OcpShape:
 
 
 @dataclass(frozen=True)
+class DiffusivityShape:
+    """Multiplies the diffusivity in the particles of an electrode near one stoichiometry."""
+
+    electrode: str  # ``"Negative"`` or ``"Positive"``.
+    stoichiometry: float  # Where the whole factor applies, between 0 and 1.
+
+    @property
+    def diffusivity(self) -> str:
+        """PyBaMM's name of the diffusivity."""
+        return f"{self.electrode} particle diffusivity [m2.s-1]"
+
+
+@dataclass(frozen=True)
 class EffectValue:
     """A parameter that exists only when an effect does."""
 
@@ -65,7 +79,7 @@ class EffectValue:
     parameter: str
 
 
-Target = Value | Factor | InitialSoc | CyclableLithium | OcpShape | EffectValue
+Target = Value | Factor | InitialSoc | CyclableLithium | OcpShape | DiffusivityShape | EffectValue
 
 
 def soc_name(record: str) -> str:
@@ -90,8 +104,9 @@ def target_named(name: str, known: Iterable[str] = ()) -> Target:
     ----------
     name : str
         ``"NAME"`` for a value, ``"NAME factor"`` for a multiplier, ``"Initial state of charge"`` (of one record:
-        ``"Initial state of charge: RECORD"``), ``"Cyclable lithium factor"`` or
-        ``"Positive electrode OCP correction at stoichiometry 0.3 [V]"``.
+        ``"Initial state of charge: RECORD"``), ``"Cyclable lithium factor"``,
+        ``"Positive electrode OCP correction at stoichiometry 0.3 [V]"`` or
+        ``"Positive particle diffusivity factor at stoichiometry 0.9"``.
     known : iterable of str, optional
         Names of the parameter set: one of these is a value, whatever it ends with.
     """
@@ -104,6 +119,9 @@ def target_named(name: str, known: Iterable[str] = ()) -> Target:
     shape = _OCP_SHAPE.fullmatch(name)
     if shape is not None and 0.0 < float(shape[2]) < 1.0:
         return OcpShape(shape[1], float(shape[2]))
+    shape = _DIFFUSIVITY_SHAPE.fullmatch(name)
+    if shape is not None and 0.0 < float(shape[2]) < 1.0:
+        return DiffusivityShape(shape[1], float(shape[2]))
     if name.endswith(_FACTOR) and name not in known:
         return Factor(name.removesuffix(_FACTOR))
     return Value(name)
@@ -122,6 +140,8 @@ class CellChange:
     initial_soc: Mapping[str, float] = field(default_factory=dict)
     # Heights of the bumps that are added to open-circuit potentials, V.
     ocp_shape: Mapping[OcpShape, float] = field(default_factory=dict)
+    # What diffusivities are multiplied by near a stoichiometry.
+    diffusivity_shape: Mapping[DiffusivityShape, float] = field(default_factory=dict)
 
     def soc_of(self, record: str) -> float | None:
         """The state of charge at which a record starts; None where nothing is said of it."""
@@ -140,6 +160,7 @@ def change_of(targets: Mapping[str, Target], candidate: Mapping[str, float]) -> 
     factors: dict[str, float] = {}
     initial_soc: dict[str, float] = {}
     ocp_shape: dict[OcpShape, float] = {}
+    diffusivity_shape: dict[DiffusivityShape, float] = {}
     lithium = 1.0
     for name, target in targets.items():
         if name not in candidate:
@@ -156,6 +177,8 @@ def change_of(targets: Mapping[str, Target], candidate: Mapping[str, float]) -> 
                 lithium = value
             case OcpShape():
                 ocp_shape[target] = value
+            case DiffusivityShape():
+                diffusivity_shape[target] = value
             case EffectValue():
                 pass
-    return CellChange(values, factors, lithium, initial_soc, ocp_shape)
+    return CellChange(values, factors, lithium, initial_soc, ocp_shape, diffusivity_shape)

@@ -61,6 +61,7 @@ class EquilibriumFit(Stage):
     ) -> None:
         super().__init__(task, choice, view, free, start, budget)
         self._equilibrium = equilibrium
+        self._begun = False
         self._next: FloatArray | None = None
         self._rejected = 0
 
@@ -94,16 +95,24 @@ class EquilibriumFit(Stage):
         seen = self._weighed(self._here)
         if here is None or seen is None:
             return None
-        correction = seen - here
+        correction = self._correction(seen, here)
 
         def corrected(points: list[FloatArray]) -> list[FloatArray | None]:
             return [None if found is None else found + correction for found in self._at_equilibrium(points)]
 
-        search = LeastSquares(self._point(), seen, SETTINGS, self._free, box=self._box())
+        search = LeastSquares(self._point(), here + correction, SETTINGS, self._free, box=self._box())
         before = search.cost
         solve(search, corrected, _EVALUATIONS)
         gained = before - search.cost
         return search.point if gained > max(SETTINGS.noise**2, SETTINGS.tolerance * before) else None
+
+    def _correction(self, seen: FloatArray, here: FloatArray) -> FloatArray:
+        """What a simulation differs by; nothing at a start that ran empty or full: that is no polarisation.
+
+        Held, volts where the cell was empty, it would make every other balance of the electrodes look worse.
+        """
+        begins, self._begun = not self._begun, True
+        return np.zeros_like(seen) if begins and self._here.limits else seen - here
 
     def _at_equilibrium(self, points: Sequence[FloatArray]) -> list[FloatArray | None]:
         """The view's residuals of a cell at equilibrium, in standard deviations."""

@@ -15,6 +15,7 @@ from ...core.task import CellModel, Experiment, ParameterFile, Task
 from ...core.trajectory import StepKind
 from . import drive
 from .compiled_cell import MODELS
+from .diffusivity_shape import by_diffusivity
 from .ocp_shape import BUMP_WIDTH, OcpCurves
 from .parameter_sets import FILL_FROM, bake, load, pybamm
 from .resolution import REFERENCE
@@ -73,6 +74,7 @@ def script(task: Task, candidate: Candidate) -> str:
         calibrated=dict(change.values),
         factors={} if from_file else dict(change.factors),
         bumps={} if from_file else _bumps(task.cell, change),
+        diffusivity_factors={} if from_file else by_diffusivity(change.diffusivity_shape),
         bump_width=BUMP_WIDTH,
         records=[_record(task.cell, experiment, change, tables) for experiment in task.experiments],
         tables=tables,

@@ -9,8 +9,19 @@ from functools import cache
 from typing import Any
 
 from ...core.errors import BsaError, did_you_mean
-from ...core.target import CellChange, Factor, InitialSoc, OcpShape, Target, Value, factor_name, target_named
+from ...core.target import (
+    CellChange,
+    DiffusivityShape,
+    Factor,
+    InitialSoc,
+    OcpShape,
+    Target,
+    Value,
+    factor_name,
+    target_named,
+)
 from ...core.task import ParameterFile, ParameterSource
+from .diffusivity_shape import reshape
 from .ocp_shape import OcpCurves, correct
 
 os.environ.setdefault("PYBAMM_DISABLE_TELEMETRY", "true")  # or the first import may prompt
@@ -136,6 +147,8 @@ def open_to_search(values: pybamm.ParameterValues, targets: Mapping[str, Target]
             values.update({target.name: _scaled(values[target.name], pybamm.InputParameter(name))})
     shapes = {target: name for name, target in targets.items() if isinstance(target, OcpShape)}
     correct(values, {target: pybamm.InputParameter(name) for target, name in shapes.items()})
+    factors = {target: name for name, target in targets.items() if isinstance(target, DiffusivityShape)}
+    reshape(values, {target: pybamm.InputParameter(name) for target, name in factors.items()})
 
 
 def input_values(targets: Mapping[str, Target], change: CellChange) -> dict[str, float]:
@@ -149,6 +162,8 @@ def input_values(targets: Mapping[str, Target], change: CellChange) -> dict[str,
                 inputs[name] = change.factors[base]
             case OcpShape():
                 inputs[name] = change.ocp_shape[target]
+            case DiffusivityShape():
+                inputs[name] = change.diffusivity_shape[target]
     return inputs
 
 
@@ -159,6 +174,7 @@ def bake(values: pybamm.ParameterValues, change: CellChange) -> None:
         values.update({name: _scaled(values[name], factor)})
     if change.ocp_shape:
         correct(values, OcpCurves(values).falling(CellChange(ocp_shape=change.ocp_shape)).ocp_shape)
+    reshape(values, change.diffusivity_shape)
 
 
 def _known(values: pybamm.ParameterValues, name: str) -> str:

@@ -4,6 +4,7 @@ from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.target import (
     CellChange,
     CyclableLithium,
+    DiffusivityShape,
     EffectValue,
     Factor,
     InitialSoc,
@@ -24,6 +25,7 @@ from bsa.core.target import (
         ("Initial state of charge: 1 cell factor", InitialSoc("1 cell factor")),
         ("Cyclable lithium factor", CyclableLithium()),
         ("Positive electrode OCP correction at stoichiometry 0.3 [V]", OcpShape("Positive", 0.3)),
+        ("Negative particle diffusivity factor at stoichiometry 0.1", DiffusivityShape("Negative", 0.1)),
         (
             "Positive electrode OCP correction at stoichiometry 1.3 [V]",
             Value("Positive electrode OCP correction at stoichiometry 1.3 [V]"),
