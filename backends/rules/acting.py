@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from .reading import Prompt
-from .reasoner import propose, unmeasured
-from .trust import failed_in_a_row
+from .reasoner import failed_in_a_row, propose, unmeasured
 
 _GETS_ON = 0.8
 """A fit whose misfit fell below this share of what it was some rounds ago is left alone."""
@@ -23,7 +22,7 @@ _TRIP = 30
 def act_alone(prompt: Prompt) -> dict[str, Any]:
     """A reply to the agent's prompt, where there is no fit beside: measure what is not known, then change."""
     missing = unmeasured(prompt)
-    stuck = failed_in_a_row(prompt) >= _STUCK and prompt.simulations_left > len(prompt.parameters) + _STUCK
+    stuck = len(failed_in_a_row(prompt)) >= _STUCK and prompt.simulations_left > len(prompt.parameters) + _STUCK
     if missing or (stuck and prompt.sensitivities.effects):
         return {
             "analysis": f"The effects of {', '.join(missing) or 'all parameters'} are not known here.",

@@ -45,7 +45,6 @@ class PastTrial:
     steps: tuple[float, ...]
     numbers: Mapping[str, float]  # Its features or residuals, where they are told.
     asked_by: str = ""  # Who asked for it.
-    misfit: float = math.inf  # In tolerances; infinite where it failed or is not told.
 
 
 @dataclass(frozen=True)
@@ -151,13 +150,11 @@ def _trials(history: Mapping[str, Any], count: int, features: tuple[str, ...]) -
 
 def _trial(row: Mapping[str, Any], features: Mapping[str, float]) -> PastTrial:
     steps = [finite_number(value) for value in entries(row.get("steps_from_present"))]
-    misfit = finite_number(row.get("misfit_tolerances"))
     return PastTrial(
         int(finite_number(row.get("trial")) or 0),
         tuple(step for step in steps if step is not None and abs(step) < _MOST_STEPS),
         features or finite_numbers(row),
         str(row.get("asked_by", "")),
-        math.inf if misfit is None else misfit,
     )
 
 

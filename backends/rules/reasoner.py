@@ -11,8 +11,13 @@ from ...core.sensitivities import linear_change
 from ...core.typical_steps import change_by, to_steps
 from .reading import Prompt
 from .sensitivity import Matrix, Sensitivity, infer
-from .trust import trusted_length
 
+_LONGEST = 5.0
+"""Typical steps, all parameters together, that one round may move."""
+_SHRINK = 0.4
+"""Share of a change that was no better which the next one may have in length."""
+_LEAST = 0.02
+"""Typical steps below which a change is lost in the rounding of the prompt."""
 _MOST_UNMEASURED = 0.6
 """Share of the simulations left that may go into measuring effects."""
 
@@ -36,6 +41,13 @@ def unmeasured(prompt: Prompt) -> list[str]:
     return missing if told and affordable else []
 
 
+def failed_in_a_row(prompt: Prompt) -> list[float]:
+    """Lengths of the changes tried from the present values that were no better, in typical steps."""
+    tried = {trial.index: trial.steps for trial in prompt.trials if trial.asked_by in ("", "search", "agent")}
+    lengths = [float(np.linalg.norm(steps)) for index, steps in tried.items() if index > prompt.present]
+    return lengths or ([float(np.linalg.norm(prompt.attempt))] if prompt.attempt else [])
+
+
 def _step(prompt: Prompt, sensitivity: Sensitivity) -> Matrix:
     """As far as the effects can be trusted, in typical steps of each parameter, shape (p,)."""
     lower = np.full(len(sensitivity.parameters), -np.inf)
@@ -47,9 +59,8 @@ def _step(prompt: Prompt, sensitivity: Sensitivity) -> Matrix:
                 for value in (prompt.bounds[name][0], prompt.parameters[name], prompt.bounds[name][1])
             )
             lower[place], upper[place] = low - now, high - now
-    return linear_change(
-        sensitivity.slopes, sensitivity.mismatch, sensitivity.tolerance, lower, upper, trusted_length(prompt)
-    )
+    radius = max(min([_LONGEST, *(_SHRINK * length for length in failed_in_a_row(prompt))]), _LEAST)
+    return linear_change(sensitivity.slopes, sensitivity.mismatch, sensitivity.tolerance, lower, upper, radius)
 
 
 def _answer(prompt: Prompt, sensitivity: Sensitivity, change: Matrix) -> dict[str, Any]:

@@ -108,13 +108,13 @@ class HybridProposer:
         self._main.tell(ours)
         self._main_spent += len(ours)
         self._hold -= len(ours)
-        self._misfits.append(self._main.misfit)
         self._take_own(theirs)
         if self._agent_best is not None and _cost(self._agent_best) < _BETTER * self._main.cost:
             self._main.adopt(self._agent_best, context.trials)
             # It stands for a step of the fit, so that an agent that leads can go on.
             self._main_spent += 1
             self._agent_spent -= 1
+        self._misfits.append(self._main.misfit)
         return self._main
 
     def _take_own(self, trials: Sequence[Trial]) -> None:

@@ -13,6 +13,7 @@ from bsa.core.errors import BsaError
 from bsa.core.journal import read_events
 from bsa.core.loop import RunResult
 from bsa.core.messages import Backend, JsonSchema, Message, PromptRefused, Reply
+from bsa.core.prompt_sections import NUMERICS, read_sections
 from bsa.core.scaffold import Scaffold
 from bsa.plugins.agent.actions import Offer, check_action
 from bsa_toy_cell import CAPACITY, HIDDEN, POLARISATION, RELAXATION, SERIES, toy_scaffold, toy_task
@@ -151,7 +152,10 @@ def test_an_agent_that_leads_can_go_on(run_toy: RunToy, tmp_path: Path) -> None:
         off = 1.0 + 0.002 * 0.05 ** (call - 1)
         return words("set", updated_params={name: f"{value * off:.6g}" for name, value in HIDDEN.items()})
 
-    search(run_toy, tmp_path, "hybrid", 9, HIDDEN, backend=Speaking(closer))
+    backend = Speaking(closer)
+    search(run_toy, tmp_path, "hybrid", 9, HIDDEN, backend=backend)
+    ((_, told),) = [part for part in read_sections(backend.prompts[-1]) if part[0] == NUMERICS]
+    assert told["misfit_tolerances_by_round"][-1] == told["misfit_tolerances"]
     proposals = [event for event in read_events(tmp_path) if event["event"] == "proposal"]
     # A fifth of eight simulations would be one.
     assert [event["details"]["authors"] for event in proposals[1:]] == [["fit", "agent"], ["fit", "agent"]]
