@@ -253,15 +253,27 @@ def write_coverage(plan: Plan[StudyCell]) -> str:
 
 
 def coverage_table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """The share of intervals that contain the truth, by grade, with its exact bounds."""
+    """The share of intervals that contain the truth, by grade, with its exact bounds.
+
+    And how far from the middle the truth lies in the median, which tells intervals that are wider than they need be.
+    """
     groups = grouped(rows, "grade")
     lines = []
     for grade in ("fixed", "loose", "open", "voltage"):
-        found = [int(row["contained"]) for row in groups.get(grade, [])]
+        members = groups.get(grade, [])
+        found = [int(row["contained"]) for row in members]
         if found:
             share = f"{100 * sum(found) / len(found):.0f} %"
-            lines.append([grade, str(len(found)), share, exact_interval(sum(found), len(found))])
-    return markdown_table(["grade", "intervals", "contain the truth", "bounds"], lines)
+            off = f"{np.median([_off_middle(row) for row in members]):.2f}"
+            lines.append([grade, str(len(found)), share, exact_interval(sum(found), len(found)), off])
+    heads = ["grade", "intervals", "contain the truth", "bounds", "truth off the middle / half widths, median"]
+    return markdown_table(heads, lines)
+
+
+def _off_middle(row: Mapping[str, Any]) -> float:
+    """Distance of the truth from an interval's middle, in half widths; the median is 0.34 where errors are normal."""
+    lower, upper = float(row["lower"]), float(row["upper"])
+    return abs(2.0 * float(row["true"]) - lower - upper) / (upper - lower)
 
 
 def excesses(rows: Sequence[Mapping[str, Any]]) -> list[float]:

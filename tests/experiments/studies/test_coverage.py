@@ -9,7 +9,8 @@ from bsa.experiments.studies import coverage
 
 
 def rows(number: int, contained: list[int]) -> list[dict[str, Any]]:
-    return [{"task": number, "grade": "fixed", "contained": hit, "cost": 1.1, "true_cost": 1.0} for hit in contained]
+    shared = {"task": number, "grade": "fixed", "cost": 1.1, "true_cost": 1.0, "lower": 1.0, "upper": 3.0}
+    return [{**shared, "contained": hit, "true": 2.5 if hit else 4.0} for hit in contained]
 
 
 def test_every_task_is_a_cell_and_its_intervals_are_counted(tmp_path: Path) -> None:
@@ -25,7 +26,7 @@ def test_every_task_is_a_cell_and_its_intervals_are_counted(tmp_path: Path) -> N
         answered = replace(cell, act=lambda folder, number, **asked: {"rows": rows(number, [1, 1, 0])})
         answered.run(plan.store.cell(cell.identity), plan.store)
         assert cell.asked["number"] == number
-    assert "| fixed | 9 | 67 % | exact 95 % interval 30 to 93 % |" in coverage.write_coverage(plan)
+    assert "| fixed | 9 | 67 % | exact 95 % interval 30 to 93 % | 0.50 |" in coverage.write_coverage(plan)
     assert len((plan.folder / "coverage.csv").read_text().splitlines()) == 10
 
 
