@@ -15,9 +15,9 @@ from ...feedback.rounding import rounded
 
 _BESIDE = """\
 A least-squares fit works beside you and does the arithmetic; you decide what to try. "asked_by" tells its trials from \
-yours. A point of yours that is clearly better than the fit's becomes the fit's at once and is not charged to your \
-share of the simulations. That share stands under Numerics, and "the_record" there says which parameters the record \
-fixes, leaves open, or moves only together where the fit stands{near}.
+yours. A point of yours that is clearly better than the fit's becomes the fit's at once and does not count \
+against your share of the simulations. That share stands under Numerics, and "the_record" there says which parameters \
+the record fixes, leaves open, or moves only together where the fit stands{near}.
 Let the fit go on while it gets on. Step in when it is slow, when simulations fail or a step has vanished, or when \
 you see a cause that it cannot see."""
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bsa.core.discovery.observations import after_jumps
+from bsa.core.effect import Evidence
 from bsa.core.segmentation import segment
 from bsa.core.task import CellModel
 from bsa.experiments import discovery_bench
@@ -47,9 +48,13 @@ def test_a_hidden_cell_is_built_without_what_it_tests(name):
     assert set(imported) <= allowed
 
 
-def test_the_whole_catalogue_can_be_hidden():
-    assert {effect.key for effect in EFFECTS} == {effect.key for effect in effects_of(None)}
-    strengths = {effect.key: effect.full_name(effect.strength) for effect in effects_of(None)}
+def test_the_whole_catalogue_can_be_hidden_but_for_what_only_a_life_shows():
+    short = [Evidence(model, {}, cycles=20, temperature_span_k=50.0, sampling_s=0.01) for model in ("SPMe", "DFN")]
+    catalogue = [
+        effect for effect in effects_of(None) if effect.lacks is None or not all(effect.lacks(shown) for shown in short)
+    ]
+    assert {effect.key for effect in EFFECTS} == {effect.key for effect in catalogue}
+    strengths = {effect.key: effect.full_name(effect.strength) for effect in catalogue}
     assert {effect.key: effect.strength for effect in EFFECTS} == strengths
 
 
