@@ -49,7 +49,9 @@ def test_a_hidden_cell_is_built_without_what_it_tests(name):
 
 
 def test_the_whole_catalogue_can_be_hidden_but_for_what_only_a_life_shows():
-    short = [Evidence(model, {}, cycles=20, temperature_span_k=50.0, sampling_s=0.01) for model in ("SPMe", "DFN")]
+    short = [
+        Evidence(model, {}, cycles=20, temperature_span_k=50.0, sampling_s=0.01) for model in ("SPM", "SPMe", "DFN")
+    ]
     catalogue = [
         effect for effect in effects_of(None) if effect.lacks is None or not all(effect.lacks(shown) for shown in short)
     ]
