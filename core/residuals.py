@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .ageing.residuals import compared_cycles, table_residuals
-from .alignment import StepPair, at_fractions, pair_steps
+from .alignment import StepPair, pair_steps
 from .noise import noise_of
 from .robust_loss import robust
 from .signals import Signal
@@ -31,9 +31,6 @@ _DRIVEN_POINTS = 40
 _AVERAGED = 10
 """Points that each of a driven step's residuals averages at least; where the record has more samples, as many as these:
 a cell that is empty, volts off, for the last half minute of a day would fall between fewer."""
-
-_TRACED = 1000
-"""Points of a driven step between which a signal's change is counted: fewer than its noise has peaks."""
 
 _OSCILLATING_POINTS = 200
 """Points at least of a signal that swings within a step: ten for each of twenty periods."""
@@ -85,9 +82,8 @@ def residuals(task: Task, outcome: Outcome) -> FloatArray | None:
     Under a protocol each step of the scored cycle gives residuals of its compared signals (of a cell the
     voltage, during a voltage hold the current) at equal fractions of its own duration, and one residual for
     the logarithm of its duration. Under a measured drive the durations are given, and each step gives
-    residuals of the observed signals, averages over parts of it that are the shorter the faster the signal changes
-    (`_parts`), weighted by their share of time, so that the sum of squares is the mean squared error times the number
-    of residuals. Where the task's weights are robust,
+    residuals of the observed signals, averages over equal parts of it, weighted by its share of time, so that the
+    sum of squares is the mean squared error times the number of residuals. Where the task's weights are robust,
     mismatches of more than ten tolerances count by their order of magnitude (`robust`).
 
     Returns
@@ -221,31 +217,12 @@ def _driven(task: Task, pairs: list[StepPair], experiment: Experiment) -> list[F
         for signal in task.compared(pair.step.kind, experiment):
             points = _points(signal, _DRIVEN_POINTS)
             # A swing would average out. Midpoints: the ends of a step are where two records agree least on the clock.
-            averaged = 1 if signal.oscillates else max(_AVERAGED, math.ceil(2 * len(pair.measured) / points))
-            edges = _parts(pair.measured, signal)
-            widths = np.diff(edges)
-            fractions = edges[:-1, None] + widths[:, None] * (np.arange(averaged) + 0.5) / averaged
-            mismatch = _mismatch(task, pair, signal, experiment, fractions.ravel())
-            curves.append(weight * np.sqrt(points * widths) * mismatch.reshape(points, averaged).mean(axis=1))
+            averaged = 1 if signal.oscillates else max(_AVERAGED, math.ceil(len(pair.measured) / points))
+            fractions = (np.arange(averaged * points) + 0.5) / (averaged * points)
+            mismatch = _mismatch(task, pair, signal, experiment, fractions)
+            curves.append(weight * mismatch.reshape(points, averaged).mean(axis=1))
         parts.append(np.concatenate(curves))
     return parts
-
-
-def _parts(measured: Trajectory, signal: Signal) -> FloatArray:
-    """Where the parts of a driven step begin and end, as fractions of its duration, shape (points + 1,).
-
-    Half of what they share out is the time, half the change of the signal. At the end of a discharge, where the voltage
-    falls by volts in a minute, a long part would average an error away that is most of the squared error.
-    """
-    points = _points(signal, _DRIVEN_POINTS)
-    even = np.linspace(0.0, 1.0, points + 1)
-    traced = np.linspace(0.0, 1.0, _TRACED + 1)
-    values = at_fractions(measured, measured.values(signal.name), traced)
-    changed = np.append(0.0, np.cumsum(np.abs(np.diff(values))))
-    if signal.oscillates or changed[-1] <= 0:
-        return even
-    progress = 0.5 * (traced + changed / changed[-1])
-    return np.asarray(np.interp(even, progress, traced))
 
 
 def _mismatch(task: Task, pair: StepPair, signal: Signal, experiment: Experiment, fractions: FloatArray) -> FloatArray:
@@ -306,12 +283,8 @@ def rows_of(task: Task) -> ResidualRows:
         for pair in pair_steps(record, experiment):
             place = record.steps.index(pair.step)
             for signal in task.compared(pair.step.kind, experiment):
-                edges = (
-                    _parts(pair.measured, signal)
-                    if experiment.protocol is None
-                    else np.linspace(0.0, 1.0, _points(signal, POINTS) + 1)
-                )
-                times = pair.measured.duration * 0.5 * (edges[:-1] + edges[1:])
+                points = _points(signal, _DRIVEN_POINTS if experiment.protocol is None else POINTS)
+                times = pair.measured.duration * (np.arange(points) + 0.5) / points
                 found += [(number, place, signal.name, float(time)) for time in times]
             if experiment.protocol is not None:
                 found.append((number, place, "", pair.measured.duration))

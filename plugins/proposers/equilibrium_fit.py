@@ -61,16 +61,18 @@ class EquilibriumFit(Stage):
     ) -> None:
         super().__init__(task, choice, view, free, start, budget)
         self._equilibrium = equilibrium
-        self._begun = False
+        self._uncorrected = False  # Whether a fit without a correction was tried.
         self._next: FloatArray | None = None
         self._rejected = 0
 
     def ask(self, simulations_left: int) -> list[Candidate]:
         """See `Stage.ask`: the end of the next fit, if it promises something."""
-        if min(self._left, simulations_left) <= 0 or self._rejected > _HALVINGS:
+        if min(self._left, simulations_left) <= 0:
             return []
         if self._next is None:
             self._next = self._fitted()
+        if self._next is None or self._rejected > _HALVINGS:
+            self._next, self._rejected = self._without_correction(), 0
         return [] if self._next is None else [self._space.at(self._next)]
 
     def tell(self, trials: Sequence[Trial]) -> Trial:
@@ -89,30 +91,33 @@ class EquilibriumFit(Stage):
     def _method(self) -> str:
         return "the end of a fit to a cell at equilibrium, corrected by the last simulation"
 
-    def _fitted(self) -> FloatArray | None:
-        """Where the corrected cell at equilibrium fits best; None where that gains next to nothing."""
+    def _without_correction(self) -> FloatArray | None:
+        """Where the cell at equilibrium itself fits best, once, if the last simulation ran empty or full.
+
+        What it differs by is then no polarisation: held, volts where the cell was empty, it can make every other
+        balance of the electrodes look worse.
+        """
+        if self._uncorrected or not self._here.limits:
+            return None
+        self._uncorrected = True
+        return self._fitted(corrected=False)
+
+    def _fitted(self, corrected: bool = True) -> FloatArray | None:
+        """Where the (corrected) cell at equilibrium fits best; None where that gains next to nothing."""
         here = self._at_equilibrium([self._point()])[0]
         seen = self._weighed(self._here)
         if here is None or seen is None:
             return None
-        correction = self._correction(seen, here)
+        correction = seen - here if corrected else np.zeros_like(seen)
 
-        def corrected(points: list[FloatArray]) -> list[FloatArray | None]:
+        def shifted(points: list[FloatArray]) -> list[FloatArray | None]:
             return [None if found is None else found + correction for found in self._at_equilibrium(points)]
 
         search = LeastSquares(self._point(), here + correction, SETTINGS, self._free, box=self._box())
         before = search.cost
-        solve(search, corrected, _EVALUATIONS)
+        solve(search, shifted, _EVALUATIONS)
         gained = before - search.cost
         return search.point if gained > max(SETTINGS.noise**2, SETTINGS.tolerance * before) else None
-
-    def _correction(self, seen: FloatArray, here: FloatArray) -> FloatArray:
-        """What a simulation differs by; nothing at a start that ran empty or full: that is no polarisation.
-
-        Held, volts where the cell was empty, it would make every other balance of the electrodes look worse.
-        """
-        begins, self._begun = not self._begun, True
-        return np.zeros_like(seen) if begins and self._here.limits else seen - here
 
     def _at_equilibrium(self, points: Sequence[FloatArray]) -> list[FloatArray | None]:
         """The view's residuals of a cell at equilibrium, in standard deviations."""

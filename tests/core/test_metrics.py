@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bsa.core.errors import BsaError
 from bsa.core.metrics import evaluate, objective_of
-from bsa.core.residuals import residuals, rms
+from bsa.core.residuals import residuals
 from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
@@ -98,16 +98,6 @@ def test_nor_does_half_a_minute_of_a_day() -> None:
     found = residuals(Task("t", CellModel("x"), space(), (Experiment("r", day),)), outcome_of(emptied))
     assert found is not None
     assert abs(found[-1]) == pytest.approx(3000.0 * 30.0 / (86400 / 40), rel=0.15)
-
-
-def test_residuals_are_dense_where_the_voltage_falls_so_that_a_knee_counts_as_in_the_error() -> None:
-    flat = constant(1.0, 3.5, 3600)
-    target = flat.changed(voltage=3.5 - np.exp((flat.time - 3600.0) / 15.0))
-    early = flat.changed(voltage=np.where(flat.time > 3590.0, 0.5, 3.5 - np.exp((flat.time - 3598.0) / 15.0)))
-    task = Task("t", CellModel("x"), space(), (Experiment("r", target),))
-    metrics = evaluate(task, outcome_of(early))
-    assert metrics is not None
-    assert rms(residuals(task, outcome_of(early))) == pytest.approx(metrics.v_rmse_mv, rel=0.1)
 
 
 def test_a_weight_that_does_not_exist_is_refused() -> None:

@@ -88,6 +88,28 @@ def test_a_worse_simulation_is_answered_by_half_the_step_and_not_without_end() -
     assert steps == pytest.approx([steps[0] / 2**n for n in range(4)])
 
 
+def test_where_the_start_ran_empty_a_fit_without_a_correction_is_tried_too() -> None:
+    problem = task()
+    free, view = np.ones(2, dtype=bool), view_of(problem, "open-circuit")
+
+    def equilibrium(candidates: Sequence[Candidate]) -> list[Outcome]:
+        return [simulated(problem, candidate, 0.04) for candidate in candidates]
+
+    empty = problem.experiments[0].target.changed(voltage=np.full(400, 0.5))
+    seen = residuals(problem, Outcome((ExperimentRun(empty),)))
+    start = replace(trial(problem, problem.space.initial, 0), residuals=seen, limits=("the simulated cell was empty",))
+    stage, asked = EquilibriumFit(problem, CHOICE, view, free, start, 30, equilibrium), []
+    while candidates := stage.ask(30):
+        asked.append(candidates[0])
+        failure = SimulationFailure("too far")
+        stage.tell([Trial(len(asked), "search", 1, asked[-1], None, failure, None, Feedback({}), (None,), 0.0)])
+    assert len(asked) == 8
+    # This toy's cell at equilibrium is its simulation: the fit without a correction finds what is hidden at once.
+    for name, value in HIDDEN.items():
+        assert asked[4][name] == pytest.approx(value, rel=2e-2)
+        assert asked[0][name] != pytest.approx(value, rel=2e-2)
+
+
 def test_the_budget_is_kept() -> None:
     stage = fit(task())
     assert stage.ask(0) == []
