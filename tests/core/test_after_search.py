@@ -97,7 +97,8 @@ def test_a_forecast_goes_on_in_the_middle_of_its_band(tmp_path: Path) -> None:
     task = replace(task, held_out=(replace(task.experiments[0], name="later"),))
     best = trial(1, 1.0, 1.0)
     best = replace(best, candidate={"rate": 0.2, "other": 0.5}, metrics=SignalMetrics(1.0, {}))
-    analysis = PostFitAnalysis(1, Identifiability({}, (), (), 1.0, 10, ((1e-4, 0.0), (0.0, 1e-4))))
+    draws = tuple((0.2 + 0.01 * shift, 0.5) for shift in (-1.0, 1.0))
+    analysis = PostFitAnalysis(1, Identifiability({}, (), (), 1.0, 10, draws=draws))
 
     with closing(Journal(tmp_path)) as journal:
         journal.append("run", format=1, identity="x", config={}, versions={}, task={})
@@ -110,6 +111,6 @@ def test_a_forecast_goes_on_in_the_middle_of_its_band(tmp_path: Path) -> None:
     first, second = Stops(2), Stops(10)
     assert predicted(first) == ()
     (found,) = predicted(second)
-    assert (first.made, second.made) == (2, 1)
+    assert (first.made, second.made) == (2, 1)  # the fit's life and one for each draw
     assert found.fade is not None
     assert found.fade.half_ah[-1] == pytest.approx(1.96 * 0.01, rel=1e-6)

