@@ -27,8 +27,8 @@ over about the searched range, and hardly ever over a tenth or ten times as much
 _NUGGETS = (1e-9, 1e-2)
 """Possible variances of the integrator's own error, as shares of a component's variance."""
 
-_STRAIGHT = 100.0
-"""Prior variance of a straight response over the box against that of the bent one: a straight line costs nothing."""
+_LINEAR = 100.0
+"""Prior variance of a linear response over the box against that of the curved one: a linear response costs nothing."""
 
 _LEFT_OUT = 0.03
 """Root mean square that the components left out may have, in units of one deviation plus a simulation's own misfit."""
@@ -52,10 +52,10 @@ class Emulator:
 
     def predict(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Mean and variance of the components at points of shape (k, p), each of shape (k, r)."""
-        bent, straight = _kernels(points, self.points, self.lengths)
-        across = bent + straight
+        curved, linear = _kernels(points, self.points, self.lengths)
+        across = curved + linear
         solved = solve_triangular(self.factor, across.T, lower=True, check_finite=False)
-        alone = 1.0 + _STRAIGHT * (1.0 + np.sum((points - _MIDDLE) ** 2, axis=1))
+        alone = 1.0 + _LINEAR * (1.0 + np.sum((points - _MIDDLE) ** 2, axis=1))
         share = np.maximum(alone - np.sum(solved**2, axis=0), 0.0)
         return self.rows @ self.best + across @ self.weights, share[:, None] * self.amplitudes
 
@@ -84,7 +84,7 @@ class Emulator:
 
 
 _MIDDLE = 0.5
-"""Of the box, about which responses are straight at first."""
+"""Of the box, about which responses are linear at first."""
 
 
 def learn(points: FloatArray, residuals: FloatArray, earlier: Emulator | None = None) -> Emulator:
@@ -106,10 +106,10 @@ def learn(points: FloatArray, residuals: FloatArray, earlier: Emulator | None = 
         start = np.append(np.log(earlier.lengths), np.log(earlier.nugget))
     found = _learnt_scales(points, components[:, :_LEADING], tolerated, start)
     lengths, nugget = np.exp(found[:-1]), float(np.exp(found[-1]))
-    bent, straight = _kernels(points, points, lengths)
-    factor = cholesky(bent + straight + np.diag(nugget * tolerated**2), lower=True, check_finite=False)
+    curved, linear = _kernels(points, points, lengths)
+    factor = cholesky(curved + linear + np.diag(nugget * tolerated**2), lower=True, check_finite=False)
     weights = cho_solve((factor, True), components, check_finite=False)
-    # A straight line through the points costs as many degrees of freedom as it has coefficients.
+    # A linear model through the points costs as many degrees of freedom as it has coefficients.
     freedom = max(len(points) - points.shape[1] - 1, 1)
     amplitudes = np.maximum(np.sum(components * weights, axis=0) / freedom, 1e-12)
     return Emulator(points, residuals[best], rows, lengths, nugget, factor, weights, amplitudes)
@@ -129,16 +129,16 @@ def _learnt_scales(points: FloatArray, components: FloatArray, tolerated: FloatA
 
     def misfit(log: FloatArray) -> tuple[float, FloatArray]:
         lengths = np.exp(log[:-1])
-        bent, straight = _kernels(points, points, lengths)
+        curved, linear = _kernels(points, points, lengths)
         noise = np.exp(log[-1]) * tolerated**2
-        factor = cholesky(bent + straight + np.diag(noise), lower=True, check_finite=False)
+        factor = cholesky(curved + linear + np.diag(noise), lower=True, check_finite=False)
         weights = cho_solve((factor, True), components, check_finite=False)
         powers = np.maximum(np.sum(components * weights, axis=0), 1e-12)
         off = (log[:-1] - np.log(_USUAL_LENGTH)) / _SPREAD
         value = 0.5 * count * np.sum(np.log(powers)) + outputs * np.sum(np.log(np.diag(factor))) + 0.5 * off @ off
         inverse = cho_solve((factor, True), np.eye(count), check_finite=False)
         steer = 0.5 * outputs * inverse - 0.5 * count * (weights / powers) @ weights.T
-        slopes = np.einsum("ij,ijk->k", steer * bent, apart) / lengths**2 + off / _SPREAD
+        slopes = np.einsum("ij,ijk->k", steer * curved, apart) / lengths**2 + off / _SPREAD
         return float(value), np.append(slopes, np.sum(np.diag(steer) * noise))
 
     bounds = [tuple(np.log(_LENGTHS))] * points.shape[1] + [tuple(np.log(_NUGGETS))]
@@ -146,8 +146,8 @@ def _learnt_scales(points: FloatArray, components: FloatArray, tolerated: FloatA
 
 
 def _kernels(one: FloatArray, other: FloatArray, lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Prior covariances between points, relative to the amplitudes: of the bent part, and of the straight one."""
+    """Prior covariances between points, relative to the amplitudes: of the curved part, and of the linear one."""
     a, b = one / lengths, other / lengths
     squares = np.sum(a**2, axis=1)[:, None] + np.sum(b**2, axis=1) - 2.0 * (a @ b.T)
-    straight = _STRAIGHT * (1.0 + (one - _MIDDLE) @ (other - _MIDDLE).T)
-    return np.exp(-0.5 * np.maximum(squares, 0.0)), straight
+    linear = _LINEAR * (1.0 + (one - _MIDDLE) @ (other - _MIDDLE).T)
+    return np.exp(-0.5 * np.maximum(squares, 0.0)), linear

@@ -1,6 +1,6 @@
 """What records leave of the parameters' ranges: a sample of the posterior within the bounds.
 
-A linear interval takes the range as endless and responses as straight. The sample keeps inside the bounds, within which
+A linear interval takes the range as endless and responses as linear. The sample keeps inside the bounds, within which
 every value is as likely before the fit, and follows the cost wherever it bends.
 
 References

@@ -1,6 +1,6 @@
 """The posterior of a fit, on the simulations of the search and some more where it turns out to be.
 
-Along weakly determined directions no straight or parabolic model of the residuals holds: draws from one cost hundreds
+Along weakly determined directions no linear or quadratic model of the residuals holds: draws from one cost hundreds
 of times what it says. So an emulator learns the residuals, its draws are simulated, and it learns from these.
 """
 
