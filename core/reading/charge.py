@@ -8,13 +8,11 @@ import numpy as np
 
 from ..trajectory import FloatArray, StepKind, Trajectory
 from .clock import gaps_in
+from .counters import LATE_S, counted_between
 from .samples import Samples
 
 NOTED_SHARE = 0.005
 """Charge that is uncertain by less than this share of the record's range goes unsaid."""
-
-LATE_S = 5.0
-"""Within a shorter interval a counter that disagrees is merely written a little later than the current, in s."""
 
 FULL_V = 0.02
 """A charge that ends this near the record's upper voltage is a full one, in V."""
@@ -44,37 +42,14 @@ def charge_notes(samples: Samples, trajectory: Trajectory) -> list[str]:
     -------
     list of str
     """
-    drawn = trajectory.discharge_capacity
-    counted = _counted(samples, drawn)
-    size = float(np.ptp(drawn)) if counted is None else min(float(np.ptp(drawn)), float(np.ptp(counted)) or np.inf)
-    notes = [] if counted is None else _of_counter(samples, drawn, counted, size)
+    passed = counted_between(samples)
+    notes = [] if passed is None else _of_counter(samples, trajectory.discharge_capacity, passed)
     return notes + _of_offset(trajectory) + _of_drift(trajectory)
 
 
-def _counted(samples: Samples, drawn: FloatArray) -> FloatArray | None:
-    """Charge drawn by the file's own counters, in A.h and carried on where they restart; None without counters."""
-    extra = samples.extra
-    if "charged_ah" in extra and "discharged_ah" in extra:
-        steps = _steps(extra["discharged_ah"]) - _steps(extra["charged_ah"])
-    elif "net_ah" in extra:
-        steps, sampled = np.diff(extra["net_ah"]), np.diff(drawn)
-        steps *= np.sign(np.nansum(steps * sampled)) or 1.0  # a net counter may run either way
-        steps = np.where(np.abs(extra["net_ah"][1:]) < 1e-9, sampled, steps)  # set to zero, it says nothing
-    else:
-        return None
-    if np.count_nonzero(np.isfinite(steps)) < 0.9 * len(steps):
-        return None
-    return np.concatenate([[0.0], np.cumsum(np.nan_to_num(steps))])
-
-
-def _steps(counter: FloatArray) -> FloatArray:
-    """Increments of a counter that rises and is set to zero now and then."""
-    steps = np.diff(counter)
-    return np.where(steps < 0, np.maximum(counter[1:], 0.0), steps)
-
-
-def _of_counter(samples: Samples, drawn: FloatArray, counted: FloatArray, size: float) -> list[str]:
-    missed = np.diff(counted) - np.diff(drawn)
+def _of_counter(samples: Samples, drawn: FloatArray, passed: FloatArray) -> list[str]:
+    size = min(float(np.ptp(drawn)), float(np.ptp(np.cumsum(passed))) or np.inf)
+    missed = passed - np.diff(drawn)
     if samples.sheet is not None:
         missed[np.diff(samples.sheet) != 0] = 0.0  # each file's counters begin anew
     large = np.flatnonzero(np.abs(missed) > NOTED_SHARE * size)
@@ -83,10 +58,10 @@ def _of_counter(samples: Samples, drawn: FloatArray, counted: FloatArray, size: 
     late = late[np.diff(samples.time)[late] > LATE_S]
     notes = []
     if len(silent):
-        k = int(silent[np.argmax(np.abs(missed[silent]))])
+        k = int(silent[np.argmax(np.abs(passed[silent]))])
         notes.append(
-            f"charge passed in {len(silent)} gaps, by the file's own counter: {np.sum(missed[silent]):+.3g} A.h drawn "
-            f"in all, most ({missed[k]:+.3g} A.h) after {samples.place(k)}."
+            f"charge passed in {len(silent)} gaps, by the file's own counter: {np.sum(passed[silent]):+.3g} A.h drawn "
+            f"in all, most ({passed[k]:+.3g} A.h) after {samples.place(k)}."
         )
     if len(late):
         k = int(late[np.argmax(np.abs(missed[late]))])

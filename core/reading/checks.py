@@ -12,6 +12,7 @@ from ..segmentation import segment
 from ..trajectory import Trajectory
 from .charge import charge_notes
 from .clock import with_clock, with_gaps_noted
+from .counters import with_switches_counted
 from .current_sign import with_sign
 from .joining import carried_on
 from .samples import Samples
@@ -47,7 +48,8 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
     samples = with_clock(carried_on(samples, options.join))
     samples = without_glitches(samples)
     check_range(samples)
-    samples = _without_offset(with_sign(samples, options), options.current_offset_a)
+    samples = with_switches_counted(with_sign(samples, options))
+    samples = _without_offset(samples, options.current_offset_a)
     samples = with_gaps_noted(samples)
     _enough(samples)
     # `+ 0.0` turns the -0.0 of a rest into 0.0.

@@ -167,9 +167,9 @@ def _merged(samples: Samples) -> Samples:
         time[inside] += samples.extra["date"][inside[0]] - time[inside[0]]
     time -= time.min()
     order = np.argsort(time, kind="stable")
-    merged = replace(
-        samples.kept(order), time=time[order], extra={n: v[order] for n, v in samples.extra.items() if n == "date"}
-    )
+    # Numbers of steps and cycles are each part's own; a cycler's counters of charge run on through its files.
+    kept = {name: values[order] for name, values in samples.extra.items() if name not in ("step", "cycle")}
+    merged = replace(samples.kept(order), time=time[order], extra=kept)
     return merged.noted("the parts alternate in time; their samples were merged by date, to the second.")
 
 

@@ -16,7 +16,10 @@ from ..trajectory import FloatArray
 
 Mask = NDArray[np.bool_]
 
-Extra = Literal["step", "cycle", "date", "net_ah", "charged_ah", "discharged_ah"]
+Counter = Literal["net_ah", "charged_ah", "discharged_ah"]
+"""A cycler's own counters of charge, in A.h."""
+
+Extra = Literal["step", "cycle", "date"] | Counter
 """What a file may say beside the signals: numbers of steps and cycles, date in s since 1970, counters in A.h."""
 
 

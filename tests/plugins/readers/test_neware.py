@@ -80,7 +80,11 @@ def test_steps_and_pauses_come_out_on_one_clock(tmp_path, suffix, write):
     assert record.trajectory.current.max() == pytest.approx(2.0)
     assert np.all(np.diff(record.trajectory.time) >= 0)
     # No current flowed in the pause, as the counter knows and the samples do not.
-    assert [note.split(" after ")[1] for note in record.notes if "counter" in note] == ["row 60."]
+    (said,) = [note for note in record.notes if "counter" in note]
+    assert "after row 60); when it did is taken from the file's own counter" in said
+    discharged = record.trajectory.steps[1]
+    drawn = record.trajectory.discharge_capacity
+    assert drawn[discharged.stop - 1] - drawn[discharged.start] == pytest.approx(2.0 * 290 / 3600, rel=0.01)
 
 
 @pytest.mark.parametrize("suffix", ["nda", "ndax"])
