@@ -37,6 +37,8 @@ class EffectParameter:
         A small but visible strength: where the score test switches the effect on, and where a refit starts.
     scale : {'linear', 'log'}
         The axis of the fit.
+    of : tuple of float and str
+        What a value of 1 is, where the parameter is a pure number: ``(2.5e-22, "m2.s-1")``. Reports multiply by it.
     """
 
     name: str
@@ -46,6 +48,7 @@ class EffectParameter:
     upper: float
     probe: float
     scale: Scale = "linear"
+    of: tuple[float, str] = (1.0, "")
 
     def __post_init__(self) -> None:
         if not self.lower <= self.null <= self.upper or not self.lower <= self.probe <= self.upper:

@@ -143,8 +143,10 @@ class _AppraisalSimulation:
 @dataclass(frozen=True)
 class _Simulation:
     key: str
-    voltage: str | None
+    # voltage, temperature: Of a measured record.
+    voltage: str | None = None
     temperature: str | None = None
+    residual: str | None = None  # Of a life.
 
 
 @dataclass(frozen=True)

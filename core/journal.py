@@ -124,7 +124,8 @@ def opened(folder: Path, simulation: str) -> Iterator[OpenJournal]:
         yield OpenJournal(file, earlier)
     except BsaError:
         # Refused before its first simulation: what is left must not block the folder for the mended command.
-        if not earlier and not any(event["event"] == simulation for event in read_events(folder)):
+        simulated = any(event["event"] == simulation for event in read_events(folder))
+        if not earlier and not simulated and not any(path.is_dir() for path in folder.iterdir()):
             file.clear()
         raise
     finally:

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
-from ..core.ageing.summary import in_sequence
 from ..core.discovery.drift import Drift, drifts
+from ..core.discovery.simulator import Answering, LifeRequest, LifeResiduals
 from ..core.parameters import Candidate, Parameter, ParameterSpace
-from ..core.residuals import residuals
-from ..core.simulation import Outcome
-from ..core.target import CYCLABLE_LITHIUM, CyclableLithium, change_of
+from ..core.target import CYCLABLE_LITHIUM, change_of, target_named
 from ..core.task import Task
 from ..core.trajectory import FloatArray
-from ..plugins.pybamm.long_experiment import LongExperiment
 from ..plugins.pybamm.ocp_shape import ELECTRODES
 from ..plugins.pybamm.parameter_sets import load
 from ..plugins.pybamm.state_of_charge import InitialState
@@ -35,12 +31,16 @@ def _material(which: str) -> str:
     return f"{which} electrode active material volume fraction"
 
 
+_OF_THE_CELL = (*map(_material, ELECTRODES), RESISTANCE)
+"""What drifts of the cell's own parameters."""
+
+
 def lost_material(which: str) -> str:
     """What the loss of an electrode's material is called."""
     return f"Loss of active material in {which.lower()} electrode [%]"
 
 
-def degradation_modes(task: Task, cell: Candidate) -> list[Drift]:
+def degradation_modes(task: Task, cell: Candidate, simulator: Answering[LifeRequest, LifeResiduals]) -> list[Drift]:
     """Lithium, active material and contact resistance, fitted to each cycle of a life whose curves are kept.
 
     Parameters
@@ -49,6 +49,8 @@ def degradation_modes(task: Task, cell: Candidate) -> list[Drift]:
         The life, of a cell that does not age.
     cell : Candidate
         Its parameters when it was new.
+    simulator : Answering
+        Simulates single cycles of that life.
 
     Returns
     -------
@@ -56,33 +58,17 @@ def degradation_modes(task: Task, cell: Candidate) -> list[Drift]:
         From the second kept cycle on, before which the cell had not settled; losses are since that cycle.
     """
     (experiment,) = task.experiments
-    targets = {**task.space.targets, CYCLABLE_LITHIUM: CyclableLithium()}
-    assert experiment.protocol is not None
-    # The cycle before brings the cell to where the window begins.
-    windows = {
-        number: replace(
-            task,
-            experiments=(
-                replace(
-                    experiment,
-                    target=in_sequence([(2, experiment.target.cycle(number))]),
-                    protocol=experiment.protocol[:1] * 2,
-                    detailed_cycles=(),
-                    scored_cycle=2,
-                ),
-            ),
-        )
-        for number in experiment.target.cycles[1:]
-    }
-    (window,) = next(iter(windows.values())).experiments
-    compiled = LongExperiment(task.cell, replace(window, detailed_cycles=(2,)), targets)
+    values = load(task.cell.parameter_set, task.cell.overrides)
+    space = _space(task, {**{name: float(values.get(name, 0.0)) for name in _OF_THE_CELL}, **cell})
+    drifting = {name: target_named(name) for name in space.names}
+    targets = drifting | task.space.targets
 
     def simulate(cycle: int, candidates: Sequence[Candidate]) -> list[FloatArray | None]:
-        runs = [compiled.solve({**cell, CYCLABLE_LITHIUM: 1.0, **candidate}) for candidate in candidates]
-        return [residuals(windows[cycle], Outcome((run,))) for run in runs]
+        found = simulator.predict([LifeRequest((), {**cell, **candidate}, cycle) for candidate in candidates])
+        return [None if one is None else one.residual for one in found]
 
-    state = InitialState(load(task.cell.parameter_set, task.cell.overrides))
-    new = state.inventory(change_of(targets, cell))
+    state = InitialState(values)
+    new = state.inventory(change_of(targets, {**space.initial, **cell}))
 
     def quantities(candidate: Candidate) -> Mapping[str, float]:
         left = state.inventory(change_of(targets, {**cell, **candidate}))
@@ -90,7 +76,7 @@ def degradation_modes(task: Task, cell: Candidate) -> list[Drift]:
         losses = {LITHIUM: lost["lithium"], **{lost_material(which): lost[which] for which in ELECTRODES}}
         return {**losses, RESISTANCE: candidate[RESISTANCE]}
 
-    return drifts(simulate, list(windows), _space(task, cell), quantities)
+    return drifts(simulate, experiment.target.cycles[1:], space, quantities)
 
 
 def _space(task: Task, cell: Candidate) -> ParameterSpace:

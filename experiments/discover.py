@@ -17,9 +17,11 @@ from ..core.discovery.localisation import in_words, localise
 from ..core.discovery.next_experiment import propose
 from ..core.discovery.problem import Problem
 from ..core.discovery.ranking import Ranking, ask
+from ..core.discovery.record_discovery import RecordDiscovery
 from ..core.discovery.recorded import RecordedSimulator
 from ..core.discovery.simulator import Prediction, Simulator
 from ..core.files import write_text
+from ..core.journal import OpenJournal
 from ..core.messages import Backend
 from ..core.parameters import ParameterSpace
 from ..core.recording import Recorder
@@ -47,35 +49,58 @@ def discover(options: DiscoverOptions, listener: Listener = lambda text: None, w
     -------
     Discovery
         Also written to ``discovery.json``, ``report.html`` and ``augmented_model.py`` in ``options.out``, beside the
-        ``journal.jsonl`` of every simulation and reply.
+        ``journal.jsonl`` of every simulation and reply. Over a life there is the run of its first cycle in ``cell``, in
+        place of a script.
 
     Raises
     ------
     BsaError
         If a record, a parameter set, an effect or an option is wrong, or the folder holds something else.
     """
-    from .report.discovery import write_page
+    carry_out = _over_life if options.life else _on_records
+    with opened(options) as journal:
+        discovery, page = carry_out(options, journal, listener, workers)
+        # Said before it is written: a disk that is full by now must not cost the answer.
+        listener(f"{discovery.verdict}: {', '.join(discovery.names) or discovery.findings.reason}")
+        write_text(options.out / RESULT, json.dumps(discovery.to_json(), indent=1, allow_nan=False))
+        if discovery.script:
+            write_text(options.out / "augmented_model.py", discovery.script)
+        write_text(options.out / "report.html", page)
+        journal.file.append("end", status=discovery.verdict)
+    return discovery
 
-    with opened(options) as journal, ExitStack() as held:
+
+def _over_life(
+    options: DiscoverOptions, journal: OpenJournal, listener: Listener, workers: int
+) -> tuple[Discovery, str]:
+    """What is found in a life, and its page."""
+    from .discover_life import discover_over_life
+    from .report.life_discovery import render
+
+    discovery = discover_over_life(options, journal, listener, workers)
+    return discovery, render(discovery.to_json())
+
+
+def _on_records(
+    options: DiscoverOptions, journal: OpenJournal, listener: Listener, workers: int
+) -> tuple[Discovery, str]:
+    """What is found in records, and its page."""
+    from .report.discovery import render
+
+    with ExitStack() as held:
         recorder = Recorder(journal.file, journal.earlier, say=listener)
 
         def make_simulator(cell: CellModel, space: ParameterSpace, mesh: RadialMesh) -> Simulator:
             together = (*case.measured_records, *case.held)
             pool = EffectSimulatorPool(cell, space.targets, mesh.usual, mesh.fine, workers, together)
-            return RecordedSimulator(held.enter_context(closing(pool)), journal.file, journal.earlier)
+            return RecordedSimulator(held.enter_context(closing(pool)), Prediction, journal.file, journal.earlier)
 
         case = read_case(options)
         backend = held.enter_context(backend_or_none(options))
         setup = set_up(case, options, listener, make_simulator)
         asked = None if backend is None else recorder.around(backend)
         discovery = discover_on(setup, options, listener, asked)
-        # Said before it is written: a disk that is full by now must not cost the answer.
-        listener(f"{discovery.verdict}: {', '.join(discovery.names) or discovery.findings.reason}")
-        write_text(options.out / RESULT, json.dumps(discovery.to_json(), indent=1, allow_nan=False))
-        write_text(options.out / "augmented_model.py", discovery.script)
-        write_page(options.out / "report.html", discovery, setup.problem)
-        journal.file.append("end", status=discovery.verdict)
-    return discovery
+        return discovery, render(discovery, setup.problem)
 
 
 @contextmanager
@@ -96,7 +121,7 @@ def discover_on(
     listener: Listener = lambda text: None,
     backend: Backend | None = None,
     settings: Settings | None = None,
-) -> Discovery:
+) -> RecordDiscovery:
     """Find what is missing with all that was set up for it; writes nothing."""
     from ..plugins.pybamm.augmented_script import augmented_script
 
@@ -117,7 +142,7 @@ def discover_on(
     predictions = _predicted(problem, findings.best)
     noise = problem.noise_v
     places = localise(problem.observations, before, setup.capacity_ah)
-    discovery = Discovery(
+    discovery = RecordDiscovery(
         findings,
         noise,
         problem.held_noise_v,

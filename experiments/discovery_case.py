@@ -17,7 +17,7 @@ from ..core.journal import check_run_folder
 from ..core.reading.reading import read_record
 from ..core.record import ReadOptions, Record
 from ..core.target import CyclableLithium, Factor, Value, factor_name, target_named
-from ..core.task import CellModel
+from ..core.task import CellModel, Task
 from ..core.validation import validated
 from ..core.yaml_text import read_yaml
 from .request import Records, named_after, numbered_folder
@@ -75,6 +75,10 @@ class DiscoverOptions(BaseModel, extra="forbid"):
     """What to look at, and how hard."""
 
     data: list[RecordFile] = Field(min_length=1, description="Records to explain.")
+    life: bool = Field(default=False, description="Whether the record is a whole life: which mechanism ages the cell.")
+    fit_cycles: int | None = Field(
+        default=None, ge=1, description="Of a life so many cycles are fitted, the later ones held out."
+    )
     holdout: list[RecordFile] = Field(default=[], description="Records that are predicted and never fitted.")
     parameters: str = Field(description="What to start from: a PyBaMM parameter set, a BPX or JSON file, or a run.")
     model: str = Field(default="DFN", description="SPM, SPMe or DFN.")
@@ -111,6 +115,8 @@ def discover_options(records: Records, out: Path | None, **others: Any) -> Disco
     Records that were read already are written into the folder ``OUT-records`` beside that of the discovery, so that it
     can be resumed; ``out`` is a new folder under ``runs`` where it is None. Raises `BsaError` if an option is wrong.
     """
+    if records.lives:
+        _check_life(records, others)
     folder = out or numbered_folder(Path("runs"), f"{named_after(records.sources[:1])}-discover")
     check_run_folder(folder)
     how = {"read": records.read, "reader": records.reader, "reader_options": records.reader_options}
@@ -123,7 +129,22 @@ def discover_options(records: Records, out: Path | None, **others: Any) -> Disco
     if records.read.join:
         fitted = [{**fitted[0], "joined": [file["path"] for file in fitted[1:]]}]
     content = {"data": fitted, "holdout": files[count:], "ambient_c": records.read.ambient_c, "out": folder, **others}
+    content |= {"life": records.lives, "fit_cycles": records.fit_cycles}
     return validated(DiscoverOptions, content, "discovery")
+
+
+def _check_life(records: Records, others: Mapping[str, Any]) -> None:
+    """Refuse what is not asked of a life."""
+    count = len(records.sources)
+    if count > 1 and not records.read.join:
+        raise BsaError(f"{count} lives were given.", "give one, or --join the files of one cell; each is its own.")
+    for name, given, instead in (
+        ("holdout", bool(records.held_out), "later cycles than --fit-cycles are held out."),
+        ("search", others.get("search", "all") != "all", "its cell is fitted to the first cycle, by the preset cell."),
+        ("backend", others.get("backend") is not None, "every mechanism is fitted, and needs no rank."),
+    ):
+        if given:
+            raise BsaError(f"--{name} cannot be given with --life.", f"leave it out: {instead}")
 
 
 def _written(record: Record, number: int, folder: Path) -> Path:
@@ -159,9 +180,8 @@ def read_case(options: DiscoverOptions) -> Case:
     from .tasks.parameter_source import parameter_source
     from .tasks.records import ISOTHERMAL, THERMAL, build_task
 
-    temperature = None if options.ambient_c is None else options.ambient_c + 273.15
     fitted, held = (
-        [named for file in files for named in _parts(file, temperature)] for files in (options.data, options.holdout)
+        [named for file in files for named in _parts(options, file)] for files in (options.data, options.holdout)
     )
     task = build_task(
         "discover",
@@ -194,12 +214,33 @@ def read_case(options: DiscoverOptions) -> Case:
     )
 
 
-def _parts(file: RecordFile, temperature_k: float | None) -> list[tuple[str, RecordRequest]]:
-    """What is asked of each part of a record whose charge is known, under a name."""
+def read_life(options: DiscoverOptions) -> Task:
+    """Read a life: the task of matching all of its cycles by a cell that does not age."""
+    from .tasks.parameter_source import parameter_source
+    from .tasks.records import build_task
+
+    (file,) = options.data
+    return build_task(
+        file.path.stem,
+        parameter_source(options.parameters),
+        [_request(options, file).as_life()],
+        options.model,
+        {"SEI": "none", **options.options},
+        options.overrides,
+        scale_to_capacity=options.scale,
+    )
+
+
+def _request(options: DiscoverOptions, file: RecordFile) -> RecordRequest:
     from .tasks.records import RecordRequest
 
-    whole = RecordRequest(file.source(), file.read, file.reader, file.reader_options, temperature_k=temperature_k)
-    parts = whole.parts()
+    temperature_k = None if options.ambient_c is None else options.ambient_c + 273.15
+    return RecordRequest(file.source(), file.read, file.reader, file.reader_options, temperature_k=temperature_k)
+
+
+def _parts(options: DiscoverOptions, file: RecordFile) -> list[tuple[str, RecordRequest]]:
+    """What is asked of each part of a record whose charge is known, under a name."""
+    parts = _request(options, file).parts()
     stem = file.path.stem
     return [(stem if len(parts) == 1 else f"{stem}, part {n}", part) for n, part in enumerate(parts, start=1)]
 

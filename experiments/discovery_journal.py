@@ -38,11 +38,18 @@ def _begin(file: Journal, earlier: list[dict[str, Any]], asked: Mapping[str, Any
         file.append("run", format=FORMAT, kind=KIND, versions=now, **asked)
         return
     first = earlier[0]
-    changed = [key for key, value in asked.items() if first.get(key) != value]
+    known = {**first, "options": {**_defaults(), **first.get("options", {})}}
+    changed = [key for key, value in asked.items() if known.get(key) != value]
     if changed:
         what = f"a discovery with other {' and '.join(changed)}" if first.get("kind") == KIND else "a calibration"
         raise BsaError(f"{file.path} belongs to {what}.", "choose another --out folder, or resume with --resume alone.")
     file.append("resumed", versions=now)
+
+
+def _defaults() -> dict[str, Any]:
+    """What an option is that a journal does not have yet."""
+    fields = DiscoverOptions.model_fields.items()
+    return {name: field.get_default(call_default_factory=True) for name, field in fields if not field.is_required()}
 
 
 def read_options(folder: Path) -> DiscoverOptions:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +33,19 @@ class Estimate:
     ci95: tuple[float, float]  # Its 95 % interval, Gauss-Newton, widened for the dispersion of the residual.
     null: float  # Its null value.
     at_bound: bool  # Whether the fit stopped at a bound: the value then says little.
+    of: tuple[float, str] = (1.0, "")  # As in `EffectParameter`.
+
+    @property
+    def physical(self) -> tuple[float, tuple[float, float], str]:
+        """Value, 95 % interval, and the unit that both are in."""
+        times, unit = self.of
+        return times * self.value, (times * self.ci95[0], times * self.ci95[1]), self.unit or unit
+
+    def to_json(self) -> dict[str, Any]:
+        """Its part of ``discovery.json``; ``physical`` is what a pure number stands for."""
+        value, ci95, unit = self.physical
+        content = {name: entry for name, entry in asdict(self).items() if name != "of"}
+        return content | {"physical": {"value": value, "ci95": ci95, "unit": unit}}
 
     @property
     def holds_null(self) -> bool:
@@ -164,7 +178,13 @@ def estimates_of(effects: tuple[Effect, ...], fit: Refit, dispersion: float) -> 
             at_bound = (u < lower + near and p.lower != p.null) or (u > upper - near and p.upper != p.null)
             rows.append(
                 Estimate(
-                    p.name, p.unit, parameter.at_coordinate(u), (float(ends[0]), float(ends[1])), p.null, bool(at_bound)
+                    p.name,
+                    p.unit,
+                    parameter.at_coordinate(u),
+                    (float(ends[0]), float(ends[1])),
+                    p.null,
+                    bool(at_bound),
+                    p.of,
                 )
             )
         result[effect.key] = tuple(rows)

@@ -6,8 +6,9 @@ right stands for no mechanism. Later cycles are never fitted.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -17,9 +18,11 @@ from ..parameters import Candidate, ParameterSpace
 from ..trajectory import FloatArray
 from .adequacy import judge
 from .explanation import Explanation, estimates_of
-from .findings import Findings, Listener
+from .findings import Findings, Listener, Nomination
+from .progress import Progress
 from .refit import Refit, refit
 from .rules import RULES, Gap, bic
+from .side_by_side import side_by_side
 
 Simulate = Callable[[tuple[Effect, ...], Sequence[Candidate]], Sequence[FloatArray | None]]
 """The residuals of a life's task with some effects, for values of their parameters; None where it failed."""
@@ -45,11 +48,13 @@ _SHARE = 0.3
 _SECOND = 0.1
 """Share of its own best strength at which a second mechanism begins beside a first one."""
 
+_NO_NEARER = "comes no nearer to the life than the cell without it"
+
 DEVIATION_V = 1e-3
 """What a standard deviation counts as, V, for rules that are about voltages: a good cycler's millivolt."""
 
 
-class LifeDiscovery:
+class LifeEngine:
     """Fits mechanisms to a life and judges them.
 
     Parameters
@@ -60,36 +65,58 @@ class LifeDiscovery:
         What is compared.
     max_effects : int
         Mechanisms in one explanation at most.
+    at_once : int
+        Fits side by side: as many as there are simulations at a time.
     """
 
     def __init__(
-        self, simulate: Simulate, changes: Changes, listener: Listener = lambda text: None, max_effects: int = 2
+        self,
+        simulate: Simulate,
+        changes: Changes,
+        listener: Listener = lambda text: None,
+        max_effects: int = 2,
+        at_once: int = 1,
     ) -> None:
         self._simulate, self._changes, self._say = simulate, changes, listener
-        self._max_effects = max_effects
-        self.simulations = 0
+        self._max_effects, self._at_once = max_effects, at_once
+        self._progress = Progress(listener)
 
     def run(self, catalogue: Sequence[Effect]) -> Findings:
         """Fit every effect, then the best with each of the others, and decide."""
         (nothing,) = self._residuals((), [{}])
         assert nothing is not None, "the cell without ageing runs: its first cycle was fitted"
         base = self._explanation((), self._unchanged(nothing))
-        self._tell(base)
+        self._say(f"without ageing: {_in_words(base)}")
         if base.adequacy.adequate:
             return Findings("no-missing-effect", base, base, reason="noise explains what changes from cycle to cycle")
-        found = [self._tell(fit) for effect in catalogue if (fit := self._single(effect, base)) is not None]
-        found = _sorted(found)
+        singles = self._fits({effect.key: partial(self._single, effect, base) for effect in catalogue})
+        found = _sorted([one for one in singles.values() if one is not None])
         if found and self._max_effects > 1 and not found[0].adequacy.adequate:
             others = [one for one in found[1:] if one.names != found[0].names]
-            pairs = [self._tell(pair) for other in others if (pair := self._pair(found[0], other)) is not None]
+            pairs = self._fits(
+                {f"{found[0].label} + {one.label}": partial(self._pair, found[0], one) for one in others}
+            )
             # A second mechanism also makes up for a law of the first that is not quite the cell's: only one with which
             # nothing is left is a mechanism.
-            found = _sorted([*found, *(pair for pair in pairs if pair.adequacy.adequate)])
-        return RULES.decide(Gap(base, base, DEVIATION_V, DEVIATION_V), found)
+            found = _sorted([*found, *(pair for pair in pairs.values() if pair is not None and pair.adequacy.adequate)])
+        findings = RULES.decide(Gap(base, base, DEVIATION_V, DEVIATION_V), found)
+        findings.nominations = [Nomination(effect, "" if singles[effect.key] else _NO_NEARER) for effect in catalogue]
+        return findings
+
+    def _fits(self, fits: Mapping[str, Callable[[], Explanation | None]]) -> dict[str, Explanation | None]:
+        """What fits come to, side by side; each is told of as it ends."""
+        self._progress.begin(len(fits))
+
+        def one(label: str, fit: Callable[[], Explanation | None]) -> Explanation | None:
+            found = fit()
+            self._progress.ended(label, _NO_NEARER if found is None else _in_words(found))
+            return found
+
+        found = side_by_side([partial(one, label, fit) for label, fit in fits.items()], self._at_once)
+        return dict(zip(fits, found, strict=True))
 
     def _residuals(self, effects: tuple[Effect, ...], candidates: Sequence[Candidate]) -> list[FloatArray | None]:
         """The changes of all cycles."""
-        self.simulations += len(candidates)
         found = self._simulate(effects, candidates)
         return [None if one is None else self._changes(one) for one in found]
 
@@ -115,10 +142,7 @@ class LifeDiscovery:
                 beyond += bool(best) or cost > _WORSE * base.fit.cost
             if beyond == _BEYOND:
                 break
-        if not best:
-            self._say(f"{effect.key}: no strength of it comes nearer than none")
-            return None
-        return self._fit((effect,), {strength: best})
+        return self._fit((effect,), {strength: best}) if best else None
 
     def _pair(self, first: Explanation, second: Explanation) -> Explanation | None:
         effects = (*first.effects, *second.effects)
@@ -155,10 +179,9 @@ class LifeDiscovery:
         found.estimates = estimates_of(effects, fit, found.dispersion(0.0))
         return found
 
-    def _tell(self, found: Explanation) -> Explanation:
-        fitted, later = found.rmse_v / DEVIATION_V, found.held_rmse_v / DEVIATION_V
-        self._say(f"{found.label}: {fitted:.2f} deviations, later cycles {later:.2f}")
-        return found
+
+def _in_words(found: Explanation) -> str:
+    return f"{found.rmse_v / DEVIATION_V:.2f} deviations, later cycles {found.held_rmse_v / DEVIATION_V:.2f}"
 
 
 def _sorted(explanations: Sequence[Explanation]) -> list[Explanation]:

@@ -31,15 +31,19 @@ class Progress:
         self._done, self._total, self._phase_began = 0, total, self._clock()
 
     def refitted(self, nomination: Nomination, base_cost: float) -> None:
-        """One of them is refitted: say what it leaves, and how long the others will take."""
+        """One of them is refitted: say what it leaves."""
+        found = nomination.screened
+        left = "cannot be fitted" if found is None else f"leaves {nomination.promise / base_cost:.0%} of the misfit"
+        self.ended(nomination.effect.key, left)
+
+    def ended(self, candidate: str, outcome: str) -> None:
+        """One of them is done: say what came of it, and how long the others will take."""
         with self._lock:
             self._done += 1
             left = self._total - self._done
             seconds = (self._clock() - self._phase_began) / self._done * left
-        found = nomination.screened
-        outcome = "cannot be fitted" if found is None else f"leaves {nomination.promise / base_cost:.0%} of the misfit"
         rest = f", {duration(seconds)} left" if left else ""
-        self._say(f"  {nomination.effect.key}: {outcome} ({self._done} of {self._total}{rest})")
+        self._say(f"  {candidate}: {outcome} ({self._done} of {self._total}{rest})")
 
 
 def duration(seconds: float) -> str:

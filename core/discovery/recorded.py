@@ -1,4 +1,4 @@
-"""A simulator that writes every prediction into the journal, and on resume answers from it first."""
+"""A simulator that writes every answer into the journal, and on resume answers from it first."""
 
 from __future__ import annotations
 
@@ -6,33 +6,56 @@ import hashlib
 import json
 import threading
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from dataclasses import fields
+from typing import Any, Generic, Protocol, TypeVar
 
 from ..encoding import decode_array, encode_array
+from ..errors import BsaError
 from ..journal import Journal
-from .simulator import Prediction, Request, Simulator
+from .simulator import Answering
 
 SIMULATION, REFUSED = "simulation", "refused"
 
 
-class RecordedSimulator:
-    """Stands between a discovery and what simulates for it; see `Simulator`.
+class _Identified(Protocol):
+    @property
+    def identity(self) -> Mapping[str, Any]: ...
 
-    A discovery is a function of its predictions. One that is carried out anew with those of the journal comes to
+
+Asked = TypeVar("Asked", bound=_Identified)
+Given = TypeVar("Given")
+
+
+class RecordedSimulator(Generic[Asked, Given]):
+    """Stands between a discovery and what simulates for it; see `Answering`.
+
+    A discovery is a function of its simulations. One that is carried out anew with those of the journal comes to
     the place where it was stopped without a simulation, and goes on from there.
+
+    Parameters
+    ----------
+    answer : type
+        Dataclass of the answers: its fields are arrays, of which only later ones may be None.
     """
 
-    def __init__(self, inner: Simulator, journal: Journal, earlier: Iterable[Mapping[str, Any]] = ()) -> None:
+    def __init__(
+        self,
+        inner: Answering[Asked, Given],
+        answer: type[Given],
+        journal: Journal,
+        earlier: Iterable[Mapping[str, Any]] = (),
+    ) -> None:
         self._inner = inner
+        self._answer = answer
         self._journal = journal
         earlier = list(earlier)
-        self._known = {event["key"]: _decoded(event) for event in earlier if event["event"] == SIMULATION}
+        self._known = {event["key"]: self._decoded(event) for event in earlier if event["event"] == SIMULATION}
         self.refused: dict[str, str] = {event["effect"]: event["why"] for event in earlier if event["event"] == REFUSED}
         self._lock = threading.Lock()
         self.at_once, self.has_low_fidelity = inner.at_once, inner.has_low_fidelity
         self.simulations = self.recalled = 0
 
-    def predict(self, requests: Sequence[Request]) -> list[Prediction | None]:
+    def predict(self, requests: Sequence[Asked]) -> list[Given | None]:
         """Answer from the journal, and have the rest simulated side by side."""
         keys = [_key(request) for request in requests]
         with self._lock:
@@ -42,42 +65,33 @@ class RecordedSimulator:
         if missing:
             found = self._inner.predict(list(missing.values()))
             with self._lock:
-                for key, prediction in zip(missing, found, strict=True):
-                    self._known[key] = prediction
-                    self._journal.append(SIMULATION, key=key, **_encoded(prediction))
+                for key, answer in zip(missing, found, strict=True):
+                    self._known[key] = answer
+                    self._journal.append(SIMULATION, key=key, **self._encoded(answer))
                 for effect in self._inner.refused.keys() - self.refused.keys():
                     self.refused[effect] = self._inner.refused[effect]
                     self._journal.append(REFUSED, effect=effect, why=self.refused[effect])
         return [self._known[key] for key in keys]
 
+    @property
+    def _arrays(self) -> list[str]:
+        return [field.name for field in fields(self._answer)]  # type: ignore[arg-type]
 
-def _key(request: Request) -> str:
-    """What tells a request from every other of the same discovery."""
-    told: dict[str, Any] = {
-        "effects": [effect.key for effect in request.effects],
-        "candidate": {name: float(value) for name, value in request.candidate.items()},
-        "record": [request.measured_record.name, len(request.measured_record.record)],
-        "moments": [len(request.moments.time), float(request.moments.time.sum())],
-        "fine": request.fine,
-        "soc": None if request.soc is None else float(request.soc),
-    }
-    if request.low_fidelity:
-        told["low_fidelity"] = True
-    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:24]
+    def _encoded(self, answer: Given | None) -> dict[str, str | None]:
+        if answer is None:
+            return {self._arrays[0]: None}
+        values = {name: getattr(answer, name) for name in self._arrays}
+        return {name: None if value is None else encode_array(value) for name, value in values.items()}
 
-
-def _encoded(prediction: Prediction | None) -> dict[str, str | None]:
-    if prediction is None:
-        return {"voltage": None}
-    kelvin = prediction.temperature
-    return {
-        "voltage": encode_array(prediction.voltage),
-        "temperature": None if kelvin is None else encode_array(kelvin),
-    }
+    def _decoded(self, event: Mapping[str, Any]) -> Given | None:
+        first = self._arrays[0]
+        if first not in event:
+            raise BsaError(f"a simulation in {self._journal.path} has no {first}.", "start a new discovery.")
+        if event[first] is None:
+            return None
+        packed = {name: event.get(name) for name in self._arrays}
+        return self._answer(**{name: None if text is None else decode_array(text) for name, text in packed.items()})
 
 
-def _decoded(event: Mapping[str, Any]) -> Prediction | None:
-    if event["voltage"] is None:
-        return None
-    kelvin = event.get("temperature")
-    return Prediction(decode_array(event["voltage"]), None if kelvin is None else decode_array(kelvin))
+def _key(request: _Identified) -> str:
+    return hashlib.sha256(json.dumps(request.identity, sort_keys=True).encode()).hexdigest()[:24]

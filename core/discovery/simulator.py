@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,8 +75,50 @@ class Request:
     # Whether the simulator's cheaper model is to answer; see `Simulator.has_low_fidelity`.
     low_fidelity: bool = False
 
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What tells it from every other request of the same discovery."""
+        told: dict[str, Any] = {
+            "effects": [effect.key for effect in self.effects],
+            "candidate": {name: float(value) for name, value in self.candidate.items()},
+            "record": [self.measured_record.name, len(self.measured_record.record)],
+            "moments": [len(self.moments.time), float(self.moments.time.sum())],
+            "fine": self.fine,
+            "soc": None if self.soc is None else float(self.soc),
+        }
+        return told | ({"low_fidelity": True} if self.low_fidelity else {})
 
-class Simulator(Protocol):
+
+@dataclass(frozen=True, eq=False)
+class LifeRequest:
+    """One simulation of a cell's life, or of one of its cycles, with effects added."""
+
+    effects: tuple[Effect, ...]
+    candidate: Candidate  # The cell's own parameters and the effects' parameters.
+    cycle: int | None = None  # A cycle whose curves are kept, alone; None for the whole life.
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """As of `Request`."""
+        return {
+            "effects": [effect.key for effect in self.effects],
+            "candidate": {name: float(value) for name, value in self.candidate.items()},
+            "cycle": self.cycle,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class LifeResiduals:
+    """How far a simulated life is from the measured one."""
+
+    residual: FloatArray  # In tolerances, as `residuals` gives them; shape (m,).
+
+
+Asked = TypeVar("Asked", contravariant=True)
+Given = TypeVar("Given", covariant=True)
+
+
+class Answering(Protocol[Asked, Given]):
     """Simulates; several requests at once may run side by side."""
 
     # Whether there is a cheaper model with the same parameters, whose derivatives are nearly those of the base model.
@@ -86,6 +128,14 @@ class Simulator(Protocol):
     recalled: int  # How many of them without a simulation, from a journal.
     refused: dict[str, str]  # Effects that could not be built, and why.
 
+    def predict(self, requests: Sequence[Asked]) -> Sequence[Given | None]:
+        """Answer each request, in order; None where the simulation failed."""
+        ...
+
+
+class Simulator(Answering[Request, Prediction], Protocol):
+    """Predicts voltage and temperature of measured records."""
+
     def predict(self, requests: Sequence[Request]) -> list[Prediction | None]:
-        """Predict voltage and temperature for each request, in order; None where the simulation failed."""
+        """See `Answering.predict`."""
         ...

@@ -32,6 +32,8 @@ def discover(
     reader: str | None = None,
     reader_option: Mapping[str, Any] | None = None,
     temperature: float | None = None,
+    life: bool = False,
+    fit_cycles: int | None = None,
     parameters: str | None = None,
     model: str = "DFN",
     options: Mapping[str, Any] | None = None,
@@ -62,6 +64,10 @@ def discover(
         How files and DataFrames are read; see `read_record`.
     current_sign, constant_current, current_offset
         What their current means; as above.
+    life : bool
+        Whether the record is a cell's whole life, and what is missing is the mechanism that ages it.
+    fit_cycles : int, optional
+        Of a life fit the first cycles, and hold out the later ones; 60 % of it by default. Implies ``life``.
     parameters : str
         What to start from: a PyBaMM parameter set, a BPX or JSON file, or the folder of a run.
     model : {'DFN', 'SPMe', 'SPM'}
@@ -113,7 +119,7 @@ def discover(
     if not fitted:
         raise BsaError("data is empty.", "give one record at least.")
     asked = discover_options(
-        Records(fitted, held, read, reader, dict(reader_option or {})),
+        Records(fitted, held, read, reader, dict(reader_option or {}), life=life, fit_cycles=fit_cycles),
         None if out is None else Path(out),
         parameters=parameters,
         model=model,

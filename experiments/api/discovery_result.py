@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...core.discovery.discovery import Discovery
+from ...core.discovery.explanation import Estimate
+from ...core.errors import BsaError
 from ..report.wording import number, quantity
 from .notebook import as_image, render
 from .scripts import namespace_of
@@ -50,15 +52,15 @@ class DiscoveryResult:
     @property
     def parameters(self) -> dict[str, float]:
         """Fitted values by name: factors and states of the base model, and the effects' parameters."""
-        return {name: float(value) for name, value in self._found.findings.best.fit.candidate.items()}
+        return self._found.parameters
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """95 % intervals of the effects' parameters, by ``"EFFECT: PARAMETER"``."""
+        """95 % intervals of the effects' parameters, by ``"EFFECT: PARAMETER"``, as ``parameters`` counts them."""
         return {name: estimate.ci95 for name, estimate in self._estimates.items()}
 
     @property
-    def _estimates(self) -> dict[str, Any]:
+    def _estimates(self) -> dict[str, Estimate]:
         best = self._found.findings.best
         return {
             f"{effect.key}: {estimate.name}": estimate
@@ -68,15 +70,8 @@ class DiscoveryResult:
 
     @property
     def errors(self) -> dict[str, dict[str, float | None]]:
-        """``"initial"`` (base model, fitted) and ``"best"`` (with the effects) error, in mV."""
-        gap = self._found.to_json()["gap"]
-        return {
-            "Voltage RMSE [mV]": {"initial": gap["base_rmse_mv"], "best": gap["final_rmse_mv"]},
-            "Voltage RMSE of records not fitted [mV]": {
-                "initial": gap["holdout_base_rmse_mv"],
-                "best": gap["holdout_final_rmse_mv"],
-            },
-        }
+        """``"initial"`` (base model, fitted) and ``"best"`` (with the effects) error, by name and unit."""
+        return self._found.errors
 
     @property
     def report(self) -> Path:
@@ -95,6 +90,11 @@ class DiscoveryResult:
 
     @cached_property
     def _script(self) -> dict[str, Any]:
+        if not self._found.script:
+            cell = self.folder / "cell"
+            raise BsaError(
+                "a discovery over a life has no augmented model.", f"the cell when it was new: bsa export {cell}."
+            )
         return namespace_of(self._found.script, "augmented_model")
 
     def to_json(self) -> dict[str, Any]:
@@ -102,10 +102,10 @@ class DiscoveryResult:
         return self._found.to_json()
 
     def __repr__(self) -> str:
-        error = self.errors["Voltage RMSE [mV]"]
+        name, error = next(iter(self.errors.items()))
         return (
-            f"<DiscoveryResult {self.verdict}: {', '.join(self.effects) or 'no effect'}, voltage RMSE "
-            f"{number(error['initial'])} → {number(error['best'])} mV; {self.report}>"
+            f"<DiscoveryResult {self.verdict}: {', '.join(self.effects) or 'no effect'}, {name} "
+            f"{number(error['initial'])} → {number(error['best'])}; {self.report}>"
         )
 
     def _repr_html_(self) -> str:
@@ -115,10 +115,12 @@ class DiscoveryResult:
             "discovery.html.j2",
             title=f"{self.verdict}: {', '.join(self.effects) or self._found.findings.reason}",
             errors=[(name, number(error["initial"]), number(error["best"])) for name, error in self.errors.items()],
-            rows=[
-                (name, quantity(e.value, e.unit), " to ".join(quantity(end, e.unit) for end in e.ci95))
-                for name, e in self._estimates.items()
-            ],
+            rows=[(name, *_quantities(estimate)) for name, estimate in self._estimates.items()],
             pictures=[as_image(drawing) for drawing in drawings[:2]],
             report=self.report,
         )
+
+
+def _quantities(estimate: Estimate) -> tuple[str, str]:
+    value, ci95, unit = estimate.physical
+    return quantity(value, unit), " to ".join(quantity(end, unit) for end in ci95)

@@ -19,7 +19,6 @@ from .progress import printable
 
 if TYPE_CHECKING:
     from ..discovery_case import DiscoverOptions
-    from ..request import CellChoice, Records
 
 
 @with_options(shared.Reading)
@@ -90,7 +89,7 @@ def discover(
 ) -> None:
     """Find where a model and measured records disagree, name the missing effect, add it, show the gap shrink."""
     from ..discovery_case import discover_options
-    from ..request import CellChoice, Records, key_values
+    from ..request import Records, key_values
 
     if resume is not None:
         from ..discovery_journal import read_options
@@ -100,17 +99,16 @@ def discover(
     if not data or parameters is None:
         missing = "--data" if not data else "--parameters"
         raise BsaError(f"{missing} is missing.", "bsa discover --data RECORD.csv --parameters Chen2020, for example.")
-    if life or fit_cycles is not None:
-        others = {"--holdout": bool(holdout), "--override": bool(override), "--effect-option": bool(effect_option)}
-        others |= {"--backend": backend is not None, "--search": search != "all", "--workers": workers > 0}
-        if unused := [name for name, given in others.items() if given]:
-            raise BsaError(f"{' and '.join(unused)} cannot be given with --life.", "leave it out; see docs/ageing.md.")
-        whole = Records(data, (), reading.options(join), reading.reader, reading.reader_options, fit_cycles=fit_cycles)
-        base = CellChoice(parameters, model, key_values(options, "--options"), scale=scale)
-        _carry_out_life(whole, base, out, effect, max_effects, as_json)
-        return
     asked = discover_options(
-        Records(data, holdout or (), reading.options(join), reading.reader, reading.reader_options),
+        Records(
+            data,
+            holdout or (),
+            reading.options(join),
+            reading.reader,
+            reading.reader_options,
+            life=life,
+            fit_cycles=fit_cycles,
+        ),
         out,
         parameters=parameters,
         model=model,
@@ -147,27 +145,9 @@ def _carry_out(asked: DiscoverOptions, workers: int, as_json: bool) -> None:
     print(f"verdict: {found.verdict}")
     for name in found.names:
         print(f"  {printable(name)}")
+    print(f"  {printable(found.findings.reason)}")
     print(f"  report: {asked.out / 'report.html'}")
 
 
 def _say(text: str) -> None:
     print(printable(text, 400), file=sys.stderr, flush=True)
-
-
-def _carry_out_life(
-    records: Records, cell: CellChoice, out: Path | None, effects: list[str] | None, max_effects: int, as_json: bool
-) -> None:
-    from ..discover_life import RESULT, discover_life
-    from ..request import named_after, numbered_folder
-
-    folder = out or numbered_folder(Path("runs"), f"{named_after(records.sources)}-discover")
-    print(f"discovery → {folder}", file=sys.stderr)
-    found = discover_life(records, cell, folder, effects, max_effects, _say)
-    if as_json:
-        print((folder / RESULT).read_text())
-        return
-    print(f"verdict: {found.findings.verdict}")
-    for name in found.names:
-        print(f"  {printable(name)}")
-    print(f"  {printable(found.findings.reason)}")
-    print(f"  report: {folder / 'report.html'}")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -21,6 +20,7 @@ from ..campaign.store import Store
 from ..campaign.study_cell import StudyCell, hash_of, study_axes
 from ..discover import discover
 from ..discovery_case import DiscoverOptions
+from ..processor_time import processor_s
 from .making import DESCRIPTION, POINTS
 from .shortlists import shortlist
 
@@ -30,9 +30,9 @@ Kind = Literal["discovery", "shortlist"]
 def carry_out(folder: Path, case: Path, kind: Kind, options: Mapping[str, Any]) -> dict[str, Any]:
     """What is found of a blind case, and the processor time that it takes."""
     asked = options_of(case, out=folder, **options)
-    began_s = _processor_s()
+    began_s = processor_s()
     found = shortlist(asked) if kind == "shortlist" else _discovered(asked)
-    return {**found, "cpu_s": _processor_s() - began_s}
+    return {**found, "cpu_s": processor_s() - began_s}
 
 
 def _discovered(options: DiscoverOptions) -> dict[str, Any]:
@@ -51,12 +51,6 @@ def _discovered(options: DiscoverOptions) -> dict[str, Any]:
         "simulations": discovery.simulations,
         "wall_s": discovery.wall_s,
     }
-
-
-def _processor_s() -> float:
-    """Processor time of this process and of those that it has ended, s: simulations have processes of their own."""
-    user, system, user_of_children, system_of_children, _ = os.times()
-    return user + system + user_of_children + system_of_children
 
 
 def plan_cases(folder: Path, name: str, kind: Kind, only: Sequence[str] | None = None, **asked: Any) -> Plan[StudyCell]:

@@ -10,7 +10,7 @@ from typing import Any
 from ...core.discovery.findings import Findings
 from ...core.discovery.recorded import RecordedSimulator
 from ...core.discovery.rules import RULES, Gap, Rules
-from ...core.discovery.simulator import Simulator
+from ...core.discovery.simulator import Prediction, Simulator
 from ...core.parameters import ParameterSpace
 from ...core.task import CellModel
 from ...plugins.pybamm.radial_mesh import RadialMesh
@@ -79,7 +79,7 @@ def _replayed(cell: Path) -> tuple[Findings, Gap]:
     with opened(options) as journal:
 
         def make(model: CellModel, space: ParameterSpace, mesh: RadialMesh) -> Simulator:
-            return RecordedSimulator(in_this_process(model, space, mesh), journal.file, journal.earlier)
+            return RecordedSimulator(in_this_process(model, space, mesh), Prediction, journal.file, journal.earlier)
 
         setup = set_up(read_case(options), options, make_simulator=make)
         found = setup.engine(options.settings).run()

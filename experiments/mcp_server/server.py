@@ -125,12 +125,18 @@ class Tools:
         effect: Annotated[
             list[str] | None, Field(description="Effects to consider, by name; all, if left out.")
         ] = None,
+        life: Annotated[
+            bool, Field(description="The record is a whole life: find which mechanism ages the cell.")
+        ] = False,
+        fit_cycles: Annotated[
+            int | None, Field(ge=1, description="Of a life fit so many cycles; the later ones are held out.")
+        ] = None,
         seed: int = 0,
         out: Out = None,
         resume: Resume = None,
     ) -> Json:
         """Find which physical effect the model lacks, if any: verdict, effects with intervals, errors and a report."""
-        method = {"effect": effect, "seed": seed}
+        method = {"effect": effect, "life": life, "fit_cycles": fit_cycles, "seed": seed}
         return await self._run(context, functions.discover, data, cell, reading, method, out, resume, None)
 
     @told

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from ...core.discovery.discovery import Discovery
 from ...core.discovery.observations import Observations
 from ...core.discovery.problem import Problem
+from ...core.discovery.record_discovery import RecordDiscovery
 from ...core.discovery.simulator import Prediction
-from ...core.files import write_text
 from ...core.trajectory import FloatArray
 from .chart import BOTTOM, GAP, TOP, Chart, Key, Panel, horizontal, padded, vertical
 from .templates import template
@@ -36,21 +34,14 @@ class _Figure:
     chart: Chart
 
 
-def write_page(path: Path, discovery: Discovery, problem: Problem | None) -> None:
-    """Write the page: one file, no scripts, nothing loaded from elsewhere.
-
-    Parameters
-    ----------
-    problem : Problem or None
-        Draws the curves again; None leaves the figures out.
-    """
-    figures = [] if problem is None else _figures(discovery, problem)
+def render(discovery: RecordDiscovery, problem: Problem) -> str:
+    """The page as HTML: no scripts, nothing loaded from elsewhere; the problem draws the curves again."""
+    figures = _figures(discovery, problem)
     content = discovery.to_json()
-    page = template("discovery.html.j2").render(d=content, headline=VERDICTS[discovery.verdict], figures=figures)
-    write_text(path, page)
+    return template("record_discovery.html.j2").render(d=content, headline=VERDICTS[discovery.verdict], figures=figures)
 
 
-def _figures(discovery: Discovery, problem: Problem) -> list[_Figure]:
+def _figures(discovery: RecordDiscovery, problem: Problem) -> list[_Figure]:
     found = discovery.findings
     before = problem.predict((), found.nearest_base.fit.candidate)
     after = problem.predict(found.best.effects, found.best.fit.candidate) if found.best.effects else None

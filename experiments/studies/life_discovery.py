@@ -8,7 +8,6 @@ folder are asked alone.
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -18,11 +17,14 @@ import numpy as np
 
 from ...core.discovery.findings import Findings
 from ...core.discovery.life import DEVIATION_V
+from ...core.discovery.life_discovery import LifeDiscovery
 from ...core.files import write_csv
 from ...core.record import ReadOptions
 from ...plugins.pybamm.parameter_sets import pybamm
-from ..discover_life import discover_life
-from ..request import CellChoice, Records, reading
+from ..discover import discover
+from ..discovery_case import discover_options
+from ..processor_time import processor_s
+from ..request import Records, reading
 
 CYCLE = (
     "Charge at 1C until 4.2 V",
@@ -100,7 +102,7 @@ class LifeRow:
     later_error: float
     best: str  # The mechanism that came nearest.
     reason: str
-    processor_s: float  # Without the fit of the first cycle, which has a process of its own.
+    processor_s: float  # With the fit of the first cycle.
 
 
 def make(hidden: Hidden, path: Path, seed: int, cycles: int = CYCLES) -> None:
@@ -149,19 +151,21 @@ def ask(case: str, folder: Path, data: Path) -> tuple[LifeRow, list[ModeRow]]:
         make(HIDDEN[case], path, list(HIDDEN).index(case))
         columns = {"time": "time_s", "current": "current_A", "voltage": "voltage_V"}
         records = Records([path], read=reading(columns, temperature=25.0), fit_cycles=FITTED)
-        cell = CellChoice(SET, MODEL)
+        base = SET
     else:
         read = ReadOptions(cycles=(1, _MEASURED_CYCLES))
         records = Records([data / f"{case}_all.csv.gz"], read=read, fit_cycles=_MEASURED_FITTED)
-        cell = CellChoice(_MEASURED_SET, MODEL)
-    began = time.process_time()
+        base = _MEASURED_SET
+    began = processor_s()
     # No model comes down to the noise of a measured cell, so that no pair would count.
-    found = discover_life(records, cell, folder / case, max_effects=2 if case in HIDDEN else 1, listener=print)
+    most = 2 if case in HIDDEN else 1
+    found = discover(discover_options(records, folder / case, parameters=base, model=MODEL, max_effects=most), print)
+    assert isinstance(found, LifeDiscovery)
     modes = [
         ModeRow(case, m.name, m.cycles[-1], m.values[-1], m.half[-1], m.per_100_cycles, m.half_per_100_cycles)
         for m in found.modes
     ]
-    return row_of(case, found.findings, time.process_time() - began), modes
+    return row_of(case, found.findings, processor_s() - began), modes
 
 
 def row_of(case: str, found: Findings, seconds: float) -> LifeRow:

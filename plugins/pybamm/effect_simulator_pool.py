@@ -1,23 +1,21 @@
-"""A simulator in worker processes: requests that do not depend on one another are simulated side by side."""
+"""The simulator of a discovery on records in worker processes."""
 
 from __future__ import annotations
 
 import pickle
 import tempfile
-import threading
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ...core.discovery.simulator import MeasuredRecord, Prediction, Request
 from ...core.effect import Effect
-from ...core.errors import BsaError
 from ...core.parameters import Candidate
 from ...core.target import Target
 from ...core.task import CellModel
-from .effect_simulator import has_low_fidelity
-from .processes import Pool, Report
+from .effect_simulator import EffectSimulator, has_low_fidelity
+from .request_pool import RequestPool, RequestService, sendable
 from .resolution import Resolution
 
 _TIME_LIMIT_S = 120.0
@@ -37,16 +35,8 @@ class _Job:
     low_fidelity: bool
 
 
-@dataclass(frozen=True)
-class _Answer:
-    """A prediction, and what the worker's simulator refused to build, by the effects' names."""
-
-    prediction: Prediction | None
-    refused: Mapping[str, str]
-
-
-class RequestService:
-    """Answers requests with a simulator of its own; see `Service`.
+class EffectService(RequestService):
+    """What each worker does.
 
     Parameters
     ----------
@@ -64,23 +54,16 @@ class RequestService:
     ) -> None:
         self._arguments = (cell, dict(targets), usual, fine)
         self._together = tuple(together)
-        self._simulator: Any = None
         self._read: dict[Path, Any] = {}
 
-    def prepare(self) -> None:
-        """Import PyBaMM; models are compiled when they are first asked for."""
-        from .effect_simulator import EffectSimulator
-        from .parameter_sets import pybamm
+    def simulator(self) -> EffectSimulator:
+        """See `RequestService.simulator`."""
+        return EffectSimulator(*self._arguments, [self._thing(path) for path in self._together])
 
-        pybamm.set_logging_level("CRITICAL")
-        self._simulator = EffectSimulator(*self._arguments, [self._thing(path) for path in self._together])
-
-    def work(self, job: _Job, report: Report) -> _Answer:
-        """Answer a request."""
+    def request(self, job: _Job) -> Request:
+        """See `RequestService.request`."""
         measured_record, moments = self._thing(job.measured_record), self._thing(job.moments)
-        request = Request(job.effects, job.candidate, measured_record, moments, job.fine, job.soc, job.low_fidelity)
-        (prediction,) = self._simulator.predict([request])
-        return _Answer(prediction, dict(self._simulator.refused))
+        return Request(job.effects, job.candidate, measured_record, moments, job.fine, job.soc, job.low_fidelity)
 
     def _thing(self, path: Path) -> Any:
         # What is asked for twice must be one object, or its model would be compiled twice.
@@ -88,29 +71,14 @@ class RequestService:
             self._read[path] = pickle.loads(path.read_bytes())
         return self._read[path]
 
-    def lost(self, cause: str, seconds: float, reported: Any) -> _Answer:
-        """A request that could not be answered."""
-        return _Answer(None, {})
 
-
-class EffectSimulatorPool:
-    """Simulates in worker processes with a time limit; see `Simulator`.
+class EffectSimulatorPool(RequestPool[Request, Prediction]):
+    """Predicts measured records; see `Simulator`.
 
     Parameters
     ----------
     cell, targets, usual, fine
         As for `EffectSimulator`.
-
-    Attributes
-    ----------
-    refused : dict of str to str
-        Effects that PyBaMM could not build, and why.
-    simulations : int
-        Requests that were simulated.
-    at_once : int
-        The number of workers.
-    recalled : int
-        0: every request is simulated.
     """
 
     def __init__(
@@ -122,43 +90,16 @@ class EffectSimulatorPool:
         workers: int,
         together: Sequence[MeasuredRecord] = (),
     ) -> None:
-        self._lock = threading.Lock()
-        self.at_once, self.has_low_fidelity = workers, has_low_fidelity(cell)
-        self.recalled = 0
         self._folder = tempfile.TemporaryDirectory(prefix="bsa-")
         self._kept: dict[int, tuple[Any, Path]] = {}
         files = [self._file(record) for record in together]
-        self._pool = Pool(RequestService(cell, targets, usual, fine, files), workers, _TIME_LIMIT_S)
-        self.refused: dict[str, str] = {}
-        self.simulations = 0
-
-    def predict(self, requests: Sequence[Request]) -> list[Prediction | None]:
-        """Simulate side by side; see `Simulator.predict`.
-
-        Raises `BsaError` if an effect cannot be sent to another process.
-        """
-        with self._lock:
-            jobs = [self._job(request) for request in requests]
-            self.simulations += len(jobs)
-        answers: dict[int, _Answer] = {}
-        try:
-            for place, answer in self._pool.run(jobs):
-                answers[place] = answer
-                self.refused.update(answer.refused)
-        except (pickle.PicklingError, AttributeError, TypeError) as error:
-            names = sorted({effect.key for request in requests for effect in request.effects})
-            raise BsaError(
-                f"the effects {', '.join(names)} cannot be sent to a worker process: {error}.",
-                "write their functions at the top level of a module, not as lambdas or inside other functions.",
-            ) from None
-        return [answers[place].prediction for place in range(len(jobs))]
+        super().__init__(EffectService(cell, targets, usual, fine, files), workers, _TIME_LIMIT_S)
+        self.has_low_fidelity = has_low_fidelity(cell)
 
     def _job(self, request: Request) -> _Job:
         measured_record, moments = self._file(request.measured_record), self._file(request.moments)
-        # Whether records can show an effect was asked before; the function that says so need not be sent.
-        effects = tuple(replace(effect, lacks=None) for effect in request.effects)
         asked = request.fine, request.soc, request.low_fidelity
-        return _Job(effects, dict(request.candidate), measured_record, moments, *asked)
+        return _Job(sendable(request.effects), dict(request.candidate), measured_record, moments, *asked)
 
     def _file(self, thing: Any) -> Path:
         """The file of an object, which is kept so that its identity stays its own."""
@@ -170,5 +111,5 @@ class EffectSimulatorPool:
 
     def close(self) -> None:
         """End all processes."""
-        self._pool.close()
+        super().close()
         self._folder.cleanup()

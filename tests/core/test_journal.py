@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 from bsa.core.errors import BsaError
-from bsa.core.journal import FILE_NAME, FORMAT, LOCK, Journal, check_run_folder, read_events
+from bsa.core.journal import FILE_NAME, FORMAT, LOCK, Journal, check_run_folder, opened, read_events
 
 
 def test_events_come_back_in_order(tmp_path: Path) -> None:
@@ -38,6 +38,24 @@ def test_two_writers_are_refused(tmp_path: Path) -> None:
         Journal(tmp_path)
     first.close()
     Journal(tmp_path).close()
+
+
+@pytest.mark.parametrize("inner", [False, True])
+def test_what_was_refused_leaves_nothing_but_a_run_of_its_own(tmp_path: Path, inner: bool) -> None:
+    folder = tmp_path / "run"
+
+    def refused() -> None:
+        with opened(folder, "simulation") as journal:
+            journal.file.append("run", format=FORMAT)
+            if inner:
+                (folder / "cell").mkdir()
+            raise BsaError("no such effect")
+
+    with pytest.raises(BsaError, match="no such effect"):
+        refused()
+    assert folder.exists() == inner
+    if inner:
+        assert [event["event"] for event in read_events(folder)] == ["run"]
 
 
 def test_a_newer_format_is_refused(tmp_path: Path) -> None:

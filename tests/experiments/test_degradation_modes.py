@@ -7,6 +7,7 @@ from bsa.experiments.degradation_modes import LITHIUM, degradation_modes, lost_m
 from bsa.experiments.request import CellChoice, Records, reading, task_of_records
 from bsa.experiments.studies.life_discovery import HIDDEN, make
 from bsa.experiments.tasks.records import RESISTANCE
+from bsa.plugins.pybamm.life_simulator import LifeSimulator
 
 
 def test_a_resistance_that_grows_is_told_from_losses(tmp_path: Path) -> None:
@@ -15,7 +16,7 @@ def test_a_resistance_that_grows_is_told_from_losses(tmp_path: Path) -> None:
     choice = CellChoice("Chen2020", "SPM", {"SEI": "none"}, search="cell", scale=False)
     task = task_of_records(Records([tmp_path / "life.csv"], read=read, life=True), choice)
     new = {**task.space.initial, RESISTANCE: 1e-3}
-    found = {mode.name: mode for mode in degradation_modes(task, new)}
+    found = {mode.name: mode for mode in degradation_modes(task, new, LifeSimulator(task))}
     growth = found[RESISTANCE]
     assert growth.per_100_cycles == pytest.approx(100 * HIDDEN["resistance"].ohm_per_cycle, rel=0.1)
     assert growth.cycles[-1] == 30

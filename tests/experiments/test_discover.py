@@ -86,6 +86,20 @@ def test_files_of_one_cell_are_one_record_and_parameters_come_from_a_file(tmp_pa
         pass
 
 
+def test_a_journal_from_before_an_option_was_there_is_resumed(tmp_path):
+    options = DiscoverOptions(
+        data=[half_discharge(tmp_path / "a.csv", 0.0)], parameters="Chen2020", out=tmp_path / "out"
+    )
+    with opened(options) as journal:
+        journal.file.append("end", status="")
+    file = tmp_path / "out" / "journal.jsonl"
+    content = file.read_text()
+    assert '"life":false,' in content
+    file.write_text(content.replace('"life":false,', ""))
+    with opened(read_options(tmp_path / "out")) as journal:
+        assert len(journal.earlier) == 2
+
+
 @pytest.mark.slow
 def test_a_hidden_resistance_is_found_from_files(tmp_path):
     (resistance,) = (effect for effect in EFFECTS if effect.key == "contact-resistance")

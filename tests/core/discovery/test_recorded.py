@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from bsa.core.discovery.engine import Engine
 from bsa.core.discovery.recorded import RecordedSimulator
-from bsa.core.discovery.simulator import Moments, Request
+from bsa.core.discovery.simulator import LifeRequest, LifeResiduals, Moments, Prediction, Request
 from bsa.core.journal import Journal, read_events
 
 CATALOGUE = (toy.QUADRATIC, toy.HYSTERESIS)
@@ -31,7 +31,7 @@ def discover(folder, inner, listener=lambda text: None):
         if not earlier:
             journal.append("run", format=1, kind="discovery")
         problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
-        problem.simulator = RecordedSimulator(inner, journal, earlier)
+        problem.simulator = RecordedSimulator(inner, Prediction, journal, earlier)
         return Engine(problem, space, CATALOGUE, toy.EVIDENCE, listener=listener).run()
     finally:
         journal.close()
@@ -78,7 +78,7 @@ def test_what_fails_and_what_is_refused_stands_in_the_journal(tmp_path):
         earlier = list(read_events(tmp_path))
         if not earlier:
             journal.append("run", format=1, kind="discovery")
-        simulator = RecordedSimulator(Failing() if number == 0 else Counting(most=0), journal, earlier)
+        simulator = RecordedSimulator(Failing() if number == 0 else Counting(most=0), Prediction, journal, earlier)
         assert simulator.predict([request, request]) == [None, None]
         assert simulator.refused == {"slow": "no such parameter"}
         journal.close()
@@ -99,8 +99,26 @@ def test_requests_that_differ_are_not_taken_for_one_another(tmp_path, change):
     }[change]
     journal = Journal(tmp_path)
     inner = Counting()
-    simulator = RecordedSimulator(inner, journal)
+    simulator = RecordedSimulator(inner, Prediction, journal)
     simulator.predict([first, other, first])
     assert inner.asked == 2
     assert simulator.simulations == 3
     journal.close()
+
+
+def test_lives_and_their_single_cycles_are_kept_too(tmp_path):
+    class Life(Counting):
+        def predict(self, requests):
+            self.asked += len(requests)
+            return [LifeResiduals(np.full(3, one.candidate["a"] + (one.cycle or 0))) for one in requests]
+
+    requests = [LifeRequest((), {"a": 1.5}), LifeRequest((), {"a": 1.5}, 7), LifeRequest((toy.QUADRATIC,), {"a": 1.5})]
+    for asked in (3, 0):
+        journal, inner = Journal(tmp_path), Life()
+        earlier = list(read_events(tmp_path))
+        if not earlier:
+            journal.append("run", format=1, kind="discovery")
+        found = RecordedSimulator(inner, LifeResiduals, journal, earlier).predict(requests)
+        assert [one.residual.tolist() for one in found] == [[1.5] * 3, [8.5] * 3, [1.5] * 3]
+        assert inner.asked == asked
+        journal.close()

@@ -23,8 +23,7 @@ def test_options_and_their_defaults_are_those_of_the_command() -> None:
         found = inspect.signature(function).parameters.values()
         return {one.name: one.default for one in found if one.name not in without}
 
-    # join: read_record; a discovery over a life is the command's alone.
-    assert options(bsa.discover, "progress") == options(command, "as_json", "join", "life", "fit_cycles")
+    assert options(bsa.discover, "progress") == options(command, "as_json", "join")  # join: read_record
 
 
 @pytest.mark.parametrize(
@@ -36,6 +35,9 @@ def test_options_and_their_defaults_are_those_of_the_command() -> None:
         (3, {"parameters": "Chen2020"}, "int is no record"),
         ("no_such.csv", {"parameters": "Chen2020"}, "no_such.csv"),
         (DEMO, {"parameters": "Chen2020", "max_effects": 9}, "max_effects"),
+        (DEMO, {"parameters": "Chen2020", "fit_cycles": 0}, "fit_cycles"),
+        (DEMO, {"parameters": "Chen2020", "life": True, "holdout": DEMO}, "--holdout cannot be given with --life"),
+        ([DEMO, DEMO], {"parameters": "Chen2020", "life": True}, "2 lives were given"),
     ],
 )
 def test_a_mistake_is_one_line_and_leaves_nothing(data, options, words, tmp_path, monkeypatch) -> None:

@@ -1,36 +1,65 @@
 """The page of a discovery over a life."""
 
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
+from bsa.core.discovery.adequacy import Adequacy
+from bsa.core.discovery.drift import Drift
+from bsa.core.discovery.explanation import Explanation, estimates_of
+from bsa.core.discovery.findings import Findings, Nomination
+from bsa.core.discovery.life_discovery import LifeDiscovery
+from bsa.core.discovery.refit import Refit
+from bsa.core.parameters import ParameterSpace
 from bsa.experiments.report.life_discovery import render
+from bsa.plugins.effects.ageing import EFFECTS
+
+SEI, PLATING = (next(e for e in EFFECTS if e.name == name) for name in ("sei-growth", "lithium-plating"))
 
 
-def content(**changes: Any) -> dict[str, Any]:
-    strength = {"name": "rate", "value": 12.0, "ci95": (10.0, 14.0), "unit": "", "null": 0.0, "at_bound": False}
-    candidate = {"name": "sei-growth", "error": 1.2, "later_error": 1.4, "delta_bic": 41.3, "converged": True}
-    candidate |= {"parameters": {"sei-growth": [strength]}, "rejected": "closes 12% of the gap <only>"}
-    mode = {"name": "Loss of lithium inventory [%]", "cycles": (15, 80, 200), "values": (0.5, 2.0, 4.25)}
-    mode |= {"half": (0.1, 0.1, 0.3), "per_100_cycles": 2.1, "half_per_100_cycles": 0.2}
-    ohm = {**mode, "name": "Contact resistance [Ohm]"}
-    found = {"verdict": "unexplained", "reason": "why", "effects": [], "rivals": [], "fit_cycles": 120}
-    errors = {"base": {"error": 5.5, "later_error": 9.5}, "simulations": 77, "notes": ["a note"]}
-    return {**found, **errors, "candidates": [candidate], "modes": [mode, ohm], **changes}
+def explanation(effects: tuple[Any, ...], error_v: float) -> Explanation:
+    space = ParameterSpace(tuple(replace(p, initial=12.0) for effect in effects for p in effect.searched))
+    residual, jacobian = np.full(9, 1e3 * error_v), np.full((9, len(space)), 3.0)
+    fit = Refit(space, np.zeros(len(space)), residual, jacobian, True, 1)
+    found = Explanation(effects, fit, Adequacy(0.0, 0.0, 0.0, 1.0), error_v, 2 * error_v, 1e-3 * residual, np.ones(9))
+    found.estimates = estimates_of(effects, fit, 1.0)
+    return found
+
+
+def discovery(verdict: str = "unexplained", modes: bool = True) -> LifeDiscovery:
+    base, best = explanation((), 5.5e-3), explanation((SEI,), 1.2e-3)
+    nominations = [Nomination(SEI), Nomination(PLATING, "no cold <charge>")]
+    lithium = Drift("Loss of lithium inventory [%]", (15, 80, 200), (0.5, 2.0, 4.25), (0.1, 0.1, 0.3), 2.1, 0.2)
+    drifts = (lithium, replace(lithium, name="Contact resistance [Ohm]")) if modes else ()
+    findings = Findings(verdict, base, best, [], [best], nominations, "why")
+    return LifeDiscovery(
+        findings, drifts, 120, {"Negative particle radius [m]": 5e-6}, notes=["a note"], simulations=77
+    )
 
 
 def test_the_page_has_verdict_mechanisms_and_modes() -> None:
-    page = render(content())
-    for text in ("verdict: unexplained", "77 simulations", "10 to 14", "closes 12% of the gap &lt;only&gt;", "a note"):
+    page = render(discovery().to_json())
+    for text in ("verdict: unexplained", "77 simulations", "no cold &lt;charge&gt;", "a note", "a partial explanation"):
         assert text in page, text
     assert "Contact resistance [Ohm]" in page
     assert "4.25" in page or "4.3" in page
     assert "<svg" in page
 
 
+def test_a_strength_stands_with_its_unit() -> None:
+    content = discovery("effect-found").to_json()
+    (parameter,) = content["effects"][0]["parameters"]
+    assert (parameter["value"], parameter["physical"]["unit"]) == (12.0, "A.m-2")
+    np.testing.assert_allclose(parameter["physical"]["value"], 12.0 * 1.5e-7)
+    assert render(content).count("A m⁻²") == 2  # with the effect, and among all that was considered
+
+
+def test_a_candidate_that_was_not_fitted_has_no_numbers() -> None:
+    content = discovery().to_json()
+    row = next(row for row in content["candidates"] if row["name"] == "lithium-plating")
+    assert (row["error"], row["delta_bic"], row["rejected"]) == (None, None, "no cold <charge>")
+    assert content["base_parameters"]["Negative particle radius [m]"] == 5e-6
+
+
 def test_without_a_window_there_is_no_figure() -> None:
-    page = render(content(modes=[]))
-    assert "<svg" not in page
-
-
-def test_what_was_named_stands_in_the_head() -> None:
-    page = render(content(verdict="effect-found", effects=["sei-growth"]))
-    assert "verdict: effect-found: sei-growth" in page
+    assert "<svg" not in render(discovery(modes=False).to_json())

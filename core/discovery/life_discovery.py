@@ -1,0 +1,59 @@
+"""The answer of a discovery over a life."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+from ..parameters import Candidate
+from .discovery import Discovery, Json, before_and_after
+from .drift import Drift
+from .explanation import Explanation
+from .findings import Nomination
+from .life import DEVIATION_V
+from .rules import Gap, closed
+
+
+@dataclass(eq=False)
+class LifeDiscovery(Discovery):
+    """Which mechanism ages a cell."""
+
+    modes: tuple[Drift, ...]  # Lithium, active material and resistance by cycle, whatever the mechanism.
+    fit_cycles: int  # The last cycle that was fitted.
+    cell: Candidate  # The cell's own parameters, fitted to its first cycle.
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """See `Discovery.parameters`."""
+        return {**self.cell, **super().parameters}
+
+    @property
+    def gap(self) -> dict[str, float]:
+        """See `Discovery.gap`; in standard deviations of the residuals."""
+        base, best = self.findings.base, self.findings.best
+        return {
+            "base_error": base.rmse_v / DEVIATION_V,
+            "final_error": best.rmse_v / DEVIATION_V,
+            "later_base_error": base.held_rmse_v / DEVIATION_V,
+            "later_final_error": best.held_rmse_v / DEVIATION_V,
+            "closed": closed(base.rmse_v, best.rmse_v, DEVIATION_V),
+            "later_closed": closed(base.held_rmse_v, best.held_rmse_v, DEVIATION_V),
+        }
+
+    @property
+    def errors(self) -> dict[str, dict[str, float | None]]:
+        """See `Discovery.errors`."""
+        return {
+            "Fitted cycles [standard deviations]": before_and_after(self.gap, "base_error", "final_error"),
+            "Later cycles [standard deviations]": before_and_after(self.gap, "later_base_error", "later_final_error"),
+        }
+
+    def _evidence(self) -> Json:
+        return {"fit_cycles": self.fit_cycles, "modes": [asdict(mode) for mode in self.modes]}
+
+    def _limits(self) -> Gap:
+        return Gap(self.findings.base, self.findings.base, DEVIATION_V, DEVIATION_V)
+
+    def _seen(self, explanation: Explanation | None, nomination: Nomination | None) -> Json:
+        if explanation is None:
+            return dict.fromkeys(("error", "later_error"))
+        return {"error": explanation.rmse_v / DEVIATION_V, "later_error": explanation.held_rmse_v / DEVIATION_V}

@@ -1,0 +1,103 @@
+"""The answer of a discovery on measured records."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+
+from ..effect import Effect
+from .closure import Closure
+from .discovery import Discovery, Json, before_and_after
+from .explanation import Explanation
+from .findings import Nomination
+from .localisation import Place
+from .next_experiment import NextExperiment
+from .rules import Gap, bic, closed
+
+
+@dataclass(eq=False)
+class RecordDiscovery(Discovery):
+    """What was found to be missing in a model of records."""
+
+    # noise_v, held_noise_v: Measurement noise of the fitted records and of the data not fitted, V.
+    noise_v: float
+    held_noise_v: float
+    # places_before, places_after: Residual maps of the base model and of the best explanation.
+    places_before: list[Place]
+    places_after: list[Place]
+    sentences: list[str]  # The first map in words.
+    next_experiment: NextExperiment | None = None  # What would separate the best explanation from its nearest rival.
+    closure: Closure | None = None  # Empirical correction, where nothing explains the discrepancy.
+    # By record: error of the predicted temperature, which no fit is shown, K.
+    temperature_rms_k: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def gap(self) -> dict[str, float]:
+        """See `Discovery.gap`; in mV."""
+        base, best = self.findings.nearest_base, self.findings.best
+        return {
+            "noise_mv": 1e3 * self.noise_v,
+            "base_rmse_mv": 1e3 * base.rmse_v,
+            "final_rmse_mv": 1e3 * best.rmse_v,
+            "holdout_base_rmse_mv": 1e3 * base.held_rmse_v,
+            "holdout_final_rmse_mv": 1e3 * best.held_rmse_v,
+            "closed": closed(base.rmse_v, best.rmse_v, self.noise_v),
+            "holdout_closed": closed(base.held_rmse_v, best.held_rmse_v, self.held_noise_v),
+        }
+
+    @property
+    def errors(self) -> dict[str, dict[str, float | None]]:
+        """See `Discovery.errors`."""
+        return {
+            "Voltage RMSE [mV]": before_and_after(self.gap, "base_rmse_mv", "final_rmse_mv"),
+            "Voltage RMSE of records not fitted [mV]": before_and_after(
+                self.gap, "holdout_base_rmse_mv", "holdout_final_rmse_mv"
+            ),
+        }
+
+    def _evidence(self) -> Json:
+        return {
+            "localisation": [asdict(place) for place in self.places_before],
+            "localisation_after": [asdict(place) for place in self.places_after],
+            "in_words": self.sentences,
+            "next_experiment": None if self.next_experiment is None else asdict(self.next_experiment),
+            "closure": None if self.closure is None else asdict(self.closure),
+            "backend_ranking": None if self.ranking is None else asdict(self.ranking),
+            "temperature_rms_k": self.temperature_rms_k,
+            "mesh_correction_mv": 1e3 * self.findings.mesh_v,
+            "false_alarm_rate": 0.01,
+        }
+
+    def _limits(self) -> Gap:
+        return Gap(self.findings.base, self.findings.nearest_base, self.noise_v, self.held_noise_v)
+
+    def _rationale(self, effect: Effect) -> str:
+        text = super()._rationale(effect)
+        if self.sentences:
+            text += f" Seen: {self.sentences[0]}."
+        ranked = self.ranking.ranked if self.ranking is not None else ()
+        return text + "".join(f" Backend: {r.reason}" for r in ranked if r.key == effect.key)
+
+    def _seen(self, explanation: Explanation | None, nomination: Nomination | None) -> Json:
+        row: Json = {"score": None}
+        if nomination is not None:
+            order = {r.key: k for k, r in enumerate(self.ranking.ranked, start=1)} if self.ranking else {}
+            row["score"] = None if nomination.score is None else asdict(nomination.score)
+            row["backend_rank"] = order.get(nomination.effect.key)
+        if explanation is None:
+            return row | dict.fromkeys(("refit_rmse_mv", "bic", "holdout_rmse_mv"))
+        return row | {
+            "refit_rmse_mv": 1e3 * explanation.rmse_v,
+            "bic": bic(explanation, self.findings.best),
+            "holdout_rmse_mv": 1e3 * explanation.held_rmse_v,
+            "temperature_rms_k": explanation.temperature_rms_k,
+        }
+
+    def _not_fitted(self, nomination: Nomination) -> str:
+        score = nomination.score
+        if nomination.lacks:
+            return nomination.lacks
+        if score is None or score.gain <= 0:
+            return "the score test predicts no gain in the allowed direction"
+        if nomination.screened is None:
+            return "the score test predicts less gain than for others"
+        return "a short refit gained less than others"
