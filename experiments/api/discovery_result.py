@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -12,13 +11,11 @@ from ...core.discovery.discovery import Discovery
 from ...core.discovery.explanation import Estimate
 from ...core.errors import BsaError
 from ..report.wording import number, quantity
-from .notebook import as_image, render
+from .notebook import pictures_of, render
 from .scripts import namespace_of
 
 if TYPE_CHECKING:
     import pybamm
-
-_DRAWING = re.compile(r"<svg .*?</svg>", re.DOTALL)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,14 +106,12 @@ class DiscoveryResult:
         )
 
     def _repr_html_(self) -> str:
-        # The curves need the simulator; the report has them drawn.
-        drawings = _DRAWING.findall(self.report.read_text(encoding="utf-8")) if self.report.exists() else []
         return render(
             "discovery.html.j2",
             title=f"{self.verdict}: {', '.join(self.effects) or self._found.findings.reason}",
             errors=[(name, number(error["initial"]), number(error["best"])) for name, error in self.errors.items()],
             rows=[(name, *_quantities(estimate)) for name, estimate in self._estimates.items()],
-            pictures=[as_image(drawing) for drawing in drawings[:2]],
+            pictures=pictures_of(self.report, 2),  # drawn there: the curves need the simulator
             report=self.report,
         )
 

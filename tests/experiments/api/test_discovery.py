@@ -104,7 +104,7 @@ def test_a_hidden_resistance_is_found_and_shown(tmp_path) -> None:
     (interval,) = found.intervals.values()
     assert interval[0] < 0.02 < interval[1]
     page = found._repr_html_()
-    assert page.count("data:image/svg+xml") == 2
+    assert page.count("data:image/svg+xml") == 1
     assert "contact-resistance" in page
     values, model = found.parameter_values, found.model
     assert interval[0] <= values["Contact resistance [Ohm]"] <= interval[1]
