@@ -49,8 +49,7 @@ def discover(options: DiscoverOptions, listener: Listener = lambda text: None, w
     -------
     Discovery
         Also written to ``discovery.json``, ``report.html`` and ``augmented_model.py`` in ``options.out``, beside the
-        ``journal.jsonl`` of every simulation and reply. Over a life there is the run of its first cycle in ``cell``, in
-        place of a script.
+        ``journal.jsonl`` of every simulation and reply. Over a life the run of its first cycle is in ``cell``.
 
     Raises
     ------
@@ -63,8 +62,7 @@ def discover(options: DiscoverOptions, listener: Listener = lambda text: None, w
         # Said before it is written: a disk that is full by now must not cost the answer.
         listener(f"{discovery.verdict}: {', '.join(discovery.names) or discovery.findings.reason}")
         write_text(options.out / RESULT, json.dumps(discovery.to_json(), indent=1, allow_nan=False))
-        if discovery.script:
-            write_text(options.out / "augmented_model.py", discovery.script)
+        write_text(options.out / "augmented_model.py", discovery.script)
         write_text(options.out / "report.html", page)
         journal.file.append("end", status=discovery.verdict)
     return discovery

@@ -21,6 +21,7 @@ from ..core.parameters import Candidate
 from ..core.task import Task
 from ..core.task_reduction import shortened
 from ..core.trajectory import FloatArray
+from ..plugins.pybamm.export import script
 from ..plugins.pybamm.life_simulator import LifeSimulatorPool
 from ..plugins.pybamm.parameter_sets import pybamm
 from .degradation_modes import degradation_modes
@@ -54,6 +55,7 @@ def discover_over_life(
         simulator = RecordedSimulator(pool, LifeResiduals, journal.file, journal.earlier)
         found = discover_mechanism(task, cell, options, simulator, listener)
     found.notes = [*task.notes, *found.notes, *(f"not built: {name}: {why}" for name, why in simulator.refused.items())]
+    found.script = script(task, found.parameters, found.findings.best.effects, "augmented_model.py")
     found.simulations, found.wall_s = simulator.simulations, time.perf_counter() - began
     return found
 

@@ -27,7 +27,7 @@ class Discovery(ABC):
     ranking: Ranking | None = field(default=None, kw_only=True)  # What a language model said, where one was asked.
     simulations: int = field(default=0, kw_only=True)  # Single solves.
     wall_s: float = field(default=0.0, kw_only=True)
-    # Source of ``augmented_model.py``: the best explanation, in the simulator's own language; empty where none is made.
+    # Source of ``augmented_model.py``: the best explanation, in the simulator's own language.
     script: str = field(default="", kw_only=True)
 
     @property

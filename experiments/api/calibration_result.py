@@ -96,9 +96,7 @@ class CalibrationResult:
     @property
     def model(self) -> pybamm.BaseBatteryModel:
         """A new model of the kind that was calibrated, with its options."""
-        import pybamm
-
-        return getattr(pybamm.lithium_ion, self._script["MODEL"])(dict(self._script["OPTIONS"]))
+        return self._script["model"]()
 
     @cached_property
     def _script(self) -> dict[str, Any]:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.discovery.discovery import Discovery
 from ...core.discovery.explanation import Estimate
-from ...core.errors import BsaError
 from ..report.wording import number, quantity
 from .notebook import pictures_of, render
 from .scripts import namespace_of
@@ -83,15 +82,10 @@ class DiscoveryResult:
     @property
     def model(self) -> pybamm.BaseBatteryModel:
         """The augmented model; only ``augmented_model.py`` has what an effect of the instrument does to a reading."""
-        return self._script["augmented_model"]()
+        return self._script["model" if "model" in self._script else "augmented_model"]()
 
     @cached_property
     def _script(self) -> dict[str, Any]:
-        if not self._found.script:
-            cell = self.folder / "cell"
-            raise BsaError(
-                "a discovery over a life has no augmented model.", f"the cell when it was new: bsa export {cell}."
-            )
         return namespace_of(self._found.script, "augmented_model")
 
     def to_json(self) -> dict[str, Any]:

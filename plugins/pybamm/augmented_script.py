@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import inspect
 import pprint
-import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +16,11 @@ from ...core.parameters import Candidate
 from ...core.printable import shown
 from ...core.target import CellChange, Target, change_of
 from ...core.task import CellModel, ParameterFile
-from .augmentation import augmented_cell, part_of
+from .augmentation import augmented_cell
 from .drive import current_function
 from .export import parameter_values_json
 from .parameter_sets import FILL_FROM, load, pybamm
+from .quoted_effects import quoted
 from .resolution import FINE, Resolution
 from .state_of_charge import InitialState, initial_concentration
 
@@ -91,35 +90,10 @@ def augmented_script(
         options=dict(augmented.options),
         overrides=dict(cell.overrides),
         factors=dict(change.factors),
-        effects=[_quoted(number, effect, candidate) for number, effect in enumerate(effects, start=1)],
+        effects=[quoted(number, effect, candidate) for number, effect in enumerate(effects, start=1)],
         records=records,
         resolution=resolution,
     )
-
-
-def _quoted(number: int, effect: Effect, candidate: Candidate) -> dict[str, Any]:
-    """An effect as source text: its functions are quoted as they stand, under names of their own."""
-    part = part_of(effect)
-    measurement = effect.measurement
-    functions = {
-        "values": part.values,
-        "voltage": part.voltage,
-        "current": part.current,
-        "clock": measurement.clock if measurement else None,
-        "meter": measurement.voltage if measurement else None,
-    }
-    return {
-        "title": effect.title,
-        "equation": effect.equation,
-        "citation": effect.citation,
-        "p": effect.values(candidate),
-        "borrowed": dict(part.borrowed),
-        "points": dict(part.points),
-        "source": "\n\n\n".join(
-            _source(function, f"{kind}_{number}") for kind, function in functions.items() if function is not None
-        ),
-        "calls": {kind: f"{kind}_{number}" for kind, function in functions.items() if function is not None},
-    }
 
 
 def _literal(value: Any) -> str:
@@ -131,8 +105,3 @@ def _literal(value: Any) -> str:
 def _one_line(text: str) -> str:
     """Words of other people for a comment: no line of theirs may become code."""
     return shown(text, 1000)
-
-
-def _source(function: Callable[..., Any], name: str) -> str:
-    text = textwrap.dedent(inspect.getsource(function))
-    return text.replace(f"def {function.__name__}(", f"def {name}(", 1).rstrip()

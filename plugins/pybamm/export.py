@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ...core.effect import Effect
 from ...core.parameters import Candidate
+from ...core.printable import shown
 from ...core.protocol_text import runs_of
 from ...core.target import CellChange
 from ...core.task import CellModel, Experiment, ParameterFile, Task
 from ...core.trajectory import StepKind
 from . import drive
+from .augmentation import augmented_cell
 from .compiled_cell import MODELS
 from .diffusivity_shape import by_diffusivity
 from .ocp_shape import BUMP_WIDTH, OcpCurves
 from .parameter_sets import FILL_FROM, bake, load, pybamm
+from .quoted_effects import quoted
 from .resolution import REFERENCE
 from .state_of_charge import InitialState
 from .step_solutions import step_kind
@@ -30,7 +35,9 @@ _BRACKETS = {dict: ("{", "}"), list: ("[", "]"), tuple: ("(", ")")}
 _LINE = 80
 
 
-def script(task: Task, candidate: Candidate) -> str:
+def script(
+    task: Task, candidate: Candidate, effects: Sequence[Effect] = (), file_name: str = "best_parameters.py"
+) -> str:
     """Python source that simulates a candidate as the final score does, without this package.
 
     Names and protocol strings come from files and models: they enter as literals only, never as code or comments.
@@ -40,12 +47,16 @@ def script(task: Task, candidate: Candidate) -> str:
     task : Task
         The cell model and the records.
     candidate : Candidate
-        A value for every searched parameter.
+        A value for every searched parameter, and for the effects' parameters.
+    effects : sequence of Effect
+        What is added to the cell model.
+    file_name : str
+        What the script will be called.
 
     Returns
     -------
     str
-        A script that runs by itself, and a module that offers ``parameter_values()`` and ``simulate()``.
+        A script that runs by itself, and a module that offers ``parameter_values()``, ``model()`` and ``simulate()``.
     """
     import jinja2
 
@@ -58,7 +69,9 @@ def script(task: Task, candidate: Candidate) -> str:
         autoescape=False,  # the product is Python: every value goes through `literal` instead
     )
     environment.filters["literal"] = literal
+    environment.filters["comment"] = lambda text: shown(text, 1000)
     change = task.space.change(candidate)
+    cell = augmented_cell(task.cell, effects)
     from_file = isinstance(task.cell.parameter_set, ParameterFile)
     tables: dict[str, str] = {}
     cut_offs: dict[str, float] = {}
@@ -68,8 +81,10 @@ def script(task: Task, candidate: Candidate) -> str:
         fill_from=FILL_FROM,
         parameter_set=str(task.cell.parameter_set),
         embedded=parameter_values_json(task.cell, change) if from_file else "",
-        model=MODELS.get(task.cell.model, task.cell.model),
-        options={key: tuple(value) if isinstance(value, list) else value for key, value in task.cell.options.items()},
+        file_name=file_name,
+        model=MODELS.get(cell.model, cell.model),
+        options={key: tuple(value) if isinstance(value, list) else value for key, value in cell.options.items()},
+        effects=[quoted(number, effect, candidate) for number, effect in enumerate(effects, start=1)],
         overrides={name: float(value) for name, value in task.cell.overrides.items()},
         calibrated=dict(change.values),
         factors={} if from_file else dict(change.factors),

@@ -12,18 +12,20 @@ import pytest
 from bsa.core.ageing.changes import Changes
 from bsa.core.discovery.simulator import LifeRequest, LifeResiduals
 from bsa.core.effect import Effect, EffectParameter
-from bsa.core.errors import BsaError
 from bsa.core.journal import read_events
 from bsa.core.residuals import residuals
 from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.experiments import discover_life
+from bsa.experiments.api.scripts import namespace_of
 from bsa.experiments.cli.main import main
 from bsa.experiments.discover import discover
 from bsa.experiments.discovery_case import DiscoverOptions, discover_options
 from bsa.experiments.request import CellChoice, Records, reading, task_of_records
 from bsa.experiments.studies.life_discovery import HIDDEN, make
 from bsa.plugins.effects.ageing import EFFECTS
+from bsa.plugins.pybamm.export import script
 from bsa.plugins.pybamm.life_simulator import LifeSimulator
+from bsa.plugins.pybamm.long_experiment import LongExperiment
 from bsa_toy_life import life, life_task
 
 COLUMNS = {"time": "time_s", "current": "current_A", "voltage": "voltage_V"}
@@ -69,6 +71,7 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(discover_life, "degradation_modes", lambda *arguments: [])
     monkeypatch.setattr(discover_life, "effects_of", lambda *arguments: MECHANISMS)
     monkeypatch.setattr(discover_life, "LifeSimulatorPool", ToyLives)
+    monkeypatch.setattr(discover_life, "script", lambda *arguments: "")
     monkeypatch.setattr(ToyLives, "most", 10**9)
     monkeypatch.setattr(ToyLives, "asked", 0)
     (tmp_path / "life.csv").write_text("a record")
@@ -140,8 +143,6 @@ def test_the_python_function_shows_what_was_found(toy: Path, tmp_path: Path) -> 
     assert found.report.is_file()
     assert "A h" in found._repr_html_()
     assert "linear" in repr(found)
-    with pytest.raises(BsaError, match="no augmented model"):
-        _ = found.model
     assert bsa.discover(resume=found.folder, progress=False).parameters == found.parameters
 
 
@@ -193,6 +194,23 @@ def test_every_effect_of_ageing_is_absent_at_its_null(short_life: Path) -> None:
         assert found is not None, effect.key
         # A film as thick as that of the set is there in every cycle.
         assert np.sqrt(np.mean((changes(found.residual) - changes(base.residual)) ** 2)) < 0.1, effect.key
+
+
+def test_the_script_of_a_life_ages_as_it_was_fitted(short_life: Path) -> None:
+    ageless = CellChoice("Chen2020", "SPM", {"SEI": "none"}, search="cell")
+    task = task_of_records(Records([short_life], read=READ, life=True), ageless)
+    growth = next(effect for effect in EFFECTS if effect.key == "sei-growth (diffusion-limited)")
+    candidate = {**task.space.initial, growth.full_name(growth.strength): 1e4}
+    (experiment,) = task.experiments
+    fitted = LongExperiment(task.cell, experiment, task.space.targets, effects=(growth,), leave_out=False)
+    record = fitted.solve(candidate).trajectory
+    assert record is not None
+    assert record.cycle_table is not None
+    cycles = namespace_of(script(task, candidate, (growth,)), "augmented_model")["simulate"]().cycles
+    capacities = [np.ptp(cycle.steps[3]["Discharge capacity [A.h]"].entries) for cycle in cycles]
+    lost = [1.0 - values[-1] / values[0] for values in (capacities, record.cycle_table.capacity_ah)]
+    assert lost[0] > 1e-3
+    assert lost[0] == pytest.approx(lost[1], rel=0.05)
 
 
 def test_an_effect_that_cannot_be_built_costs_only_itself(short_life: Path) -> None:

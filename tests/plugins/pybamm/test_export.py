@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +12,8 @@ from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.target import change_of, target_named
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.experiments.api.scripts import namespace_of
+from bsa.plugins.effects.ageing import EFFECTS
 from bsa.plugins.pybamm.export import literal, script
 from bsa.plugins.pybamm.solving import solve_reference
 
@@ -55,6 +58,19 @@ def test_names_enter_as_literals_only():
     # Nothing but imports, constants, functions and the entry point.
     allowed = (ast.Import, ast.Assign, ast.FunctionDef, ast.Expr, ast.If)
     assert all(isinstance(node, allowed) for node in tree.body)
+
+
+def test_an_effect_is_quoted_and_its_words_stay_comments():
+    growth = next(effect for effect in EFFECTS if effect.name == "resistance-growth")
+    hostile = replace(growth, title=HOSTILE, equation=HOSTILE, citation=HOSTILE)
+    experiment = Experiment("life", NOTHING, (("Rest for 1 second",),))
+    candidate = {RADIUS: 5e-6, growth.full_name(growth.strength): 0.25}
+    text = script(task_of(CellModel("Chen2020", "SPM"), experiment, RADIUS), candidate, (hostile,))
+    assert not any(line.strip().startswith("import os;") for line in text.splitlines())
+    made = namespace_of(text, "script")
+    assert made["model"]().options["contact resistance"] == "true"
+    resistance = made["parameter_values"]()["Contact resistance [Ohm]"]
+    assert "Throughput capacity" in str(resistance)
 
 
 @pytest.mark.parametrize("value", [HOSTILE, {"ü": [1.5, None]}, {"long " * 40: ("a" * 200, True)}, {}])
