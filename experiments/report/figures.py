@@ -22,6 +22,9 @@ from .wording import number, time_unit, unit
 
 _DRIVEN_HEIGHT, _OBSERVED_HEIGHT, _RESIDUAL_HEIGHT, _CONVERGENCE_HEIGHT = 96.0, 210.0, 110.0, 250.0
 
+_ROOM_ABOVE = 2.2
+"""Times the largest objective at which its axis ends."""
+
 _LEAST_RESIDUAL = 0.5
 """Smallest end of a residual's axis, in tolerances: below it there is nothing to see but noise."""
 
@@ -288,13 +291,13 @@ def _rms(curve: _Curve | None, measured: _Curve, signal: Signal) -> float | None
 
 def convergence(run: RunRecord, objective: Quantity) -> Chart | None:
     """The objective of every simulation, and the best so far; None if no simulation succeeded."""
-    good = [trial for trial in run.trials if np.isfinite(trial.objective)]
+    good = [trial for trial in run.trials if np.isfinite(_ROOM_ABOVE * trial.objective)]
     if not good:
         return None
     values = np.array([trial.objective for trial in good])
     positive = values[values > 0]
     low, high = (float(positive.min()), float(positive.max())) if len(positive) else (0.1, 1.0)
-    axis = vertical(low / 1.6, high * 2.2, TOP, _CONVERGENCE_HEIGHT, log=True)
+    axis = vertical(low / 1.6, _ROOM_ABOVE * high, TOP, _CONVERGENCE_HEIGHT, log=True)
     across = horizontal(-0.6, max(run.trials[-1].index, 1) + 0.6)
     panel = Panel(axis, f"{objective.label} / {objective.unit}", ticks=axis.ticks())
     indices = np.array([trial.index for trial in good], dtype=np.float64)

@@ -5,34 +5,23 @@ from __future__ import annotations
 import pickle
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ...core.discovery.simulator import MeasuredRecord, Prediction, Request
-from ...core.effect import Effect
-from ...core.parameters import Candidate
 from ...core.target import Target
 from ...core.task import CellModel
 from .effect_simulator import EffectSimulator, has_low_fidelity
-from .request_pool import RequestPool, RequestService, sendable
+from .request_pool import RequestPool, RequestService
 from .resolution import Resolution
 
 _TIME_LIMIT_S = 120.0
 """Longest time for one simulation, s. Twenty cycles with a layer that grows take ten; what crawls on has failed."""
 
 
-@dataclass(frozen=True)
-class _Job:
-    """A request whose record and moments, which are large, lie in files that a worker reads once."""
-
-    effects: tuple[Effect, ...]
-    candidate: Candidate
-    measured_record: Path
-    moments: Path
-    fine: bool
-    soc: float | None
-    low_fidelity: bool
+_LARGE = ("measured_record", "moments")
+"""Parts of a request that are sent as files, which a worker reads once."""
 
 
 class EffectService(RequestService):
@@ -60,10 +49,9 @@ class EffectService(RequestService):
         """See `RequestService.simulator`."""
         return EffectSimulator(*self._arguments, [self._thing(path) for path in self._together])
 
-    def request(self, job: _Job) -> Request:
+    def request(self, job: Request) -> Request:
         """See `RequestService.request`."""
-        measured_record, moments = self._thing(job.measured_record), self._thing(job.moments)
-        return Request(job.effects, job.candidate, measured_record, moments, job.fine, job.soc, job.low_fidelity)
+        return replace(job, **{name: self._thing(getattr(job, name)) for name in _LARGE})
 
     def _thing(self, path: Path) -> Any:
         # What is asked for twice must be one object, or its model would be compiled twice.
@@ -96,10 +84,9 @@ class EffectSimulatorPool(RequestPool[Request, Prediction]):
         super().__init__(EffectService(cell, targets, usual, fine, files), workers, _TIME_LIMIT_S)
         self.has_low_fidelity = has_low_fidelity(cell)
 
-    def _job(self, request: Request) -> _Job:
-        measured_record, moments = self._file(request.measured_record), self._file(request.moments)
-        asked = request.fine, request.soc, request.low_fidelity
-        return _Job(sendable(request.effects), dict(request.candidate), measured_record, moments, *asked)
+    def _job(self, request: Request) -> Any:
+        files: dict[str, Any] = {name: self._file(getattr(request, name)) for name in _LARGE}
+        return replace(super()._job(request), **files)
 
     def _file(self, thing: Any) -> Path:
         """The file of an object, which is kept so that its identity stays its own."""

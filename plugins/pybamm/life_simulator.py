@@ -14,7 +14,7 @@ from ...core.simulation import Outcome
 from ...core.target import target_named
 from ...core.task import Task
 from .long_experiment import LongExperiment
-from .request_pool import RequestPool, RequestService, sendable
+from .request_pool import RequestPool, RequestService
 
 _SECONDS_A_CYCLE, _LEAST_S = 1.5, 120.0
 """Longest time for a life, by its cycles, s: as the simulator of a calibration allows."""
@@ -116,6 +116,3 @@ class LifeSimulatorPool(RequestPool[LifeRequest, LifeResiduals]):
     def __init__(self, task: Task, workers: int) -> None:
         cycles = len(task.experiments[0].protocol or ())
         super().__init__(LifeService(task), workers, max(_LEAST_S, _SECONDS_A_CYCLE * cycles))
-
-    def _job(self, request: LifeRequest) -> LifeRequest:
-        return replace(request, effects=sendable(request.effects))

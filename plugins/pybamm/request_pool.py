@@ -120,13 +120,10 @@ class RequestPool(Generic[Asked, Given]):
 
     def _job(self, request: Asked) -> Any:
         """The request as it is sent."""
-        return request
+        # Whether records can show an effect was asked before; the function that says so need not be sent.
+        effects = tuple(replace(effect, lacks=None) for effect in request.effects)
+        return replace(request, effects=effects)  # type: ignore[type-var]
 
     def close(self) -> None:
         """End all processes."""
         self._pool.close()
-
-
-def sendable(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
-    """Effects without the functions that say whether records can show them: that was asked before."""
-    return tuple(replace(effect, lacks=None) for effect in effects)
