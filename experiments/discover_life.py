@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack, closing
+from contextlib import closing
 from dataclasses import replace
 
 from ..backends.opening import open_backend
 from ..core.ageing.changes import Changes
 from ..core.discovery.findings import Listener, Nomination
-from ..core.discovery.life import LifeEngine
+from ..core.discovery.life import LifeEngine, Simulate
 from ..core.discovery.life_discovery import LifeDiscovery
 from ..core.discovery.recorded import RecordedSimulator
 from ..core.discovery.simulator import Answering, LifeRequest, LifeResiduals
@@ -48,58 +48,66 @@ def discover_over_life(
     pybamm.set_logging_level("CRITICAL")
     began = time.perf_counter()
     task = read_life(options)
+    notes = list(task.notes)
+    # What is wrong with the options is said before the first simulation.
+    fit_cycles, considered = _fit_cycles(task, options.fit_cycles), _considered(task, options, notes)
     listener("fitting the cell to its first cycle")
     cell = _first_cycle(task, options, workers)
-    with ExitStack() as held:
-        pool = held.enter_context(closing(LifeSimulatorPool(task, workers)))
+    with closing(LifeSimulatorPool(task, workers)) as pool:
         simulator = RecordedSimulator(pool, LifeResiduals, journal.file, journal.earlier)
-        found = discover_mechanism(task, cell, options, simulator, listener)
-    found.notes = [*task.notes, *found.notes, *(f"not built: {name}: {why}" for name, why in simulator.refused.items())]
-    found.script = script(task, found.parameters, found.findings.best.effects, "augmented_model.py")
-    found.simulations, found.wall_s = simulator.simulations, time.perf_counter() - began
+        modes = degradation_modes(task, cell, simulator)
+        for mode in modes:
+            listener(f"{mode.name}: {mode.per_100_cycles:+.2g} ± {mode.half_per_100_cycles:.1g} in 100 cycles")
+        listener(f"fitting mechanisms to the cycles up to {fit_cycles}")
+        simulate = _simulating(simulator, cell)
+        (new,) = simulate((), [{}])
+        if new is None:
+            raise BsaError(
+                "the cell that fits the first cycle does not run through its life.", f"see {options.out / CELL}."
+            )
+        changes = Changes(task, fit_cycles, new)
+        engine = LifeEngine(simulate, changes, listener, options.max_effects, simulator.at_once)
+        findings = engine.run([one.effect for one in considered if not one.lacks])
+    findings.nominations += [one for one in considered if one.lacks]
+    notes += [f"not built: {name}: {why}" for name, why in simulator.refused.items()]
+    found = LifeDiscovery(findings, tuple(modes), fit_cycles, cell, notes=notes, simulations=simulator.simulations)
+    found.script = script(task, found.parameters, findings.best.effects, "augmented_model.py")
+    found.wall_s = time.perf_counter() - began
     return found
 
 
-def discover_mechanism(
-    task: Task,
-    cell: Candidate,
-    options: DiscoverOptions,
-    simulator: Answering[LifeRequest, LifeResiduals],
-    listener: Listener = lambda text: None,
-) -> LifeDiscovery:
-    """Find which mechanism ages a cell that was fitted to its first cycle; writes nothing."""
+def _fit_cycles(task: Task, asked: int | None) -> int:
+    """The last cycle that is fitted: what changes shows between two kept cycles, and another one is held out."""
+    kept = task.experiments[0].target.cycles
+    fit_cycles = asked or round(FITTED * kept[-1])
+    if not kept[1] <= fit_cycles < kept[-1]:
+        raise BsaError(
+            f"{fit_cycles} of {kept[-1]} cycles are to be fitted.", f"give --fit-cycles {kept[1]} to {kept[-1] - 1}."
+        )
+    return fit_cycles
+
+
+def _considered(task: Task, options: DiscoverOptions, notes: list[str]) -> list[Nomination]:
+    """All effects of ageing, or those that were named, each with why it cannot be the mechanism, if so."""
+    evidence = Evidence(task.cell.model, task.cell.options, task.experiments[0].target.cycles[-1], 0.0, 1.0)
+    effects = effects_of(options.effects, None, options.effect_options, notes.append)
+    return [Nomination(effect, _lacking(effect, evidence)) for effect in effects if effect.ages or options.effects]
+
+
+def _lacking(effect: Effect, evidence: Evidence) -> str:
+    if not effect.ages:
+        return "does not change the cell from cycle to cycle"
+    return effect.lacks(evidence) if effect.lacks else ""
+
+
+def _simulating(simulator: Answering[LifeRequest, LifeResiduals], cell: Candidate) -> Simulate:
+    """The residuals of a life, for strengths of effects in a cell that stays."""
 
     def simulate(effects: tuple[Effect, ...], candidates: Sequence[Candidate]) -> list[FloatArray | None]:
         found = simulator.predict([LifeRequest(effects, {**cell, **candidate}) for candidate in candidates])
         return [None if one is None else one.residual for one in found]
 
-    (experiment,) = task.experiments
-    count = experiment.target.cycles[-1]
-    fit_cycles = options.fit_cycles or round(FITTED * count)
-    notes: list[str] = []
-    effects = effects_of(options.effects, None, options.effect_options, notes.append)
-    listener(f"mechanisms are fitted to cycles up to {fit_cycles} of {count}")
-    modes = degradation_modes(task, cell, simulator)
-    for mode in modes:
-        listener(f"{mode.name}: {mode.per_100_cycles:+.2g} ± {mode.half_per_100_cycles:.1g} in 100 cycles")
-    (new,) = simulate((), [{}])
-    if new is None:
-        raise BsaError("the cell that was fitted to the first cycle does not run through its life.", "look at cell/.")
-    evidence = Evidence(task.cell.model, task.cell.options, count, 0.0, 1.0)
-    considered = [
-        Nomination(effect, _lacking(effect, evidence)) for effect in effects if effect.ages or options.effects
-    ]
-    engine = LifeEngine(simulate, Changes(task, fit_cycles, new), listener, options.max_effects, simulator.at_once)
-    findings = engine.run([one.effect for one in considered if not one.lacks])
-    findings.nominations += [one for one in considered if one.lacks]
-    return LifeDiscovery(findings, tuple(modes), fit_cycles, cell, notes=notes)
-
-
-def _lacking(effect: Effect, evidence: Evidence) -> str:
-    """Why a mechanism is not considered; empty if it is."""
-    if not effect.ages:
-        return "does not change the cell from cycle to cycle"
-    return effect.lacks(evidence) if effect.lacks else ""
+    return simulate
 
 
 def _first_cycle(task: Task, options: DiscoverOptions, workers: int) -> Candidate:

@@ -12,6 +12,7 @@ import pytest
 from bsa.core.ageing.changes import Changes
 from bsa.core.discovery.simulator import LifeRequest, LifeResiduals
 from bsa.core.effect import Effect, EffectParameter
+from bsa.core.errors import BsaError
 from bsa.core.journal import read_events
 from bsa.core.residuals import residuals
 from bsa.core.simulation import ExperimentRun, Outcome
@@ -109,6 +110,14 @@ def test_a_discovery_that_was_stopped_keeps_every_simulation(
     content = json.loads((tmp_path / "stopped" / "discovery.json").read_text())
     assert content["effects"][0]["name"] == "linear"
     assert "A h" in (tmp_path / "stopped" / "report.html").read_text()
+
+
+@pytest.mark.parametrize("fit_cycles", [1, CYCLES])
+def test_a_life_of_which_nothing_is_held_out_or_changes_is_refused(toy: Path, tmp_path: Path, fit_cycles: int) -> None:
+    with pytest.raises(BsaError, match="cycles are to be fitted") as caught:
+        discover(options(toy, tmp_path / "found").model_copy(update={"fit_cycles": fit_cycles}))
+    assert f"to {CYCLES - 1}" in caught.value.hint
+    assert not (tmp_path / "found").exists()
 
 
 def test_ctrl_c_says_how_it_goes_on_and_the_rest_is_printed_as_json(
