@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .identifiability import covariance_of
+from .normal import NORMAL_95
 from .trajectory import FloatArray
 
 
@@ -50,7 +51,7 @@ def what_to_measure_next(
     forecasts: list[Forecast] = []
     for protocol, rows in candidates.items():
         covariance = covariance_of(np.vstack([jacobian, rows]), noise)
-        widths = 1.96 * np.sqrt(np.diag(covariance))
+        widths = NORMAL_95 * np.sqrt(np.diag(covariance))
         shares = dict(zip(names, widths.tolist(), strict=True))
         worst = max(shares, key=lambda name: shares[name])
         forecasts.append(Forecast(protocol, worst, shares[worst], shares))

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 from scipy.stats import t as student
 
+from .normal import NORMAL_95
 from .parameters import Candidate, ParameterSpace
 from .trajectory import FloatArray
 
@@ -318,14 +319,14 @@ def unsettled(jacobian: FloatArray, residual: FloatArray, noise: float, names: t
         return ()
     covariance = covariance_of(jacobian, noise)
     step = -covariance @ (jacobian.T @ residual) / noise**2
-    half = 1.96 * np.sqrt(np.diag(covariance))
+    half = NORMAL_95 * np.sqrt(np.diag(covariance))
     return tuple(name for name, moved, width in zip(names, step, half, strict=True) if abs(moved) > width)
 
 
 def open_directions(jacobian: FloatArray, noise: float) -> FloatArray:
     """The directions of the unit box that the records do not fix, as rows, least known first, shape (q, p)."""
     singular, rows = _decomposed(jacobian)
-    widths = 1.96 * np.sqrt(_variances(singular, noise))
+    widths = NORMAL_95 * np.sqrt(_variances(singular, noise))
     return np.asarray(rows[widths > _FIXED][::-1])
 
 

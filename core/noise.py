@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from .normal import robust_deviation
 from .trajectory import FloatArray, StepKind, Trajectory
 
 _FEWEST = 30
@@ -50,7 +51,7 @@ def noise_of(record: Trajectory, signal: FloatArray, order: int = 2) -> float | 
     differences = np.concatenate(pieces) if pieces else np.zeros(0)
     if len(differences) < _FEWEST:
         return None
-    scatter = 1.4826 * float(np.median(np.abs(differences))) / math.sqrt(math.comb(2 * order, order))
+    scatter = robust_deviation(differences) / math.sqrt(math.comb(2 * order, order))
     return max(scatter, resolution(signal))
 
 

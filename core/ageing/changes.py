@@ -5,14 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..normal import robust_deviation
 from ..residuals import noise_of_residuals, rows_of
 from ..task import Task
 from ..trajectory import FloatArray, StepKind
 from .cycle_table import CycleTable
 from .residuals import CAPACITY_TOLERANCE, RESISTANCE_TOLERANCE, compared_cycles
-
-_MAD = 1.4826
-"""Standard deviation over median absolute deviation, of a normal distribution."""
 
 
 class Changes:
@@ -109,7 +107,7 @@ def _scatter(values: FloatArray) -> float:
     known = values[np.isfinite(values)]
     if len(known) < 3:
         return 0.0
-    return float(_MAD * np.median(np.abs(np.diff(known, 2))) / np.sqrt(6.0) / np.mean(known))
+    return float(robust_deviation(np.diff(known, 2)) / np.sqrt(6.0) / np.mean(known))
 
 
 def of_cycles(values: FloatArray, chosen: NDArray[np.bool_]) -> float:

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..normal import NORMAL_95
 from ..trajectory import FloatArray
 
 CAPACITY = "capacity"
 """What errors and bands of a life's capacity are called."""
-
-_NORMAL_95 = 1.96
 
 
 @dataclass(frozen=True)
@@ -28,7 +27,7 @@ class FadeBand:
     ) -> FadeBand:
         """The band of capacities whose derivatives in the unit box, A.h, have shape (n, p)."""
         variance = np.einsum("ij,jk,ik->i", jacobian, np.asarray(covariance, dtype=np.float64), jacobian)
-        half = _NORMAL_95 * np.sqrt(np.maximum(variance, 0.0) + scatter_ah**2)
+        half = NORMAL_95 * np.sqrt(np.maximum(variance, 0.0) + scatter_ah**2)
         return cls(tuple(map(float, cycle)), tuple(map(float, half)))
 
     def at(self, cycles: FloatArray) -> FloatArray:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..identifiability import effective_noise
+from ..normal import NORMAL_95
 from ..parameters import Candidate, ParameterSpace
 from ..trajectory import FloatArray
 from .refit import Refit, refit
@@ -28,7 +29,6 @@ _NOISE_FLOOR = 2.0**0.5
 """Standard deviation of a change that is assumed at least, in tolerances: that of two residuals."""
 
 _DIFFERENCE = 1e-3
-_NORMAL_95 = 1.96
 _PER_CYCLES = 100.0
 
 
@@ -83,7 +83,7 @@ def _told(fit: Refit, quantities: Quantities) -> dict[str, tuple[float, float]]:
         ends = [quantities(fit.space.at(fit.u + sign * _DIFFERENCE * np.eye(len(fit.u))[place])) for sign in (1, -1)]
         slopes.append([(ends[0][name] - ends[1][name]) / (2 * _DIFFERENCE) for name in here])
     slope = np.array(slopes)
-    half = _NORMAL_95 * np.sqrt(np.einsum("ik,ij,jk->k", slope, covariance, slope))
+    half = NORMAL_95 * np.sqrt(np.einsum("ik,ij,jk->k", slope, covariance, slope))
     return {name: (here[name], float(half[k])) for k, name in enumerate(here)}
 
 
@@ -92,11 +92,11 @@ def _drift(name: str, rows: Mapping[int, tuple[float, float]]) -> Drift:
     values, half = (np.array([row[k] for row in rows.values()]) for k in (0, 1))
     slope, uncertain = float("nan"), float("nan")
     if len(cycles) > 2:
-        deviation = np.maximum(half / _NORMAL_95, 1e-12)
+        deviation = np.maximum(half / NORMAL_95, 1e-12)
         design = np.column_stack([np.ones(len(cycles)), cycles / _PER_CYCLES]) / deviation[:, None]
         line, *_ = np.linalg.lstsq(design, values / deviation, rcond=None)
         left = values / deviation - design @ line
         scatter = max(1.0, float(left @ left) / (len(cycles) - 2))
         slope = float(line[1])
-        uncertain = _NORMAL_95 * float(np.sqrt(scatter * np.linalg.inv(design.T @ design)[1, 1]))
+        uncertain = NORMAL_95 * float(np.sqrt(scatter * np.linalg.inv(design.T @ design)[1, 1]))
     return Drift(name, tuple(rows), tuple(map(float, values)), tuple(map(float, half)), slope, uncertain)

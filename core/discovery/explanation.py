@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..effect import Effect
+from ..normal import NORMAL_95, robust_deviation
 from ..robust_loss import robust
 from ..trajectory import FloatArray
 from .adequacy import Adequacy
@@ -96,7 +97,7 @@ class Explanation:
     @property
     def misfit_v(self) -> float:
         """A typical error beyond noise, V: blind to the few averages that are far off."""
-        typical = (1.4826 * float(np.median(np.abs(self.errors)))) ** 2
+        typical = robust_deviation(self.errors) ** 2
         return float(np.sqrt(max(typical - float(np.median(self.sigma**2)), 0.0)))
 
     @property
@@ -145,7 +146,7 @@ class Explanation:
         """How many of its standard deviations an effect's strength lies from its null value."""
         strength = self.estimates[effect.key][0]
         low, high = strength.ci95
-        return abs(strength.value - strength.null) / max((high - low) / (2 * 1.96), 1e-300)
+        return abs(strength.value - strength.null) / max((high - low) / (2 * NORMAL_95), 1e-300)
 
 
 def clearly_nearer(ours_k: float | None, theirs_k: float | None, clear_k: float = CLEAR_K) -> bool:
@@ -168,7 +169,7 @@ def estimates_of(effects: tuple[Effect, ...], fit: Refit, dispersion: float) -> 
         for p in effect.parameters:
             number = place[effect.full_name(p)]
             parameter, u = fit.space.parameters[number], float(fit.u[number])
-            half = 1.96 * float(deviations[number])
+            half = NORMAL_95 * float(deviations[number])
             if p.scale == "log":
                 ends = [parameter.initial * np.exp(end * parameter.length) for end in (u - half, u + half)]
             else:

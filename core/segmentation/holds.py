@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..normal import robust_deviation
 from ..trajectory import StepKind
 from .levels import BRIEF_S, LONG_SAMPLES, Level, Signals, span
 
@@ -83,7 +84,7 @@ def _begin_holds(signals: Signals, levels: list[Level]) -> list[Level]:
             continue
         size = np.abs(signals.current[before.start : before.stop])
         plateau = float(np.median(size))
-        scatter = 1.4826 * float(np.median(np.abs(size - plateau)))
+        scatter = robust_deviation(size - plateau)
         # The decay begins after the last sample that still reaches the plateau.
         cut = before.start + int(np.flatnonzero(size >= plateau - 2.0 * scatter)[-1]) + 1
         if cut < before.stop and before.kind is None:
