@@ -113,7 +113,8 @@ def run_cell(
     """Calibrate a cell, or go on where that was interrupted; a row for each record, or one for its protocol."""
     task = task_from(cell, data)
     config = RunConfig(scaffold=load_scaffold(scaffold), simulations=simulations, seed=seed)
-    result = execute_run(task, config, folder, open_backend("rules", {}), Resources(workers=workers))
+    # No row tells an interval, which would take as many simulations again.
+    result = execute_run(task, config, folder, open_backend("rules", {}), Resources(workers=workers), analysing=False)
     if result.status == "interrupted":
         raise KeyboardInterrupt
     if not task.given_drive:

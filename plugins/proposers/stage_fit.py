@@ -196,7 +196,9 @@ class StageFit(Stage):
 
         ``fresh`` is whether the derivatives were measured there.
         """
-        self._free = self._chosen if jacobian is None else self._chosen & self._told(jacobian)
+        # Where far residuals count little, a start tells little of what the data know.
+        known = None if self._task.weight == "robust" else jacobian
+        self._free = self._chosen if known is None else self._chosen & self._told(known)
         return LeastSquares(
             self._point(), self._weighed(self._here), SETTINGS, self._free, jacobian, self._box(), fresh
         )

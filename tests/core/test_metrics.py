@@ -145,3 +145,18 @@ def test_denser_sampling_does_not_count_more() -> None:
     metrics = evaluate(task, outcome_of(target))
     assert metrics is not None
     assert metrics.v_rmse_mv == pytest.approx(10.0 * np.sqrt(0.9), rel=0.01)
+
+
+def test_a_pulse_counts_as_long_as_the_rest_behind_it() -> None:
+    kinds = [(StepKind.REST, 100), (StepKind.PULSE, 10), (StepKind.REST, 400), (StepKind.CC_DISCHARGE, 40)]
+    ends = np.cumsum([seconds for _, seconds in kinds])
+    steps = tuple(Step(kind, end - seconds, end) for (kind, seconds), end in zip(kinds, ends, strict=True))
+    record = Trajectory(np.arange(550.0), np.ones(550), np.full(550, 3.7), None, steps)
+    task = Task("t", CellModel("x"), space(), (Experiment("r", record),))
+    found = residuals(task, outcome_of(record.changed(voltage=record.voltage + 0.001)))
+    assert found is not None
+    before, pulse, after, brief = found.reshape(4, -1)[:, 0] ** 2
+    assert pulse == pytest.approx(after * 399 / 399)
+    assert before == pytest.approx(after * 99 / 399)
+    assert brief == pytest.approx(after * 39 / 399)
+    assert np.mean(found**2) == pytest.approx(1.0)  # 1 mV is one tolerance

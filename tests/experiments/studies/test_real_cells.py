@@ -82,6 +82,6 @@ def test_a_cell_whose_steps_are_simulated_gives_the_papers_errors(tmp_path: Path
 
 
 def test_an_interrupted_cell_stops_the_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(real_cells, "execute_run", lambda *arguments: SimpleNamespace(status="interrupted"))
+    monkeypatch.setattr(real_cells, "execute_run", lambda *_, **__: SimpleNamespace(status="interrupted"))
     with pytest.raises(KeyboardInterrupt):
         run_cell(cell("demo", "demo.csv"), DEMO, tmp_path / "run", "staged", simulations=1, seed=1, workers=1)

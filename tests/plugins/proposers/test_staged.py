@@ -185,6 +185,17 @@ def test_an_offset_before_a_current_step_is_not_held_against_the_kinetics(task: 
     assert np.any(np.abs(view(jump)) > 1.0)
 
 
+def test_current_steps_of_a_nearly_empty_cell_say_little_of_kinetics() -> None:
+    kinds = [(StepKind.REST, 0.0), (StepKind.CC_DISCHARGE, 1.0), (StepKind.REST, 0.0)] * 2
+    steps = tuple(Step(kind, 1000 * n, 1000 * (n + 1)) for n, (kind, _) in enumerate(kinds))
+    current = np.repeat([amperes for _, amperes in kinds], 1000)
+    record = Trajectory(np.arange(6000.0), current, np.full(6000, 3.7), None, steps)
+    task = replace(toy_task(), experiments=(Experiment("r", record),))
+    rows = rows_of(task)
+    # The rest behind the second discharge begins with the last of the charge drawn.
+    assert set(rows.step[view_of(task, "current-steps").rows]) == {1, 2, 4}
+
+
 def test_a_parameter_of_which_the_data_say_nothing_keeps_its_prior_and_costs_no_more(
     run_toy: RunToy, tmp_path: Path
 ) -> None:
