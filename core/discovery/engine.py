@@ -34,7 +34,7 @@ _SECOND_EFFECTS = 4
 _MORE = 2
 """Times that the best explanation's fit is gone on with, where it has not converged."""
 
-_KINDRED = 0.5
+_NEAR_TIE = 0.5
 """Share of the highest promise from which an effect is not given up after a short refit alone."""
 
 _FAR_BEHIND = 3.0
@@ -42,7 +42,7 @@ _FAR_BEHIND = 3.0
 
 _WORTHWHILE = CLEAR_HELD**2
 """Share of a single effect's cost that a pair has to come down to in a short refit, to be fitted on: squares of errors
-that are clearly smaller. True second effects come to less than half; ornaments take a few percent."""
+that are clearly smaller. True second effects come to less than half; needless ones take a few percent."""
 
 _HINT = 0.05
 """Share of a single effect's cost that the score test of a second one must promise to be worth a short refit."""
@@ -212,7 +212,7 @@ class Engine:
             return self._converge(base, _sorted(ranked))  # no pair could predict data not fitted clearly better
         pairs = self.pair(base, nearer, nominations)
         result = self.prune(base, self.finish(base, _sorted([*ranked, *pairs])))
-        # Where the pair is an ornament, what stands is its better half, and that was not the one fitted to the end.
+        # Of a pair with a needless effect its better half stands, and that was not the one fitted to the end.
         standing = next((e for e in result if not RULES.needless(e, result)), result[0])
         return self._converge(base, [standing, *(e for e in result if e is not standing)])
 
@@ -239,8 +239,8 @@ class Engine:
     ) -> list[Explanation]:
         """Fit the best of some sorted explanations until it has converged or comes no nearer.
 
-        Then stuck fits that might yet be better, and near ties that were never fitted so far, are fitted from where it
-        ended; if one becomes better, the fit goes on with that one.
+        Then unfinished fits that might yet be better, and near ties that were never fitted so far, are fitted from
+        where it ended; if one becomes better, the fit goes on with that one.
         """
         result = self._converge(base, explanations)
         if not result or result[0].adequacy.adequate:
@@ -266,10 +266,11 @@ class Engine:
     def _near_ties(self, confirmed: Sequence[Explanation], nominations: Sequence[Nomination]) -> list[Nomination]:
         """Effects that promise nearly as much as the most promising one and were dropped after their short refits.
 
-        Marks as alike as those of all that costs lithium promise alike; which of them a short refit favours is chance.
+        Effects that consume lithium, for example, have nearly collinear sensitivities, so that their predicted gains
+        are close; which of them a short refit favours is chance.
         """
         first = nominations[: self.settings.screened]
-        least = _KINDRED * max((n.gain for n in first), default=0.0)
+        least = _NEAR_TIE * max((n.gain for n in first), default=0.0)
         known = {explanation.label for explanation in confirmed}
         return [n for n in first if n.gain > least and n.effect.key not in known]
 

@@ -131,12 +131,13 @@ class Rules:
         """Explanations with other names that cannot be told from the best one.
 
         Either their BIC is clearly no worse, or they predict the data not fitted clearly better. One that predicts a
-        measured temperature, or the data not fitted, clearly worse is no rival; nor is the best one with an ornament.
+        measured temperature, or the data not fitted, clearly worse is no rival; nor is the best one with one effect
+        more.
         """
         found = []
         for other in others:
-            ornament = set(best.names) <= set(other.names)
-            if ornament or not other.excludes_null(self.clear_k):
+            extended = set(best.names) <= set(other.names)
+            if extended or not other.excludes_null(self.clear_k):
                 continue
             if self.predicts_temperature(best, other) or self.predicts_held(best, other):
                 continue

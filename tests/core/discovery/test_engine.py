@@ -246,7 +246,7 @@ def test_a_pair_that_predicts_data_not_fitted_no_better_than_one_of_its_members_
     assert found.verdict == "unexplained" or found.best is single
 
 
-def test_the_better_half_of_an_ornamented_pair_is_fitted_until_it_has_converged(monkeypatch):
+def test_the_better_half_of_a_pair_with_a_needless_effect_is_fitted_until_it_has_converged(monkeypatch):
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
     engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE, Settings(refit_budget=8))
     fitter = Fitter(problem, space, Settings(), print)
