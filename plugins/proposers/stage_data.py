@@ -31,6 +31,9 @@ _NEARLY_EMPTY = 0.15
 """Share of the charge of a record at whose end current steps say little of kinetics: within seconds the particles'
 surfaces run short of lithium, and a pulse shows two to ten times the resistance that it shows before."""
 
+_ENOUGH = 10
+"""Current steps before that from which on the last ones are left out: a pulse test has them, a discharge has not."""
+
 _VOLTAGE, _TEMPERATURE = "voltage", "temperature"
 
 
@@ -139,7 +142,7 @@ def _charge_at(record: Trajectory, rows: ResidualRows, place: int) -> float:
 def _current_steps(task: Task, rows: ResidualRows, capacity_ah: float) -> View:
     """Voltage in the first minute less that before it; each current step counts the same.
 
-    Steps of a nearly empty cell are left out where there are others.
+    Steps of a nearly empty cell are left out where there are enough others.
     """
     found: list[tuple[NDArray[np.intp], int]] = []
     empty: list[bool] = []
@@ -160,7 +163,7 @@ def _current_steps(task: Task, rows: ResidualRows, capacity_ah: float) -> View:
                 empty.append(bool(nearly_empty[step.start]))
     if not found:
         return _none("no step of the current is sampled within a minute")
-    if not all(empty):
+    if empty.count(False) >= _ENOUGH:
         found = [one for one, is_empty in zip(found, empty, strict=True) if not is_empty]
     places = np.concatenate([after for after, _ in found])
     less = np.concatenate([np.full(len(after), before) for after, before in found])

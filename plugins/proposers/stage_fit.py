@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +60,9 @@ class StageChoice(BaseModel, extra="forbid"):
     fits: list[str] = Field(
         default_factory=list, description="Its parameters: those whose names contain one of these; all if empty."
     )
+    fits_after: dict[str, list[str]] = Field(
+        default_factory=dict, description="Further parts of names, by the stage without which they are not fitted here."
+    )
     after: str = Field("", description="A stage without which this one is skipped.")
     share: float = Field(1.0, gt=0, le=1, description="Share of the simulations still left that it may use.")
     scan: int = Field(
@@ -69,9 +72,10 @@ class StageChoice(BaseModel, extra="forbid"):
         "derivatives: a rate that is off by orders of magnitude shows none.",
     )
 
-    def takes(self, name: str) -> bool:
-        """Whether the stage fits a parameter."""
-        return not self.fits or any(part.casefold() in name.casefold() for part in self.fits)
+    def takes(self, name: str, finished: Collection[str] = ()) -> bool:
+        """Whether the stage fits a parameter, behind those that are finished."""
+        parts = [*self.fits, *(part for stage in finished for part in self.fits_after.get(stage, ()))]
+        return not self.fits or any(part.casefold() in name.casefold() for part in parts)
 
 
 class Stage(ABC):

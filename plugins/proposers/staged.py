@@ -121,7 +121,7 @@ class StagedProposer:
         return None
 
     def _prepared(self, choice: StageChoice, context: ProposeContext) -> tuple[Stage | None, str]:
-        free = np.array([choice.takes(name) for name in context.task.space.names])
+        free = np.array([choice.takes(name, self._finished) for name in context.task.space.names])
         budget = int(np.ceil(choice.share * context.simulations_left))
         if choice.after and choice.after not in self._finished:
             return None, f'the stage "{choice.after}" was skipped'

@@ -29,7 +29,7 @@ from bsa.core.trial import Trial
 from bsa.experiments.run_record import read_run
 from bsa.plugins.proposers import stage_fit as stage_fit_module
 from bsa.plugins.proposers.stage_data import view_of
-from bsa.plugins.proposers.stage_fit import StageFit
+from bsa.plugins.proposers.stage_fit import StageChoice, StageFit
 from bsa.plugins.proposers.staged import StagedOptions
 from bsa_toy_cell import CAPACITY, HIDDEN, POLARISATION, RELAXATION, SERIES, toy_scaffold, toy_task
 from bsa_toy_life import life, life_task
@@ -185,15 +185,22 @@ def test_an_offset_before_a_current_step_is_not_held_against_the_kinetics(task: 
     assert np.any(np.abs(view(jump)) > 1.0)
 
 
-def test_current_steps_of_a_nearly_empty_cell_say_little_of_kinetics() -> None:
-    kinds = [(StepKind.REST, 0.0), (StepKind.CC_DISCHARGE, 1.0), (StepKind.REST, 0.0)] * 2
+@pytest.mark.parametrize(("discharges", "last"), [(2, 4), (8, 18)])
+def test_current_steps_of_a_nearly_empty_cell_are_left_out_of_a_long_test(discharges: int, last: int) -> None:
+    kinds = [(StepKind.CC_DISCHARGE, 1.0), (StepKind.REST, 0.0), (StepKind.REST, 0.0)] * discharges
     steps = tuple(Step(kind, 1000 * n, 1000 * (n + 1)) for n, (kind, _) in enumerate(kinds))
     current = np.repeat([amperes for _, amperes in kinds], 1000)
-    record = Trajectory(np.arange(6000.0), current, np.full(6000, 3.7), None, steps)
+    record = Trajectory(np.arange(float(len(current))), current, np.full(len(current), 3.7), None, steps)
     task = replace(toy_task(), experiments=(Experiment("r", record),))
-    rows = rows_of(task)
-    # The rest behind the second discharge begins with the last of the charge drawn.
-    assert set(rows.step[view_of(task, "current-steps").rows]) == {1, 2, 4}
+    seen = set(rows_of(task).step[view_of(task, "current-steps").rows].tolist())
+    assert max(seen) == last  # of eight, those at the last 15 % of the charge are left out
+
+
+def test_a_stage_fits_more_where_another_was_carried_out() -> None:
+    choice = StageChoice(name="k", data="current-steps", fits=["resistance"], fits_after={"slow": ["diffusivity"]})
+    assert choice.takes("Contact resistance [Ohm]")
+    assert not choice.takes("Particle diffusivity", {"fast"})
+    assert choice.takes("Particle diffusivity", {"slow"})
 
 
 def test_a_parameter_of_which_the_data_say_nothing_keeps_its_prior_and_costs_no_more(
