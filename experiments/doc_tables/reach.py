@@ -8,7 +8,7 @@ import numpy as np
 
 from ..campaign.columns import EARLY
 from ..campaign.summary import exact_interval, statistic
-from .discovery import graded
+from .discovery import BLIND, graded
 from .layout import short
 from .published import SLOW, below_the_paper, longer_tasks
 from .results import Results
@@ -16,7 +16,7 @@ from .results import Results
 
 def reach(results: Results) -> str:
     """Measured cells, published tasks and blind records, each in a sentence or two."""
-    return f"{_measured(results)}\n{_published(results)}\n{_discovery(results)}"
+    return f"{_measured(results)}\n{_published(results)}\n{_blind(results)}\n{_discovery(results)}"
 
 
 def _measured(results: Results) -> str:
@@ -53,6 +53,18 @@ def _published(results: Results) -> str:
         f"after "
         f"{EARLY}. The fifth, {SLOW}, whose simulations are slow: {short(float(np.mean(errors)))} % (median "
         f"{short(float(np.median(errors)))} %, worst {short(max(errors))} %) in 50{more}."
+    )
+
+
+def _blind(results: Results) -> str:
+    cases = graded(results, BLIND)
+    grades = Counter(case.grade for case in cases)
+    return (
+        f"* On {len(cases)} cases of a fresh seed, which draws the hidden effect, its strength, the cell and the "
+        f"tests: the verdict is right in {grades['right']}, several names with the hidden one among them are given in "
+        f"{grades['ambiguous']}, one of two effects is named in {grades['partial']}, none in {grades['declined']}, "
+        f"and a **wrong one in {grades['wrong']}** ({exact_interval(grades['wrong'], len(cases))}): a name is a "
+        "lead to be tested. Case by case: [docs/discovery-results.md](docs/discovery-results.md)."
     )
 
 
