@@ -82,7 +82,7 @@ def test_counters_that_rise_and_start_again_are_taken_on():
 
 
 def test_files_that_alternate_keep_the_counter_that_runs_through_them():
-    """As a laboratory's pulse test is exported: pulses in one file, the discharges between them in the other."""
+    """As pulse tests are exported: pulses in one file, the discharges between them in the other."""
     whole = discharge_then_rest(1500.0)
     whole.extra["date"] = MARCH + whole.time
     odd = np.arange(len(whole)) // 20 % 2 == 1
