@@ -113,39 +113,36 @@ class EffectSimulator:
         if key in self._compiled:
             self._compiled.move_to_end(key)
             return self._compiled[key]
-        driven: DrivenCell | None
+        group = self._group(measured_record)
+        cells: list[DrivenCell] | list[None]
         try:
+            first, *others = (one.record for one in group)
             resolution = self._resolution(measured_record, fine)
             cell, ambient_k = self._cells[low_fidelity], measured_record.ambient_k
-            others = self._others(measured_record)
-            driven = DrivenCell(
-                cell,
-                effects,
-                measured_record.record,
-                self._targets,
-                ambient_k,
-                resolution,
-                others=[other.record for other in others],
-            )
-            self._compiled |= {key_of(other): driven.on_other(place) for place, other in enumerate(others)}
+            driven = DrivenCell(cell, effects, first, self._targets, ambient_k, resolution, others=others)
+            cells = [driven, *(driven.on_other(place) for place in range(len(others)))]
         except BsaError as error:
             if not effects and not low_fidelity:
                 raise
-            driven = None
+            cells = [None] * len(group)
             if effects:
                 self.refused[" + ".join(effect.key for effect in effects)] = error.message
-        self._compiled[key] = driven
+        made = dict(zip(map(key_of, group), cells, strict=True))
+        self._compiled |= made
         while len(self._compiled) > _KEPT:
             self._compiled.popitem(last=False)
-        return driven
+        return made[key]
 
-    def _others(self, measured_record: MeasuredRecord) -> list[MeasuredRecord]:
-        """The records that one compiled model can serve too: at the same temperature, with the same tolerances."""
+    def _group(self, measured_record: MeasuredRecord) -> list[MeasuredRecord]:
+        """The records that one compiled model serves: at the same temperature, with the same tolerances.
+
+        Their order is that of ``together``, whichever is asked for first: where a record stands in the joined current
+        decides the last digits of its times, and with them of all that is simulated.
+        """
         if not any(measured_record is one for one in self._together):
-            return []
+            return [measured_record]
         like = measured_record.ambient_k, is_long(measured_record)
-        alike = [one for one in self._together if (one.ambient_k, is_long(one)) == like]
-        return [one for one in alike if one is not measured_record]
+        return [one for one in self._together if (one.ambient_k, is_long(one)) == like]
 
     def _resolution(self, measured_record: MeasuredRecord, fine: bool) -> Resolution:
         chosen = self._resolutions[fine]

@@ -28,6 +28,17 @@ def request_of():
     return Request((RESISTANCE,), {NAME: 1.0, strength: 0.01}, MeasuredRecord("a", record, 298.15), moments, soc=0.9)
 
 
+@pytest.fixture(scope="module")
+def slower(request_of):
+    """The same of half the current, sampled half as often."""
+    record = request_of.measured_record.record
+    time, current = record.time[::2], 0.5 * record.current[::2]
+    count = int(np.sum(current == 0))
+    steps = (Step(StepKind.REST, 0, count), Step(StepKind.CC_DISCHARGE, count, len(time)))
+    second = MeasuredRecord("b", Trajectory(time, current, np.full(len(time), 3.8), None, steps), 298.15)
+    return replace(request_of, measured_record=second, moments=Moments.single(time, current))
+
+
 def voltages(model, *requests):
     found = EffectSimulator(CellModel("Chen2020", model), {NAME: target_named(NAME)}).predict(requests)
     return [prediction.voltage for prediction in found]
@@ -49,19 +60,10 @@ def test_mesh_and_tolerances_can_be_checked(model, request_of):
     assert 0 < np.max(np.abs(usual - fine)) < 0.01
 
 
-def test_one_compiled_model_serves_several_records_as_models_of_their_own_do(request_of, monkeypatch):
-    record = request_of.measured_record.record
-    time, current = record.time[::2], 0.5 * record.current[::2]
-    count = int(np.sum(current == 0))
-    steps = (Step(StepKind.REST, 0, count), Step(StepKind.CC_DISCHARGE, count, len(time)))
-    second = MeasuredRecord("b", Trajectory(time, current, np.full(len(time), 3.8), None, steps), 298.15)
-    warm = MeasuredRecord("c", record, 308.15)
-    moments = Moments.single(time, current)
-    requests = [
-        request_of,
-        replace(request_of, measured_record=second, moments=moments),
-        replace(request_of, measured_record=warm),
-    ]
+def test_one_compiled_model_serves_several_records_as_models_of_their_own_do(request_of, slower, monkeypatch):
+    warm = MeasuredRecord("c", request_of.measured_record.record, 308.15)
+    second = slower.measured_record
+    requests = [request_of, slower, replace(request_of, measured_record=warm)]
     cell, targets = CellModel("Chen2020", "SPMe"), {NAME: target_named(NAME)}
     apart = EffectSimulator(cell, targets).predict(requests)
     built = []
@@ -71,3 +73,12 @@ def test_one_compiled_model_serves_several_records_as_models_of_their_own_do(req
     for one, other in zip(apart, together, strict=True):
         np.testing.assert_allclose(one.voltage, other.voltage, atol=2e-5)
         np.testing.assert_allclose(one.temperature, other.temperature, atol=1e-3)
+
+
+def test_an_answer_does_not_depend_on_which_record_was_asked_for_first(request_of, slower):
+    cell, targets = CellModel("Chen2020", "SPM"), {NAME: target_named(NAME)}
+    requests = [request_of, slower]
+    records = [request.measured_record for request in requests]
+    there, back = (EffectSimulator(cell, targets, together=records) for _ in range(2))
+    for one, other in zip(there.predict(requests), back.predict(requests[::-1])[::-1], strict=True):
+        np.testing.assert_array_equal(one.voltage, other.voltage)
