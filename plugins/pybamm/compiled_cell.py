@@ -13,6 +13,7 @@ from ...core.target import CellChange, CyclableLithium, InitialSoc, Target, Valu
 from ...core.task import CellModel, Experiment
 from . import drive
 from .augmentation import PyBaMMPart, augmented_cell, part_of
+from .fresh_integrator import FreshIntegrator
 from .mesh import search_spatial_methods, search_submeshes
 from .ocp_shape import keeping_ocp_falling
 from .parameter_sets import bake, input_values, load, open_to_search, pybamm
@@ -178,7 +179,7 @@ class CompiledCell:
         It reports a failure to its caller, never on the screen.
         """
         tolerances = {"rtol": self._resolution.rtol, "atol": self._resolution.atol}
-        return pybamm.IDAKLUSolver(**tolerances, options={"silence_sundials_errors": True, **options}, **how)
+        return FreshIntegrator(**tolerances, options={"silence_sundials_errors": True, **options}, **how)
 
     def inputs(self, candidate: Candidate, soc: float | None = None) -> dict[str, float]:
         """What PyBaMM's solve is given for a candidate.
