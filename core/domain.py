@@ -31,7 +31,7 @@ class Domain:
     signals_told : bool
         Whether the agent is told the signals with their units and tolerances; needless where its field knows them.
     rules : tuple of mapping
-        Rules of thumb for the priors: ``parameter`` (or the beginning of its name), ``raises``, ``lowers``, ``why``.
+        Rules of thumb for the priors: ``parameter`` (or a part of its name), ``raises``, ``lowers``, ``why``.
     drives : str
         What can be lowered while a task is reduced, ``"currents"``; empty if the field knows no reduction.
     gentler : str

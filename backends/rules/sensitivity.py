@@ -94,7 +94,7 @@ def _from_rules(rules: Sequence[DomainRule], parameters: tuple[str, ...], featur
     slopes = np.zeros((len(features), len(parameters)))
     for rule in rules:
         for column, parameter in enumerate(parameters):
-            if not parameter.startswith(rule.parameter):
+            if rule.parameter not in parameter:
                 continue
             for row, feature in enumerate(features):
                 quantity, sign, size = _quantity(feature)

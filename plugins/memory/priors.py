@@ -21,7 +21,7 @@ class Priors:
         self._rules = [rule for rule in context.task.domain.rules if self._applies(rule["parameter"])]
 
     def _applies(self, parameter: str) -> bool:
-        return any(name.startswith(parameter) for name in self._space.names)
+        return any(parameter in name for name in self._space.names)
 
     @hookimpl
     def recall(self, budget: int) -> Recollection | None:

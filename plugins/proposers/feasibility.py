@@ -41,7 +41,7 @@ def gentle_direction(task: Task) -> FloatArray:
     direction = np.zeros(len(task.space))
     for place, name in enumerate(task.space.names):
         for rule in task.domain.rules:
-            if name.startswith(rule["parameter"]):
+            if rule["parameter"] in name:
                 direction[place] = float("polarisation" in rule[_HELPS]) - float("polarisation" in rule[_HURTS])
     return direction
 
@@ -52,7 +52,7 @@ def smaller_direction(task: Task) -> FloatArray:
     for place, name in enumerate(task.space.names):
         for rule in task.domain.rules:
             polarises = "polarisation" in (*rule[_HELPS], *rule[_HURTS])
-            if name.startswith(rule["parameter"]) and "discharge_time" in rule[_HURTS] and not polarises:
+            if rule["parameter"] in name and "discharge_time" in rule[_HURTS] and not polarises:
                 direction[place] = -1.0
     return direction
 
