@@ -32,9 +32,8 @@ simulated record matches a measured one: the durations of the steps, the capacit
     rules=tuple(read_yaml(_HERE / "cell_rules.yaml") + read_yaml(_HERE / "ageing" / "rules.yaml")),
     drives="currents",
     gentler="""\
-make the cell gentler first (a failing or vanished step comes back), match what is left, then come back. \
-With "reduce_rate_percent" below 100 the currents are lowered until the cell runs, and raised again; with \
-"reduce_cycles" only the record's first cycles are fitted before all of it.""",
+fit a gentler cell first (a failing or vanished step comes back), then return. "reduce_rate_percent" below 100 lowers \
+the currents until the cell runs and raises them again; "reduce_cycles" fits the record's first cycles before all.""",
     start_of_next="from a fully charged cell",
     accuracy="PyBaMM's standard mesh and tight tolerances",
     search_accuracy="Errors during the search come from the search mesh and may differ slightly from the final scores "

@@ -27,6 +27,9 @@ SENSITIVITIES = f"{MEMORY}: learnt sensitivities"
 TRIAL_FEATURES = "features_in_the_order_of_the_feedback"
 """Where a section tells the features of a trial whose names stand in the feedback."""
 
+ALIKE = "move_the_features_alike"
+"""Where the learnt sensitivities tell groups of parameters with the same effects."""
+
 _SMALL = 1e-3
 """Numbers below this are written with a power of ten."""
 

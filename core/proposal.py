@@ -17,6 +17,9 @@ _NUMBER = r"[0-9]{1,20}(\.[0-9]{0,20})?([eE][+-]?[0-9]{1,2})?"
 CHANGE_PATTERN = rf"^[*+-]?{_NUMBER}$"
 """JSON Schema pattern of a change (anchored: JSON Schema patterns search otherwise)."""
 
+FIT = "fit"
+"""Among the ``authors`` in a proposal's details: a numerical fit beside the model asked for the candidate."""
+
 
 def apply_change(value: float, change: str | float) -> float:
     """Apply one change in the paper's notation to a value.

@@ -32,7 +32,8 @@ _ALL = 400
 _DAMPING = 0.02
 """Share of the mismatch, in tolerances, that a change by one typical step must remove to be worth it."""
 
-_COLUMNS = ("parameter", "points", "misprediction_pct", "effects")
+_FIRST, _LAST = "parameter", "effects"
+"""The ends of a row; what differs between parameters stands between them."""
 
 AS_SHOWN = "what the feedback lists, in its order"
 """Stands in for the names of features that the feedback lists already."""
@@ -82,22 +83,24 @@ class Sensitivities:
 
     def _content(self, features: Sequence[str], shown: Sequence[str]) -> dict[str, Any]:
         finest = {name: _decimals(_RESOLVED * size) for name, size in self._largest(features).items()}
-        rows = [
-            [
-                name,
-                self.points.get(name),
-                _whole(_rounded(self.misprediction_pct.get(name), 2, _ALL)),
-                [_whole(_rounded(effects.get(feature), _DIGITS, finest[feature])) for feature in features],
-            ]
-            for name, effects in self.effects.items()
-            if any(feature in effects for feature in features)
+        told = {name: row for name, row in self.effects.items() if any(feature in row for feature in features)}
+        about = {
+            "points": [self.points.get(name) for name in told],
+            "misprediction_pct": [_whole(_rounded(self.misprediction_pct.get(name), 2, _ALL)) for name in told],
+        }
+        alike = {key: values[0] for key, values in about.items() if len(set(values)) == 1}
+        differing = {key: values for key, values in about.items() if key not in alike}
+        effects = [
+            [_whole(_rounded(row.get(feature), _DIGITS, finest[feature])) for feature in features]
+            for row in told.values()
         ]
         return {
             "meaning": "change when a parameter rises by its step; null or absent: not measured",
             "unit": self.unit,
             "learnt_from": self.learnt_from,
             "effects_on": AS_SHOWN if features and features == list(shown) else features,
-            "effects": table(_COLUMNS, rows),
+            **{key: value for key, value in alike.items() if value is not None},
+            "effects": table([_FIRST, *differing, _LAST], zip(told, *differing.values(), effects, strict=True)),
             **self.remarks,
         }
 
@@ -113,7 +116,9 @@ class Sensitivities:
             return cls({})
         columns, rows = read_table(content.get("effects"))
         names = shown if content.get("effects_on") == AS_SHOWN else content.get("effects_on")
-        if tuple(columns) != _COLUMNS or not isinstance(names, Sequence) or isinstance(names, str):
+        if (*columns[:1], *columns[-1:]) != (_FIRST, _LAST):
+            return cls({})
+        if not isinstance(names, Sequence) or isinstance(names, str):
             return cls({})
         effects = {str(row[0]): _numbers(names, row[-1]) for row in rows}
         return cls({name: row for name, row in effects.items() if row}, str(content.get("learnt_from", "")))

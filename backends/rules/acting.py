@@ -58,9 +58,10 @@ def _gets_on(prompt: Prompt) -> bool:
 
 
 def _let_it(prompt: Prompt) -> dict[str, Any]:
+    misfit = next(reversed(prompt.numerics.misfits), None)
     reason = "The fit gets on" if _gets_on(prompt) else "The last value set by hand was no help"
     return _reply(
-        f"{reason}; its misfit is {prompt.numerics.misfit} tolerances.{_said_by_the_record(prompt)}",
+        f"{reason}; its misfit is {misfit} tolerances.{_said_by_the_record(prompt)}",
         "The parameters are off together, and the slopes say by how much.",
         "refine",
         "Let it go on.",
@@ -73,7 +74,8 @@ def _said_by_the_record(prompt: Prompt) -> str:
     record = prompt.numerics.record
     if record is None:
         return ""
-    text = f" The record fixes {len(record.fixes)} of {len(prompt.parameters)} parameters here"
+    fixed = prompt.parameters.keys() - {*record.leaves_open, *record.narrows}
+    text = f" The record fixes {len(fixed)} of {len(prompt.parameters)} parameters here"
     if record.leaves_open:
         text += f", leaves open {', '.join(record.leaves_open)}"
     groups = [" with ".join(group) for group in record.only_together]

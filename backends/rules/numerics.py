@@ -11,10 +11,10 @@ from ...core.numbers import finite_number
 
 @dataclass(frozen=True)
 class Record:
-    """Names of the parameters that the measured record fixes, leaves open, or tells only together."""
+    """Names of the parameters that the measured record does not fix, or tells only together; it fixes all others."""
 
-    fixes: tuple[str, ...] = ()
     leaves_open: tuple[str, ...] = ()
+    narrows: tuple[str, ...] = ()
     only_together: tuple[tuple[str, ...], ...] = ()
 
 
@@ -23,8 +23,7 @@ class Numerics:
     """Where the fit stands."""
 
     status: str = ""  # What the fit is doing.
-    misfit: float | None = None  # In tolerances; None where it is not known.
-    misfits: tuple[float, ...] = ()  # Those of the latest rounds.
+    misfits: tuple[float, ...] = ()  # In tolerances, of the latest rounds.
     allowance: int = 1  # Simulations that the agent may direct, at least 1.
     actions: tuple[str, ...] = ()  # Kinds of the agent's latest actions.
     record: Record | None = None  # None while no slopes are known.
@@ -38,7 +37,6 @@ class Numerics:
         actions = [entry for entry in entries(content.get("your_last_actions")) if isinstance(entry, Mapping)]
         return cls(
             status=str(content.get("status", "")),
-            misfit=finite_number(content.get("misfit_tolerances")),
             misfits=tuple(value for value in misfits if value is not None),
             allowance=max(int(finite_number(content.get("simulations_you_may_spend")) or 1), 1),
             actions=tuple(str(entry.get("action", "")) for entry in actions),
@@ -51,7 +49,7 @@ def _record(content: object) -> Record | None:
         return None
     groups = [words(group) for group in entries(content.get("only_together"))]
     return Record(
-        words(content.get("fixes")), words(content.get("leaves_open")), tuple(group for group in groups if group)
+        words(content.get("leaves_open")), words(content.get("narrows")), tuple(group for group in groups if group)
     )
 
 

@@ -11,18 +11,17 @@ from .method import system_message
 from .situation import Situation
 
 _WRITTEN = """\
-Choose one action. Changes apply to the present values and are simulated as you ask, inside the bounds. Write each as \
-"*1.2" (multiply), "+0.02" or "-0.02" (add), or an absolute value such as "5.2e-6"; leave out what stays as it is."""
+Choose one action. Changes apply to the present values, inside the bounds. Write each as "*1.2" (multiply), "+0.02" or \
+"-0.02" (add), or an absolute value such as "5.2e-6"; leave out what stays as it is."""
 
 _ACTIONS: dict[Kind, str] = {
     "set": 'simulate the changes in "updated_params".',
-    "simulate": f'simulate up to {MOST_AT_ONCE} sets of changes at once, listed in "candidates".',
-    "jacobian": 'measure effects here: each parameter in "params" (default: all) moves alone by half a step, '
-    "a simulation each.",
-    "predict": 'free: what the measured effects promise of "updated_params"; without it, of the change they suggest.',
-    "look": 'free: the present curves of the step in "step", measured and simulated.',
-    "refine": 'let the fit go on for "simulations" steps; with "params" only those parameters move for a while.',
-    "restart": 'go on from the earlier trial with the number "trial".',
+    "simulate": f'simulate up to {MOST_AT_ONCE} sets of changes, listed in "candidates".',
+    "jacobian": 'measure effects here: each of "params" (default: all) moves alone by half a step, a simulation each.',
+    "predict": 'free: what the measured effects promise of "updated_params", or else of the change they suggest.',
+    "look": 'free: the measured and simulated curves of "step".',
+    "refine": 'let the fit go on for "simulations" steps, moving only "params" if given.',
+    "restart": 'go on from the earlier trial "trial".',
 }
 
 _ADVICE = "Take the suggested change, or a better one that you can give a reason for."

@@ -113,14 +113,15 @@ class Situation:
 
     def _feedback(self) -> dict[str, Any]:
         told = self.base.feedback.told()
-        features = {"features": rounded(told["features"], SHOWN_DIGITS)} if "features" in told else {}
+        # Without features the residuals are what is to become zero, and trials near each other must differ in them.
+        shown = ("features", "residuals") if "features" in told else ()
         return {
             "trial": self.base.index,
             "simulations_left": self.context.simulations_left,
             **({"clipped_at_their_bounds_in_the_last_change": list(self.clipped)} if self.clipped else {}),
             **self._misfit(self.base),
             **told,
-            **features,
+            **{key: rounded(told[key], SHOWN_DIGITS) for key in shown},
         }
 
     def _remembered(self, trial: Trial) -> bool:

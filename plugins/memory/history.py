@@ -9,7 +9,7 @@ from pydantic import BaseModel, Field
 
 from ...core.hooks import Recollection, RunContext, hookimpl
 from ...core.prompt_sections import TRIAL_FEATURES, TRIALS, table
-from ...core.proposal import Proposal
+from ...core.proposal import FIT, Proposal
 from ...core.trial import Trial, closest
 from ..feedback.rounding import SHOWN_DIGITS, rounded
 
@@ -61,8 +61,10 @@ class HistoryMemory:
 
     def _content(self, places: list[int]) -> dict[str, Any]:
         now = closest(self._trials)
-        errors = list(now.feedback.content.get("residuals", {}))[:1]
+        # The misfit decides where there are features; another error would be a second opinion.
         told = any(trial.misfit < float("inf") for trial in self._trials) and bool(now.feedback.content.get("features"))
+        errors = [] if told else list(now.feedback.content.get("residuals", {}))[:1]
+        noted = any(self._notes[place][1] for place in places)
         rows = []
         for place in places:
             trial, (author, note) = self._trials[place], self._notes[place]
@@ -70,17 +72,15 @@ class HistoryMemory:
             residuals = trial.feedback.content.get("residuals", {})
             told_errors = [*([trial.misfit] * told), *(residuals.get(name) for name in errors)]
             told_steps = [round(float(step), _STEP_DECIMALS) for step in steps]
-            rows.append([trial.index, author, *told_errors, told_steps, note])
+            rows.append([trial.index, author, *told_errors, told_steps, *[note] * noted])
+        columns = ["trial", "asked_by", *["misfit_tolerances"] * told, *errors, "steps_from_present", *["note"] * noted]
         content: dict[str, Any] = {
             "meaning": f"steps_from_present: of each parameter, in the order of the task, above trial {now.index}",
-            "trials": rounded(
-                table(
-                    ["trial", "asked_by", *["misfit_tolerances"] * told, *errors, "steps_from_present", "note"], rows
-                ),
-                SHOWN_DIGITS,
-            ),
+            "trials": rounded(table(columns, rows), SHOWN_DIGITS),
         }
-        latest = [self._trials[place] for place in places if self._trials[place].ok and self._trials[place] is not now]
+        # What a fit beside asked for is in the learnt sensitivities; the agent's own attempts are told.
+        own = [self._trials[place] for place in places if self._notes[place][0] != FIT]
+        latest = [trial for trial in own if trial.ok and trial is not now]
         names = list(now.feedback.content.get("features", {}))
         if names and latest and self._options.with_features:
             # Their names stand in the feedback.

@@ -1,4 +1,4 @@
-"""What the records say where the numerical fit stands: fixed, open, and what cannot be told apart."""
+"""What the records say where the numerical fit stands: what they do not fix, and what cannot be told apart."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from ....core.trajectory import FloatArray
 def settled_questions(
     jacobian: FloatArray, residual: FloatArray, space: ParameterSpace, candidate: Candidate
 ) -> dict[str, list[str] | list[list[str]]]:
-    """What the records say where the fit stands, in three short lists: fixed, open, and told only together."""
+    """What the records do not fix where the fit stands: left open, merely narrowed down, or told only together."""
     noise = effective_noise(residual, len(space), NOISE_FLOOR)
     found = identify(jacobian, residual, space, candidate, noise=noise)
     return {
-        "fixes": list(found.fixed),
         "leaves_open": list(found.open),
+        "narrows": list(found.loose),
         "only_together": [list(group) for group in found.correlated],
     }

@@ -17,7 +17,7 @@ from pydantic import Field
 
 from ....core.hooks import ProposeContext, RunContext, hookimpl
 from ....core.parameters import Candidate
-from ....core.proposal import Proposal
+from ....core.proposal import FIT, Proposal
 from ....core.trial import Trial
 from ...agent.actions import Action, Kind, Offer
 from ...agent.conversation import Answer
@@ -42,7 +42,7 @@ _WORTH_ASKING = 1.0
 _BETTER = 0.9
 """The agent's best point must have less than this share of the main fit's cost for the fit to go over to it."""
 
-_SHOWN_ACTIONS = 5
+_SHOWN_ACTIONS, _SHOWN_ROUNDS = 5, 6
 
 
 class HybridOptions(DescentOptions):
@@ -180,8 +180,7 @@ class HybridProposer:
     def _numerics(self, main_fit: Descent, allowance: int) -> dict[str, Any]:
         content: dict[str, Any] = {
             "status": main_fit.status,
-            "misfit_tolerances": main_fit.misfit,
-            "misfit_tolerances_by_round": self._misfits[-8:],
+            "misfit_tolerances_by_round": self._misfits[-_SHOWN_ROUNDS:],
             "simulations_you_may_spend": allowance,
             "your_last_actions": self._log[-_SHOWN_ACTIONS:],
         }
@@ -260,7 +259,7 @@ class HybridProposer:
             "main_simulations": len(main),
             "agent_simulations": len(own),
             "agent_allowance": max(allowance, 0),
-            "authors": ["fit"] * len(main) + ["agent"] * len(own),
+            "authors": [FIT] * len(main) + ["agent"] * len(own),
         }
         if answer is not None:
             details["problems"] = list(answer.problems)

@@ -39,7 +39,7 @@ def test_trouble_is_eased_first(status: str) -> None:
 def test_after_the_end_it_tries_in_turn_and_then_gives_up() -> None:
     tried: list[dict[str, str]] = []
     for _ in range(8):
-        answer = act(prompt(status="done", misfit_tolerances=20.0, your_last_actions=tried[-5:]))
+        answer = act(prompt(status="done", misfit_tolerances_by_round=[20.0], your_last_actions=tried[-5:]))
         tried.append({"action": answer["action"]})
     kinds = [entry["action"] for entry in tried]
     assert kinds[:3] == ["reduce", "jacobian", "set"]
@@ -47,7 +47,7 @@ def test_after_the_end_it_tries_in_turn_and_then_gives_up() -> None:
 
 
 def test_it_says_what_the_record_fixes() -> None:
-    record = {"fixes": ["a"], "leaves_open": ["b"], "only_together": [["a", "b"]]}
+    record = {"leaves_open": ["b"], "narrows": [], "only_together": [["a", "b"]]}
     words = act(prompt(status="descending", misfit_tolerances_by_round=[9.0], the_record=record))["analysis"]
     assert "The record fixes 1 of 2 parameters here, leaves open b, and moves a with b only together." in words
     assert "record" not in act(prompt(status="descending", misfit_tolerances_by_round=[9.0]))["analysis"]

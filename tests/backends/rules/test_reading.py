@@ -49,11 +49,10 @@ SECTIONS: dict[str, Any] = {
     LAST_ATTEMPT: {"trial": 4, "changed_by_steps": {A: 1.0}},
     NUMERICS: {
         "status": "descending",
-        "misfit_tolerances": 9.0,
         "misfit_tolerances_by_round": [10.0, 9.9, 9.8, 9.8, 9.7, 9.7],
         "simulations_you_may_spend": 3,
         "your_last_actions": [{"action": "reduce"}],
-        "the_record": {"fixes": [A], "leaves_open": [B], "only_together": [[A, B]]},
+        "the_record": {"leaves_open": [B], "narrows": [], "only_together": [[A, B]]},
     },
 }
 SCHEMAS = [
