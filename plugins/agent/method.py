@@ -16,9 +16,10 @@ _METHODS: dict[TaskKind, str] = {
 Work like a scientist: see which steps and features are off, suppose a physical cause, and test it by a targeted \
 change. Several causes may act at once: use the measured effects.
 Mismatches are simulated minus measured. Steps are compared one by one, at equal fractions of each step's own duration \
-(early 5-25 %, middle 40-60 %, late 75-95 %): a step that is too short shows in its time mismatch alone. A tolerance \
-is a mismatch that counts as one. misfit_tolerances, the root mean square of all residuals in tolerances, decides \
-which trial is the present one, to which changes apply; other errors are only reported.""",
+(early 5-25 %, middle 40-60 %, late 75-95 %): a step that is too short shows in its time mismatch alone. \
+clock_offset_at_end_s adds wrong durations up. A tolerance is a mismatch that counts as one. misfit_tolerances, the \
+root mean square of all residuals in tolerances, decides which trial is the present one, to which changes apply; other \
+errors are only reported.""",
     "life": METHOD,
     "number": """\
 Work like a scientist: form one hypothesis about what is off, and test it by a targeted change. Of each simulation you \

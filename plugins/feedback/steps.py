@@ -1,4 +1,4 @@
-"""What the score sees, step by step: durations, each step's share of the misfit, residuals along it."""
+"""What the score sees, step by step: durations, the clock, each step's share of the misfit, residuals along it."""
 
 from __future__ import annotations
 
@@ -30,20 +30,25 @@ def by_step(task: Task, outcome: Outcome) -> dict[str, Any]:
     """Two tables, ``steps`` and ``residuals_along_step``; empty where no step was reached."""
     found = misfits(task, outcome)
     total = sum(sum(step.squares.values()) for step in found) or 1.0
-    longest = _longest(task, found)
-    told = [(name, step) for name, step in zip(_names(task, found), found, strict=True) if step in longest]
+    clock = _clock_offsets(found)
+    told = [
+        (name, step, offset)
+        for name, step, offset in zip(_names(task, found), found, clock, strict=True)
+        if step in _longest(task, found)
+    ]
     if not told:
         return {}
     protocol = any(experiment.protocol is not None for experiment in task.experiments)
     columns = ["step", "measured_s", "curve_misfit_share_pct"]
-    columns += ["simulated_s", "duration_misfit_share_pct"] * protocol
+    columns += ["simulated_s", "off_pct", "clock_offset_at_end_s", "duration_misfit_share_pct"] * protocol
     steps: list[list[Any]] = []
     along: list[list[Any]] = []
-    for name, step in told:
+    for name, step, offset in told:
         shares = {key: round(float(f"{100.0 * value / total:.2g}"), 2) for key, value in step.squares.items()}
         duration = shares.pop(DURATION, None)
         measured_s, simulated_s = step.pair.duration_s
-        steps.append([name, measured_s, sum(shares.values()), *[simulated_s, duration] * protocol])
+        off = round(100.0 * (simulated_s - measured_s) / measured_s, 3) if measured_s else None
+        steps.append([name, measured_s, sum(shares.values()), *[simulated_s, off, offset, duration] * protocol])
         for signal in task.compared(step.pair.step.kind, step.experiment):
             rests = step.pair.step.kind is StepKind.REST
             if not signal.oscillates and (not rests or shares[signal.name] > _WORTH_A_ROW):
@@ -105,3 +110,19 @@ def _longest(task: Task, found: list[StepMisfit]) -> list[StepMisfit]:
         and (not step.experiment.long or step.pair.step.cycle in told_cycles(step.experiment))
     ]
     return sorted(lasting, key=lambda step: -step.pair.measured.duration)[:FEW]
+
+
+def _clock_offsets(found: list[StepMisfit]) -> list[float]:
+    """How much later than measured each step ends in the simulation, from the start of the scored part, s.
+
+    The cycles of a long record have a clock each.
+    """
+    offsets: list[float] = []
+    before = None
+    for step in found:
+        clock = (id(step.experiment), step.pair.step.cycle if step.experiment.long else 0)
+        late = 0.0 if clock != before else offsets[-1]
+        measured_s, simulated_s = step.pair.duration_s
+        offsets.append(late + simulated_s - measured_s)
+        before = clock
+    return offsets

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -167,14 +166,10 @@ class SensitivityMemory:
         )
         if last.trial.phase == "search" and before and alone:
             matrix = np.nan_to_num(self._slopes(before, last.parent, features).matrix)
-            tolerances = last.trial.feedback.tolerances
-            tolerance = np.array([tolerances.get(name, 1.0) for name in features])
-            response = last.response(features) / tolerance
-            missed = response - matrix @ last.change(self._space) / tolerance
-            moved = math.sqrt(np.nansum(response**2))
-            if moved > 0:
-                off_pct = 100.0 * math.sqrt(np.nansum(missed**2)) / moved
-                remarks[f"trial_{last.trial.index}_missed_its_prediction_by_pct"] = off_pct
+            start = np.array([last.parent.feedback.numbers.get(name, np.nan) for name in features])
+            expected = start + matrix @ last.change(self._space)
+            # What it then was stands in the feedback, or with the latest attempt.
+            remarks[f"predicted_of_trial_{last.trial.index}_in_the_order_of_the_feedback"] = expected.tolist()
         if self._failed:
             remarks["made_the_simulation_fail"] = [self._describe(trial) for trial in self._failed[-_MOST_FAILURES:]]
         return remarks
