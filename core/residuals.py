@@ -212,9 +212,10 @@ def _weight_of_curves(task: Task, experiment: Experiment) -> float:
 def _driven(task: Task, pairs: list[StepPair], experiment: Experiment) -> list[FloatArray]:
     durations = _durations_counted(pairs)
     total = sum(durations) or 1.0
+    steps = _steps_a_record(task)
     parts: list[FloatArray] = []
     for pair, duration in zip(pairs, durations, strict=True):
-        weight = np.sqrt(duration / total * len(pairs))
+        weight = np.sqrt(duration / total * steps)
         curves = []
         for signal in task.compared(pair.step.kind, experiment):
             points = _points(signal, _DRIVEN_POINTS)
@@ -225,6 +226,16 @@ def _driven(task: Task, pairs: list[StepPair], experiment: Experiment) -> list[F
             curves.append(weight * mismatch.reshape(points, averaged).mean(axis=1))
         parts.append(np.concatenate(curves))
     return parts
+
+
+def _steps_a_record(task: Task) -> float:
+    """Mean number of steps of the driven records: what each of them weighs, however many steps it has itself.
+
+    A pulse test has hundreds of steps and a discharge two. Misfits of a model that is not quite right repeat
+    themselves from pulse to pulse, so that their number is no reason to count the discharge for nothing.
+    """
+    driven = [e.target.steps for e in task.experiments if e.protocol is None]
+    return sum(map(len, driven)) / len(driven)
 
 
 def _durations_counted(pairs: list[StepPair]) -> list[float]:
