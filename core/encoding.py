@@ -171,13 +171,21 @@ def encode_task(task: Task) -> Json:
     return {
         **_encode_domain(task),
         "name": task.name,
-        "cell": {**asdict(task.cell), "options": dict(task.cell.options), "overrides": dict(task.cell.overrides)},
+        "cell": encode_cell(task.cell),
         "space": [encode_parameter(parameter) for parameter in task.space],
         "experiments": [_encode_experiment(experiment) for experiment in task.experiments],
         **({"held_out": [_encode_experiment(experiment) for experiment in task.held_out]} if task.held_out else {}),
         **({"weight": task.weight} if task.weight != "uniform" else {}),
         "notes": list(task.notes),
     }
+
+
+def encode_cell(cell: CellModel) -> Json:
+    """A cell model; without effects as it always was."""
+    own: Json = {**asdict(cell), "options": dict(cell.options), "overrides": dict(cell.overrides)}
+    if not own["effects"]:
+        del own["effects"]
+    return own
 
 
 def _encode_experiment(experiment: Experiment) -> Json:

@@ -142,6 +142,7 @@ class CellChange:
     ocp_shape: Mapping[OcpShape, float] = field(default_factory=dict)
     # What diffusivities are multiplied by near a stoichiometry.
     diffusivity_shape: Mapping[DiffusivityShape, float] = field(default_factory=dict)
+    effects: Mapping[str, float] = field(default_factory=dict)  # Parameters of effects, by their full names.
 
     def soc_of(self, record: str) -> float | None:
         """The state of charge at which a record starts; None where nothing is said of it."""
@@ -154,13 +155,14 @@ def change_of(targets: Mapping[str, Target], candidate: Mapping[str, float]) -> 
     Parameters
     ----------
     targets : mapping of str to Target
-        By the parameters' names; values of the candidate under other names are left out, and so are those of effects.
+        By the parameters' names; values of the candidate under other names are left out.
     """
     values: dict[str, float] = {}
     factors: dict[str, float] = {}
     initial_soc: dict[str, float] = {}
     ocp_shape: dict[OcpShape, float] = {}
     diffusivity_shape: dict[DiffusivityShape, float] = {}
+    effects: dict[str, float] = {}
     lithium = 1.0
     for name, target in targets.items():
         if name not in candidate:
@@ -180,5 +182,5 @@ def change_of(targets: Mapping[str, Target], candidate: Mapping[str, float]) -> 
             case DiffusivityShape():
                 diffusivity_shape[target] = value
             case EffectValue():
-                pass
-    return CellChange(values, factors, lithium, initial_soc, ocp_shape, diffusivity_shape)
+                effects[name] = value
+    return CellChange(values, factors, lithium, initial_soc, ocp_shape, diffusivity_shape, effects)

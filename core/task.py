@@ -63,12 +63,15 @@ class CellModel:
         The model's options, ``{"thermal": "lumped"}``.
     overrides : mapping of str to float
         Values that replace those of the set and are not searched.
+    effects : tuple of str
+        Effects of the catalogue that the equations have too, by their keys.
     """
 
     parameter_set: ParameterSource
     model: str = "DFN"
     options: Mapping[str, Any] = field(default_factory=dict)
     overrides: Mapping[str, float] = field(default_factory=dict)
+    effects: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from ..core.discovery.life_discovery import LifeDiscovery
 from ..core.discovery.recorded import RecordedSimulator
 from ..core.discovery.simulator import Answering, LifeRequest, LifeResiduals
 from ..core.effect import Effect, Evidence
+from ..core.effect_choice import effects_of
 from ..core.errors import BsaError
 from ..core.journal import OpenJournal
 from ..core.parameters import Candidate
@@ -26,7 +27,6 @@ from ..plugins.pybamm.life_simulator import LifeSimulatorPool
 from ..plugins.pybamm.parameter_sets import pybamm
 from .degradation_modes import degradation_modes
 from .discovery_case import DiscoverOptions, read_life
-from .effect_choice import effects_of
 from .request import run_config
 from .run import Resources, execute_run
 

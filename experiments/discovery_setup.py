@@ -15,6 +15,7 @@ from ..core.discovery.observations import observe
 from ..core.discovery.problem import Problem
 from ..core.discovery.simulator import Simulator
 from ..core.effect import Effect
+from ..core.effect_choice import effects_of
 from ..core.parameters import ParameterSpace
 from ..core.task import CellModel
 from ..plugins.pybamm.effect_simulator import EffectSimulator
@@ -22,7 +23,6 @@ from ..plugins.pybamm.parameter_sets import load, pybamm
 from ..plugins.pybamm.radial_mesh import RadialMesh, radial_mesh
 from ..plugins.pybamm.uncertain_parameters import uncertain_parameters
 from .discovery_case import Case, DiscoverOptions, spreads_of
-from .effect_choice import effects_of
 
 
 @dataclass(frozen=True, eq=False)

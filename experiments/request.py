@@ -223,6 +223,7 @@ class CellChoice:
     # Folder of a run that this one begins from: its parameters, model, options and search stand where nothing else is
     # said.
     start_from: Path | None = None
+    effects: Sequence[str] = ()  # Effects of the catalogue that the model has too; their parameters are searched.
 
 
 def task_of_records(records: Records, cell: CellChoice) -> Task:
@@ -251,7 +252,10 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
         base, overrides = start_from(run, cell.search)
         begun = run.task.cell
         model, options = cell.model or begun.model, {**begun.options, **cell.options}
-        task = build_task(parameter_set=base, overrides=overrides, model=model, options=options, **asked)
+        effects = cell.effects or begun.effects
+        task = build_task(
+            parameter_set=base, overrides=overrides, model=model, options=options, effects=effects, **asked
+        )
         return task if cell.search is not None else with_its_space(task, run)
     if cell.parameters is None:
         raise BsaError(
@@ -260,7 +264,8 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
             "nearest with a discharge at C/10; bsa list parameters shows all sets.",
         )
     source = parameter_source(cell.parameters)
-    return build_task(parameter_set=source, model=cell.model or "DFN", options=cell.options, **asked)
+    model, options = cell.model or "DFN", cell.options
+    return build_task(parameter_set=source, model=model, options=options, effects=cell.effects, **asked)
 
 
 def run_request(

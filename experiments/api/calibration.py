@@ -48,6 +48,7 @@ def calibrate(
     model: str | None = None,
     options: Mapping[str, Any] | None = None,
     search: str | Mapping[str, Any] | None = None,
+    effect: Sequence[str] = (),
     ocp: str = "",
     scale: bool = True,
     as_protocol: bool = False,
@@ -104,6 +105,8 @@ def calibrate(
     search : str or mapping, optional
         What is searched: a preset, a YAML file, or parameters with bounds as such a file has them; by default
         ``"cell"``, of a life ``"life"``.
+    effect : sequence of str
+        Effects of the catalogue to add to the model, ``["ocp-hysteresis"]``; their parameters are searched.
     ocp : str
         Whose open-circuit potentials to start from: ``"nearest"`` of the installed sets to the records' slow charge or
         discharge, a set, or two with a slash between them for the negative and the positive electrode; by default
@@ -180,7 +183,14 @@ def calibrate(
                 sources, held, read, reader, reader_option or {}, given_socs(initial_soc), as_protocol, life, fit_cycles
             ),
             CellChoice(
-                parameters, model, options or {}, search, ocp, scale, None if start_from is None else Path(start_from)
+                parameters,
+                model,
+                options or {},
+                search,
+                ocp,
+                scale,
+                None if start_from is None else Path(start_from),
+                effect,
             ),
             partial(run_config, scaffold, backend, reached, budgets | dict(settings or {})),
             weight,

@@ -71,6 +71,14 @@ def run(
             autocompletion=completion.search_presets,
         ),
     ] = None,
+    effect: Annotated[
+        list[str] | None,
+        shared.model_option(
+            metavar="NAME",
+            help="Effect of the catalogue to add to the model, ocp-hysteresis; its parameters are searched; repeat.",
+            autocompletion=completion.effects,
+        ),
+    ] = None,
     ocp: shared.Ocp = "",
     scale: shared.Scale = True,
     as_protocol: Annotated[
@@ -175,7 +183,7 @@ def run(
             life,
             fit_cycles,
         ),
-        CellChoice(parameters, model, key_values(options, "--options"), search, ocp, scale, start_from),
+        CellChoice(parameters, model, key_values(options, "--options"), search, ocp, scale, start_from, effect or ()),
         partial(run_config, scaffold, backend, reached, budgets | key_values(settings, "--set")),
         weight,
         out,
@@ -183,7 +191,7 @@ def run(
     from ...core.task import NEAREST
 
     to_discover = ""
-    if data and start_from is None and not request.task.long:
+    if data and start_from is None and not effect and not request.task.long:
         typed = {
             "--parameters": request.folder if ocp or parameters == NEAREST else parameters,
             "--model": model,

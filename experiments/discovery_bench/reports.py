@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.discovery.ranking import ask
+from ...core.effect_choice import effects_of
 from ...core.files import read_json, write_json
 from ...core.journal import Journal, read_events
 from ...core.messages import Outage
@@ -17,7 +18,6 @@ from ...core.shape import decoding, shaped
 from ..campaign.grid_file import BackendChoice
 from ..campaign.identity import versions_of, without_placement
 from ..campaign.study_cell import StudyCell, hash_of, study_axes
-from ..effect_choice import effects_of
 from .results import read_results
 from .shortlists import SHORTLISTS, place_of
 

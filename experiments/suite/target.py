@@ -8,14 +8,14 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from dataclasses import asdict, replace
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 
 from ...core.ageing.choice import kept_cycles
-from ...core.encoding import decode_outcome, encode_outcome
+from ...core.encoding import decode_outcome, encode_cell, encode_outcome
 from ...core.errors import BsaError
 from ...core.files import write_json
 from ...core.parameters import Candidate
@@ -84,7 +84,7 @@ def reference_run(cell: CellModel, experiment: Experiment, candidate: Candidate)
         "format": _FORMAT,
         "pybamm": version("pybamm"),
         "tolerances": [_RTOL, _ATOL],
-        "cell": {**asdict(cell), "options": dict(cell.options), "overrides": dict(cell.overrides)},
+        "cell": encode_cell(cell),
         "protocol": experiment.protocol,
         "temperature_k": experiment.temperature_k,
         "initial_soc": experiment.initial_soc,

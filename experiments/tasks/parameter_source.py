@@ -76,6 +76,11 @@ def read_finished(folder: Path) -> RunRecord:
 
 
 def _calibrated(run: RunRecord) -> ParameterFile:
+    if run.task.cell.effects:
+        raise BsaError(
+            f"the model of {run.name} has {', '.join(run.task.cell.effects)} beside its parameters.",
+            "begin a run with its search: --start-from RUN without --search; no parameter set holds an effect.",
+        )
     content = {
         "cell": encode_task(run.task)["cell"],
         "space": [encode_parameter(parameter) for parameter in run.task.space],

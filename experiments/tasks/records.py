@@ -48,6 +48,10 @@ _PROMPT_S, _NEARLY_EMPTY = 10.0, 0.1
 """Latest sample after a current step that shows its resistance, s, and the share of the voltage range at whose bottom
 none does: a minute late, or at the end of a discharge, the same cells show two to ten times as much."""
 
+_HYSTERESIS_V = 0.03
+"""Distance of a slow charge from a slow discharge that polarisation does not explain, V: at C/20 it takes 5 to 8 mV off
+each, of which this is twice."""
+
 _NEAR_POTENTIALS_V = 0.015
 """Misfit of a slow record up to which a set's potentials are near, V: published ones of one chemistry differ by 12 to
 16 mV."""
@@ -145,6 +149,7 @@ def build_task(
     scale_to_capacity: bool = True,
     held_out: Sequence[RecordRequest] = (),
     ocp: str = "",
+    effects: Sequence[str] = (),
 ) -> Task:
     """Read the records and put a task together.
 
@@ -161,12 +166,15 @@ def build_task(
     ocp : str
         Whose open-circuit potentials the cell starts with: ``"nearest"``, a set, or two with a slash between them (see
         `chosen_potentials`); empty keeps those of the parameter set.
+    effects : sequence of str
+        Effects of the catalogue that the cell model has too; their parameters are searched.
 
     Raises
     ------
     BsaError
         If a file, a parameter set or a parameter does not exist or makes no sense.
     """
+    from ...plugins.pybamm.augmentation import augmented_cell, effects_in
     from ...plugins.pybamm.model_options import in_pybamm_spelling
     from ...plugins.pybamm.parameter_sets import load
     from ...plugins.pybamm.presets import resolve_space, starts_given
@@ -176,7 +184,7 @@ def build_task(
     loaded = [_as_asked(request) for request in records]
     notes = [f"{record.name}: {note}" for record in loaded for note in (*record.notes, *_too_many_cycles(record))]
     parameter_set, said = _with_potentials(parameter_set, ocp, loaded)
-    notes += said
+    notes += said if effects else [*said, *_hysteresis(loaded)]
     fixed = dict(overrides or {})
     values = load(parameter_set, fixed)
     given = starts_given(search) | set(fixed)
@@ -210,11 +218,14 @@ def build_task(
         options[CONTACT] = "true"
     if any(request.protocol == RECOGNISED for request in records):
         fixed |= _wide_window(values, loaded, given)
-    cell = CellModel(parameter_set, model, options, fixed)
+    cell = CellModel(parameter_set, model, options, fixed, tuple(effects))
+    own_effects = effects_in(cell)
+    augmented_cell(cell, own_effects)  # two may ask for different things
     space = resolve_space(parameter_set, search, fixed, options)
     if isinstance(search, str) and Path(search).suffix not in (".yaml", ".yml"):
         # A preset does not know what this person knows.
         space = ParameterSpace(tuple(parameter for parameter in space if parameter.name not in (overrides or {})))
+    space = ParameterSpace((*space, *(parameter for effect in own_effects for parameter in effect.searched)))
     if RESISTANCE not in given and not values.get(RESISTANCE, 0.0):
         space = _with_contact_resistance(space, loaded)
     experiments: list[Experiment] = []
@@ -291,6 +302,19 @@ def _with_potentials(
     said = f"{', '.join(words)}: they are taken, with electrodes balanced for them, and all else from {base}."
     others = "; ".join(f"{other}: {1e3 * other.rms_v:.1f} mV" for other in found[1:4])
     return with_potentials(base, taken), [said + f" The next: {others}." * bool(others)]
+
+
+def _hysteresis(records: Sequence[Record]) -> list[str]:
+    """What is to be said of charge and discharge that are far apart where they are slow."""
+    from ...plugins.pybamm.nearest_potentials import slow_curve
+
+    slow = slow_curve(record.trajectory for record in records)
+    if slow is None or not slow.gap_v > _HYSTERESIS_V:
+        return []
+    return [
+        f"Slow charge and discharge are {1e3 * slow.gap_v:.0f} mV apart at the same charge, more than polarisation "
+        "explains: --effect ocp-hysteresis adds a hysteresis of the open-circuit voltage to the model."
+    ]
 
 
 def _wide_window(values: Any, records: Sequence[Record], given: Collection[str]) -> dict[str, float]:

@@ -85,6 +85,7 @@ class TaskFile(BaseModel, extra="forbid"):
         description="Whose open-circuit potentials to start from: nearest, a set, or NEGATIVE/POSITIVE; left out, "
         "those of the parameter set.",
     )
+    effects: list[str] = Field([], description="Effects of the catalogue that the model has too: ocp-hysteresis.")
     search: str | dict[str, Any] = Field(description="A preset's name, or parameters with bounds.")
     experiments: list[ExperimentEntry] = Field(min_length=1, description="The records to match.")
     held_out: list[ExperimentEntry] = Field([], description="Records that are not fitted, and scored after the search.")
@@ -124,6 +125,7 @@ def task_from(content: TaskFile, folder: Path) -> Task:
         overrides=content.overrides,
         search=content.search,
         ocp=content.ocp,
+        effects=content.effects,
         records=[_request(entry, folder) for entry in content.experiments],
         held_out=[_request(entry, folder) for entry in content.held_out],
     )

@@ -155,6 +155,7 @@ class Situation:
         task, cell = self.task, self.task.cell
         content = {
             **{"model": cell.model, "options": dict(cell.options)},
+            **({"effects": list(cell.effects)} if cell.effects else {}),
             **({"parameter_set": str(cell.parameter_set)} if cell.parameter_set else {}),
             **_signals(task),
             "records": [_record(experiment, task) for experiment in task.experiments],

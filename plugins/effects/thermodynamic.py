@@ -31,6 +31,16 @@ def _hysteresis_voltage(model: Any, p: Mapping[str, Any]) -> Any:
     return -p["half_gap"] * state
 
 
+def _hysteresis_at_rest(current: Any, charge: Any, capacity: float, p: Mapping[str, float]) -> Any:
+    kept = np.exp(-p["decay"] * np.abs(np.diff(charge, prepend=charge[0])) / capacity)
+    signs = np.sign(current)
+    state, states = 0.0, []
+    for share, sign in zip(kept, signs, strict=True):
+        state = sign + (state - sign) * share
+        states.append(state)
+    return -p["half_gap"] * np.array(states)
+
+
 ocp_hysteresis = Effect(
     name="ocp-hysteresis",
     title="hysteresis of the open-circuit voltage (one state)",
@@ -42,7 +52,7 @@ ocp_hysteresis = Effect(
     signature="an offset with the sign of the last current that builds up over a few percent of charge, does not "
     "grow with the rate and stays at rest",
     citation="Plett, J. Power Sources 134 (2004) 262, doi:10.1016/j.jpowsour.2004.02.032",
-    physics=PyBaMMPart(voltage=_hysteresis_voltage),
+    physics=PyBaMMPart(voltage=_hysteresis_voltage, at_rest=_hysteresis_at_rest),
     lacks=_hysteresis_lacks,
 )
 

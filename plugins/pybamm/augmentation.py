@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ...core.effect import Effect
+from ...core.effect_choice import effects_of
 from ...core.errors import BsaError
 from ...core.task import CellModel
 
@@ -38,6 +39,10 @@ class PyBaMMPart:
     # ``current(measured, p)`` returns the current through the electrodes (A, positive on discharge) from the measured
     # one.
     current: Callable[[Any, Symbols], Any] | None = None
+    # ``at_rest(current, charge, capacity, p)`` returns what ``voltage`` adds to the open-circuit voltage along a
+    # record, V, from the current (A) and the charge drawn since the start (A.h), both of shape (n,), and the cell's
+    # nominal capacity (A.h).
+    at_rest: Callable[[Any, Any, float, Mapping[str, float]], Any] | None = None
 
 
 def part_of(effect: Effect) -> PyBaMMPart:
@@ -55,6 +60,28 @@ def part_of(effect: Effect) -> PyBaMMPart:
     return effect.physics
 
 
+def effects_in(cell: CellModel) -> tuple[Effect, ...]:
+    """The effects that a cell model has of its own.
+
+    Raises `BsaError` if one does not exist, has variants of which none was named, or is one of the instrument.
+    """
+    if not cell.effects:
+        return ()
+    found = effects_of(cell.effects)
+    for name in cell.effects:
+        meant = [effect for effect in found if name in (effect.key, effect.name)]
+        if len(meant) > 1:
+            raise BsaError(
+                f'effect "{name}" has variants: {", ".join(effect.key for effect in meant)}.', "name one of them."
+            )
+        if meant[0].measurement is not None:
+            raise BsaError(
+                f'effect "{name}" is one of the instrument, and a calibration simulates the cell alone.',
+                "bsa discover --effect fits it.",
+            )
+    return found
+
+
 def augmented_cell(cell: CellModel, effects: Sequence[Effect]) -> CellModel:
     """The cell model with the options of all effects. Raises `BsaError` if two of them ask for different things."""
     model, options = cell.model, dict(cell.options)
@@ -69,4 +96,4 @@ def augmented_cell(cell: CellModel, effects: Sequence[Effect]) -> CellModel:
                     "they cannot be combined.",
                 )
             options[key], asked[key] = value, effect.key
-    return CellModel(cell.parameter_set, model, options, cell.overrides)
+    return replace(cell, model=model, options=options)

@@ -124,6 +124,8 @@ class _Writer:
             },
         }
         beyond = [f"{name}={value}" for name, value in cell.options.items() if name not in _OUTSIDE and value != "none"]
+        if cell.effects:
+            self._left_out.append(f"BPX has no effects beside its equations; the fit had {', '.join(cell.effects)}.")
         if beyond:
             self._left_out.append(f"BPX has no model options; the fit used {', '.join(beyond)}.")
         if cell.options.get("thermal", "isothermal") != "isothermal":

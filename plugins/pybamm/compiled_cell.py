@@ -12,7 +12,7 @@ from ...core.parameters import Candidate
 from ...core.target import CellChange, CyclableLithium, InitialSoc, Target, Value, change_of
 from ...core.task import CellModel, Experiment
 from . import drive
-from .augmentation import PyBaMMPart, augmented_cell, part_of
+from .augmentation import PyBaMMPart, augmented_cell, effects_in, part_of
 from .fresh_integrator import FreshIntegrator
 from .mesh import search_spatial_methods, search_submeshes
 from .ocp_shape import keeping_ocp_falling
@@ -71,7 +71,7 @@ class CompiledCell:
     baked : CellChange, optional
         Values built into the model; needed for geometry on the standard mesh.
     effects : sequence of Effect
-        What is added to the model; their parameters become inputs too.
+        What is added to the model beside the cell's own effects; their parameters become inputs too.
     measured_current : CurrentFunction, optional
         Drives the cell, with the voltage cut-offs widened; without it an experiment does.
     any_start : bool
@@ -97,11 +97,12 @@ class CompiledCell:
         any_start: bool = False,
     ) -> None:
         baked = baked or CellChange()
-        self._targets, self._effects, self._resolution = dict(targets), tuple(effects), resolution
+        self._targets, self._effects, self._resolution = dict(targets), (*effects_in(cell), *effects), resolution
+        self._known = baked.effects
         own_soc = baked.soc_of(start.record)
         self._start = start if own_soc is None else replace(start, soc=own_soc)
         self._lithium = baked.cyclable_lithium
-        augmented = augmented_cell(cell, effects)
+        augmented = augmented_cell(cell, self._effects)
         self._name = augmented.model
         self._model = make_model(augmented if measured_current is None else _with_averaged_reactions(augmented))
         self.heats = self._model.options["thermal"] != "isothermal"
@@ -199,7 +200,8 @@ class CompiledCell:
         change = self._feasible(change_of(self._targets, candidate))
         inputs = input_values(self._targets, change)
         for effect in self._effects:
-            inputs.update({effect.full_name(p): effect.values(candidate)[p.name] for p in effect.parameters})
+            own = effect.values({**self._known, **candidate})
+            inputs.update({effect.full_name(p): own[p.name] for p in effect.parameters})
         if self._state is not None:
             change = replace(change, cyclable_lithium=self._lithium * change.cyclable_lithium)
             wanted = [soc, change.soc_of(self._start.record), self._start.soc]

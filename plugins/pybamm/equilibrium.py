@@ -7,11 +7,13 @@ import math
 import numpy as np
 from scipy.constants import physical_constants
 
+from ...core.border import border
 from ...core.parameters import Candidate
 from ...core.simulation import ExperimentRun, Outcome, SimulationFailure
 from ...core.target import CellChange
 from ...core.task import Task
 from ...core.trajectory import SECONDS_PER_HOUR
+from .augmentation import effects_in, part_of
 from .compiled_cell import start_of
 from .drive import EMPTY_V, FULL_V
 from .ocp_shape import keeping_ocp_falling
@@ -40,9 +42,11 @@ class EquilibriumCell:
         self._falling = keeping_ocp_falling(values, self._targets)
         self._state = InitialState(values)
         self._area = {name: float(values[name]) for name in _AREA}
-        self._drawn_mol = [
-            experiment.target.discharge_capacity * SECONDS_PER_HOUR / _FARADAY for experiment in task.experiments
-        ]
+        self._records = [experiment.target for experiment in task.experiments]
+        self._drawn_ah = [record.discharge_capacity for record in self._records]
+        self._capacity_ah = float(values["Nominal cell capacity [A.h]"])
+        own = [(effect, part_of(effect).at_rest) for effect in effects_in(task.cell)]
+        self._at_rest = [(effect, added) for effect, added in own if added is not None]
 
     def outcome(self, candidate: Candidate) -> Outcome:
         """What a candidate shows; failed where its electrodes cannot hold the lithium at the start."""
@@ -54,11 +58,14 @@ class EquilibriumCell:
         return Outcome(tuple(runs), 0.0)
 
     def _run(self, place: int, candidate: Candidate) -> ExperimentRun:
-        record = self._task.experiments[place].target
+        record, drawn_ah = self._records[place], self._drawn_ah[place]
         change = self._falling(self._task.space.change(candidate))
-        drawn = self._drawn_mol[place] / self._area_of(change)
+        drawn = drawn_ah * SECONDS_PER_HOUR / _FARADAY / self._area_of(change)
         # Beyond these an empty or overfull cell is simulated as such; published potentials reach to -100 V there.
         voltage = np.clip(self._state.voltages(change, self._soc(place, change), drawn), EMPTY_V, FULL_V)
+        for effect, added in self._at_rest:
+            with border(f"effect {effect.key}", "at_rest"):
+                voltage = voltage + added(record.current, drawn_ah, self._capacity_ah, effect.values(candidate))
         # The measured temperature stays: nothing is said of it.
         return ExperimentRun(record.changed(record.time - record.time[0], voltage=voltage))
 

@@ -59,12 +59,15 @@ class SlowCurve:
         Charge between these points.
     polarised : int
         1 or -1 where the voltage is that of discharges or of charges alone, 0 where it is that of both.
+    gap_v : float
+        By how much the charge lies above the discharge at the same charge, median, V; NaN where one was not measured.
     """
 
     share: FloatArray
     voltage: FloatArray
     charge_ah: float
     polarised: int
+    gap_v: float
 
 
 @dataclass(frozen=True)
@@ -125,7 +128,8 @@ def _slow_curve(record: Trajectory) -> SlowCurve | None:
     curves = [np.interp(at, *curve, left=np.nan, right=np.nan) for curve in measured.values()]
     polarised = 0 if len(curves) > 1 else 1 if StepKind.CC_DISCHARGE in measured else -1
     voltage = _halfway(at, *curves) if len(curves) > 1 else curves[0]
-    return SlowCurve((at - first) / (last - first), voltage, last - first, polarised)
+    gap_v = float(np.nanmedian(np.abs(curves[1] - curves[0]))) if len(curves) > 1 else np.nan
+    return SlowCurve((at - first) / (last - first), voltage, last - first, polarised, gap_v)
 
 
 def _halfway(at: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:

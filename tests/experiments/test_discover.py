@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bsa.core.effect_choice import effects_of
 from bsa.core.errors import BsaError
 from bsa.core.journal import Journal, read_events
 from bsa.core.target import CellChange
@@ -16,7 +17,6 @@ from bsa.experiments.discovery_bench.making import _write
 from bsa.experiments.discovery_bench.protocols import Step
 from bsa.experiments.discovery_case import DiscoverOptions, read_case, spreads_of
 from bsa.experiments.discovery_journal import opened, read_options
-from bsa.experiments.effect_choice import effects_of
 from bsa.experiments.run import read_request
 from bsa.plugins.pybamm.export import parameter_values_json
 

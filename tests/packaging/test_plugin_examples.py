@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bsa.core.effect_choice import effects_of
 from bsa.core.journal import read_events
 from bsa.core.reading.reading import read_record
 from bsa.core.record import ReadOptions
 from bsa.core.registry import KINDS, installed
 from bsa.experiments.cli.catalogue import doctor
 from bsa.experiments.cli.main import run_main
-from bsa.experiments.effect_choice import effects_of
 
 PAGE = (Path(__file__).parents[2] / "docs" / "plugins.md").read_text()
 BLOCKS = {kind: re.findall(rf"```{kind}\n(.*?)```", PAGE, re.DOTALL) for kind in ("python", "yaml", "sh")}

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from bsa.core.discovery.observations import after_jumps
 from bsa.core.effect import Evidence
+from bsa.core.effect_choice import effects_of
 from bsa.core.segmentation import segment
 from bsa.core.task import CellModel
 from bsa.experiments import discovery_bench
@@ -16,7 +17,6 @@ from bsa.experiments.discovery_bench.hidden_cell import Hidden, measure
 from bsa.experiments.discovery_bench.hidden_physics import EFFECTS, HiddenEffect
 from bsa.experiments.discovery_bench.making import DESCRIPTION, make_cases, unseal
 from bsa.experiments.discovery_bench.protocols import Step
-from bsa.experiments.effect_choice import effects_of
 from bsa.plugins.pybamm.driven_cell import DrivenCell
 from bsa.plugins.pybamm.resolution import Resolution
 

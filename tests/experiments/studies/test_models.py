@@ -4,6 +4,7 @@ import csv
 from pathlib import Path
 
 import pytest
+from bsa.core.effect_choice import effects_of
 from bsa.core.errors import BsaError
 from bsa.core.files import write_json
 from bsa.experiments.campaign import task_sources
@@ -14,7 +15,6 @@ from bsa.experiments.campaign.store import Store
 from bsa.experiments.campaign.task_sources import suite_cases
 from bsa.experiments.discovery_bench.reports import PACKAGED, Report, places, ranking_cell, read_reports, write_reports
 from bsa.experiments.discovery_bench.shortlists import SHORTLISTS
-from bsa.experiments.effect_choice import effects_of
 from bsa.experiments.studies.models import CASES, card, models_grid, plan_rankings, write_card
 from bsa.experiments.suite.case import SuiteCase
 from bsa_toy_cell import HIDDEN, toy_scaffold, toy_task

@@ -211,3 +211,23 @@ def test_nothing_is_said_of_potentials_that_are_near_or_without_a_slow_record() 
     assert not any("open-circuit potentials" in note for note in task_of(record()).notes)
     own = build_task("t", "Ecker2015", [RecordRequest(slow_discharge())], model="SPM")
     assert not any("open-circuit potentials" in note for note in own.notes)
+
+
+def test_effects_are_part_of_the_model_and_their_parameters_are_searched() -> None:
+    task = task_of(record(), effects=["ocp-hysteresis"])
+    assert task.cell.effects == ("ocp-hysteresis",)
+    assert "ocp-hysteresis: half_gap [V]" in task.space.names
+    with pytest.raises(BsaError, match='no effect "hysteresis"'):
+        task_of(record(), effects=["hysteresis"])
+
+
+@pytest.mark.parametrize(("gap_v", "said"), [(0.05, True), (0.01, False)])
+def test_a_slow_charge_far_above_the_discharge_is_a_hysteresis(gap_v: float, said: bool) -> None:
+    down = slow_discharge().trajectory
+    back = np.concatenate([down.time, down.time[-1] + 1.0 + down.time])
+    voltage = np.concatenate([down.voltage, down.voltage[::-1] + gap_v])
+    steps = (Step(StepKind.CC_DISCHARGE, 0, 201), Step(StepKind.CC_CHARGE, 201, 402, position=1))
+    both = Record("both", Trajectory(back, np.repeat([0.25, -0.25], 201), voltage, None, steps))
+    notes = task_of(both, ocp="Ecker2015").notes
+    assert any("50 mV apart" in note and "--effect ocp-hysteresis" in note for note in notes) == said
+    assert not any("--effect" in note for note in task_of(both, effects=["ocp-hysteresis"]).notes)

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 from bsa.core.effect import Effect, EffectParameter, Evidence
+from bsa.core.effect_choice import effects_of
 from bsa.core.errors import BsaError
 from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory
-from bsa.experiments.effect_choice import effects_of
 from bsa.plugins.effects.catalogue import EFFECTS, entries
 from bsa.plugins.pybamm.augmentation import PyBaMMPart, augmented_cell
 from bsa.plugins.pybamm.drive import current_function

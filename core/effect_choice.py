@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from ..core import products
-from ..core.border import border
-from ..core.effect import Effect, Evidence
-from ..core.errors import BsaError, did_you_mean
-from ..core.registry import Listing, Registry, installed
+from . import products
+from .border import border
+from .effect import Effect, Evidence
+from .errors import BsaError, did_you_mean
+from .registry import Listing, Registry, installed
 
 
 def effects_of(

@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 from bsa.core.effect import Effect, EffectParameter, Evidence
+from bsa.core.effect_choice import effects_of
 from bsa.core.errors import BsaError
 from bsa.core.hooks import Entry, hookimpl
 from bsa.core.registry import Registry, installed
-from bsa.experiments.effect_choice import effects_of
 from pydantic import BaseModel, Field
 
 EVIDENCE = Evidence("DFN", {}, 1, 0.0, 1.0)
