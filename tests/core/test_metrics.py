@@ -160,3 +160,26 @@ def test_a_pulse_counts_as_long_as_the_rest_behind_it() -> None:
     assert before == pytest.approx(after * 99 / 399)
     assert brief == pytest.approx(after * 39 / 399)
     assert np.mean(found**2) == pytest.approx(1.0)  # 1 mV is one tolerance
+
+
+def test_a_record_of_many_steps_counts_as_much_as_one_of_few() -> None:
+    pulses = Trajectory(
+        np.arange(1200.0),
+        np.ones(1200),
+        np.full(1200, 3.7),
+        None,
+        tuple(Step(StepKind.CC_DISCHARGE, first, first + 20, position=first) for first in range(0, 1200, 20)),
+    )
+    records = (pulses, constant(1.0, 3.7, 1000))
+    task = Task("t", CellModel("x"), space(), tuple(Experiment(f"r{n}", one) for n, one in enumerate(records)))
+
+    def squares(*off_mv: float) -> float:
+        runs = [
+            ExperimentRun(one.changed(voltage=one.voltage + 1e-3 * mv)) for one, mv in zip(records, off_mv, strict=True)
+        ]
+        found = residuals(task, Outcome(tuple(runs)))
+        assert found is not None
+        return float(found @ found) / len(found)
+
+    assert squares(1.0, 0.0) == pytest.approx(0.5, rel=1e-3)
+    assert squares(0.0, 1.0) == pytest.approx(0.5, rel=1e-3)
