@@ -84,8 +84,8 @@ def residuals(task: Task, outcome: Outcome) -> FloatArray | None:
     voltage, during a voltage hold the current) at equal fractions of its own duration, and one residual for
     the logarithm of its duration. Under a measured drive the durations are given, and each step gives
     residuals of the observed signals, averages over equal parts of it, weighted by its share of time, so that the
-    sum of squares is the mean squared error times the number of residuals. Where the task's weights are robust,
-    mismatches of more than ten tolerances count by their order of magnitude (`robust`).
+    sum of squares is the number of residuals times the mean over the records of their mean squared errors. Where the
+    task's weights are robust, mismatches of more than ten tolerances count by their order of magnitude (`robust`).
 
     Returns
     -------
