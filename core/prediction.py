@@ -40,6 +40,10 @@ _UNDER_LOAD = 0.05
 _STARTS_TRIED = 2
 """Simulations that move the start of a record until its beginning is met; each leaves about a tenth."""
 
+_REST_SHARE = 0.5
+"""Of the drop with which a simulation begins under load a record lacks all if its first sample is under load too, and
+next to nothing if that is from before the load: half is between."""
+
 _BEGINNING = 0.01
 """Share of a record that is its beginning: over a percent of its charge the open-circuit voltage hardly moves. Its very
 first sample may have been taken before the current was switched on."""
@@ -55,9 +59,11 @@ class Band:
     # Share of the time in which the measured signal lies in the band. The band knows the parameters' errors only, not
     # the model's: well below 0.95 says that the model, not its parameters, is what is wrong.
     inside: float
-    # Whether its half width is a tenth of the measured range or more: it then tells only that the fitted records leave
-    # the parameters open.
+    # Whether its half width is a tenth of the measured range or more, most of the time: it then tells only that the
+    # fitted records leave the parameters open.
     wide: bool = False
+    # Half the width, median over the time: a cell that may run empty early widens the end of the band by volts.
+    median: float = float("nan")
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,15 +178,18 @@ def _meeting_beginnings(
 ) -> tuple[tuple[Experiment, ...], int]:
     """The experiments, those that begin under load started where the fitted cell shows their beginning.
 
-    One that cannot be simulated from there starts where its first sample is its open-circuit voltage.
+    One that cannot be simulated from there starts where its first sample is its open-circuit voltage, and so does one
+    that shows most of the drop that a cell shows which starts there: its first sample was taken before the load.
     """
     spent, as_given = 0, experiments
+    at_rest: set[int] = set()
     for _ in range(_STARTS_TRIED):
         places = [
             place
             for place, experiment in enumerate(experiments)
             # Of a life the target's first cycle need not be the one that is simulated first.
             if experiment.initial_voltage is not None and not experiment.long and begins_under_load(experiment.target)
+            if place not in at_rest
         ]
         if not places:
             break
@@ -191,7 +200,10 @@ def _meeting_beginnings(
             voltage = experiments[place].initial_voltage
             if run.failure is None and run.trajectory is not None and voltage is not None:
                 lacking = _lacking_at_first(run.trajectory, experiments[place].target)
-                moved[place] = replace(experiments[place], initial_voltage=voltage + lacking)
+                if spent == 1 and abs(lacking) < _REST_SHARE * abs(voltage - float(run.trajectory.voltage[0])):
+                    at_rest.add(place)
+                else:
+                    moved[place] = replace(experiments[place], initial_voltage=voltage + lacking)
             else:
                 moved[place] = as_given[place]
         experiments = tuple(moved)
@@ -275,9 +287,9 @@ def _forecast(
     half = fade.at(measured.cycle)
     inside = np.abs(simulated.at(measured.cycle) - measured.capacity_ah) <= half
     percent = 100.0 / float(measured.capacity_ah[0])
-    rms = float(np.sqrt(np.mean(half**2)))
-    wide = rms >= _WIDE * float(measured.capacity_ah[0])
-    band = Band(percent * rms, percent * float(half.max()), float(np.mean(inside)), wide)
+    rms, median = float(np.sqrt(np.mean(half**2))), float(np.median(half))
+    wide = median >= _WIDE * float(measured.capacity_ah[0])
+    band = Band(percent * rms, percent * float(half.max()), float(np.mean(inside)), wide, percent * median)
     return Prediction(errors, {CAPACITY: band}, whole.thinned(_SAMPLES_PER_STEP), spent, fade)
 
 
@@ -310,5 +322,12 @@ def _band(simulated: Trajectory, experiment: Experiment, signal: str, scale: flo
     weight = time_weights(time)
     inside = float(np.sum(weight[np.abs(difference) <= half]) / np.sum(weight))
     rms = weighted_rms(weight, half)
-    wide = rms >= _WIDE * float(np.ptp(experiment.scored_target.values(signal)))
-    return Band(scale * rms, scale * float(half.max()), inside, wide)
+    median = _weighted_median(weight, half)
+    wide = median >= _WIDE * float(np.ptp(experiment.scored_target.values(signal)))
+    return Band(scale * rms, scale * float(half.max()), inside, wide, scale * median)
+
+
+def _weighted_median(weight: FloatArray, values: FloatArray) -> float:
+    order = np.argsort(values)
+    reached = np.cumsum(weight[order])
+    return float(values[order][np.searchsorted(reached, 0.5 * reached[-1])])

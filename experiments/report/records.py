@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -33,8 +34,8 @@ class ErrorRow:
     rms: str
     most: str
     largest: str
-    # band, inside: Half the width of the 95 % band that the parameters' covariance predicts, and the share of time
-    # within it.
+    # band, inside: Half the width of the 95 % band that the parameters predict, median over the time, and the share of
+    # time within it.
     band: str = ""
     inside: str = ""
     # That the simulation stopped early, or that the simulated cell ran into a limit; for a record that was not
@@ -49,7 +50,7 @@ class ErrorRow:
         remark = f"; {self.remark}" if self.remark else ""
         if not self.rms:
             return f"{who}: not simulated: {self.remark}"
-        band = f"; 95 % band ± {self.band} {self.unit} holds {self.inside} of the time" if self.band else ""
+        band = f"; 95 % band ± {self.band} {self.unit} (median) holds {self.inside} of the time" if self.band else ""
         return (
             f"{who}: {self.signal} {self.rms} {self.unit} rms ({self.most} over 99 % of the time), "
             f"{self.largest} at most{band}{remark}"
@@ -76,7 +77,14 @@ def _rows(task: Task, errors: RecordErrors, use: str, bands: dict[str, Band]) ->
             if error is not None
         )
         band = bands.get(name)
-        told = ("", "") if band is None else (number(band.rms, _DIGITS), f"{number(100 * band.inside, 2)} %")
+        told = (
+            ("", "")
+            if band is None
+            else (
+                number(band.rms if math.isnan(band.median) else band.median, _DIGITS),
+                f"{number(100 * band.inside, 2)} %",
+            )
+        )
         wide = TOO_WIDE if band is not None and band.wide else ""
         remark = "; ".join(part for part in (stopped, *errors.limits, wide) if part)
         rows.append(ErrorRow(errors.record, "", use, *_printed(words[name], error), *told, remark, steps))

@@ -353,7 +353,8 @@ def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
     notes = [f"{record.name} (held out): {note}" for record in loaded for note in record.notes]
     experiments = [_held_out(request, record) for request, record in zip(requests, loaded, strict=True)]
     notes += [
-        f"{e.name} (held out): begins under load; it is started so that the fitted cell meets its first percent."
+        f"{e.name} (held out): begins under load; it is started so that the fitted cell meets its first percent, or at "
+        "its first sample if that turns out to be from before the load."
         for e in experiments
         if e.initial_voltage is not None and begins_under_load(e.target)
     ]
