@@ -48,7 +48,7 @@ def calibrate(
     model: str | None = None,
     options: Mapping[str, Any] | None = None,
     search: str | Mapping[str, Any] | None = None,
-    effect: Sequence[str] = (),
+    effect: Sequence[str] | None = None,
     ocp: str = "",
     scale: bool = True,
     as_protocol: bool = False,
@@ -105,7 +105,7 @@ def calibrate(
     search : str or mapping, optional
         What is searched: a preset, a YAML file, or parameters with bounds as such a file has them; by default
         ``"cell"``, of a life ``"life"``.
-    effect : sequence of str
+    effect : sequence of str, optional
         Effects of the catalogue to add to the model, ``["ocp-hysteresis"]``; their parameters are searched.
     ocp : str
         Whose open-circuit potentials to start from: ``"nearest"`` of the installed sets to the records' slow charge or
@@ -190,7 +190,7 @@ def calibrate(
                 ocp,
                 scale,
                 None if start_from is None else Path(start_from),
-                effect,
+                effect or (),
             ),
             partial(run_config, scaffold, backend, reached, budgets | dict(settings or {})),
             weight,
