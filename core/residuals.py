@@ -43,6 +43,13 @@ _FAR = 10.0
 """Tolerances beyond which an error is far, where weights are robust: physical models of measured cells end at 5 to
 15 mV, so that what is further off is no part of the usual misfit."""
 
+_NEARLY_EMPTY = 0.15
+"""Share of the charge of a pulse test at whose end the cell is nearly empty: within seconds the particles' surfaces run
+short of lithium, and a pulse shows two to ten times the resistance that it shows before."""
+
+_PULSE_TEST = 10
+"""Pulses before that which make a record a pulse test."""
+
 _FLOORS_IN_BRIEF = 12.0
 """A brief step over this is added to both durations, so that a vanishing step has a finite logarithm and a 1 s rest
 no weight (5 s for a cell)."""
@@ -210,7 +217,7 @@ def _weight_of_curves(task: Task, experiment: Experiment) -> float:
 
 
 def _driven(task: Task, pairs: list[StepPair], experiment: Experiment) -> list[FloatArray]:
-    durations = _durations_counted(pairs)
+    durations = _durations_counted(pairs, experiment.target)
     total = sum(durations) or 1.0
     steps = _steps_a_record(task)
     parts: list[FloatArray] = []
@@ -238,17 +245,24 @@ def _steps_a_record(task: Task) -> float:
     return sum(map(len, driven)) / len(driven)
 
 
-def _durations_counted(pairs: list[StepPair]) -> list[float]:
+def _durations_counted(pairs: list[StepPair], record: Trajectory) -> list[float]:
     """By how long each step of a driven record counts, s: its duration, and a pulse as long as the rest behind it.
 
-    A pulse of ten seconds before a rest of twenty minutes is what the test was made for.
+    A pulse of ten seconds before a rest of twenty minutes is what the test was made for. Of a pulse test the nearly
+    empty cell does not count: its pulses, which no model comes near, would decide the fit.
     """
     durations = [pair.measured.duration for pair in pairs]
     kinds = [pair.step.kind for pair in pairs]
     for place, (pulse, rest) in enumerate(pairwise(kinds)):
         if pulse is StepKind.PULSE and rest is StepKind.REST:
             durations[place] = max(durations[place : place + 2])
-    return durations
+    drawn = record.discharge_capacity
+    empty_ah = drawn.max() - _NEARLY_EMPTY * np.ptp(drawn)
+    empty = [bool(drawn[pair.step.start] > empty_ah) for pair in pairs]
+    pulses = sum(kind is StepKind.PULSE and not late for kind, late in zip(kinds, empty, strict=True))
+    if pulses < _PULSE_TEST:
+        return durations
+    return [0.0 if late else duration for duration, late in zip(durations, empty, strict=True)]
 
 
 def _mismatch(task: Task, pair: StepPair, signal: Signal, experiment: Experiment, fractions: FloatArray) -> FloatArray:

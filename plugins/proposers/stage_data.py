@@ -27,13 +27,6 @@ _COVERED = 0.5
 _INSTANT_S = 60.0
 """What the voltage does within a minute of a current step is ohmic and kinetic; later diffusion shows."""
 
-_NEARLY_EMPTY = 0.15
-"""Share of the charge of a record at whose end current steps say little of kinetics: within seconds the particles'
-surfaces run short of lithium, and a pulse shows two to ten times the resistance that it shows before."""
-
-_ENOUGH = 10
-"""Current steps before that from which on the last ones are left out: a pulse test has them, a discharge has not."""
-
 _VOLTAGE, _TEMPERATURE = "voltage", "temperature"
 
 
@@ -140,17 +133,11 @@ def _charge_at(record: Trajectory, rows: ResidualRows, place: int) -> float:
 
 
 def _current_steps(task: Task, rows: ResidualRows, capacity_ah: float) -> View:
-    """Voltage in the first minute less that before it; each current step counts the same.
-
-    Steps of a nearly empty cell are left out where there are enough others.
-    """
+    """Voltage in the first minute less that before it; each current step counts the same."""
     found: list[tuple[NDArray[np.intp], int]] = []
-    empty: list[bool] = []
     voltage = (rows.signal == _VOLTAGE) & (rows.scale > 0)
     for number, experiment in enumerate(task.experiments):
         record = experiment.target
-        drawn = record.discharge_capacity
-        nearly_empty = drawn > drawn.max() - _NEARLY_EMPTY * np.ptp(drawn)
         for place in range(1, len(record.steps)):
             step = record.steps[place]
             if abs(record.current[step.start] - record.current[step.start - 1]) < _SLOW_PER_H * capacity_ah:
@@ -160,11 +147,8 @@ def _current_steps(task: Task, rows: ResidualRows, capacity_ah: float) -> View:
             before = np.flatnonzero(own & (rows.step == place - 1))
             if len(after) and len(before):
                 found.append((after, int(before[-1])))
-                empty.append(bool(nearly_empty[step.start]))
     if not found:
         return _none("no step of the current is sampled within a minute")
-    if empty.count(False) >= _ENOUGH:
-        found = [one for one, is_empty in zip(found, empty, strict=True) if not is_empty]
     places = np.concatenate([after for after, _ in found])
     less = np.concatenate([np.full(len(after), before) for after, before in found])
     shares = np.concatenate([np.full(len(after), len(after) ** -0.5) for after, _ in found])

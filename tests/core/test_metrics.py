@@ -183,3 +183,19 @@ def test_a_record_of_many_steps_counts_as_much_as_one_of_few() -> None:
 
     assert squares(1.0, 0.0) == pytest.approx(0.5, rel=1e-3)
     assert squares(0.0, 1.0) == pytest.approx(0.5, rel=1e-3)
+
+
+@pytest.mark.parametrize(("pulses", "counts"), [(12, False), (6, True)])
+def test_a_nearly_empty_cell_does_not_count_in_a_pulse_test(pulses: int, counts: bool) -> None:
+    kinds = [StepKind.PULSE, StepKind.REST] * pulses + [StepKind.CC_DISCHARGE, StepKind.PULSE, StepKind.REST]
+    ends = 20 * np.arange(1, len(kinds) + 1)
+    steps = tuple(Step(kind, end - 20, end, position=end) for kind, end in zip(kinds, ends, strict=True))
+    current = np.concatenate([np.full(20, {StepKind.REST: 0.0}.get(kind, 1.0)) for kind in kinds])
+    current[-60:-40] = 20.0  # after this discharge the cell is nearly empty
+    record = Trajectory(np.arange(20.0 * len(kinds)), current, np.full(20 * len(kinds), 3.7), None, steps)
+    task = Task("t", CellModel("x"), space(), (Experiment("r", record),))
+    found = residuals(task, outcome_of(record.changed(voltage=record.voltage + 0.001)))
+    assert found is not None
+    by_step = found.reshape(len(kinds), -1)
+    assert np.all(by_step[:-2] > 0)
+    assert np.any(by_step[-2:] > 0) == counts
