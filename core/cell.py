@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from .domain import Domain
 from .signals import Signal
@@ -19,6 +20,26 @@ VOLTAGE = Signal("voltage", "V", tolerance=1e-3, shown_unit="mV", shown_scale=1e
 TEMPERATURE = Signal("temperature", "K", tolerance=0.2, optional=True)
 """Of a cell whose simulation has one. Models of measured cells end about ten tolerances off: at 10 mV, and, with one
 temperature for the whole cell against a sensor on the can, at 2 K."""
+
+FREQUENCY = Signal("frequency", "Hz", role="driven", optional=True)
+
+_PART_OF_IMPEDANCE: dict[str, Any] = {
+    "unit": "Ohm",
+    # Models of measured cells end about ten tolerances off here as elsewhere: at a tenth of the impedance.
+    "tolerance": 1e-2,
+    "shown_unit": "mohm",
+    "shown_scale": 1e3,
+    "relative": True,
+    "share_of": "impedance",
+    "optional": True,
+}
+
+RESISTANCE = Signal("resistance", **_PART_OF_IMPEDANCE)
+REACTANCE = Signal("reactance", **_PART_OF_IMPEDANCE)
+"""Of a capacitor positive: the negative imaginary part."""
+
+SPECTRUM = (FREQUENCY, RESISTANCE, REACTANCE)
+"""Of an impedance spectrum in place of current and voltage: what was asked, and what the cell answered."""
 
 CELL = Domain(
     name="lithium-ion cell",

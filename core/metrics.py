@@ -30,8 +30,10 @@ __all__ = [
 
 
 def _by_paper(task: Task) -> bool:
-    # Under a measured current only the voltage is left of the paper's metric: too little where more was observed.
-    return task.domain.metric == "paper" and not (task.given_drive and len(task.observed) > 1)
+    # Under a measured current only the voltage is left of the paper's metric: too little where more was observed. Of a
+    # spectrum nothing is left.
+    more = (task.given_drive and len(task.observed) > 1) or any(e.is_spectrum for e in task.experiments)
+    return task.domain.metric == "paper" and not more
 
 
 def evaluate(task: Task, outcome: Outcome) -> Metrics | None:

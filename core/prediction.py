@@ -104,7 +104,7 @@ def decode_prediction(content: Mapping[str, Any]) -> Prediction:
     ValueError, LookupError, TypeError or BsaError
         If the content is of another shape.
     """
-    known = {name: content[name] for name in RecordErrors.__dataclass_fields__}
+    known = {name: content[name] for name in RecordErrors.__dataclass_fields__ if name in content}
     curve = content["curve"]
     return Prediction(
         RecordErrors.from_json(known),
@@ -188,8 +188,10 @@ def _meeting_beginnings(
             place
             for place, experiment in enumerate(experiments)
             # Of a life the target's first cycle need not be the one that is simulated first.
-            if experiment.initial_voltage is not None and not experiment.long and begins_under_load(experiment.target)
-            if place not in at_rest
+            if experiment.initial_voltage is not None
+            and not (experiment.long or experiment.is_spectrum)
+            and begins_under_load(experiment.target)
+            and place not in at_rest
         ]
         if not places:
             break
@@ -245,7 +247,7 @@ def _spread(
             moves.append(
                 {
                     signal.name: np.array([_at(time, other, signal) - _at(time, run, signal) for other in others]).T
-                    for signal in task.observed
+                    for signal in task.observed_in(final.trajectory)
                 }
             )
     return moves, len(candidates)

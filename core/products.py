@@ -84,8 +84,11 @@ def _texts(values: object, what: str) -> tuple[str, ...]:
     return tuple(_text(value, f"one of the {what}") for value in values)
 
 
-def outcomes(pairs: object, candidates: int, experiments: int, signals: Sequence[str]) -> Iterator[tuple[int, Outcome]]:
-    """The outcomes of a simulator as they come: one for each candidate, with one run for each experiment."""
+def outcomes(pairs: object, candidates: int, signals: Sequence[Sequence[str]]) -> Iterator[tuple[int, Outcome]]:
+    """The outcomes of a simulator as they come: one for each candidate, with one run for each experiment.
+
+    ``signals`` are the names of those that each experiment's simulation has.
+    """
     if not hasattr(pairs, "__iter__"):
         found = "None" if pairs is None else shown(_repr(pairs))
         raise Unfit(f"returned {found}, not pairs of place and Outcome", "yield place, outcome for each candidate.")
@@ -104,7 +107,7 @@ def outcomes(pairs: object, candidates: int, experiments: int, signals: Sequence
                 f"places are 0 to {candidates - 1}, each answered once.",
             )
         missing.discard(place)
-        yield place, outcome(found, experiments, signals)
+        yield place, outcome(found, signals)
     if missing:
         raise Unfit(
             f"gave no outcome for {len(missing)} of {candidates} candidates, the first at place {min(missing)}",
@@ -112,15 +115,15 @@ def outcomes(pairs: object, candidates: int, experiments: int, signals: Sequence
         )
 
 
-def outcome(product: object, experiments: int, signals: Sequence[str]) -> Outcome:
-    """One run for each experiment, each with a trajectory of the task's signals or the reason why there is none."""
+def outcome(product: object, signals: Sequence[Sequence[str]]) -> Outcome:
+    """One run for each experiment, each with a trajectory of its signals or the reason why there is none."""
     found = instance(product, Outcome, "yielded {}")
     _number(found.seconds, "Outcome.seconds")
-    if not isinstance(found.runs, tuple) or len(found.runs) != experiments:
+    if not isinstance(found.runs, tuple) or len(found.runs) != len(signals):
         count = len(found.runs) if isinstance(found.runs, (tuple, list)) else shown(_repr(found.runs))
-        raise Unfit(f"yielded an Outcome with {count} runs for {experiments} experiments", "Outcome.runs is a tuple.")
-    for run in found.runs:
-        _run(instance(run, ExperimentRun, "yielded an Outcome with a run that is {}"), signals)
+        raise Unfit(f"yielded an Outcome with {count} runs for {len(signals)} experiments", "Outcome.runs is a tuple.")
+    for run, names in zip(found.runs, signals, strict=True):
+        _run(instance(run, ExperimentRun, "yielded an Outcome with a run that is {}"), names)
     return found
 
 

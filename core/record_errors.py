@@ -15,6 +15,8 @@ from .overlap import differences, rms_without_worst, scored_part, time_weights, 
 from .shape import shaped
 from .signals import Signal
 from .simulation import ExperimentRun, Outcome, SimulationFailure
+from .spectrum import SpectrumErrors, compare
+from .spectrum_record import recorded_spectrum
 from .task import Experiment, Task
 from .trajectory import FloatArray, Trajectory
 
@@ -52,10 +54,13 @@ class RecordErrors:
     steps: tuple[StepErrors, ...] = ()  # Step by step, as far as the simulation got.
     failure: str = ""  # Why the simulation ended early; the errors are then those of the part that it reached.
     limits: tuple[str, ...] = ()  # See `ExperimentRun.limits`: such a fit is no good, however small its errors.
+    impedance: SpectrumErrors | None = None  # Of a spectrum the resistances that it shows.
 
     def as_json(self) -> dict[str, Any]:
         """Plain dicts, lists, strings and numbers."""
         content = asdict(self)
+        if self.impedance is None:
+            del content["impedance"]
         return {**content, "steps": list(content["steps"]), "limits": list(content["limits"])}
 
     @classmethod
@@ -95,6 +100,10 @@ def errors_of_record(task: Task, experiment: Experiment, run: ExperimentRun) -> 
     if all(TEMPERATURE.name in curve.signals for curve in (target, simulated)):
         signals += [TEMPERATURE] * (TEMPERATURE.name not in {signal.name for signal in signals})
     pairs = pair_steps(run.trajectory, experiment)
+    if experiment.is_spectrum:
+        whole = {signal.name: _over_time(signal, simulated, target, driven) for signal in signals}
+        spectra = (recorded_spectrum(experiment.name, record) for record in (target, simulated))
+        return RecordErrors(experiment.name, whole, failure=failure, impedance=compare(*spectra))
     if experiment.long:
         whole = {signal.name: _over_steps(signal, pairs) for signal in signals} | _of_capacity(simulated, target)
     else:
@@ -116,6 +125,8 @@ def errors_of_record(task: Task, experiment: Experiment, run: ExperimentRun) -> 
 def _why(failure: SimulationFailure, experiment: Experiment) -> str:
     if experiment.long:
         return f"{failure.cause}, in cycle {failure.cycle} of {len(experiment.protocol or ())}"
+    if experiment.is_spectrum:
+        return failure.cause
     return f"{failure.cause}, after {failure.reached_s:.0f} of {experiment.target.duration:.0f} s"
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .ageing.residuals import compared_cycles, table_residuals
-from .alignment import StepPair, pair_steps
+from .alignment import StepPair, at_fractions, pair_steps
 from .noise import noise_of
 from .robust_loss import robust
 from .signals import Signal
@@ -256,6 +256,8 @@ def _durations_counted(pairs: list[StepPair], record: Trajectory) -> list[float]
     for place, (pulse, rest) in enumerate(pairwise(kinds)):
         if pulse is StepKind.PULSE and rest is StepKind.REST:
             durations[place] = max(durations[place : place + 2])
+    if StepKind.PULSE not in kinds:
+        return durations
     drawn = record.discharge_capacity
     empty_ah = drawn.max() - _NEARLY_EMPTY * np.ptp(drawn)
     empty = [bool(drawn[pair.step.start] > empty_ah) for pair in pairs]
@@ -268,15 +270,21 @@ def _durations_counted(pairs: list[StepPair], record: Trajectory) -> list[float]
 def _mismatch(task: Task, pair: StepPair, signal: Signal, experiment: Experiment, fractions: FloatArray) -> FloatArray:
     """Simulated minus measured in tolerances, as the task weighs it."""
     measured, simulated = pair.curves(signal, fractions)
-    mismatch = np.asarray((simulated - measured) / tolerance_at(signal, np.abs(measured), experiment))
+    size = measured
+    if signal.share_of:
+        size = at_fractions(pair.measured, pair.measured.values(signal.share_of), fractions)
+    mismatch = np.asarray((simulated - measured) / tolerance_at(signal, np.abs(size), experiment))
     return robust(mismatch, _FAR) if task.weight == "robust" else mismatch
 
 
 def tolerance_at(signal: Signal, size: Any, experiment: Experiment) -> Any:
-    """What counts as a mismatch of a signal where it is so large, in the signal's unit; as many as there are sizes."""
+    """What counts as a mismatch of a signal where it is so large, in the signal's unit; as many as there are sizes.
+
+    The size is that of the signal itself, or of what its tolerance is a share of.
+    """
     if not signal.relative:
         return signal.tolerance
-    peak = float(np.max(np.abs(experiment.target.values(signal.name)))) or 1.0
+    peak = float(np.max(np.abs(experiment.target.values(signal.share_of or signal.name)))) or 1.0
     return signal.tolerance * (size + _ZERO_SHARE * peak)
 
 
@@ -314,7 +322,8 @@ def rows_of(task: Task) -> ResidualRows:
     for number, experiment in enumerate(task.experiments):
         record = experiment.target
         off = {
-            signal.name: values + tolerance_at(signal, np.abs(values), experiment)
+            signal.name: values
+            + tolerance_at(signal, np.abs(record.signals[signal.share_of or signal.name]), experiment)
             for signal in task.signals
             if (values := record.signals.get(signal.name)) is not None
         }

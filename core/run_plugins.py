@@ -121,13 +121,14 @@ class RunPlugins:
         """See `RunHooks.simulate`."""
         simulator = self._main("simulate")
         pairs = simulator.call("simulate", candidates=[dict(candidate) for candidate in candidates], exact=exact)
-        return self._outcomes(simulator, "simulate", pairs, len(candidates), len(self._context.task.experiments))
+        return self._outcomes(simulator, "simulate", pairs, len(candidates), self._context.task.experiments)
 
     def _outcomes(
-        self, simulator: Participant, hook: str, pairs: object, candidates: int, experiments: int
+        self, simulator: Participant, hook: str, pairs: object, candidates: int, experiments: Sequence[Experiment]
     ) -> Iterator[tuple[int, Outcome]]:
-        signals = [signal.name for signal in self._context.task.signals]
-        checked = products.outcomes(pairs, candidates, experiments, signals)
+        task = self._context.task
+        signals = [[signal.name for signal in task.signals_of(experiment)] for experiment in experiments]
+        checked = products.outcomes(pairs, candidates, signals)
         while True:
             with border(simulator.who, hook):
                 pair = next(checked, None)
@@ -141,8 +142,7 @@ class RunPlugins:
         outcome = simulator and simulator.call(hook, candidate=dict(candidate))
         if simulator is None or outcome is None:
             return None
-        experiments = len(self._context.task.experiments)
-        ((_, checked),) = self._outcomes(simulator, hook, [(0, outcome)], 1, experiments)
+        ((_, checked),) = self._outcomes(simulator, hook, [(0, outcome)], 1, self._context.task.experiments)
         return checked
 
     def simulate_variant(
@@ -154,7 +154,7 @@ class RunPlugins:
             return None
         copies = [dict(candidate) for candidate in candidates]
         pairs = simulator.call(hook, candidates=copies, experiments=experiments, exact=exact)
-        return None if pairs is None else self._outcomes(simulator, hook, pairs, len(candidates), len(experiments))
+        return None if pairs is None else self._outcomes(simulator, hook, pairs, len(candidates), experiments)
 
     def equilibrium(self, candidates: Sequence[Candidate]) -> list[Outcome] | None:
         """See `RunHooks.equilibrium`; in the order of the candidates, None where the simulator has none."""
@@ -162,8 +162,7 @@ class RunPlugins:
         pairs = simulator and simulator.call(hook, candidates=[dict(candidate) for candidate in candidates])
         if simulator is None or pairs is None:
             return None
-        experiments = len(self._context.task.experiments)
-        found = dict(self._outcomes(simulator, hook, pairs, len(candidates), experiments))
+        found = dict(self._outcomes(simulator, hook, pairs, len(candidates), self._context.task.experiments))
         return [found[place] for place in range(len(candidates))]
 
     def _optional(self, hook: str, check: Callable[[Any], Any], **arguments: Any) -> Any:

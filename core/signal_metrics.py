@@ -10,6 +10,7 @@ import numpy as np
 
 from .overlap import overlap_rms, scored_part
 from .residuals import residuals
+from .signals import Signal
 from .simulation import Outcome
 from .task import Task
 
@@ -107,7 +108,7 @@ def evaluate_signals(task: Task, outcome: Outcome) -> SignalMetrics | None:
         simulated = scored_part(run.trajectory, experiment)
         if simulated is None:
             return None
-        for quantity, signal in zip(signal_errors(task), task.observed, strict=True):
+        for quantity, signal in zip(signal_errors(task), _judged(task), strict=True):
             if signal.name not in experiment.target.signals:
                 continue
             error = overlap_rms(simulated, experiment.scored_target, signal.name, experiment.protocol is None)
@@ -117,8 +118,12 @@ def evaluate_signals(task: Task, outcome: Outcome) -> SignalMetrics | None:
 
 
 def signal_errors(task: Task) -> tuple[Quantity, ...]:
-    """The error of each observed signal, in the task's order."""
+    """The error of each observed signal that a record has, in the task's order."""
     return tuple(
         Quantity(name := f"{signal.name}_rmse_{signal.suffix}", f"{signal.title} RMSE", signal.shown, told=name)
-        for signal in task.observed
+        for signal in _judged(task)
     )
+
+
+def _judged(task: Task) -> list[Signal]:
+    return [s for s in task.observed if any(s.name in experiment.target.signals for experiment in task.experiments)]

@@ -41,6 +41,8 @@ class Signal:
     relative : bool
         Whether the tolerance is a share of the value (with a tenth of the record's peak added, so that
         zero crossings count no more than the rest) rather than a number in ``unit``.
+    share_of : str
+        Name of the measured signal of whose value a relative tolerance is a share; by default this one.
     observed_in : tuple of str
         Kinds of steps of a protocol in which this driven signal is the one that answers, and is compared in
         place of the observed ones: the current of a voltage hold.
@@ -59,6 +61,7 @@ class Signal:
     shown_unit: str = ""
     shown_scale: float = 1.0
     relative: bool = False
+    share_of: str = ""
     observed_in: tuple[str, ...] = ()
     oscillates: bool = False
     optional: bool = False

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
-from .cell import CELL
+from .cell import CELL, FREQUENCY, SPECTRUM
 from .domain import Domain
 from .errors import BsaError
 from .parameters import ParameterSpace
@@ -83,10 +83,10 @@ class Experiment:
     name : str
         Where the record comes from.
     target : Trajectory
-        What was measured, cut into steps.
+        What was measured, cut into steps; or an impedance spectrum as a record (`spectrum_record`).
     protocol : Protocol or None
         The steps that the simulator is to run; None drives it by what was measured of the driven signals
-        (a cell by its current, with the voltage cut-offs widened).
+        (a cell by its current, with the voltage cut-offs widened; a spectrum is asked at its frequencies).
     scored_cycle : int or None
         The cycle on which the match is judged (the paper scores cycle 2); None for all of it.
     temperature_k : float or None
@@ -115,6 +115,11 @@ class Experiment:
     def long(self) -> bool:
         """Whether the record is a cycle table with the curves of a few cycles."""
         return bool(self.detailed_cycles)
+
+    @property
+    def is_spectrum(self) -> bool:
+        """Whether the record is an impedance spectrum, whose clock counts decades of frequency (`spectrum_record`)."""
+        return FREQUENCY.name in self.target.signals
 
     @property
     def scored_target(self) -> Trajectory:
@@ -181,8 +186,8 @@ class Task:
         for experiment in (*self.experiments, *self.held_out):
             lacking = [
                 signal.name
-                for signal in self.signals
-                if signal.name not in experiment.target.signals and not signal.optional
+                for signal in self.signals_of(experiment)
+                if signal.name not in experiment.target.signals and (experiment.is_spectrum or not signal.optional)
             ]
             if lacking:
                 raise BsaError(
@@ -228,14 +233,19 @@ class Task:
         """Whether measured driven signals drive every simulation, so that only what is observed can differ."""
         return all(experiment.protocol is None for experiment in self.experiments)
 
+    def signals_of(self, experiment: Experiment) -> tuple[Signal, ...]:
+        """The signals of an experiment's simulation: of a spectrum its own, of others those over time."""
+        return SPECTRUM if experiment.is_spectrum else tuple(s for s in self.signals if s not in SPECTRUM)
+
     @property
     def observed(self) -> tuple[Signal, ...]:
         """The signals that the match is judged by."""
         return observed(self.signals)
 
     def observed_in(self, record: Trajectory) -> tuple[Signal, ...]:
-        """Those of the observed signals that a record has."""
-        return tuple(signal for signal in self.observed if signal.name in record.signals)
+        """Those of the observed signals that a record has; of a spectrum its own, though the task fits none."""
+        own = tuple(signal for signal in self.observed if signal.name in record.signals)
+        return own or tuple(signal for signal in observed(SPECTRUM) if signal.name in record.signals)
 
     @property
     def driven(self) -> tuple[Signal, ...]:

@@ -26,6 +26,7 @@ class StepKind(StrEnum):
     CC_DISCHARGE = "CC discharge"
     PULSE = "pulse"
     DRIVE = "drive"
+    SPECTRUM = "spectrum"
 
 
 _KINDS: dict[str, StepKind] = {str(kind): kind for kind in StepKind}

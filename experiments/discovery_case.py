@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -235,7 +235,14 @@ def _request(options: DiscoverOptions, file: RecordFile) -> RecordRequest:
     from .tasks.records import RecordRequest
 
     temperature_k = None if options.ambient_c is None else options.ambient_c + 273.15
-    return RecordRequest(file.source(), file.read, file.reader, file.reader_options, temperature_k=temperature_k)
+    asked = RecordRequest(file.source(), file.read, file.reader, file.reader_options, temperature_k=temperature_k)
+    found = asked.load()
+    if not isinstance(found, Record):
+        raise BsaError(
+            f"{found.name} is an impedance spectrum; a discovery compares records over time alone.",
+            "leave it out, or fit it beside them with bsa run --data.",
+        )
+    return replace(asked, source=found)
 
 
 def _parts(options: DiscoverOptions, file: RecordFile) -> list[tuple[str, RecordRequest]]:

@@ -3,40 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..core.cell import CELL
 from ..core.errors import BsaError
 from ..core.files import write_json, write_text
 from ..core.hooks import RunContext
 from ..core.loop import Listener
 from ..core.prediction import Prediction, predict
-from ..core.record import Record
 from ..core.record_errors import capacity_scatter
 from ..core.registry import installed
 from ..core.run_plugins import RunPlugins
 from ..core.scaffold import Scaffold
-from ..core.spectrum import ImpedanceSpectrum, SpectrumErrors, compare
 from ..core.watched_simulations import NOT_FITTED, WatchedSimulations
 from .run_record import RunRecord, read_run
 from .tasks.records import RecordRequest, holding_out
 
 RESULT, PAGE = "prediction.json", "prediction.html"
-
-
-_PYBAMM = "pybamm"
-"""Simulator whose cells have an impedance."""
-
-
-@dataclass(frozen=True, eq=False)
-class PredictedSpectrum:
-    """A measured impedance, and that of the fitted cell at its frequencies."""
-
-    measured: ImpedanceSpectrum
-    simulated: ImpedanceSpectrum
-    errors: SpectrumErrors
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +29,6 @@ class ScoredRecords:
 
     run: RunRecord  # The run; its task holds out these records in place of those that it held out itself.
     predictions: tuple[Prediction, ...]  # In the order of the records.
-    spectra: tuple[PredictedSpectrum, ...] = ()  # In the order of the spectra.
 
     def to_json(self) -> dict[str, Any]:
         """What ``prediction.json`` holds."""
@@ -55,7 +38,6 @@ class ScoredRecords:
             "trial": self.run.best.index,
             "parameters": dict(self.run.best.candidate),
             "records": [{"fitted": False, **prediction.as_json()} for prediction in self.predictions],
-            "spectra": [asdict(spectrum.errors) for spectrum in self.spectra],
             "notes": [note for note in self.run.task.notes if "(held out)" in note],
         }
 
@@ -79,14 +61,7 @@ def predict_records(
     run = read_run(folder)
     if not run.best.ok:
         raise BsaError(f"no simulation of {folder} ran to its end.", "a run that fits nothing predicts nothing.")
-    loaded = [(request, request.load()) for request in requests]
-    records = [replace(request, source=found) for request, found in loaded if isinstance(found, Record)]
-    task = holding_out(replace(run.task, held_out=()), records)
-    spectra = _spectra(
-        run, [(found, request.initial_soc) for request, found in loaded if not isinstance(found, Record)]
-    )
-    if not records:
-        return ScoredRecords(replace(run, task=task, held_out=()), (), spectra)
+    task = holding_out(replace(run.task, held_out=()), requests)
     scaffold = Scaffold.model_validate(
         {"name": "predict", "simulator": run.config["scaffold"]["simulator"], "proposer": "default"}
     )
@@ -98,25 +73,7 @@ def predict_records(
         found = predict(task, run.best.candidate, task.held_out, watched, draws, capacity_scatter(run.records))
     finally:
         plugins.close()
-    return ScoredRecords(replace(run, task=task, held_out=found), found, spectra)
-
-
-def _spectra(
-    run: RunRecord, measured: Sequence[tuple[ImpedanceSpectrum, float | None]]
-) -> tuple[PredictedSpectrum, ...]:
-    """The spectra of the best candidate's cell."""
-    if not measured:
-        return ()
-    simulator = run.config["scaffold"]["simulator"]["use"]
-    if simulator != _PYBAMM or run.task.domain != CELL:
-        raise BsaError(f'the simulator "{simulator}" has no impedance.', "give records over time alone.")
-    from ..plugins.pybamm.impedance import simulate_spectrum
-
-    found = []
-    for spectrum, known_soc in measured:
-        simulated, soc = simulate_spectrum(run.task.cell, run.task.space, run.best.candidate, spectrum, known_soc)
-        found.append(PredictedSpectrum(spectrum, simulated, compare(spectrum, simulated, soc)))
-    return tuple(found)
+    return ScoredRecords(replace(run, task=task, held_out=found), found)
 
 
 def _unwatched(purpose: str, done: int, total: int) -> None:
@@ -128,5 +85,5 @@ def write_scores(scored: ScoredRecords, out: Path) -> Path:
     from .report.prediction import render
 
     write_json(out / RESULT, scored.to_json(), indent=2)
-    write_text(out / PAGE, render(scored.run, scored.spectra))
+    write_text(out / PAGE, render(scored.run))
     return out / PAGE

@@ -47,7 +47,8 @@ class PredictionResult:
     @property
     def spectra(self) -> dict[str, dict[str, Any]]:
         """By impedance spectrum: ohmic resistance and arcs, measured and simulated, and the error, in mohm."""
-        return {one.errors.record: asdict(one.errors) for one in self._scored.spectra}
+        predicted = [one.errors for one in self._scored.predictions]
+        return {errors.record: asdict(errors.impedance) for errors in predicted if errors.impedance is not None}
 
     def to_json(self) -> dict[str, Any]:
         """The contents of ``prediction.json``: plain dicts, lists, strings and numbers."""
@@ -55,8 +56,7 @@ class PredictionResult:
 
     def __repr__(self) -> str:
         rows = error_rows(self._scored.run.task, (), self._scored.predictions)
-        lines = [row.line for row in rows] + [one.errors.line for one in self._scored.spectra]
-        return f"<PredictionResult {'; '.join(lines)}; {self.report}>"
+        return f"<PredictionResult {'; '.join(row.line for row in rows)}; {self.report}>"
 
     def _repr_html_(self) -> str:
         task = self._scored.run.task

@@ -43,6 +43,4 @@ def predict(
         return
     for row in error_rows(scored.run.task, scored.run.records, scored.predictions):
         print(f"  {printable(row.line, 400)}")
-    for spectrum in scored.spectra:
-        print(f"  {printable(spectrum.errors.line, 400)}")
     print(f"  report: {page}")

@@ -191,7 +191,9 @@ def run(
     from ...core.task import NEAREST
 
     to_discover = ""
-    if data and start_from is None and not effect and not request.task.long:
+    spectra = {experiment.name for experiment in request.task.experiments if experiment.is_spectrum}
+    over_time = [path for path in data or () if path.name not in spectra]
+    if over_time and start_from is None and not effect and not request.task.long:
         typed = {
             "--parameters": request.folder if ocp or parameters == NEAREST else parameters,
             "--model": model,
@@ -200,7 +202,7 @@ def run(
             "--join": join,
             **reading.typed,
         }
-        to_discover = discover_command(data, holdout or (), typed)
+        to_discover = discover_command(over_time, holdout or (), typed)
     _execute(request, resources, as_json, identifiability, to_discover)
 
 

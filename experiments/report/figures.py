@@ -18,6 +18,7 @@ from ...core.trial import Trial
 from ...plugins.feedback.ageing import told_cycles
 from ..run_record import RunRecord
 from .chart import BOTTOM, GAP, TOP, Axis, Band, Chart, Key, Marker, Panel, horizontal, padded, vertical
+from .nyquist import nyquist
 from .wording import number, time_unit, unit
 
 _DRIVEN_HEIGHT, _OBSERVED_HEIGHT, _RESIDUAL_HEIGHT, _CONVERGENCE_HEIGHT = 96.0, 210.0, 110.0, 250.0
@@ -114,6 +115,9 @@ def prediction_overlays(task: Task, predictions: Sequence[Prediction]) -> list[O
 
 def _predicted(task: Task, place: int, experiment: Experiment, curve: Trajectory) -> Overlay:
     measured, predicted = _Curve("measured", experiment.scored_target), _Curve("best", curve)
+    if experiment.is_spectrum:
+        fit, legend = _fit_after(task, predicted, measured), [Key("measured", "measured"), Key("best", "predicted")]
+        return _spectrum(experiment.name, f"held-out-{place}", fit, [measured, predicted], legend)
     scale, clock_unit = time_unit(float(measured.time[-1]))
     across = horizontal(0.0, float(measured.time[-1]) / scale)
     drawn = _panels(task, measured, [predicted], predicted)
@@ -161,6 +165,14 @@ def _overlay(run: RunRecord, place: int, experiment: Experiment) -> Overlay:
     best = _simulated(run.best, place, experiment, "best") if run.best is not run.initial else None
     simulated = [curve for curve in (initial, best) if curve is not None]
     focus = best or initial
+    keys = [Key("measured", "measured")]
+    if initial is not None:
+        keys.append(Key("initial", "initial" if best is not None or run.best is not run.initial else "initial = best"))
+    if best is not None:
+        keys.append(Key("best", f"best (simulation {run.best.index})"))
+    fit = _fit(run.task, " of this record", initial, focus, measured)
+    if experiment.is_spectrum:
+        return _spectrum(experiment.name, f"overlay-{place}", fit, [measured, *simulated], keys)
     longest = max([measured.time[-1], *(min(curve.time[-1], 1.5 * measured.time[-1]) for curve in simulated)])
     scale, clock_unit = time_unit(float(longest))
     across = horizontal(0.0, float(longest) / scale)
@@ -170,12 +182,7 @@ def _overlay(run: RunRecord, place: int, experiment: Experiment) -> Overlay:
             time, values = curve.residual(measured, signal) if is_residual else (curve.time, curve.values(signal))
             panel.draw(across, time / scale, values, curve.style)
     panels = [panel for panel, _, _ in drawn]
-    keys = [Key("measured", "measured")]
-    if initial is not None:
-        keys.append(Key("initial", "initial" if best is not None or run.best is not run.initial else "initial = best"))
-    if best is not None:
-        keys.append(Key("best", f"best (simulation {run.best.index})"))
-    names = [signal.words for signal in (*run.task.driven, *run.task.observed_in(experiment.target))]
+    names = [signal.words for _, signal, is_residual in drawn if not is_residual]
     return Overlay(
         name=experiment.name,
         chart=Chart(
@@ -190,8 +197,13 @@ def _overlay(run: RunRecord, place: int, experiment: Experiment) -> Overlay:
             height=panels[-1].top + panels[-1].height + BOTTOM,
         ),
         remarks=tuple(_remarks(run, place, experiment, drawn, initial, measured)),
-        fit=_fit(run.task, " of this record", initial, focus, measured),
+        fit=fit,
     )
+
+
+def _spectrum(name: str, chart: str, fit: str, curves: Sequence[_Curve], keys: Sequence[Key]) -> Overlay:
+    drawn = {curve.style: curve.record for curve in curves}
+    return Overlay(name, nyquist(chart, f"Measured and simulated impedance. {fit}", drawn, keys), (), fit)
 
 
 def _simulated(trial: Trial, place: int, experiment: Experiment, style: str) -> _Curve | None:
@@ -206,7 +218,7 @@ Drawn = tuple[Panel, Signal, bool]
 def _panels(task: Task, measured: _Curve, simulated: list[_Curve], focus: _Curve | None) -> list[Drawn]:
     top = TOP
     drawn: list[Drawn] = []
-    for signal in (*task.driven, *task.observed_in(measured.record)):
+    for signal in (*_driven(task, measured), *task.observed_in(measured.record)):
         driven = signal.role == "driven"
         height = _DRIVEN_HEIGHT if driven else _OBSERVED_HEIGHT
         curves = [curve.values(signal) for curve in (measured, *simulated)]
@@ -219,6 +231,10 @@ def _panels(task: Task, measured: _Curve, simulated: list[_Curve], focus: _Curve
             drawn.append((_residual_panel(focus.residual(measured, signal)[1], signal, top), signal, True))
             top += _RESIDUAL_HEIGHT + GAP
     return drawn
+
+
+def _driven(task: Task, measured: _Curve) -> list[Signal]:
+    return [signal for signal in task.driven if signal.name in measured.record.signals]
 
 
 def _residual_panel(values: FloatArray, signal: Signal, top: float) -> Panel:
@@ -252,7 +268,7 @@ def _remarks(
     if experiment.scored_cycle is not None:
         remarks.append(f"Cycle {experiment.scored_cycle} is scored and shown, each curve from its own start.")
     if experiment.protocol is None:
-        names = " and ".join(signal.words for signal in run.task.driven)
+        names = " and ".join(signal.words for signal in _driven(run.task, measured))
         if names:
             remarks.append(f"The measured {names} drives the simulation, so measured and simulated {names} coincide.")
     if initial is None:

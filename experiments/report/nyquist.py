@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ...core.spectrum import ImpedanceSpectrum
-from ...core.trajectory import FloatArray
-from ..predict import PredictedSpectrum
+from ...core.cell import FREQUENCY, REACTANCE, RESISTANCE
+from ...core.trajectory import FloatArray, Trajectory
 from .chart import BOTTOM, LEFT, RIGHT, TOP, WIDTH, Chart, Key, Marker, Panel, horizontal, padded, vertical
 from .wording import number
 
@@ -16,41 +15,53 @@ _HEIGHTS = (160.0, 440.0)
 """Least and largest height of the panel, px; between them an ohm is as long on both axes."""
 
 
-def nyquist(spectra: Sequence[PredictedSpectrum]) -> list[Chart]:
-    """One figure for each spectrum: measured and simulated, up to the frequency at which the measured one is real."""
-    return [_nyquist(place, one) for place, one in enumerate(spectra)]
+def nyquist(name: str, description: str, curves: Mapping[str, Trajectory], keys: Sequence[Key]) -> Chart:
+    """The negative imaginary part over the real part; the axes show the measured spectrum well.
 
-
-def _nyquist(place: int, one: PredictedSpectrum) -> Chart:
-    curves = {
-        "measured": _milliohm(one.measured, one.errors.ohmic_hz),
-        "best": _milliohm(one.simulated, one.errors.ohmic_hz),
-    }
-    real, turned = (np.concatenate(parts) for parts in zip(*curves.values(), strict=True))
-    across = horizontal(*padded(float(real.min()), float(real.max())))
-    low, high = padded(float(turned.min()), float(turned.max()))
+    Parameters
+    ----------
+    name, description : str
+        The figure's, for programs and for those who cannot see it.
+    curves : mapping of str to Trajectory
+        Spectra by their style, the measured one first.
+    keys : sequence of Key
+        The legend.
+    """
+    drawn = {style: _milliohm(curve) for style, curve in curves.items()}
+    real, turned = (_limits([curve[part] for curve in drawn.values()]) for part in (0, 1))
+    across = horizontal(*padded(*real))
+    low, high = padded(*turned)
     scale = (WIDTH - LEFT - RIGHT) / (across.high - across.low)
     axis = vertical(low, high, TOP, float(np.clip(scale * (high - low), *_HEIGHTS)))
     panel = Panel(axis, "-Im Z / mΩ", ticks=axis.ticks(5))
-    kept = one.measured.frequency[one.measured.frequency <= one.errors.ohmic_hz]
-    for style, (x, y) in curves.items():
+    for style, (x, y) in drawn.items():
         panel.draw(across, x, y, style)
         panel.markers += [
             Marker(float(across.pixels(a)), float(axis.pixels(b)), style, f"{number(hertz)} Hz")
-            for a, b, hertz in zip(x, y, kept, strict=True)
+            for a, b, hertz in zip(x, y, curves[style].values(FREQUENCY.name), strict=True)
         ]
     return Chart(
-        name=f"impedance-{place}",
-        title=f"Impedance of {one.errors.record}",
-        description=one.errors.line,
+        name=name,
+        title="Impedance",
+        description=description,
         panels=[panel],
         x_ticks=across.ticks(8),
         x_label="Re Z / mΩ",
-        keys=[Key("measured", "measured"), Key("best", "simulated")],
+        keys=list(keys),
         height=axis.start + BOTTOM,
     )
 
 
-def _milliohm(spectrum: ImpedanceSpectrum, highest_hz: float) -> tuple[FloatArray, FloatArray]:
-    kept = spectrum.impedance[spectrum.frequency <= highest_hz]
-    return 1e3 * kept.real, -1e3 * kept.imag
+def _milliohm(spectrum: Trajectory) -> tuple[FloatArray, FloatArray]:
+    real, turned = (part.shown_scale * spectrum.values(part.name) for part in (RESISTANCE, REACTANCE))
+    return real, turned
+
+
+def _limits(curves: Sequence[FloatArray]) -> tuple[float, float]:
+    """Ends that hold the measured curve, and of wild simulations what lies half its size beyond."""
+    low, high = float(curves[0].min()), float(curves[0].max())
+    margin = 0.5 * (high - low)
+    return (
+        max(min(float(curve.min()) for curve in curves), low - margin),
+        min(max(float(curve.max()) for curve in curves), high + margin),
+    )

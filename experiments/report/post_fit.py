@@ -81,7 +81,7 @@ def next_line(analysis: PostFitAnalysis, domain: Domain) -> str:
 
 
 def tolerance_words(task: Task) -> str:
-    """``"1 mV, 0.1 % of a duration, about 1 % of a current"``: what a tolerance is in this task."""
+    """``"1 mV, 0.1 % of a duration, about 1 % of the current"``: what a tolerance is in this task."""
     several = len(task.observed) > 1
     parts = [
         f"{number(signal.shown_scale * signal.tolerance)} {unit(signal.shown)}" + f" of {signal.words}" * several
@@ -92,8 +92,9 @@ def tolerance_words(task: Task) -> str:
         parts.append(f"{number(100.0 * DURATION_TOLERANCE)} % of a duration")
     answering = [signal for signal in task.driven if signal.observed_in and not task.given_drive]
     shares = [signal for signal in (*task.observed, *answering) if signal.relative]
-    parts += [f"about {number(100.0 * signal.tolerance)} % of a {signal.words}" for signal in shares]
-    return ", ".join(parts)
+    parts += [
+        f"about {number(100.0 * signal.tolerance)} % of the {signal.share_of or signal.words}" for signal in shares
+    ]
 
 
 def steps_of(suggestion: Suggestion) -> str:

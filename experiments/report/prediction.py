@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from ..predict import PredictedSpectrum
 from ..run_record import RunRecord
 from .figures import prediction_overlays
-from .nyquist import nyquist
 from .page import MOST_STEPS
 from .records import error_rows
 from .templates import template
 
 
-def render(run: RunRecord, spectra: Sequence[PredictedSpectrum] = ()) -> str:
-    """The page as HTML: the records that were fitted, for comparison, those of ``run.held_out``, and spectra."""
+def render(run: RunRecord) -> str:
+    """The page as HTML: the records that were fitted, for comparison, and those of ``run.held_out``."""
     return template("prediction.html.j2").render(
         run=run,
         domain=run.task.domain,
         rows=error_rows(run.task, run.records, run.held_out),
         most_steps=MOST_STEPS,
         predictions=prediction_overlays(run.task, run.held_out),
-        spectra=list(zip(spectra, nyquist(spectra), strict=True)),
     )

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ...core.ageing.fade_band import CAPACITY
-from ...core.cell import TEMPERATURE
+from ...core.cell import SPECTRUM, TEMPERATURE
 from ...core.prediction import Band, Prediction
 from ...core.record_errors import RecordErrors, SignalError
 from ...core.task import Task
@@ -41,6 +41,8 @@ class ErrorRow:
     # That the simulation stopped early, or that the simulated cell ran into a limit; for a record that was not
     # simulated, why.
     remark: str = ""
+    note: str = ""  # What else a reader wants to know of it.
+    over: str = "time"  # What errors are averaged over.
     steps: tuple[ErrorRow, ...] = ()  # The same, step by step.
 
     @property
@@ -50,10 +52,14 @@ class ErrorRow:
         remark = f"; {self.remark}" if self.remark else ""
         if not self.rms:
             return f"{who}: not simulated: {self.remark}"
-        band = f"; 95 % band ± {self.band} {self.unit} (median) holds {self.inside} of the time" if self.band else ""
+        median = " (median)" if self.band else ""
+        band = (
+            f"; 95 % band ± {self.band} {self.unit}{median} holds {self.inside} of the {self.over}" if self.band else ""
+        )
+        note = f"; {self.note}" if self.note else ""
         return (
-            f"{who}: {self.signal} {self.rms} {self.unit} rms ({self.most} over 99 % of the time), "
-            f"{self.largest} at most{band}{remark}"
+            f"{who}: {self.signal} {self.rms} {self.unit} rms ({self.most} over 99 % of the {self.over}), "
+            f"{self.largest} at most{band}{note}{remark}"
         )
 
 
@@ -66,7 +72,8 @@ def error_rows(task: Task, records: Sequence[RecordErrors], held_out: Sequence[P
 def _rows(task: Task, errors: RecordErrors, use: str, bands: dict[str, Band]) -> list[ErrorRow]:
     if not errors.signals:
         return [ErrorRow(errors.record, "", use, "", "", "", "", "", remark=errors.failure)]
-    words = {CAPACITY: CAPACITY} | {signal.name: signal.words for signal in (*task.observed, TEMPERATURE)}
+    words = {CAPACITY: CAPACITY} | {signal.name: signal.words for signal in (*task.observed, TEMPERATURE, *SPECTRUM)}
+    over = "time" if errors.impedance is None else "decades"
     stopped = f"the simulation stopped early: {errors.failure}" if errors.failure else ""
     rows = []
     for name, error in errors.signals.items():
@@ -87,7 +94,9 @@ def _rows(task: Task, errors: RecordErrors, use: str, bands: dict[str, Band]) ->
         )
         wide = TOO_WIDE if band is not None and band.wide else ""
         remark = "; ".join(part for part in (stopped, *errors.limits, wide) if part)
-        rows.append(ErrorRow(errors.record, "", use, *_printed(words[name], error), *told, remark, steps))
+        note = "" if errors.impedance is None or rows else errors.impedance.words
+        row = ErrorRow(errors.record, "", use, *_printed(words[name], error), *told, remark, note, over, steps)
+        rows.append(row)
     return rows
 
 

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ...core.ageing.long_record import long_record
-from ...core.cell import CELL, TEMPERATURE
+from ...core.cell import CELL, SPECTRUM, TEMPERATURE
 from ...core.errors import BsaError
 from ...core.parameters import ParameterSpace
 from ...core.prediction import begins_under_load
@@ -23,6 +23,7 @@ from ...core.target import INITIAL_SOC, InitialSoc, soc_name
 from ...core.task import NEAREST, CellModel, Experiment, ParameterSource, Protocol, Task
 from ...core.trajectory import StepKind, Trajectory
 from .lives import as_life, with_ageing
+from .spectra import ohmic_resistances, spectrum_experiment, spectrum_notes
 
 WIDTH = "Electrode width [m]"
 
@@ -73,7 +74,7 @@ _SAME_SIZE = (0.8, 1.25)
 class RecordRequest:
     """A record to be matched."""
 
-    source: Path | Record  # The file, or what was read from it.
+    source: Path | Record | ImpedanceSpectrum  # The file, or what was read from it.
     read: ReadOptions = field(default_factory=ReadOptions)  # What its header does not say.
     reader: str | None = None  # The reader to use; None finds the one that fits.
     reader_options: Mapping[str, Any] = field(default_factory=dict)  # The reader's own options.
@@ -105,7 +106,7 @@ class RecordRequest:
         """What its source holds. Raises `BsaError` if the file cannot be read."""
         from ...core.reading.reading import read_file
 
-        if isinstance(self.source, Record):
+        if not isinstance(self.source, Path):
             return self.source
         return read_file(self.source, self.read, installed(), self.reader, self.reader_options)
 
@@ -121,14 +122,11 @@ class RecordRequest:
     def parts(self) -> list[RecordRequest]:
         """A request for each part of the record whose charge is known; see `parts_between_gaps`.
 
-        Those of a life are what is fitted and what is forecast.
+        Those of a life are what is fitted and what is forecast. A spectrum has no parts.
         """
         record = self.load()
         if not isinstance(record, Record):
-            raise BsaError(
-                f"{record.name} is an impedance spectrum, which is not fitted.",
-                "compare it with a finished run: bsa predict RUN --data FILE.",
-            )
+            return [replace(self, source=record)]
         if self.is_life and record.trajectory.cycle_table is None:
             voltage, _ = _open_circuit_start(record.trajectory)
             return [replace(part, initial_voltage=voltage) for part in as_life(self, record)]
@@ -178,11 +176,14 @@ def build_task(
     from ...plugins.pybamm.model_options import in_pybamm_spelling
     from ...plugins.pybamm.parameter_sets import load
     from ...plugins.pybamm.presets import resolve_space, starts_given
+    from ...plugins.pybamm.spectrum_experiment import DOUBLE_LAYERS
     from ...plugins.pybamm.state_of_charge import equilibrium_capacity_ah, soc_at_voltage
 
-    records, forecast = _divided(records)
+    asked, forecast = _divided(records)
+    records, spectra = _over_time(asked)
     loaded = [_as_asked(request) for request in records]
     notes = [f"{record.name}: {note}" for record in loaded for note in (*record.notes, *_too_many_cycles(record))]
+    notes += [note for request in spectra for note in spectrum_notes(request)]
     parameter_set, said = _with_potentials(parameter_set, ocp, loaded)
     notes += said if effects else [*said, *_hysteresis(loaded)]
     fixed = dict(overrides or {})
@@ -221,13 +222,14 @@ def build_task(
     cell = CellModel(parameter_set, model, options, fixed, tuple(effects))
     own_effects = effects_in(cell)
     augmented_cell(cell, own_effects)  # two may ask for different things
-    space = resolve_space(parameter_set, search, fixed, options)
+    # The model of a spectrum alone has the double layers.
+    space = resolve_space(parameter_set, search, fixed, {**options, **DOUBLE_LAYERS} if spectra else options)
     if isinstance(search, str) and Path(search).suffix not in (".yaml", ".yml"):
         # A preset does not know what this person knows.
         space = ParameterSpace(tuple(parameter for parameter in space if parameter.name not in (overrides or {})))
     space = ParameterSpace((*space, *(parameter for effect in own_effects for parameter in effect.searched)))
     if RESISTANCE not in given and not values.get(RESISTANCE, 0.0):
-        space = _with_contact_resistance(space, loaded)
+        space = _with_contact_resistance(space, loaded, ohmic_resistances(spectra))
     experiments: list[Experiment] = []
     socs: list[float] = []
     for request, record in zip(records, loaded, strict=True):
@@ -251,11 +253,18 @@ def build_task(
                 detailed_cycles=() if request.detailed_cycles is None else record.trajectory.cycles,
             )
         )
-    space = _with_initial_soc(space, experiments, socs, INITIAL_SOC in given)
+    space = _with_initial_soc(space, experiments, socs, INITIAL_SOC in given, alone=len(asked) == 1)
+    experiments += [spectrum_experiment(request) for request in spectra]
     compared = by_current and change_k > 0.0 and options.get(THERMAL, ISOTHERMAL) != ISOTHERMAL
-    signals = (*CELL.signals, TEMPERATURE) if compared else CELL.signals
+    signals = (*CELL.signals, *[TEMPERATURE] * compared, *(SPECTRUM if spectra else ()))
     task = Task(name, cell, space, tuple(experiments), tuple(notes), signals=signals)
     return holding_out(task, (*forecast, *held_out))
+
+
+def _over_time(requests: Sequence[RecordRequest]) -> tuple[list[RecordRequest], list[RecordRequest]]:
+    """The requests for records over time, and those for spectra; all are read already."""
+    spectra = [request for request in requests if isinstance(request.source, ImpedanceSpectrum)]
+    return [request for request in requests if not isinstance(request.source, ImpedanceSpectrum)], spectra
 
 
 def _too_many_cycles(record: Record) -> list[str]:
@@ -348,7 +357,7 @@ def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
         )
     if task.long:
         requests = [request if request.detailed_cycles else request.as_life() for request in requests]
-    requests = [part for request in requests for part in request.parts()]
+    requests, spectra = _over_time([part for request in requests for part in request.parts()])
     loaded = [_as_asked(request) for request in requests]
     notes = [f"{record.name} (held out): {note}" for record in loaded for note in record.notes]
     experiments = [_held_out(request, record) for request, record in zip(requests, loaded, strict=True)]
@@ -358,6 +367,8 @@ def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
         for e in experiments
         if e.initial_voltage is not None and begins_under_load(e.target)
     ]
+    experiments += [spectrum_experiment(request) for request in spectra]
+    notes += [note for request in spectra for note in spectrum_notes(request, " (held out)")]
     return replace(task, held_out=(*task.held_out, *experiments), notes=(*task.notes, *notes))
 
 
@@ -451,9 +462,11 @@ def _with_room_for(record: Trajectory, soc: float, capacity_ah: float) -> float:
     return float(np.clip(soc, lowest, highest)) if lowest <= highest else soc
 
 
-def _with_contact_resistance(space: ParameterSpace, records: Sequence[Record]) -> ParameterSpace:
-    """The space with a searched contact resistance started from the voltage jumps at the current steps."""
-    jumps = [jump for record in records for jump in _jump_resistances(record.trajectory)]
+def _with_contact_resistance(
+    space: ParameterSpace, records: Sequence[Record], ohmic: Sequence[float]
+) -> ParameterSpace:
+    """The space with a searched contact resistance started from the ohmic part of spectra, or the jumps of voltage."""
+    jumps = list(ohmic) or [jump for record in records for jump in _jump_resistances(record.trajectory)]
     if RESISTANCE not in space or not jumps:
         return space
     template = space[RESISTANCE]
@@ -477,17 +490,18 @@ def _jump_resistances(record: Trajectory) -> list[float]:
 
 
 def _with_initial_soc(
-    space: ParameterSpace, experiments: Sequence[Experiment], socs: Sequence[float], given: bool
+    space: ParameterSpace, experiments: Sequence[Experiment], socs: Sequence[float], given: bool, alone: bool
 ) -> ParameterSpace:
     """The space with every searched state of charge started where its record starts, or where a person said.
 
-    One searched ``Initial state of charge`` becomes one for each record when there are several.
+    One searched ``Initial state of charge`` becomes one for each record when it is not alone. Spectra have none: each
+    is that of the cell at a known voltage.
     """
-    if INITIAL_SOC not in space or not socs:
+    if INITIAL_SOC not in space or (experiments and not socs):
         return space
     template = space[INITIAL_SOC]
     starts = [template.initial if given else template.project(soc) for soc in socs]
-    if len(experiments) == 1:
+    if alone and experiments:
         started = [replace(template, initial=starts[0])]
     else:
         known = [experiment.name for experiment in experiments if experiment.initial_soc is not None]

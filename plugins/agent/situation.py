@@ -203,7 +203,8 @@ def _signals(task: Task) -> dict[str, Any]:
 def _record(experiment: Experiment, task: Task) -> dict[str, Any]:
     protocol = experiment.protocol
     if protocol is None:
-        told: Any = f"measured {' and '.join(signal.words for signal in task.driven) or 'conditions'}"
+        driven = [signal.words for signal in task.driven if signal.name in experiment.target.signals]
+        told: Any = f"measured {' and '.join(driven) or 'conditions'}"
     elif len(set(protocol)) == 1 < len(protocol):
         told = {"times": len(protocol), "cycle": list(protocol[0])}
     else:

@@ -56,8 +56,8 @@ def _last_values(task: Task, trajectory: Trajectory) -> str:
     def last(signal: Signal) -> str:
         return signal.printed(float(trajectory.values(signal.name)[-1]))
 
-    observed = ", ".join(f"{signal.words} {last(signal)}" for signal in task.observed)
-    driven = ", ".join(last(signal) for signal in task.driven)
+    observed = ", ".join(f"{signal.words} {last(signal)}" for signal in task.observed_in(trajectory))
+    driven = ", ".join(last(signal) for signal in task.driven if signal.name in trajectory.signals)
     return f"{observed} at {driven}" if driven else observed
 
 

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.cell import FREQUENCY, REACTANCE, RESISTANCE
 from ...core.residuals import ResidualRows, rows_of
 from ...core.task import Task
 from ...core.trajectory import FloatArray, Trajectory
@@ -26,6 +27,9 @@ _COVERED = 0.5
 
 _INSTANT_S = 60.0
 """What the voltage does within a minute of a current step is ohmic and kinetic; later diffusion shows."""
+
+_KINETIC_HZ = 1.0
+"""What impedance shows above this frequency is ohmic and kinetic; below, diffusion."""
 
 _VOLTAGE, _TEMPERATURE = "voltage", "temperature"
 
@@ -67,7 +71,8 @@ def view_of(task: Task, data: Data) -> View:
         The records.
     data : str
         ``"open-circuit"`` for rests after ten minutes and currents up to C/10; ``"current-steps"`` for the first
-        minute after each step of the current, against the voltage before it; ``"rates"`` for higher currents;
+        minute after each step of the current, against the voltage before it, and for spectra above 1 Hz; ``"rates"``
+        for higher currents;
         ``"temperature"`` for the measured temperature; ``"first-cycle"`` for a record's first cycle, in which a cell
         has not aged; ``"life"`` for the cycles after it, those of a table of cycles among them; ``"everything"``.
     """
@@ -80,11 +85,12 @@ def view_of(task: Task, data: Data) -> View:
         return _plain(rows, first if data == "first-cycle" else ~first, lacking)
     if data == _TEMPERATURE:
         return _plain(rows, rows.signal == _TEMPERATURE, "no temperature is compared")
-    capacity_ah = max(float(np.ptp(experiment.target.discharge_capacity)) for experiment in task.experiments)
-    if capacity_ah <= 0:
-        return _none("no charge flows in the records")
+    over_time = [experiment.target for experiment in task.experiments if not experiment.is_spectrum]
+    capacity_ah = max((float(np.ptp(record.discharge_capacity)) for record in over_time), default=0.0)
     if data == "current-steps":
         return _current_steps(task, rows, capacity_ah)
+    if capacity_ah <= 0:
+        return _none("no charge flows in the records")
     rates = _rates(task, rows) / capacity_ah
     if data == "rates":
         return _plain(rows, (rows.signal != _TEMPERATURE) & (rates > _SLOW_PER_H), "no current exceeds C/10")
@@ -106,10 +112,13 @@ def _in_first_cycle(task: Task, rows: ResidualRows) -> NDArray[np.bool_]:
 
 
 def _rates(task: Task, rows: ResidualRows) -> FloatArray:
-    """Mean current of each residual's step, without sign, A."""
+    """Mean current of each residual's step, without sign, A; none of a spectrum."""
     means = [
-        [float(np.mean(np.abs(record.current[step.start : step.stop]))) for step in record.steps]
-        for record in (experiment.target for experiment in task.experiments)
+        [
+            0.0 if experiment.is_spectrum else float(np.mean(np.abs(experiment.target.current[step.start : step.stop])))
+            for step in experiment.target.steps
+        ]
+        for experiment in task.experiments
     ]
     return np.array([means[record][step] for record, step in zip(rows.record, rows.step, strict=True)])
 
@@ -133,11 +142,16 @@ def _charge_at(record: Trajectory, rows: ResidualRows, place: int) -> float:
 
 
 def _current_steps(task: Task, rows: ResidualRows, capacity_ah: float) -> View:
-    """Voltage in the first minute less that before it; each current step counts the same."""
+    """Voltage in the first minute less that before it, and spectra above 1 Hz.
+
+    Each current step counts the same, and so does each decade of a spectrum's parts.
+    """
     found: list[tuple[NDArray[np.intp], int]] = []
     voltage = (rows.signal == _VOLTAGE) & (rows.scale > 0)
     for number, experiment in enumerate(task.experiments):
         record = experiment.target
+        if experiment.is_spectrum:
+            continue
         for place in range(1, len(record.steps)):
             step = record.steps[place]
             if abs(record.current[step.start] - record.current[step.start - 1]) < _SLOW_PER_H * capacity_ah:
@@ -147,9 +161,33 @@ def _current_steps(task: Task, rows: ResidualRows, capacity_ah: float) -> View:
             before = np.flatnonzero(own & (rows.step == place - 1))
             if len(after) and len(before):
                 found.append((after, int(before[-1])))
-    if not found:
+    spectra, weights = _kinetic_decades(task, rows)
+    if not found and not len(spectra):
         return _none("no step of the current is sampled within a minute")
-    places = np.concatenate([after for after, _ in found])
-    less = np.concatenate([np.full(len(after), before) for after, before in found])
-    shares = np.concatenate([np.full(len(after), len(after) ** -0.5) for after, _ in found])
-    return View(places, shares / rows.scale[places], less, shares / rows.scale[less])
+    places = np.array([place for after, _ in found for place in after], dtype=np.intp)
+    less = np.array([before for after, before in found for _ in after], dtype=np.intp)
+    shares = np.array([len(after) ** -0.5 for after, _ in found for _ in after])
+    return View(
+        np.append(places, spectra),
+        np.append(shares / rows.scale[places], weights),
+        np.append(less, np.full(len(spectra), -1)),
+        np.append(shares / rows.scale[less], np.zeros(len(spectra))),
+    )
+
+
+def _kinetic_decades(task: Task, rows: ResidualRows) -> tuple[NDArray[np.intp], FloatArray]:
+    """Places of the residuals of spectra above 1 Hz, and the weights by which each decade of a part counts as one."""
+    of_spectra = np.isin(rows.signal, (RESISTANCE.name, REACTANCE.name)) & (rows.scale > 0)
+    places: list[NDArray[np.intp]] = [np.zeros(0, dtype=np.intp)]
+    weights: list[FloatArray] = [np.zeros(0)]
+    for number, experiment in enumerate(task.experiments):
+        if not experiment.is_spectrum:
+            continue
+        own = np.flatnonzero(of_spectra & (rows.record == number))
+        highest = float(experiment.target.values(FREQUENCY.name)[0])
+        # The clock of a spectrum counts decades.
+        kinetic = own[rows.since_s[own] <= np.log10(highest / _KINETIC_HZ)]
+        a_decade = np.count_nonzero(rows.signal[own] == RESISTANCE.name) / experiment.target.duration
+        places.append(kinetic)
+        weights.append(a_decade**-0.5 / rows.scale[kinetic])
+    return np.concatenate(places), np.concatenate(weights)

@@ -43,7 +43,7 @@ would narrow its prior by a tenth at most, for a simulation with every Jacobian.
 
 _DATA: dict[Data, str] = {
     "open-circuit": "rests and currents up to C/10",
-    "current-steps": "the first minute after each current step",
+    "current-steps": "the first minute after each current step, and spectra above 1 Hz",
     "rates": "currents above C/10",
     "temperature": "the measured temperature",
     "first-cycle": "the first cycle",

@@ -144,19 +144,24 @@ class CompiledCell:
 
     def simulation(self, solver: Any, **how: Any) -> Any:
         """A PyBaMM simulation of the cell; ``how`` is handed on."""
+        return pybamm.Simulation(
+            self._model, parameter_values=self._values, solver=solver, **self._discretisation(), **how
+        )
+
+    def impedance(self) -> Any:
+        """A PyBaMM simulation of the cell's impedance at rest; its model must have the double layers."""
+        return pybamm.EISSimulation(self._model, parameter_values=self._values, **self._discretisation())
+
+    def _discretisation(self) -> dict[str, Any]:
         standard = self._resolution.standard_mesh
         points = self._resolution.mesh()
         for effect in self._effects:
             points.update(part_of(effect).points)
-        return pybamm.Simulation(
-            self._model,
-            parameter_values=self._values,
-            submesh_types=None if standard else search_submeshes(self._model),
-            spatial_methods=None if standard else search_spatial_methods(self._model),
-            var_pts={**self._model.default_var_pts, **points} if points else None,
-            solver=solver,
-            **how,
-        )
+        return {
+            "submesh_types": None if standard else search_submeshes(self._model),
+            "spatial_methods": None if standard else search_spatial_methods(self._model),
+            "var_pts": {**self._model.default_var_pts, **points} if points else None,
+        }
 
     def built_model(self) -> Any:
         """The discretised model of a cell that is driven by its measured current.

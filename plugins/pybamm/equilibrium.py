@@ -43,7 +43,9 @@ class EquilibriumCell:
         self._state = InitialState(values)
         self._area = {name: float(values[name]) for name in _AREA}
         self._records = [experiment.target for experiment in task.experiments]
-        self._drawn_ah = [record.discharge_capacity for record in self._records]
+        self._drawn_ah = [
+            None if experiment.is_spectrum else experiment.target.discharge_capacity for experiment in task.experiments
+        ]
         self._capacity_ah = float(values["Nominal cell capacity [A.h]"])
         own = [(effect, part_of(effect).at_rest) for effect in effects_in(task.cell)]
         self._at_rest = [(effect, added) for effect, added in own if added is not None]
@@ -59,6 +61,8 @@ class EquilibriumCell:
 
     def _run(self, place: int, candidate: Candidate) -> ExperimentRun:
         record, drawn_ah = self._records[place], self._drawn_ah[place]
+        if drawn_ah is None:
+            return ExperimentRun(record)  # A spectrum stays: nothing is said of it.
         change = self._falling(self._task.space.change(candidate))
         drawn = drawn_ah * SECONDS_PER_HOUR / _FARADAY / self._area_of(change)
         # Beyond these an empty or overfull cell is simulated as such; published potentials reach to -100 V there.

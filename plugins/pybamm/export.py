@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ...core.cell import FREQUENCY
 from ...core.effect import Effect
 from ...core.parameters import Candidate
 from ...core.printable import shown
@@ -24,6 +25,7 @@ from .ocp_shape import BUMP_WIDTH, OcpCurves
 from .parameter_sets import FILL_FROM, bake, load, pybamm
 from .quoted_effects import quoted
 from .resolution import REFERENCE
+from .spectrum_experiment import DOUBLE_LAYERS
 from .state_of_charge import InitialState
 from .step_solutions import step_kind
 
@@ -93,6 +95,8 @@ def script(
         bump_width=BUMP_WIDTH,
         records=[_record(task.cell, experiment, change, tables) for experiment in task.experiments],
         tables=tables,
+        spectra=any(experiment.is_spectrum for experiment in task.experiments),
+        double_layers=DOUBLE_LAYERS,
         rtol=REFERENCE.rtol,
         atol=REFERENCE.atol,
         max_solver_steps=_MAX_SOLVER_STEPS,
@@ -158,12 +162,16 @@ def _record(cell: CellModel, experiment: Experiment, change: CellChange, tables:
     """How one experiment is simulated; current profiles go into ``tables``."""
     own = change.soc_of(experiment.name)
     soc = experiment.initial_soc if own is None else own
+    if soc is None and experiment.initial_voltage is not None:
+        soc = InitialState(load(cell.parameter_set, cell.overrides)).soc_at(experiment.initial_voltage, change)
     content: dict[str, Any] = {
         "name": experiment.name,
         "temperature_k": None if experiment.temperature_k is None else float(experiment.temperature_k),
         "initial_soc": None if soc is None else float(soc),
         "initial_concentrations": {} if soc is None else _initial_concentrations(cell, change, float(soc)),
     }
+    if experiment.is_spectrum:
+        return {**content, "frequencies": [float(f"{hz:.6g}") for hz in experiment.target.values(FREQUENCY.name)]}
     if experiment.protocol is not None:
         return {**content, "protocol": [(count, list(cycle)) for count, cycle in runs_of(experiment.protocol)]}
     steps = drive.steps_of_record(experiment.target)

@@ -21,7 +21,7 @@ def reduced(experiment: Experiment, reduction: TaskReduction) -> Experiment:
     those of another test and mean nothing.
     """
     short = shortened(experiment, reduction.cycles)
-    if reduction.rate == 1.0:
+    if reduction.rate == 1.0 or experiment.is_spectrum:
         return short
     if short.protocol is not None:
         protocol = tuple(tuple(slowed(step, reduction.rate) for step in cycle) for cycle in short.protocol)

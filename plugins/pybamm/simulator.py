@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import BaseModel, Field
 
-from ...core.cell import CELL, TEMPERATURE
+from ...core.cell import CELL, SPECTRUM, TEMPERATURE
 from ...core.errors import BsaError
 from ...core.hooks import RunContext, hookimpl
 from ...core.parameters import Candidate
@@ -52,7 +52,7 @@ class PyBaMMSimulator:
 
     def __init__(self, options: PyBaMMOptions, context: RunContext) -> None:
         task = context.task
-        unknown = [signal.name for signal in task.signals if signal not in (*CELL.signals, TEMPERATURE)]
+        unknown = [signal.name for signal in task.signals if signal not in (*CELL.signals, TEMPERATURE, *SPECTRUM)]
         if unknown:
             raise BsaError(
                 f'PyBaMM simulates cells, but task "{task.name}" has the signals {unknown}.',

@@ -1,4 +1,4 @@
-"""Which way an experiment is simulated: by its protocol, as a long record, or by its measured current."""
+"""Which way an experiment is simulated: by its protocol, as a life, by its measured current, or as a spectrum."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from .compiled import CompiledExperiment
 from .driven_experiment import DrivenExperiment
 from .long_experiment import LongExperiment
 from .resolution import REFERENCE, Resolution
+from .spectrum_experiment import SpectrumExperiment
 
-Simulated = CompiledExperiment | DrivenExperiment | LongExperiment
+Simulated = CompiledExperiment | DrivenExperiment | LongExperiment | SpectrumExperiment
 
 
 def compiled(cell: CellModel, experiment: Experiment, targets: Mapping[str, Target]) -> Simulated:
@@ -30,6 +31,8 @@ def solve_reference(
 
 
 def _kind(experiment: Experiment) -> type[Simulated]:
+    if experiment.is_spectrum:
+        return SpectrumExperiment
     if experiment.protocol is None:
         return DrivenExperiment
     return LongExperiment if experiment.long else CompiledExperiment

@@ -108,14 +108,16 @@ def test_a_spectrum_is_compared_with_the_fitted_cell(fitted, tmp_path) -> None:
     arguments = ["predict", str(fitted.folder), "--data", str(path), "--out", str(tmp_path / "p"), "--json"]
     result = CliRunner().invoke(app(), arguments)
     assert result.exit_code == 0, result.output
-    (found,) = json.loads((tmp_path / "p" / "prediction.json").read_text())["spectra"]
+    (found,) = json.loads((tmp_path / "p" / "prediction.json").read_text())["records"]
     assert found["record"] == "z.csv"
-    assert found["ohmic_mohm"] == pytest.approx(20.1, abs=0.1)
-    assert 0.0 < found["ohmic_simulated_mohm"] < 100.0
+    assert found["signals"]["resistance"]["unit"] == "mohm"
+    assert found["bands"]["resistance"]["inside"] == 0.0
+    assert found["impedance"]["ohmic_mohm"] == pytest.approx(20.1, abs=0.1)
+    assert 0.0 < found["impedance"]["ohmic_simulated_mohm"] < 100.0
     page = (tmp_path / "p" / "prediction.html").read_text()
-    assert "Impedance of z.csv" in page
-    with pytest.raises(BsaError, match=r"z\.csv is an impedance spectrum, which is not fitted"):
-        bsa.calibrate(path, parameters="Chen2020", out=tmp_path / "no", progress=False)
+    assert "Re Z / mΩ" in page
+    assert "ohmic" in page.casefold()
+    assert fitted.predict(path).spectra["z.csv"] == found["impedance"]
 
 
 def test_what_cannot_be_predicted_is_refused_in_a_line(fitted, tmp_path) -> None:
