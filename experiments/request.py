@@ -12,6 +12,7 @@ from ..core.errors import BsaError
 from ..core.record import ReadOptions, Record
 from ..core.run_config import RunConfig
 from ..core.scaffold import Scaffold, load_scaffold
+from ..core.spectrum import ImpedanceSpectrum
 from ..core.task import Task, Weight
 from ..core.validation import validated
 from ..core.yaml_text import parse_yaml
@@ -303,10 +304,10 @@ def run_request(
     return RunRequest(task, config, out or numbered_folder(Path("runs"), f"{task.name}-{config.scaffold.name}"))
 
 
-def named_after(sources: Sequence[Path | Record]) -> str:
+def named_after(sources: Sequence[Path | Record | ImpedanceSpectrum]) -> str:
     """The first record's name, and how many more there are."""
     first = sources[0]
-    name = Path(first.name if isinstance(first, Record) else first).stem[:60]
+    name = Path(first.name if isinstance(first, Record | ImpedanceSpectrum) else first).stem[:60]
     return name + (f" and {len(sources) - 1} more" if len(sources) > 1 else "")
 
 

@@ -92,9 +92,10 @@ def tolerance_words(task: Task) -> str:
         parts.append(f"{number(100.0 * DURATION_TOLERANCE)} % of a duration")
     answering = [signal for signal in task.driven if signal.observed_in and not task.given_drive]
     shares = [signal for signal in (*task.observed, *answering) if signal.relative]
-    parts += [
+    words = [
         f"about {number(100.0 * signal.tolerance)} % of the {signal.share_of or signal.words}" for signal in shares
     ]
+    return ", ".join([*parts, *dict.fromkeys(words)])
 
 
 def steps_of(suggestion: Suggestion) -> str:

@@ -75,7 +75,7 @@ def _rows(task: Task, errors: RecordErrors, use: str, bands: dict[str, Band]) ->
     words = {CAPACITY: CAPACITY} | {signal.name: signal.words for signal in (*task.observed, TEMPERATURE, *SPECTRUM)}
     over = "time" if errors.impedance is None else "decades"
     stopped = f"the simulation stopped early: {errors.failure}" if errors.failure else ""
-    rows = []
+    rows: list[ErrorRow] = []
     for name, error in errors.signals.items():
         steps = tuple(
             ErrorRow(errors.record, f"{step.name} ({duration(step.duration_s)})", use, *_printed(words[name], error))

@@ -1,0 +1,32 @@
+"""What a fit fixes, in words."""
+
+import numpy as np
+import pytest
+from bsa.core.cell import CELL, SPECTRUM
+from bsa.core.parameters import Parameter, ParameterSpace
+from bsa.core.spectrum import ImpedanceSpectrum
+from bsa.core.spectrum_record import spectrum_record
+from bsa.core.target import Value
+from bsa.core.task import CellModel, Experiment, Protocol, Task
+from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.experiments.report.post_fit import tolerance_words
+
+
+@pytest.mark.parametrize(
+    ("protocol", "spectrum", "expected"),
+    [
+        (None, False, "1 mV"),
+        ((("Discharge at 1C",),), False, "1 mV, 0.1 % of a duration, about 1 % of the current"),
+        (None, True, "1 mV of voltage, about 1 % of the impedance"),
+    ],
+)
+def test_what_a_tolerance_is(protocol: Protocol | None, spectrum: bool, expected: str) -> None:
+    time = np.linspace(0.0, 100.0, 11)
+    record = Trajectory(time, np.ones(11), np.full(11, 3.7), steps=(Step(StepKind.CC_DISCHARGE, 0, 11),))
+    experiments = [Experiment("v.csv", record, protocol)]
+    if spectrum:
+        z = ImpedanceSpectrum("z.csv", np.logspace(3, -2, 11), np.full(11, 0.02 - 1e-3j))
+        experiments.append(Experiment("z.csv", spectrum_record(z)))
+    space = ParameterSpace((Parameter("a", 1.0, 0.0, 2.0, target=Value("a")),))
+    signals = (*CELL.signals, *SPECTRUM) if spectrum else ()
+    assert tolerance_words(Task("t", CellModel(""), space, tuple(experiments), signals=signals)) == expected
