@@ -126,6 +126,11 @@ class RecordRequest:
         """
         record = self.load()
         if not isinstance(record, Record):
+            if self.detailed_cycles is not None:
+                raise BsaError(
+                    f"{record.name} is an impedance spectrum: it is no life, and has no cycles.",
+                    "fit it beside the voltage of the fresh cell, without --life.",
+                )
             return [replace(self, source=record)]
         if self.is_life and record.trajectory.cycle_table is None:
             voltage, _ = _open_circuit_start(record.trajectory)

@@ -210,6 +210,11 @@ def test_a_state_of_charge_must_be_known(files, tmp_path, monkeypatch, capsys) -
     assert given.experiments[0].initial_soc == 0.5
 
 
+def test_a_spectrum_is_no_life(files) -> None:
+    with pytest.raises(BsaError, match=r"half\.csv is an impedance spectrum: it is no life"):
+        task_of_records(Records([files["half"]], life=True), CellChoice("Chen2020", "SPMe"))
+
+
 def test_a_task_file_lists_spectra(files, tmp_path) -> None:
     lines = ["name: cell", "parameter_set: Chen2020", "model: SPMe", "search: cell", "experiments:"]
     lines += [f"  - {{data: {files['discharge']}}}", f"  - {{data: {files['unknown']}, initial_soc: 0.5}}"]
