@@ -23,7 +23,7 @@ from .identifiability import (
     with_sample,
 )
 from .parameters import Candidate
-from .residuals import capacity_rows, noise_of_residuals, residuals, rms
+from .residuals import capacity_rows, noise_of_residuals, residuals, rms, rows_of
 from .shape import shaped
 from .simulated_posterior import Errors, simulated_posterior
 from .simulation import Outcome
@@ -232,6 +232,7 @@ def _errors(task: Task, best: Trial, plugins: Simulating, spent: _Spent) -> Erro
     """
     assert best.residuals is not None
     deviation = np.sqrt(noise_of_residuals(task) ** 2 + NOISE_FLOOR**2)
+    deviation *= misfit_by_kind(task, best.residuals / deviation)
     (outcome,) = spent.counted(plugins.simulate([best.candidate], True), 1)
     reference = residuals(task, outcome)
     nothing = np.zeros(len(deviation))
@@ -243,6 +244,21 @@ def _errors(task: Task, best: Trial, plugins: Simulating, spent: _Spent) -> Erro
     if found is None:
         return Errors(deviation, reference - best.residuals, nothing)
     return Errors(deviation, found - best.residuals, (found - reference) / 3.0)
+
+
+def misfit_by_kind(task: Task, residual: FloatArray) -> FloatArray:
+    """By how much more than their deviation the residuals of spectra are off, and those over time; ones of one kind.
+
+    A model that misses the open-circuit curve by tens of millivolts may show the impedance to a few percent: what the
+    one leaves says nothing of the other.
+    """
+    of_spectra = np.array([experiment.is_spectrum for experiment in task.experiments])[rows_of(task).record]
+    misfit = np.ones(len(residual))
+    if of_spectra.all() or not of_spectra.any():
+        return misfit
+    for kind in (of_spectra, ~of_spectra):
+        misfit[kind] = max(rms(residual[kind]), 1.0)
+    return misfit
 
 
 def _posterior(

@@ -5,6 +5,7 @@ import pytest
 from bsa.core.cell import CELL, REACTANCE, RESISTANCE, SPECTRUM
 from bsa.core.errors import BsaError
 from bsa.core.parameters import Parameter, ParameterSpace
+from bsa.core.post_fit_analysis import misfit_by_kind
 from bsa.core.record_errors import errors_of_record
 from bsa.core.residuals import residuals, rows_of
 from bsa.core.signal_metrics import signal_errors
@@ -84,6 +85,19 @@ def test_errors_are_told_in_milliohm_with_the_resistances() -> None:
     assert found.impedance is not None
     assert found.impedance.ohmic_simulated_mohm - found.impedance.ohmic_mohm == pytest.approx(3.0)
     assert type(found).from_json(found.as_json()) == found
+
+
+def test_what_the_voltage_leaves_says_nothing_of_a_spectrum() -> None:
+    time = np.linspace(0.0, 100.0, 11)
+    over_time = Trajectory(time, np.ones(11), np.full(11, 3.7), steps=(Step(StepKind.CC_DISCHARGE, 0, 11),))
+    both = task(Experiment("v.csv", over_time))
+    of_spectrum = rows_of(both).record == 1
+    misfit = misfit_by_kind(both, np.where(of_spectrum, 3.0, -40.0))
+    assert misfit[of_spectrum] == pytest.approx(3.0)
+    assert misfit[~of_spectrum] == pytest.approx(40.0)
+    # Residuals within their deviation are as large as they should be, and a single kind has but one noise.
+    assert misfit_by_kind(both, np.full(len(of_spectrum), 0.5)) == pytest.approx(1.0)
+    assert misfit_by_kind(task(), np.full(80, 7.0)) == pytest.approx(1.0)
 
 
 def test_a_held_out_spectrum_has_its_own_signals_though_none_is_fitted() -> None:
