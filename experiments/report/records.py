@@ -52,10 +52,8 @@ class ErrorRow:
         remark = f"; {self.remark}" if self.remark else ""
         if not self.rms:
             return f"{who}: not simulated: {self.remark}"
-        median = " (median)" if self.band else ""
-        band = (
-            f"; 95 % band ± {self.band} {self.unit}{median} holds {self.inside} of the {self.over}" if self.band else ""
-        )
+        half = f"{self.band} {self.unit} (median)"
+        band = f"; 95 % band ± {half} holds {self.inside} of the {self.over}" if self.band else ""
         note = f"; {self.note}" if self.note else ""
         return (
             f"{who}: {self.signal} {self.rms} {self.unit} rms ({self.most} over 99 % of the {self.over}), "

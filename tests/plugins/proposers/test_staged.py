@@ -185,17 +185,6 @@ def test_an_offset_before_a_current_step_is_not_held_against_the_kinetics(task: 
     assert np.any(np.abs(view(jump)) > 1.0)
 
 
-@pytest.mark.parametrize(("discharges", "last"), [(2, 4), (8, 18)])
-def test_current_steps_of_a_nearly_empty_cell_are_left_out_of_a_long_test(discharges: int, last: int) -> None:
-    kinds = [(StepKind.CC_DISCHARGE, 1.0), (StepKind.REST, 0.0), (StepKind.REST, 0.0)] * discharges
-    steps = tuple(Step(kind, 1000 * n, 1000 * (n + 1)) for n, (kind, _) in enumerate(kinds))
-    current = np.repeat([amperes for _, amperes in kinds], 1000)
-    record = Trajectory(np.arange(float(len(current))), current, np.full(len(current), 3.7), None, steps)
-    task = replace(toy_task(), experiments=(Experiment("r", record),))
-    seen = set(rows_of(task).step[view_of(task, "current-steps").rows].tolist())
-    assert max(seen) == last  # of eight, those at the last 15 % of the charge are left out
-
-
 def test_a_stage_fits_more_where_another_was_carried_out() -> None:
     choice = StageChoice(name="k", data="current-steps", fits=["resistance"], fits_after={"slow": ["diffusivity"]})
     assert choice.takes("Contact resistance [Ohm]")
