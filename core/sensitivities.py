@@ -84,7 +84,7 @@ class Sensitivities:
     def _content(self, features: Sequence[str], shown: Sequence[str]) -> dict[str, Any]:
         finest = {name: _decimals(_RESOLVED * size) for name, size in self._largest(features).items()}
         told = {name: row for name, row in self.effects.items() if any(feature in row for feature in features)}
-        about = {
+        about: dict[str, list[Any]] = {
             "points": [self.points.get(name) for name in told],
             "misprediction_pct": [_whole(_rounded(self.misprediction_pct.get(name), 2, _ALL)) for name in told],
         }
@@ -94,13 +94,16 @@ class Sensitivities:
             [_whole(_rounded(row.get(feature), _DIGITS, finest[feature])) for feature in features]
             for row in told.values()
         ]
+        rows = [
+            [name, *(values[place] for values in differing.values()), effects[place]] for place, name in enumerate(told)
+        ]
         return {
             "meaning": "change when a parameter rises by its step; null or absent: not measured",
             "unit": self.unit,
             "learnt_from": self.learnt_from,
             "effects_on": AS_SHOWN if features and features == list(shown) else features,
             **{key: value for key, value in alike.items() if value is not None},
-            "effects": table([_FIRST, *differing, _LAST], zip(told, *differing.values(), effects, strict=True)),
+            "effects": table([_FIRST, *differing, _LAST], rows),
             **self.remarks,
         }
 

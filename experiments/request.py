@@ -265,8 +265,8 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
             "nearest with a discharge at C/10; bsa list parameters shows all sets.",
         )
     source = parameter_source(cell.parameters)
-    model, options = cell.model or "DFN", cell.options
-    return build_task(parameter_set=source, model=model, options=options, effects=cell.effects, **asked)
+    model = cell.model or "DFN"
+    return build_task(parameter_set=source, model=model, options=cell.options, effects=cell.effects, **asked)
 
 
 def run_request(
