@@ -44,4 +44,5 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "measured-cells": discovery.measured_cells,
     "real-cells": real_cells.fitted_and_held_out,
     "paper-cells": real_cells.as_in_the_paper,
+    "impedance": real_cells.with_spectra,
 }

@@ -1,10 +1,14 @@
-"""The table of measured cells: what was fitted, and what was not."""
+"""The tables of measured cells: what was fitted, and what was not."""
 
 from __future__ import annotations
+
+import math
 
 from ..campaign.text_tables import markdown_table
 from .layout import short
 from .results import Results
+
+_OF_SPECTRA = ("resistance_mohm", "reactance_mohm", "ohmic_mohm", "measured_ohmic_mohm")
 
 
 def fitted_and_held_out(results: Results) -> str:
@@ -58,3 +62,28 @@ def as_in_the_paper(results: Results) -> str:
         "failed",
     ]
     return results.framed("paper_cells", markdown_table(heads, lines, 1))
+
+
+def with_spectra(results: Results) -> str:
+    """Errors of records and of impedance spectra, fitted with spectra and without."""
+    lines = [
+        [
+            row["fit"],
+            row["record"],
+            row["role"],
+            "" if math.isnan(row["rms_mv"]) else short(row["rms_mv"]),
+            *("" if math.isnan(row[key]) else short(row[key]) for key in _OF_SPECTRA),
+        ]
+        for row in results.rows("impedance")
+    ]
+    heads = [
+        "fit",
+        "record",
+        "",
+        "voltage rms / mV",
+        "resistance rms / mohm",
+        "reactance rms / mohm",
+        "ohmic / mohm",
+        "measured ohmic / mohm",
+    ]
+    return results.framed("impedance", markdown_table(heads, lines, 3))
