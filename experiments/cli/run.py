@@ -66,8 +66,8 @@ def run(
         str | None,
         shared.model_option(
             metavar="NAME|FILE",
-            help="What is searched, for --data: a preset (cell, the default; life, that of --life; pulses, geometry, "
-            "sei, ageing) or a YAML file.",
+            help="What is searched, for --data: a preset (cell, the default; life, that of --life; geometry, sei, "
+            "ageing) or a YAML file.",
             autocompletion=completion.search_presets,
         ),
     ] = None,
