@@ -1,4 +1,4 @@
-"""The effects that a discovery considers, made with their options."""
+"""The effects of the catalogue that were named, or all of them, made with their options."""
 
 from __future__ import annotations
 

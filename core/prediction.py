@@ -324,12 +324,6 @@ def _band(simulated: Trajectory, experiment: Experiment, signal: str, scale: flo
     weight = time_weights(time)
     inside = float(np.sum(weight[np.abs(difference) <= half]) / np.sum(weight))
     rms = weighted_rms(weight, half)
-    median = _weighted_median(weight, half)
+    median = float(np.quantile(half, 0.5, weights=weight, method="inverted_cdf"))
     wide = median >= _WIDE * float(np.ptp(experiment.scored_target.values(signal)))
     return Band(scale * rms, scale * float(half.max()), inside, wide, scale * median)
-
-
-def _weighted_median(weight: FloatArray, values: FloatArray) -> float:
-    order = np.argsort(values)
-    reached = np.cumsum(weight[order])
-    return float(values[order][np.searchsorted(reached, 0.5 * reached[-1])])
