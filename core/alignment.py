@@ -41,13 +41,22 @@ class StepPair:
     def curves(self, signal: Signal, fractions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """A signal, measured and simulated, at fractions (0 to 1) of each step's own duration.
 
-        In a vanished step an observed signal stays where it was, and nothing is driven.
+        They are compared where samples were taken, and their difference is linear in between, and constant before the
+        first sample and behind the last: it changes slowly where the signals do not. A cell that rests relaxes by tens
+        of millivolts before a cycler writes its first sample, and a straight line through the samples knows nothing of
+        that. In a vanished step an observed signal stays where it was, and nothing is driven.
         """
-        measured = at_fractions(self.measured, self.measured.values(signal.name), fractions)
+        simulated, measured = self._simulated(signal, fractions), self.measured
+        taken = np.flatnonzero(~measured.inserted) if not np.all(measured.inserted) else np.arange(len(measured))
+        sampled = (measured.time[taken] - measured.time[0]) / (measured.duration or 1.0)
+        difference = self._simulated(signal, sampled) - measured.values(signal.name)[taken]
+        return simulated - np.interp(fractions, sampled, difference), simulated
+
+    def _simulated(self, signal: Signal, fractions: FloatArray) -> FloatArray:
         if self.simulated is not None:
-            return measured, at_fractions(self.simulated, self.simulated.values(signal.name), fractions)
+            return at_fractions(self.simulated, self.simulated.values(signal.name), fractions)
         stays = (self.fallback or {}).get(signal.name, np.nan) if signal.role == "observed" else 0.0
-        return measured, np.full_like(fractions, stays)
+        return np.full_like(fractions, stays)
 
 
 def at_fractions(piece: Trajectory, signal: FloatArray, fractions: FloatArray) -> FloatArray:

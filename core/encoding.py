@@ -109,7 +109,7 @@ def decode_array(text: str) -> FloatArray:
 
 
 _TABLE = ("cycle", *COLUMNS)
-_NO_SIGNALS = ("time", "steps", "cycle_table")
+_NO_SIGNALS = ("time", "steps", "cycle_table", "inserted")
 
 
 def encode_trajectory(trajectory: Trajectory) -> Json:
@@ -123,6 +123,8 @@ def encode_trajectory(trajectory: Trajectory) -> Json:
     table = trajectory.cycle_table
     if table is not None:
         record["cycle_table"] = {name: encode_array(getattr(table, name)) for name in _TABLE}
+    if np.any(trajectory.inserted):
+        record["inserted"] = np.flatnonzero(trajectory.inserted).tolist()
     return record
 
 
@@ -134,7 +136,10 @@ def decode_trajectory(record: Mapping[str, Any]) -> Trajectory:
         raise ValueError(f"a step outside the {len(time)} samples")
     signals = {name: decode_array(text) for name, text in record.items() if name not in _NO_SIGNALS}
     table = {name: decode_array(text) for name, text in record.get("cycle_table", {}).items() if name in _TABLE}
-    return Trajectory(time, steps=steps, signals=signals, cycle_table=CycleTable(**table) if table else None)
+    inserted = np.isin(np.arange(len(time)), shaped(tuple[int, ...], record.get("inserted", [])))
+    return Trajectory(
+        time, steps=steps, signals=signals, cycle_table=CycleTable(**table) if table else None, inserted=inserted
+    )
 
 
 _TARGETS: dict[str, type[Target]] = {

@@ -50,7 +50,7 @@ def differences(simulated: Trajectory, target: Trajectory, signal: str, driven: 
     end = min(ours[-1], theirs[-1])
     # Under a measured drive both jump at the same instants, and the samples say all. Under a protocol
     # a jump comes a moment early or late; judged at sparse samples alone it would count for a whole interval.
-    time = theirs if driven else np.union1d(ours, theirs)
+    time = theirs[~target.inserted] if driven else np.union1d(ours, theirs)
     time = time[time <= end + JUMP_S]
     difference = np.interp(time, ours, simulated.values(signal)) - np.interp(time, theirs, target.values(signal))
     return time, difference

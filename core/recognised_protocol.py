@@ -20,8 +20,8 @@ _FALLING = 0.9
 def with_switches(record: Trajectory) -> Trajectory:
     """The record with each step begun where the one before ended.
 
-    Cyclers write the first sample of a step one interval late. That sample's values are put at the switch too: else the
-    interval would be a ramp of the current that never was.
+    Cyclers write the first sample of a step one interval late. A sample is inserted at the switch: else the interval
+    would be a ramp of the current that never was.
     """
     late = [step.start for step in record.steps[1:] if record.time[step.start] > record.time[step.start - 1]]
     places = np.insert(np.arange(len(record)), late, late)
@@ -31,8 +31,10 @@ def with_switches(record: Trajectory) -> Trajectory:
         replace(step, start=start, stop=stop)
         for step, start, stop in zip(record.steps, begun, [*begun[1:], len(places)], strict=True)
     ]
-    signals = {name: values[places] for name, values in record.signals.items()}
-    return Trajectory(time, steps=tuple(steps), signals=signals)
+    copied = record.picked(places, tuple(steps))
+    # Of two samples that are one in the record the first is the copy.
+    inserted = copied.inserted | np.append(np.diff(places) == 0, False)
+    return replace(copied, time=time, inserted=inserted)
 
 
 @dataclass(frozen=True)

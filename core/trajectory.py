@@ -84,6 +84,9 @@ class Trajectory:
         Any other signals by name; each in the unit of the task's `Signal` of that name.
     cycle_table : CycleTable, optional
         Of a long record, whose samples are those of a few cycles: what is known of all of them.
+    inserted : ndarray of bool, shape (n,), optional
+        Samples that no instrument took, put where the current was switched between two that one took. Their current is
+        that of the step; their other signals are copied from the nearest sample and say nothing of that moment.
 
     Attributes
     ----------
@@ -95,12 +98,15 @@ class Trajectory:
         As given.
     cycle_table : CycleTable or None
         As given; a part of the record has none.
+    inserted : ndarray of bool, shape (n,)
+        As given; none otherwise.
     """
 
     time: FloatArray
     signals: Mapping[str, FloatArray]
     steps: tuple[Step, ...]
     cycle_table: CycleTable | None
+    inserted: NDArray[np.bool_]
 
     def __init__(
         self,
@@ -111,6 +117,7 @@ class Trajectory:
         steps: tuple[Step, ...] = (),
         signals: Mapping[str, FloatArray] | None = None,
         cycle_table: CycleTable | None = None,
+        inserted: NDArray[np.bool_] | None = None,
     ) -> None:
         of_a_cell = {"current": current, "voltage": voltage, "temperature": temperature}
         given = {**(signals or {}), **{name: values for name, values in of_a_cell.items() if values is not None}}
@@ -120,10 +127,12 @@ class Trajectory:
         )
         object.__setattr__(self, "steps", steps)
         object.__setattr__(self, "cycle_table", cycle_table)
+        none = np.zeros(len(self.time), dtype=np.bool_)
+        object.__setattr__(self, "inserted", none if inserted is None else np.asarray(inserted, dtype=np.bool_))
         self._check()
 
     def _check(self) -> None:
-        for name, values in {"time": self.time, **self.signals}.items():
+        for name, values in {"time": self.time, **self.signals, "inserted": self.inserted}.items():
             if values.shape != np.shape(self.time) or values.ndim != 1:
                 raise BsaError(
                     f"{name} has shape {values.shape}, but time has shape {np.shape(self.time)}.",
@@ -197,7 +206,7 @@ class Trajectory:
             for step in self.steps
             if step.start >= start and step.stop <= stop
         )
-        return self._with(lambda values: values[start:stop], steps)
+        return self.picked(slice(start, stop), steps)
 
     def cycle(self, number: int) -> Trajectory:
         """The samples of one cycle.
@@ -217,6 +226,12 @@ class Trajectory:
         for step in self.steps:
             yield step, self.slice(step.start, step.stop)
 
+    def measured_across(self, step: Step) -> tuple[int, int] | None:
+        """Places of the last sample measured before a step and of the first one measured in it; None without both."""
+        before = np.flatnonzero(~self.inserted[: step.start])
+        inside = np.flatnonzero(~self.inserted[step.start : step.stop])
+        return (int(before[-1]), step.start + int(inside[0])) if len(before) and len(inside) else None
+
     def thinned(self, samples_per_step: int) -> Trajectory:
         """A copy of at most ``samples_per_step`` samples a step, ends kept; for storing and drawing."""
         steps = self.steps or (Step(StepKind.DRIVE, 0, len(self)),)
@@ -230,7 +245,7 @@ class Trajectory:
             new_steps.append(replace(step, start=count, stop=count + len(picks)))
             count += len(picks)
         index = np.concatenate(kept)
-        thinned = self._with(lambda values: values[index], tuple(new_steps) if self.steps else ())
+        thinned = self.picked(index, tuple(new_steps) if self.steps else ())
         return replace(thinned, cycle_table=self.cycle_table)
 
     def changed(self, time: FloatArray | None = None, **signals: FloatArray) -> Trajectory:
@@ -240,10 +255,10 @@ class Trajectory:
             steps=self.steps,
             signals={**self.signals, **signals},
             cycle_table=self.cycle_table,
+            inserted=self.inserted,
         )
 
-    def _with(self, pick: Callable[[FloatArray], FloatArray], steps: tuple[Step, ...]) -> Trajectory:
-        """A copy of some of the samples."""
-        return Trajectory(
-            pick(self.time), steps=steps, signals={name: pick(values) for name, values in self.signals.items()}
-        )
+    def picked(self, places: slice | NDArray[np.intp], steps: tuple[Step, ...]) -> Trajectory:
+        """A copy of some of the samples, cut into these steps."""
+        signals = {name: values[places] for name, values in self.signals.items()}
+        return Trajectory(self.time[places], steps=steps, signals=signals, inserted=self.inserted[places])

@@ -33,9 +33,10 @@ def resistance_ohm(record: Trajectory) -> float:
     """Voltage drop over current where the first discharge sets in, ohm; NaN without samples right before and after."""
     for step in record.steps:
         if step.kind in _DISCHARGES:
-            if step.start == 0 or record.time[step.start] - record.time[step.start - 1] > _PROMPT_S:
+            places = record.measured_across(step)
+            if places is None or record.time[places[1]] - record.time[places[0]] > _PROMPT_S:
                 break
-            current, voltage = (record.values(name)[step.start - 1 : step.start + 1] for name in ("current", "voltage"))
+            current, voltage = (record.values(name)[list(places)] for name in ("current", "voltage"))
             jump = float(np.diff(current)[0])
             largest = float(np.max(np.abs(record.current[step.start : step.stop])))
             return -float(np.diff(voltage)[0]) / jump if jump > _LEAST_JUMP * largest else float("nan")
@@ -93,4 +94,7 @@ def in_sequence(cycles: Sequence[tuple[int, Trajectory]], table: CycleTable | No
         ]
         clock, count = float(times[-1][-1]), count + len(record)
     signals = {name: np.concatenate([record.values(name) for _, record in cycles]) for name in first.signals}
-    return Trajectory(np.concatenate(times), steps=tuple(steps), signals=signals, cycle_table=table)
+    inserted = np.concatenate([record.inserted for _, record in cycles])
+    return Trajectory(
+        np.concatenate(times), steps=tuple(steps), signals=signals, cycle_table=table, inserted=inserted
+    )

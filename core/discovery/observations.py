@@ -70,13 +70,12 @@ def observe(
     per_step = max(12, points // max(len(record.steps), 1))
     drives = sum(step.kind is StepKind.DRIVE for step in record.steps)
     for number, step in enumerate(record.steps):
-        size = step.stop - step.start
+        taken = step.start + np.flatnonzero(~record.inserted[step.start : step.stop])
         if step.kind is StepKind.DRIVE:
-            stride = max(1, int(np.ceil(size / (points / max(drives, 1)))))
-            pieces = [np.array([step.start + k]) for k in range(0, size, stride)]
+            stride = max(1, int(np.ceil(len(taken) / (points / max(drives, 1)))))
+            pieces = [taken[k : k + 1] for k in range(0, len(taken), stride)]
         else:
-            pieces = _stretches(record.time[step.start : step.stop], per_step)
-            pieces = [piece + step.start for piece in pieces]
+            pieces = [taken[piece] for piece in _stretches(record.time[taken], per_step)]
         groups += pieces
         steps += [number] * len(pieces)
     index = np.array(steps, dtype=np.intp)
@@ -93,8 +92,8 @@ def observe(
     charge = np.interp(mean(record.time), record.time, record.discharge_capacity)
     voltage = mean(record.voltage)
     knee = CHARGE_SHARE * _steepness(charge, voltage, index) * max(float(np.ptp(charge)), 1e-9)
-    taken = after_jumps(record)
-    time = np.minimum(mean(taken), record.time[-1])
+    clocked = after_jumps(record)
+    time = np.minimum(mean(clocked), record.time[-1])
     return Observations(
         name,
         time,
@@ -110,7 +109,7 @@ def observe(
         None if record.temperature is None else mean(record.temperature),
         ambient_k,
         noise,
-        _moments(record, taken, groups),
+        _moments(record, clocked, groups),
     )
 
 

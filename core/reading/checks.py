@@ -53,7 +53,9 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
     samples = with_gaps_noted(samples)
     _enough(samples)
     # `+ 0.0` turns the -0.0 of a rest into 0.0.
-    measured = Trajectory(samples.time, samples.current + 0.0, samples.voltage, samples.temperature)
+    measured = Trajectory(
+        samples.time, samples.current + 0.0, samples.voltage, samples.temperature, inserted=samples.inserted
+    )
     trajectory = segment(measured, samples.extra.get("step"), samples.extra.get("cycle"))
     for note in charge_notes(samples, trajectory):
         samples = samples.noted(note)

@@ -65,8 +65,8 @@ def with_switches_counted(samples: Samples) -> Samples:
 
     Cyclers write a sample every few minutes of a rest: a discharge that ended right after its last sample would go on,
     falling to zero, until the next one. Where the counted charge lies between that of an immediate switch and that of
-    the latest possible one, the current is constant up to the switch and after it; the voltages at the switch are those
-    of the neighbouring samples. Long silences are left as they are: more than one switch may have happened there.
+    the latest possible one, the current is constant up to the switch and after it; the voltages at the switch are not
+    known, and the samples there are marked as inserted. Long silences are left as they are: more than one switch may have happened there.
 
     Parameters
     ----------
@@ -115,6 +115,7 @@ def _with_pairs(samples: Samples, places: NDArray[np.intp], share: FloatArray) -
     order = np.argsort(into, kind="stable")
     index = np.insert(np.arange(len(samples)), into[order], copied[order])
     found = samples.kept(index)
+    inserted = np.insert(samples.inserted, into[order], True)
     time = np.insert(samples.time, into[order], np.concatenate([at[late], at[early]])[order])
     extra = dict(found.extra)
     for name in set(extra) & set(get_args(Counter)):
@@ -123,4 +124,4 @@ def _with_pairs(samples: Samples, places: NDArray[np.intp], share: FloatArray) -
         current = np.abs(samples.current[places]) * share, np.abs(samples.current[places + 1]) * (1.0 - share)
         reached = before + (after - before) * current[0] / np.maximum(current[0] + current[1], 1e-12)
         extra[name] = np.insert(values, into[order], np.concatenate([reached[late], reached[early]])[order])
-    return replace(found, time=time, extra=extra)
+    return replace(found, time=time, extra=extra, inserted=inserted)

@@ -56,5 +56,4 @@ def _slice(trajectory: Trajectory, start: int, stop: int) -> Trajectory:
         begin, end = max(step.start, start), min(step.stop, stop)
         if begin < end:
             steps.append(replace(step, start=begin - start, stop=end - start))
-    signals = {name: values[start:stop] for name, values in trajectory.signals.items()}
-    return Trajectory(trajectory.time[start:stop], steps=tuple(steps), signals=signals)
+    return trajectory.picked(slice(start, stop), tuple(steps))

@@ -42,6 +42,8 @@ class Samples:
     sheet: NDArray[np.int64] | None = None  # Part of each sample. Shape (n,).
     # What the file says beside the signals (see `Extra`), NaN where a cell is empty. Shape (n,).
     extra: Mapping[Extra, FloatArray] = field(default_factory=dict)
+    # Samples that no instrument took, put where the current was switched (see `Trajectory`). Shape (n,).
+    inserted: Mask = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "source", shown(self.source))
@@ -61,6 +63,8 @@ class Samples:
             object.__setattr__(self, name, values)
         if len(self.rows) != len(self.time):
             object.__setattr__(self, "rows", np.arange(1, len(self.time) + 1))
+        if len(self.inserted) != len(self.time):
+            object.__setattr__(self, "inserted", np.zeros(len(self.time), dtype=np.bool_))
 
     def __len__(self) -> int:
         return len(self.time)
@@ -98,6 +102,7 @@ class Samples:
             temperature=None if self.temperature is None else self.temperature[keep],
             sheet=None if self.sheet is None else self.sheet[keep],
             extra={name: values[keep] for name, values in self.extra.items()},
+            inserted=self.inserted[keep],
             notes=(*self.notes, note) if note else self.notes,
         )
 

@@ -175,7 +175,10 @@ def _resistances(trajectory: Trajectory) -> Iterator[ResistanceRow]:
     time, current, voltage = trajectory.time, trajectory.current, trajectory.voltage
     largest = float(np.max(np.abs(current), initial=0.0))
     for step in trajectory.steps[1:]:
-        after, before = step.start, step.start - 1
+        places = trajectory.measured_across(step)
+        if places is None:
+            continue
+        before, after = places
         change = float(current[after] - current[before])
         if abs(change) < STEP_SHARE * largest or step.kind is StepKind.CV_HOLD:
             continue

@@ -485,10 +485,11 @@ def _jump_resistances(record: Trajectory) -> list[float]:
     Left out are jumps that the record shows too late, and those of a cell that is nearly empty: both hold more
     diffusion than resistance.
     """
-    last = np.array([step.stop - 1 for step in record.steps[:-1]], dtype=np.intp)
-    current, voltage = record.current[last + 1] - record.current[last], record.voltage[last + 1] - record.voltage[last]
+    places = [found for step in record.steps[1:] if (found := record.measured_across(step)) is not None]
+    last, first = np.array(places, dtype=np.intp).reshape(-1, 2).T
+    current, voltage = record.current[first] - record.current[last], record.voltage[first] - record.voltage[last]
     large = np.abs(current) > 0.2 * np.max(np.abs(record.current), initial=1e-9)
-    prompt = record.time[last + 1] - record.time[last] <= _PROMPT_S
+    prompt = record.time[first] - record.time[last] <= _PROMPT_S
     nearly_empty = record.voltage[last] < record.voltage.min() + _NEARLY_EMPTY * np.ptp(record.voltage)
     shown = large & prompt & ~nearly_empty
     return [float(value) for value in -voltage[shown] / current[shown] if value > 0]
