@@ -61,7 +61,8 @@ class EquilibriumFit(Stage):
     ) -> None:
         super().__init__(task, choice, view, free, start, budget)
         self._equilibrium = equilibrium
-        self._uncorrected = False  # Whether a fit without a correction was tried.
+        self._tried_bare = False  # Whether a fit without a correction was tried.
+        self._corrected = False  # Whether the fit whose end is asked for had one.
         self._next: FloatArray | None = None
         self._rejected = 0
 
@@ -69,10 +70,8 @@ class EquilibriumFit(Stage):
         """See `Stage.ask`: the end of the next fit, if it promises something."""
         if min(self._left, simulations_left) <= 0:
             return []
-        if self._next is None:
-            self._next = self._fitted()
         if self._next is None or self._rejected > _HALVINGS:
-            self._next, self._rejected = self._without_correction(), 0
+            self._next, self._rejected = self._another(), 0
         return [] if self._next is None else [self._space.at(self._next)]
 
     def tell(self, trials: Sequence[Trial]) -> Trial:
@@ -91,16 +90,22 @@ class EquilibriumFit(Stage):
     def _method(self) -> str:
         return "the end of a fit to a cell at equilibrium, corrected by the last simulation"
 
-    def _without_correction(self) -> FloatArray | None:
-        """Where the cell at equilibrium itself fits best, once, if the last simulation ran empty or full.
+    def _another(self) -> FloatArray | None:
+        """The end of another fit; None where none is left that promises something.
 
-        What it differs by is then no polarisation: held, volts where the cell was empty, it can make every other
+        Where the last simulation ran empty or full, the cell at equilibrium is first fitted without a correction, once:
+        what the two differ by is then no polarisation. Held, volts where the cell was empty, it can make every other
         balance of the electrodes look worse.
         """
-        if self._uncorrected or not self._here.limits:
+        if self._here.limits and not self._tried_bare:
+            self._tried_bare, self._corrected = True, False
+            found = self._fitted(corrected=False)
+            if found is not None:
+                return found
+        elif self._corrected and self._rejected > _HALVINGS:
             return None
-        self._uncorrected = True
-        return self._fitted(corrected=False)
+        self._corrected = True
+        return self._fitted()
 
     def _fitted(self, corrected: bool = True) -> FloatArray | None:
         """Where the (corrected) cell at equilibrium fits best; None where that gains next to nothing."""
