@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bsa.core.alignment import pair_steps
@@ -66,3 +68,35 @@ def test_under_a_measured_current_the_sum_of_squares_is_the_mean_square_in_mv() 
     found = residuals(task, Outcome((ExperimentRun(shifted),)))
     assert found is not None
     assert np.mean(found**2) == pytest.approx(16.0)
+
+
+def relaxing(times: np.ndarray) -> np.ndarray:
+    """Volts of a cell that recovers by 0.5 V within seconds, and slowly after that."""
+    return 3.3 - 0.5 * np.exp(-times / 15.0) - 0.05 * np.exp(-times / 2000.0)
+
+
+def rest_of(times: np.ndarray, first_s: float) -> Trajectory:
+    """A discharge, and a rest behind it: a sample at the switch, and those of a cycler from ``first_s`` on."""
+    kept = times[times >= first_s]
+    seen = np.append(kept[0], kept)
+    time = 100.0 + np.concatenate([[-100.0, -50.0, 0.0, 0.0], kept])
+    current = np.concatenate([[1.0, 1.0, 1.0], np.zeros(len(seen))])
+    voltage = np.concatenate([[3.0, 2.9, 2.8], relaxing(seen)])
+    steps = (Step(StepKind.CC_DISCHARGE, 0, 3), Step(StepKind.REST, 3, len(time), position=1))
+    return Trajectory(time, current, voltage, None, steps, inserted=np.arange(len(time)) == 3)
+
+
+@pytest.mark.parametrize("protocol", [None, (("Discharge at 1 A for 100 s", "Rest for 1000 s"),)])
+def test_a_late_first_sample_says_nothing_of_the_switch(protocol) -> None:
+    every_second = np.arange(0.0, 1000.5, 1.0)
+    late = rest_of(np.arange(0.0, 1000.5, 50.0), 50.0)
+    task = Task("t", CellModel("Chen2020"), space(), (Experiment("r", late, protocol),), signals=toy_task().signals)
+    true = rest_of(every_second, 0.0)
+    found = residuals(task, Outcome((ExperimentRun(true),)))
+    assert found is not None
+    assert np.max(np.abs(found)) < 1e-6
+    # Were the sample at the switch believed, half a volt would be missing there.
+    believed = Experiment("r", replace(late, inserted=None), protocol)
+    wrong = residuals(replace(task, experiments=(believed,)), Outcome((ExperimentRun(true),)))
+    assert wrong is not None
+    assert np.max(np.abs(wrong)) > 100.0

@@ -49,6 +49,7 @@ def test_steps_meet_and_no_charge_is_lost_at_the_switches() -> None:
     discharged = met.discharge_capacity[met.steps[4].stop - 1] - met.discharge_capacity[met.steps[3].start]
     assert discharged == pytest.approx((600.0 * 1.0 + 1200.0 * 2.0) / 3600.0)
     assert len(with_switches(met)) == len(met)
+    assert list(np.flatnonzero(met.inserted)) == [step.start for step in met.steps[1:]]
 
 
 def test_a_drive_cycle_is_no_protocol() -> None:

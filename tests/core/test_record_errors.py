@@ -105,3 +105,16 @@ def test_a_life_is_judged_step_by_step_and_by_its_capacities() -> None:
     assert found.signals["voltage"].max == pytest.approx(0.2)
     assert capacity_scatter([found]) == pytest.approx(np.sqrt(np.mean(lost**2)))
     assert capacity_scatter([]) == 0.0
+
+
+def test_samples_that_no_instrument_took_have_no_errors() -> None:
+    record = two_steps()
+    put_in = np.arange(len(record)) == 11
+    error = np.where(put_in, 0.5, 0.001)
+    believed = errors_by_record(task_of(record), outcome(record.changed(voltage=record.voltage + error)))
+    (found,) = errors_by_record(
+        task_of(replace(record, inserted=put_in)), outcome(record.changed(voltage=record.voltage + error))
+    )
+    assert believed[0].signals["voltage"].rms > 20.0
+    assert found.signals["voltage"].rms == pytest.approx(1.0)
+    assert found.steps[1].signals["voltage"].max == pytest.approx(1.0)

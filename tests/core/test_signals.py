@@ -52,11 +52,13 @@ def outcome(level_m: float = 0.0, outflow: float = 0.0) -> Outcome:
 
 
 def test_a_trajectory_carries_any_signals_through_slices_and_files() -> None:
-    part = record().slice(101, 401).thinned(10)
+    whole = record()
+    part = replace(whole, inserted=np.arange(len(whole)) == 101).slice(101, 401).thinned(10)
     assert set(part.signals) == {"flow", "level", "outflow"}
     assert [step.kind for step in part.steps] == ["draining"]
     again = decode_trajectory(json.loads(json.dumps(encode_trajectory(part))))
     assert again.steps == part.steps
+    assert list(np.flatnonzero(again.inserted)) == [0]
     for name, values in part.signals.items():
         np.testing.assert_array_equal(again.values(name), values)
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bsa.core.discovery.observations import observe, subset
@@ -67,3 +69,14 @@ def test_a_knee_counts_less_however_often_its_end_is_logged(logged_twice):
     observed = observe("x", emptying(logged_twice=logged_twice), points=100)
     discharge = np.flatnonzero(observed.step == 0)
     assert observed.sigma[discharge[-1]] > 10 * np.median(observed.sigma[discharge])
+
+
+@pytest.mark.parametrize("kind", [StepKind.REST, StepKind.DRIVE])
+def test_samples_that_no_instrument_took_are_not_observed(kind):
+    record = emptying()
+    first = record.steps[1].start
+    steps = (record.steps[0], replace(record.steps[1], kind=kind))
+    put_in = replace(record, steps=steps, inserted=np.arange(len(record)) == first)
+    found = observe("x", put_in, points=1000)
+    assert np.sum(found.count) == len(record) - 1
+    assert record.time[first] not in found.time

@@ -90,3 +90,17 @@ def test_files_that_alternate_keep_the_counter_that_runs_through_them():
         joined([whole.kept(odd), whole.kept(~odd)], "cell"), ReadOptions(current_sign="discharge-positive")
     )
     assert record.trajectory.discharge_capacity[-1] == pytest.approx(1500.0 / 3600.0, abs=1e-9)
+
+
+def test_what_was_added_is_marked_and_stays_marked_in_the_record():
+    late = discharge_then_rest(1500.0)
+    late.extra["net_ah"][late.time > 1500.0] = 1600.0 / 3600.0
+    mended = with_switches_counted(late)
+    assert list(np.flatnonzero(mended.inserted)) == [151, 152]
+    assert mended.time[mended.inserted] == pytest.approx([1600.0, 1600.0], abs=1.0)
+    record = to_record(late, ReadOptions(current_sign="discharge-positive")).trajectory
+    assert np.count_nonzero(record.inserted) == 2
+    discharge, rest = record.steps
+    assert record.inserted[discharge.stop - 1]
+    assert record.inserted[rest.start]
+    assert record.measured_across(rest) == (150, 153)

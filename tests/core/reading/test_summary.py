@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bsa.core.reading.summary import summary
@@ -53,3 +55,13 @@ def test_what_is_missing_is_said():
     said = " ".join(summary(record(np.full(100, 2.0))).problems)
     assert "starts under load (-2 A, positive on charge)" in said
     assert "there is no temperature of the cell" in said
+
+
+def test_a_resistance_is_that_between_two_samples_that_were_taken():
+    known = record(np.repeat([0.0, 4.0, 0.0], [60, 10, 60]))
+    places = np.insert(np.arange(len(known.trajectory)), 60, 60)
+    late = known.trajectory.picked(places, ())
+    late = replace(late, time=np.insert(known.trajectory.time, 60, 59.0), inserted=np.arange(len(late)) == 60)
+    first, _ = summary(replace(known, trajectory=segment(late))).resistances
+    assert first.ohm == pytest.approx(OHM, rel=0.05)
+    assert first.after_s == pytest.approx(1.0)
