@@ -95,6 +95,4 @@ def in_sequence(cycles: Sequence[tuple[int, Trajectory]], table: CycleTable | No
         clock, count = float(times[-1][-1]), count + len(record)
     signals = {name: np.concatenate([record.values(name) for _, record in cycles]) for name in first.signals}
     inserted = np.concatenate([record.inserted for _, record in cycles])
-    return Trajectory(
-        np.concatenate(times), steps=tuple(steps), signals=signals, cycle_table=table, inserted=inserted
-    )
+    return Trajectory(np.concatenate(times), steps=tuple(steps), signals=signals, cycle_table=table, inserted=inserted)

@@ -65,8 +65,9 @@ def with_switches_counted(samples: Samples) -> Samples:
 
     Cyclers write a sample every few minutes of a rest: a discharge that ended right after its last sample would go on,
     falling to zero, until the next one. Where the counted charge lies between that of an immediate switch and that of
-    the latest possible one, the current is constant up to the switch and after it; the voltages at the switch are not
-    known, and the samples there are marked as inserted. Long silences are left as they are: more than one switch may have happened there.
+    the latest possible one, the current is constant up to the switch and after it. The voltage there is not known: the
+    samples that are put in say that they were (`Samples.inserted`). Long silences are left as they are: more than one
+    switch may have happened there.
 
     Parameters
     ----------
