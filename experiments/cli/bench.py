@@ -287,9 +287,7 @@ def real_cells_command(
     paper: Annotated[
         bool, shared.records_option("--paper", help="First cycles with their steps simulated, judged as in the paper.")
     ] = False,
-    scaffold: Annotated[
-        str | None, shared.search_option(metavar="NAME|FILE", help="Scaffold; default: staged, hybrid for --paper.")
-    ] = None,
+    scaffold: Annotated[str, shared.search_option(metavar="NAME|FILE", help="Scaffold.")] = "staged",
     simulations: Simulations = 100,
     seed: shared.Seed = 1234,
     workers: shared.SimulationWorkers = 0,
@@ -304,12 +302,12 @@ def real_cells_command(
     from ..studies.real_cells import MEASURED_CURRENT, PAPER, chosen, run_cell, run_cells
 
     at_once = simulation_workers(workers)
-    study, used = (PAPER, scaffold or "hybrid") if paper else (MEASURED_CURRENT, scaffold or "staged")
+    study = PAPER if paper else MEASURED_CURRENT
     rows, remarks = run_cells(
         chosen(only or [], study),
         data,
         out / study,
-        lambda cell, folder: run_cell(cell, data, folder, used, simulations, seed, at_once),
+        lambda cell, folder: run_cell(cell, data, folder, scaffold, simulations, seed, at_once),
     )
     for row in rows:
         print(row.line)

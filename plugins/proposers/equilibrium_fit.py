@@ -17,6 +17,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm, qmc
 
 from ...core.least_squares import LeastSquares, solve
 from ...core.parameters import Candidate
@@ -32,6 +33,12 @@ Equilibrium = Callable[[Sequence[Candidate]], Sequence[Outcome] | None]
 
 _EVALUATIONS = 1000
 """Cells at equilibrium that a fit between two simulations may compute: some thirty Jacobians."""
+
+_DRAWS = 256
+"""Cells drawn from the priors where the start runs empty or full: of these some hold the charge that was drawn."""
+
+_STARTS = 4
+"""The best of them, from which fits begin."""
 
 _HALVINGS = 3
 """Times that a step is halved when its simulation is worse than the one before: an eighth of what the equilibrium
@@ -118,11 +125,28 @@ class EquilibriumFit(Stage):
         def shifted(points: list[FloatArray]) -> list[FloatArray | None]:
             return [None if found is None else found + correction for found in self._at_equilibrium(points)]
 
-        search = LeastSquares(self._point(), here + correction, SETTINGS, self._free, box=self._box())
-        before = search.cost
-        solve(search, shifted, _EVALUATIONS)
-        gained = before - search.cost
-        return search.point if gained > max(SETTINGS.noise**2, SETTINGS.tolerance * before) else None
+        before = self._cost(here + correction, self._point())
+        starts = [self._point()] if corrected else self._drawn()
+        searches = []
+        for start, residual in zip(starts, shifted(starts), strict=True):
+            searches.append(LeastSquares(start, residual, SETTINGS, self._free, box=self._box()))
+            solve(searches[-1], shifted, _EVALUATIONS)
+        best = min(searches, key=lambda search: search.cost)
+        gained = before - best.cost
+        return best.point if gained > max(SETTINGS.noise**2, SETTINGS.tolerance * before) else None
+
+    def _drawn(self) -> list[FloatArray]:
+        """The start, and the cells at equilibrium that fit best of many drawn from the priors.
+
+        From a cell that is empty before its record ends no derivative leads to one that is not: a fit bends the
+        potentials instead.
+        """
+        start = self._point()
+        spread = self._free & (self._space.prior_weights > 0.0)
+        drawn = start + spread * norm.ppf(qmc.Sobol(len(start), seed=0).random(_DRAWS))
+        points = list(np.clip(drawn, self._space.lowest, self._space.highest))
+        costs = [self._cost(found, point) for found, point in zip(self._at_equilibrium(points), points, strict=True)]
+        return [start, *(points[place] for place in np.argsort(costs)[: _STARTS - 1])]
 
     def _at_equilibrium(self, points: Sequence[FloatArray]) -> list[FloatArray | None]:
         """The view's residuals of a cell at equilibrium, in standard deviations."""

@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.cell import FREQUENCY, REACTANCE, RESISTANCE
-from ...core.residuals import ResidualRows, rows_of
+from ...core.cell import FREQUENCY, REACTANCE, RESISTANCE, VOLTAGE
+from ...core.residuals import DURATION_TOLERANCE, ResidualRows, rows_of
 from ...core.task import Task
 from ...core.trajectory import FloatArray, Trajectory
 
@@ -78,7 +78,7 @@ def view_of(task: Task, data: Data) -> View:
     """
     rows = rows_of(task)
     if data == "everything":
-        return View(np.arange(len(rows.record)), np.ones(len(rows.record)))
+        return View(np.arange(len(rows.record)), _as_scored(task, rows))
     if data in ("first-cycle", "life"):
         first = _in_first_cycle(task, rows)
         lacking = "the records have one cycle each" if data == "life" else "the records have no cycles"
@@ -95,6 +95,28 @@ def view_of(task: Task, data: Data) -> View:
     if data == "rates":
         return _plain(rows, (rows.signal != _TEMPERATURE) & (rates > _SLOW_PER_H), "no current exceeds C/10")
     return _open_circuit(task, rows, rates, capacity_ah)
+
+
+def _as_scored(task: Task, rows: ResidualRows) -> FloatArray:
+    """Weights of all residuals: under a protocol those by which each counts as it does in the score.
+
+    The score adds percentages: of the charge, and of voltage and current as means over the time. A model that is not
+    quite right cannot have all of them, and counted point by point the curves would decide: a discharge that ends two
+    percent late then costs less than ten millivolts along its curve.
+    """
+    weights = np.ones(len(rows.record))
+    for number, experiment in enumerate(task.experiments):
+        record = experiment.target
+        if experiment.protocol is None or record.cycle_table is not None or task.domain.metric != "paper":
+            continue
+        own = rows.record == number
+        durations = np.array([piece.duration for _, piece in record.pieces()])
+        curves = own & (rows.signal != "")
+        weights[curves] = np.sqrt(durations[rows.step[curves]] / np.mean(durations))
+        # What a tolerance of the voltage is in percent, and what one of a duration is.
+        share = VOLTAGE.tolerance / float(np.mean(np.abs(record.voltage)))
+        weights[own & ~curves] = DURATION_TOLERANCE / share * np.sqrt(np.count_nonzero(curves))
+    return weights
 
 
 def _none(lacking: str) -> View:

@@ -1,13 +1,15 @@
-"""The views of a life."""
+"""The parts of records that stages look at."""
 
 from dataclasses import replace
 
 import numpy as np
-from bsa.core.residuals import rows_of
+import pytest
+from bsa.core.residuals import DURATION_TOLERANCE, rows_of
 from bsa.core.scaffold import load_scaffold
 from bsa.plugins.proposers.stage_data import view_of
 from bsa.plugins.proposers.staged import StagedOptions
 from bsa.plugins.pybamm.presets import presets
+from bsa_toy_cell import toy_task
 from bsa_toy_life import life, life_task
 
 
@@ -41,3 +43,19 @@ def test_the_scaffold_for_ageing_puts_every_preset_parameter_where_it_shows() ->
             assert cell.takes(name), name
             assert not ageing.takes(name), name
     assert not joint.fits
+
+
+def test_under_a_protocol_a_percent_of_a_step_counts_as_much_as_a_percent_of_the_whole_voltage() -> None:
+    task = toy_task()
+    (experiment,) = task.experiments
+    rows, view = rows_of(task), view_of(task, "everything")
+    (voltage,) = task.observed
+    percent = 0.01 * np.mean(np.abs(experiment.target.voltage)) / voltage.tolerance
+    curves = rows.signal != ""
+    along = view(np.where(curves, percent, 0.0))
+    for step in range(len(experiment.target.steps)):
+        late = view(np.where(~curves & (rows.step == step), 0.01 / DURATION_TOLERANCE, 0.0))
+        assert late @ late == pytest.approx(along @ along)
+    # Under a measured current the durations are given, and the residuals count as they are.
+    driven = replace(task, experiments=(replace(experiment, protocol=None),))
+    assert np.all(view_of(driven, "everything").weights == 1.0)
