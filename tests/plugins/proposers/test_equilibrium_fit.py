@@ -110,6 +110,23 @@ def test_where_the_start_ran_empty_a_fit_without_a_correction_is_tried_first() -
         assert asked[4][name] != pytest.approx(value, rel=2e-2)
 
 
+def test_from_a_cell_that_is_empty_all_along_draws_from_the_priors_lead_away() -> None:
+    problem = task()
+    free, view = np.ones(2, dtype=bool), view_of(problem, "open-circuit")
+    empty = Outcome((ExperimentRun(problem.experiments[0].target.changed(voltage=np.full(400, 0.5))),), 0.0)
+
+    def equilibrium(candidates: Sequence[Candidate]) -> list[Outcome]:
+        # No derivative tells that a higher level would help.
+        return [empty if one["Level [V]"] < 4.0 else simulated(problem, one, 0.04) for one in candidates]
+
+    seen = residuals(problem, empty)
+    start = replace(trial(problem, problem.space.initial, 0), residuals=seen, limits=("the simulated cell was empty",))
+    stage = EquilibriumFit(problem, CHOICE, view, free, start, 30, equilibrium)
+    (found,) = stage.ask(30)
+    for name, value in HIDDEN.items():
+        assert found[name] == pytest.approx(value, rel=2e-2)
+
+
 def test_the_budget_is_kept() -> None:
     stage = fit(task())
     assert stage.ask(0) == []
