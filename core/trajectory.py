@@ -228,9 +228,12 @@ class Trajectory:
 
     def measured_across(self, step: Step) -> tuple[int, int] | None:
         """Places of the last sample measured before a step and of the first one measured in it; None without both."""
-        before = np.flatnonzero(~self.inserted[: step.start])
-        inside = np.flatnonzero(~self.inserted[step.start : step.stop])
-        return (int(before[-1]), step.start + int(inside[0])) if len(before) and len(inside) else None
+        before, after = step.start - 1, step.start
+        while before >= 0 and self.inserted[before]:
+            before -= 1
+        while after < step.stop and self.inserted[after]:
+            after += 1
+        return (before, after) if before >= 0 and after < step.stop else None
 
     def thinned(self, samples_per_step: int) -> Trajectory:
         """A copy of at most ``samples_per_step`` samples a step, ends kept; for storing and drawing."""

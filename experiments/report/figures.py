@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from ...core.metrics import Quantity
@@ -63,7 +64,8 @@ class _Curve:
         """
         times: list[FloatArray] = []
         values: list[FloatArray] = []
-        theirs = measured.time
+        taken = ~measured.record.inserted
+        theirs = measured.time[taken]
         for step, piece in self.record.pieces():
             time, first = np.unique(piece.time - self.record.time[0], return_index=True)
             value = piece.values(signal.name)[first]
@@ -72,13 +74,24 @@ class _Curve:
                 curve = PchipInterpolator(time, value)
                 time = np.union1d(time, between)
                 value = np.asarray(curve(time))
-            times.append(time)
-            values.append(value)
+            known = ~measured.unmeasured(time)
+            # Where a step begins at a switch that no sample shows, the sample before it is of another step.
+            known[0] &= not np.any(time[0] == measured.time[~taken])
+            times.append(time[known])
+            values.append(value[known])
         time = np.concatenate(times) if times else self.time
         value = np.concatenate(values) if times else self.values(signal)
         inside = time <= theirs[-1] + 1e-9
-        measured_there = np.interp(time[inside], theirs, measured.values(signal))
+        measured_there = np.interp(time[inside], theirs, measured.values(signal)[taken])
         return time[inside], signal.shown_scale * (value[inside] - measured_there)
+
+    def unmeasured(self, time: FloatArray) -> NDArray[np.bool_]:
+        """Whether the current was switched between the two samples that stand around a time: neither tells of it."""
+        inserted = self.record.inserted
+        taken = self.time[~inserted]
+        switched = np.searchsorted(taken, self.time[inserted], side="right")
+        place = np.searchsorted(taken, time, side="left")
+        return np.isin(place, switched) & (time < taken[np.minimum(place, len(taken) - 1)])
 
 
 def overlays(run: RunRecord) -> list[Overlay]:
