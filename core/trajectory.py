@@ -66,6 +66,9 @@ class Step:
             object.__setattr__(self, "kind", _KINDS[self.kind])
 
 
+Places = slice | NDArray[np.intp]
+
+
 @dataclass(frozen=True, eq=False, init=False)
 class Trajectory:
     """A simulated or measured record.
@@ -261,7 +264,7 @@ class Trajectory:
             inserted=self.inserted,
         )
 
-    def picked(self, places: slice | NDArray[np.intp], steps: tuple[Step, ...]) -> Trajectory:
+    def picked(self, places: Places, steps: tuple[Step, ...]) -> Trajectory:
         """A copy of some of the samples, cut into these steps."""
         signals = {name: values[places] for name, values in self.signals.items()}
         return Trajectory(self.time[places], steps=steps, signals=signals, inserted=self.inserted[places])

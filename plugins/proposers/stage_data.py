@@ -178,8 +178,8 @@ def _current_steps(task: Task, rows: ResidualRows, capacity_ah: float) -> View:
             step = record.steps[place]
             if abs(record.current[step.start] - record.current[step.start - 1]) < _SLOW_PER_H * capacity_ah:
                 continue
-            places = record.measured_across(step)
-            if places is None or record.time[places[1]] - record.time[step.start - 1] > _INSTANT_S:
+            measured = record.measured_across(step)
+            if measured is None or record.time[measured[1]] - record.time[step.start - 1] > _INSTANT_S:
                 continue
             own = voltage & (rows.record == number)
             after = np.flatnonzero(own & (rows.step == place) & (rows.since_s <= _INSTANT_S))
