@@ -64,26 +64,27 @@ class _Curve:
         """
         times: list[FloatArray] = []
         values: list[FloatArray] = []
+        begins: list[bool] = []
         taken = ~measured.record.inserted
         theirs = measured.time[taken]
         for step, piece in self.record.pieces():
-            time, first = np.unique(piece.time - self.record.time[0], return_index=True)
-            value = piece.values(signal.name)[first]
+            time, places = np.unique(piece.time - self.record.time[0], return_index=True)
+            value = piece.values(signal.name)[places]
             if len(time) > 2 and step.kind is not StepKind.DRIVE:
                 between = theirs[(theirs > time[0]) & (theirs < time[-1])]
                 curve = PchipInterpolator(time, value)
                 time = np.union1d(time, between)
                 value = np.asarray(curve(time))
-            known = ~measured.unmeasured(time)
-            # Where a step begins at a switch that no sample shows, the sample before it is of another step.
-            known[0] &= not np.any(time[0] == measured.time[~taken])
-            times.append(time[known])
-            values.append(value[known])
+            times.append(time)
+            values.append(value)
+            begins += [True, *[False] * (len(time) - 1)]
         time = np.concatenate(times) if times else self.time
         value = np.concatenate(values) if times else self.values(signal)
-        inside = time <= theirs[-1] + 1e-9
-        measured_there = np.interp(time[inside], theirs, measured.values(signal)[taken])
-        return time[inside], signal.shown_scale * (value[inside] - measured_there)
+        # Where a step begins at a switch that no sample shows, the sample before it is of another step.
+        first = np.array(begins or np.zeros(len(time)), dtype=np.bool_) & np.isin(time, measured.time[~taken])
+        known = (time <= theirs[-1] + 1e-9) & ~measured.unmeasured(time) & ~first
+        measured_there = np.interp(time[known], theirs, measured.values(signal)[taken])
+        return time[known], signal.shown_scale * (value[known] - measured_there)
 
     def unmeasured(self, time: FloatArray) -> NDArray[np.bool_]:
         """Whether the current was switched between the two samples that stand around a time: neither tells of it."""
