@@ -110,7 +110,7 @@ class AfterSearch:
             self._listener.noted("The search has ended; now what the record fixes, and what to measure next.")
         try:
             watched = WatchedSimulations(self._analysed, self._watch, exact=REFERENCE)
-            found = analyse(self._task, trials, best, watched)
+            found = analyse(self._task, trials, best, watched, self._plugins.weighs_priors())
         except KeyboardInterrupt:
             self._note("Stopped before it was known what the record fixes. Resume the run to find out.")
             return None

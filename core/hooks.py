@@ -296,6 +296,13 @@ class RunHooks:
         """
 
     @hookspec(firstresult=True)
+    def weighs_priors(self) -> bool | None:
+        """Whether the proposer weighs the priors of the search space against the residuals. Optional.
+
+        What is said of the fitted parameters then weighs them too.
+        """
+
+    @hookspec(firstresult=True)
     def warm_up(self, context: ProposeContext) -> Proposal | None:
         """Say which perturbations to try before the search. At most one plugin implements this."""
 

@@ -31,8 +31,9 @@ BOX_VARIANCE = 1.0 / 12.0
 _FIXED, _LOOSE = 0.05, 0.25
 """Half-width of an interval, as a share of the searched range, up to which a parameter is fixed or loose."""
 
-_DRAWS_KEPT = 20
-"""Draws that a prediction is simulated at: they tell its standard deviation to a sixth."""
+DRAWS_KEPT, DRAWS_OF_A_LIFE = 20, 8
+"""Draws that a prediction is simulated at, which tell its standard deviation to a sixth; of a life, where each takes
+minutes, to a quarter."""
 
 _CORRELATED = 0.9
 _NAMED_WEIGHT = 0.2
@@ -201,19 +202,8 @@ def identify(
     covariance = covariance_of(jacobian, noise)
     factor = float(student.ppf(0.5 + _CONFIDENCE / 2, max(len(residual) - count, 1)))
     half = factor * np.sqrt(np.diag(covariance))
-    position = space.to_unit(candidate)
-    intervals = {
-        parameter.name: Interval(
-            value=float(candidate[parameter.name]),
-            lower=parameter.from_unit(max(float(place - width), 0.0)),
-            upper=parameter.from_unit(min(float(place + width), 1.0)),
-            share_of_range=float(width),
-            verdict=_verdict(float(width)),
-        )
-        for parameter, place, width in zip(space, position, half, strict=True)
-    }
     return Identifiability(
-        intervals=intervals,
+        intervals=_about(space, candidate, half),
         combinations=_combinations(jacobian, noise, factor, space.names),
         correlated=_correlated(covariance, space.names),
         noise=noise,
@@ -242,13 +232,48 @@ def with_sample(found: Identifiability, draws: FloatArray, space: ParameterSpace
             verdict=_verdict(half),
         )
     covariance = np.atleast_2d(np.cov(draws.T))
-    some = np.random.default_rng(0).permutation(len(draws))[:_DRAWS_KEPT]
+    some = np.random.default_rng(0).permutation(len(draws))[:DRAWS_KEPT]
     return replace(
         found,
         intervals=intervals,
         covariance=tuple(tuple(row) for row in covariance.tolist()),
         draws=tuple(tuple(row) for row in draws[some].tolist()),
     )
+
+
+def with_few_draws(
+    found: Identifiability, draws: FloatArray, space: ParameterSpace, candidate: Candidate
+) -> Identifiability:
+    """The same with intervals and covariance of some draws about a candidate, too few for their quantiles.
+
+    Parameters
+    ----------
+    draws : ndarray of shape (n, p)
+        In the unit box.
+    """
+    moved = draws - space.to_unit(candidate)
+    covariance = moved.T @ moved / len(draws)
+    half = float(student.ppf(0.5 + _CONFIDENCE / 2, len(draws))) * np.sqrt(np.diag(covariance))
+    return replace(
+        found,
+        intervals=_about(space, candidate, half),
+        covariance=tuple(tuple(row) for row in covariance.tolist()),
+        draws=tuple(tuple(row) for row in draws.tolist()),
+    )
+
+
+def _about(space: ParameterSpace, candidate: Candidate, half: FloatArray) -> dict[str, Interval]:
+    """Intervals of so many units of the box to either side of a candidate, cut at the bounds."""
+    return {
+        parameter.name: Interval(
+            value=float(candidate[parameter.name]),
+            lower=parameter.from_unit(max(float(place - width), 0.0)),
+            upper=parameter.from_unit(min(float(place + width), 1.0)),
+            share_of_range=float(width),
+            verdict=_verdict(float(width)),
+        )
+        for parameter, place, width in zip(space, space.to_unit(candidate), half, strict=True)
+    }
 
 
 def covariance_of(jacobian: FloatArray, noise: float) -> FloatArray:

@@ -12,6 +12,7 @@ from scipy.stats import t as student
 from .ageing.fade_band import CAPACITY, FadeBand
 from .encoding import decode_trajectory, encode_trajectory
 from .errors import BsaError
+from .identifiability import DRAWS_OF_A_LIFE
 from .overlap import differences, scored_part, time_weights, weighted_rms
 from .parameters import Candidate
 from .post_fit_analysis import Simulating
@@ -24,9 +25,6 @@ from .trajectory import FloatArray, Trajectory
 
 HELD_OUT = "held-out"
 """Journal event that holds the predictions of the best trial."""
-
-_DRAWS_OF_A_LIFE = 8
-"""Draws that a whole life is simulated at: each takes minutes."""
 
 _SAMPLES_PER_STEP = 300
 """Samples of a step that a prediction's curve keeps, for drawing."""
@@ -149,7 +147,7 @@ def predict(
     exact = _simulated([candidate], chosen, simulating, True)[0]
     moves: list[dict[str, FloatArray]] = [{}] * len(chosen)
     if len(draws):
-        few = draws[:_DRAWS_OF_A_LIFE] if task.long else draws
+        few = draws[:DRAWS_OF_A_LIFE] if task.long else draws
         moves, more = _spread(task, candidate, chosen, simulating, few, exact)
         spent += more
     return tuple(

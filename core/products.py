@@ -251,6 +251,11 @@ def protocols(product: object) -> Mapping[str, Protocol]:
     }
 
 
+def yes_or_no(product: object) -> bool:
+    """A checked answer to a question; that of a plugin that has none is no."""
+    return product is not None and instance(product, bool)
+
+
 def experiments(product: object, count: int) -> tuple[Experiment, ...] | None:
     """So many experiments, the very tuple that came: what was compiled for it is kept under its identity."""
     if product is None:

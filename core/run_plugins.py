@@ -183,6 +183,10 @@ class RunPlugins:
         """See `RunHooks.next_protocols`."""
         return self._optional("next_protocols", products.protocols)  # type: ignore[no-any-return]
 
+    def weighs_priors(self) -> bool:
+        """See `RunHooks.weighs_priors`."""
+        return self._optional("weighs_priors", products.yes_or_no)  # type: ignore[no-any-return]
+
     def build_feedback(self, outcome: Outcome, metrics: Metrics | None, index: int) -> Feedback:
         """See `RunHooks.build_feedback`."""
         return self._optional(  # type: ignore[no-any-return]

@@ -14,6 +14,7 @@ import numpy as np
 from .emulator import Emulator, learn
 from .identifiability import effective_noise, linear_estimate
 from .posterior import MOVES, beginning, going_on, sample
+from .prior import Prior
 from .trajectory import FloatArray
 
 _ROUNDS, _AT_ONCE = 6, 16
@@ -62,6 +63,7 @@ def simulated_posterior(
     residuals: Sequence[FloatArray],
     jacobian: FloatArray,
     simulate: Callable[[FloatArray], Sequence[FloatArray | None]],
+    prior: Prior,
     rounds: int = _ROUNDS,
 ) -> tuple[FloatArray, float]:
     """Draws in the unit box, shape (n, p), and by what factor residuals are larger than their deviations.
@@ -87,9 +89,10 @@ def simulated_posterior(
         emulator = learn(seen[usable], found[usable], emulator)
         # Where the model does not come down to the noise, and where neighbours err alike, the residuals say less.
         excess = effective_noise(found[usable[0]], seen.shape[1], 1.0)
-        costs = emulator.cost_function(excess**2)
+        costs = _posterior_cost(emulator, excess, prior)
         if number == 0:
-            walkers = beginning(*linear_estimate(seen[0], found[0] / excess, jacobian / excess))
+            residual = prior.residuals(found[0] / excess, seen[0])
+            walkers = beginning(*linear_estimate(seen[0], residual, prior.jacobian(jacobian / excess)))
         else:
             walkers = going_on(draws, costs)
         draws = sample(costs, walkers, _LOOKING)
@@ -103,6 +106,15 @@ def simulated_posterior(
             off = float(np.quantile(np.sum((emulator.residuals(wanted[done]) - made) ** 2, axis=1), 0.9)) / excess**2
             seen, found = np.vstack([seen, wanted[done]]), np.vstack([found, made])
     return sample(costs, going_on(draws, costs), MOVES), excess
+
+
+def _posterior_cost(emulator: Emulator, excess: float, prior: Prior) -> Callable[[FloatArray], FloatArray]:
+    likelihood = emulator.cost_function(excess**2)
+
+    def cost(points: FloatArray) -> FloatArray:
+        return np.asarray(likelihood(points) + np.sum(prior.deviations(points) ** 2, axis=1))
+
+    return cost
 
 
 def _wanted(emulator: Emulator, draws: FloatArray, rng: np.random.Generator) -> FloatArray:

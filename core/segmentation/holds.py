@@ -39,7 +39,9 @@ def with_holds(signals: Signals, levels: list[Level]) -> list[Level]:
         while levels[end].sign != 0 and begin > 0 and levels[begin - 1].sign == levels[end].sign:
             before = levels[begin - 1]
             wider = min(low, extremes[begin - 1][0]), max(high, extremes[begin - 1][1])
-            slack = max(HOLD_RISE * abs(before.mean), signals.tolerance(before.mean))
+            # Both levels may be single samples.
+            scatter = float(np.hypot(signals.tolerance(before.mean), signals.tolerance(levels[begin].mean)))
+            slack = max(HOLD_RISE * abs(before.mean), scatter)
             falling = abs(before.mean) >= abs(levels[begin].mean) - slack
             if not falling or wider[1] - wider[0] > band:
                 break

@@ -90,6 +90,11 @@ class StagedProposer:
             self._finished.add(self._stage.choice.name)
             self._stage = None
 
+    @hookimpl
+    def weighs_priors(self) -> bool:
+        """See `RunHooks.weighs_priors`."""
+        return True
+
     def _feasible_start(self, context: ProposeContext, news: Sequence[Trial]) -> Proposal | None:
         """What to simulate to find a start that can be; None once there is one."""
         if self._descent is None:

@@ -7,10 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bsa.core import post_fit_analysis
 from bsa.core.derivatives import known_derivatives
 from bsa.core.identifiability import effective_noise, unsettled
 from bsa.core.journal import FILE_NAME, read_events
 from bsa.core.loop import RunResult
+from bsa.core.parameters import ParameterSpace
 from bsa.core.post_fit_analysis import PostFitAnalysis
 from bsa.experiments.run_record import read_run
 from bsa_toy_cell import (
@@ -24,6 +26,7 @@ from bsa_toy_cell import (
     SERIES,
     space,
     toy_scaffold,
+    toy_task,
 )
 
 RunToy = Callable[..., RunResult]
@@ -93,6 +96,40 @@ def test_the_intervals_are_those_on_paper(run_toy: RunToy, tmp_path: Path) -> No
     for name, value in HIDDEN.items():
         assert found.intervals[name].lower <= value <= found.intervals[name].upper, name
     assert analysis.unsettled == ()
+
+
+def test_draws_of_many_parameters_are_fits_of_their_own(
+    run_toy: RunToy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few = fitted(run_toy, tmp_path / "few").analysis
+    monkeypatch.setattr(post_fit_analysis, "_EMULATED", 3)
+    many = fitted(run_toy, tmp_path / "many").analysis
+    assert few is not None
+    assert many is not None
+    assert len(many.identifiability.draws) > 10
+    for name, value in HIDDEN.items():
+        found, sampled = many.identifiability.intervals[name], few.identifiability.intervals[name]
+        assert found.lower <= value <= found.upper, name
+        # Twenty draws tell a standard deviation to a sixth; half as much more at most in 99 of 100 cases.
+        assert found.share_of_range == pytest.approx(sampled.share_of_range, rel=0.5), name
+
+
+def test_priors_narrow_the_intervals_of_a_search_that_weighed_them(run_toy: RunToy, tmp_path: Path) -> None:
+    plain = toy_task()
+    known = [
+        replace(parameter, deviation=1e-4, prior=True) if parameter.name == SERIES else parameter
+        for parameter in plain.space
+    ]
+    task = replace(plain, space=ParameterSpace(tuple(known)))
+    deaf = fitted(run_toy, tmp_path / "deaf", task=task).analysis
+    weighing = fitted(run_toy, tmp_path / "weighing", "staged", task=task).analysis
+    assert deaf is not None
+    assert weighing is not None
+    # On a log scale 95 % of the prior lie within two times its deviation, as a share of the range.
+    (series,) = [parameter for parameter in plain.space if parameter.name == SERIES]
+    share = 1.96e-4 / np.log(series.upper / series.lower)
+    assert deaf.identifiability.intervals[SERIES].share_of_range > 2.0 * share
+    assert weighing.identifiability.intervals[SERIES].share_of_range < 1.2 * share
 
 
 def test_simulations_after_the_search_are_not_the_searchs(run_toy: RunToy, tmp_path: Path) -> None:

@@ -132,6 +132,7 @@ def test_plain_plugins_pass() -> None:
     assert found.reduce_task(TaskReduction(0.5)) is None
     assert found.simulate_variant([], ()) is None
     assert found.simulate_finer({}) is None
+    assert found.weighs_priors() is False
     assert dict(found.next_protocols()) == dict(found.export(SPACE.initial)) == {}
     found.remember(trial(), None)
     found.close()

@@ -1,6 +1,9 @@
 import numpy as np
 import pytest
+from bsa.core.prior import Prior
 from bsa.core.simulated_posterior import Errors, simulated_posterior
+
+NO_PRIOR = Prior(np.full(2, 0.5), np.zeros(2))
 
 
 def residuals(points: np.ndarray) -> np.ndarray:
@@ -20,7 +23,7 @@ def test_draws_follow_a_bent_valley_to_its_ends() -> None:
     start = [centre, *(centre + step for step in ([0.007, 0.0], [0.0, 0.007], [0.2, 0.0], [0.0, -0.2]))]
     slope = 200.0 * 0.7 / 0.49
     draws, excess = simulated_posterior(
-        start, list(residuals(np.array(start))), np.array([[slope, slope], [0.0, 0.0]]), simulate
+        start, list(residuals(np.array(start))), np.array([[slope, slope], [0.0, 0.0]]), simulate, NO_PRIOR
     )
     assert excess == 1.0
     assert sum(asked) <= 64
@@ -45,7 +48,7 @@ def test_a_valley_that_is_straight_takes_one_round() -> None:
 
     rng = np.random.default_rng(1)
     start = [np.full(2, 0.5), *rng.uniform(0.4, 0.6, size=(12, 2))]
-    draws, _ = simulated_posterior(start, list(line(np.array(start))), slopes, simulate)
+    draws, _ = simulated_posterior(start, list(line(np.array(start))), slopes, simulate, NO_PRIOR)
     deviation = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
     assert len(asked) == 1
     assert np.std(draws, axis=0) == pytest.approx(deviation, rel=0.12)
