@@ -22,9 +22,9 @@ def test_the_package_has_its_version() -> None:
 )
 def test_a_command_tells_the_version(command, arguments, capsys, monkeypatch) -> None:
     monkeypatch.setattr(sys, "argv", arguments)
-    began = time.monotonic()
+    began = time.process_time()
     with pytest.raises(SystemExit) as caught:
         command()
-    assert time.monotonic() - began < 1
+    assert time.process_time() - began < 1
     assert not caught.value.code
     assert capsys.readouterr().out == f"{VERSION}\n"
