@@ -41,6 +41,27 @@ def published_lives(results: Results) -> str:
     return results.framed("ageing", markdown_table(heads, lines), "\n".join(remarks))
 
 
+def methods(results: Results, name: str) -> str:
+    """Total MAPE of every task by every method of a grid, and each method's geometric mean."""
+    rows = results.rows(name)
+    tasks, compared = (list(dict.fromkeys(row[column] for row in rows)) for column in ("task", "method"))
+    found = {(row["task"], row["method"]): row["mape"] for row in rows}
+    begun = {row["task"]: row["initial_mape"] for row in rows}
+    lines = [
+        [task, f"{short(begun[task])} %", *(f"{short(found[task, method])} %" for method in compared)] for task in tasks
+    ]
+    means = {method: statistic([np.log(found[task, method]) for task in tasks]).mean for method in compared}
+    lines.append(["geometric mean", "", *(f"{short(float(np.exp(means[method])))} %" for method in compared)])
+    gained = [
+        f"{method} {sum(found[task, method] < begun[task] for task in tasks)} of {len(tasks)}" for method in compared
+    ]
+    return results.framed(
+        name,
+        markdown_table(["task", "start", *compared], lines),
+        f"* Better than the start: {', '.join(gained)}.",
+    )
+
+
 def life_cost(results: Results) -> str:
     """What an evaluation of a life costs."""
     rows = results.rows("life_cost")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from . import ageing, discovery, published, real_cells, studies
 from .reach import reach
@@ -30,6 +31,8 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "grid-cost": studies.grid_cost,
     "grid-scaling": studies.grid_scaling,
     "ageing": ageing.published_lives,
+    "ageing-baselines": partial(ageing.methods, name="ageing_baselines"),
+    "own-lives": partial(ageing.methods, name="own_lives"),
     "life-cost": ageing.life_cost,
     "whole-life": ageing.whole_lives,
     "life-discovery": ageing.mechanisms,
