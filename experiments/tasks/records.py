@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -24,6 +24,9 @@ from ...core.task import NEAREST, CellModel, Experiment, ParameterSource, Protoc
 from ...core.trajectory import StepKind, Trajectory
 from .lives import as_life, with_ageing
 from .spectra import ohmic_resistances, spectrum_experiment, spectrum_notes
+
+if TYPE_CHECKING:
+    import pybamm
 
 WIDTH = "Electrode width [m]"
 
@@ -219,6 +222,7 @@ def build_task(
             f"The measured temperature changes by {change_k:.1f} K: the model is thermal (lumped); its temperature is "
             "fitted beside the voltage (--options thermal=isothermal keeps it constant)."
         )
+        notes += _constant_diffusivities(values)
     if CONTACT not in options and as_measured:
         # Tabs, leads and clamps are in every record, and in no parameter set.
         options[CONTACT] = "true"
@@ -289,6 +293,19 @@ def _divided(requests: Sequence[RecordRequest]) -> tuple[list[RecordRequest], li
         fitted += parts[:1] if lives else parts
         forecast += parts[1:] if lives else []
     return fitted, forecast
+
+
+def _constant_diffusivities(values: pybamm.ParameterValues) -> list[str]:
+    """What to expect of a cell that warms with diffusivities that are mere numbers."""
+    if any(
+        callable(values.get(f"{electrode} particle diffusivity [m2.s-1]")) for electrode in ("Negative", "Positive")
+    ):
+        return []
+    return [
+        "The particle diffusivities of the parameter set do not depend on the temperature: a warm cell is simulated "
+        "with those of a cold one, and a fast discharge that heats the cell may be predicted to end too early. A set in "
+        "which they depend on it, such as OKane2022 for NMC811 and graphite, may predict it better."
+    ]
 
 
 def _with_potentials(

@@ -88,6 +88,10 @@ def test_a_cell_that_warms_has_a_thermal_model_whose_temperature_is_fitted() -> 
     assert [signal.name for signal in warm.observed] == ["voltage", "temperature"]
     assert {"Cell volume [m3]", "Total heat transfer coefficient [W.m-2.K-1]"} < set(warm.space.names)
     assert any("12.0 K" in note for note in warm.notes)
+    assert any("diffusivities of the parameter set do not depend" in note for note in warm.notes)
+    other = build_task("t", "OKane2022", [RecordRequest(warming(12.0))], model="SPM")
+    assert other.cell.options["thermal"] == "lumped"
+    assert not any("diffusivities" in note for note in other.notes)
     # A record without a temperature is compared by its voltage.
     both = task_of(warming(12.0), record("s"), search="cell")
     assert [len(both.observed_in(experiment.target)) for experiment in both.experiments] == [2, 1]
