@@ -303,8 +303,8 @@ def _constant_diffusivities(values: pybamm.ParameterValues) -> list[str]:
         return []
     return [
         "The particle diffusivities of the parameter set do not depend on the temperature: a warm cell is simulated "
-        "with those of a cold one, and a fast discharge that heats the cell may be predicted to end too early. A set in "
-        "which they depend on it, such as OKane2022 for NMC811 and graphite, may predict it better."
+        "with those of a cold one, and a fast discharge that heats the cell may be predicted to end too early. A set "
+        "in which they depend on it, such as OKane2022 for NMC811 and graphite, may predict it better."
     ]
 
 
