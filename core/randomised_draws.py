@@ -67,13 +67,9 @@ def randomised_draws(
 
     def missed(places: Sequence[int], points: FloatArray) -> list[FloatArray | None]:
         """By how much simulations miss the perturbed data of draws, in the directions of the parameters."""
-        found = [
-            None if seen is None else known.residuals(seen / excess, point)
-            for seen, point in zip(simulate(points), points, strict=True)
-        ]
         return [
-            None if seen is None else across.T @ seen - here - offsets[place]
-            for place, seen in zip(places, found, strict=True)
+            None if seen is None else across.T @ known.residuals(seen / excess, point) - here - offsets[place]
+            for place, point, seen in zip(places, points, simulate(points), strict=True)
         ]
 
     linear = np.clip(centre + np.linalg.solve(triangle, offsets.T).T, 0.0, 1.0)
