@@ -6,7 +6,7 @@ import numpy as np
 
 from ..campaign.summary import statistic
 from ..campaign.text_tables import markdown_table
-from .layout import short
+from .layout import geometric_mean, short
 from .results import Results
 
 _PAPER = {"mape": 1.37, "q_mape": 0.51}
@@ -50,8 +50,8 @@ def methods(results: Results, name: str) -> str:
     lines = [
         [task, f"{short(begun[task])} %", *(f"{short(found[task, method])} %" for method in compared)] for task in tasks
     ]
-    means = {method: statistic([np.log(found[task, method]) for task in tasks]).mean for method in compared}
-    lines.append(["geometric mean", "", *(f"{short(float(np.exp(means[method])))} %" for method in compared)])
+    means = [geometric_mean(found[task, method] for task in tasks) for method in compared]
+    lines.append(["geometric mean", "", *(f"{short(mean)} %" for mean in means)])
     gained = [
         f"{method} {sum(found[task, method] < begun[task] for task in tasks)} of {len(tasks)}" for method in compared
     ]

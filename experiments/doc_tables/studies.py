@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from ..campaign.text_tables import markdown_table
 from ..studies.coverage import FIT_POINTS, coverage_table, excesses
 from ..studies.models import cards_table
 from ..studies.no_harm import summary, verdict_of
-from .layout import bold, short, spread
+from .layout import bold, geometric_mean, short, spread
 from .results import Results
 
 Row = Mapping[str, Any]
@@ -253,9 +253,9 @@ def agent_alone(results: Results) -> str:
     lines = [[case, *(short(values[case]) for values in (start, *errors.values()))] for case in start]
     for cell, own in grouped(rows, "chemistry").items():
         cases = {row["task"] for row in own}
-        means = [_geometric(values[case] for case in cases) for values in errors.values()]
+        means = [geometric_mean(values[case] for case in cases) for values in errors.values()]
         lines.append([f"geometric mean, {len(cases)} of {cell}", "", *map(short, means)])
-    before, after = (_geometric(values.values()) for values in errors.values())
+    before, after = (geometric_mean(values.values()) for values in errors.values())
     lines.append([f"geometric mean, all {len(start)}", "", short(before), short(after)])
     tokens = {
         version: [row["prompt_tokens"] for row in own]
@@ -268,10 +268,6 @@ def agent_alone(results: Results) -> str:
     )
     heads = ["error in % after 20 simulations", "start", "before", "after"]
     return results.framed("agent_alone prompt_tokens", markdown_table(heads, lines), words)
-
-
-def _geometric(values: Iterable[float]) -> float:
-    return float(np.exp(np.mean(np.log(list(values)))))
 
 
 def by_hand(results: Results) -> str:
