@@ -32,6 +32,7 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "grid-scaling": studies.grid_scaling,
     "ageing": ageing.published_lives,
     "ageing-baselines": partial(ageing.methods, name="ageing_baselines"),
+    "ageing-ablation": partial(ageing.methods, name="ageing_ablation"),
     "own-lives": partial(ageing.methods, name="own_lives"),
     "life-cost": ageing.life_cost,
     "whole-life": ageing.whole_lives,
