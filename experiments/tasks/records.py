@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -20,13 +20,10 @@ from ...core.record import ReadOptions, Record
 from ...core.registry import installed
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.target import INITIAL_SOC, InitialSoc, soc_name
-from ...core.task import NEAREST, CellModel, Experiment, ParameterSource, Protocol, Task
+from ...core.task import NEAREST, CellModel, Experiment, ParameterFile, ParameterSource, Protocol, Task
 from ...core.trajectory import StepKind, Trajectory
 from .lives import as_life, with_ageing
 from .spectra import ohmic_resistances, spectrum_experiment, spectrum_notes
-
-if TYPE_CHECKING:
-    import pybamm
 
 WIDTH = "Electrode width [m]"
 
@@ -183,7 +180,7 @@ def build_task(
     from ...plugins.pybamm.augmentation import augmented_cell, effects_in
     from ...plugins.pybamm.model_options import in_pybamm_spelling
     from ...plugins.pybamm.parameter_sets import load
-    from ...plugins.pybamm.presets import resolve_space, starts_given
+    from ...plugins.pybamm.presets import is_preset, resolve_space, starts_given
     from ...plugins.pybamm.spectrum_experiment import DOUBLE_LAYERS
     from ...plugins.pybamm.state_of_charge import equilibrium_capacity_ah, soc_at_voltage
 
@@ -192,9 +189,15 @@ def build_task(
     loaded = [_as_asked(request) for request in records]
     notes = [f"{record.name}: {note}" for record in loaded for note in (*record.notes, *_too_many_cycles(record))]
     notes += [note for request in spectra for note in spectrum_notes(request)]
+    own_file = isinstance(parameter_set, ParameterFile)
     parameter_set, said = _with_potentials(parameter_set, ocp, loaded)
     notes += said if effects else [*said, *_hysteresis(loaded)]
+    options, said = _with_thermal_model(in_pybamm_spelling(options or {}), records, loaded)
+    notes += said
     fixed = dict(overrides or {})
+    if _at_several_temperatures(options, loaded) and not own_file:
+        parameter_set, said = _with_activation_energies(parameter_set, search, fixed)
+        notes += said
     values = load(parameter_set, fixed)
     given = starts_given(search) | set(fixed)
     as_measured = all(request.as_measured for request in records)
@@ -210,19 +213,9 @@ def build_task(
                 if name not in given and name in values
             }
             notes.append(note)
-    options = in_pybamm_spelling(options or {})
     if any(request.is_life for request in records):
         options, note = with_ageing(options)
         notes += [note] * bool(note)
-    change_k = max((float(np.ptp(t)) for r in loaded if (t := r.trajectory.temperature) is not None), default=0.0)
-    by_current = all(request.protocol is None for request in records)
-    if by_current and THERMAL not in options and change_k >= _WARMS_K:
-        options[THERMAL] = "lumped"
-        notes.append(
-            f"The measured temperature changes by {change_k:.1f} K: the model is thermal (lumped); its temperature is "
-            "fitted beside the voltage (--options thermal=isothermal keeps it constant)."
-        )
-        notes += _constant_diffusivities(values)
     if CONTACT not in options and as_measured:
         # Tabs, leads and clamps are in every record, and in no parameter set.
         options[CONTACT] = "true"
@@ -233,7 +226,7 @@ def build_task(
     augmented_cell(cell, own_effects)  # two may ask for different things
     # The model of a spectrum alone has the double layers.
     space = resolve_space(parameter_set, search, fixed, {**options, **DOUBLE_LAYERS} if spectra else options)
-    if isinstance(search, str) and Path(search).suffix not in (".yaml", ".yml"):
+    if is_preset(search):
         # A preset does not know what this person knows.
         space = ParameterSpace(tuple(parameter for parameter in space if parameter.name not in (overrides or {})))
     space = ParameterSpace((*space, *(parameter for effect in own_effects for parameter in effect.searched)))
@@ -264,7 +257,8 @@ def build_task(
         )
     space = _with_initial_soc(space, experiments, socs, INITIAL_SOC in given, alone=len(asked) == 1)
     experiments += [spectrum_experiment(request) for request in spectra]
-    compared = by_current and change_k > 0.0 and options.get(THERMAL, ISOTHERMAL) != ISOTHERMAL
+    by_current = all(request.protocol is None for request in records)
+    compared = by_current and _warms_by(loaded) > 0.0 and options.get(THERMAL, ISOTHERMAL) != ISOTHERMAL
     signals = (*CELL.signals, *[TEMPERATURE] * compared, *(SPECTRUM if spectra else ()))
     task = Task(name, cell, space, tuple(experiments), tuple(notes), signals=signals)
     return holding_out(task, (*forecast, *held_out))
@@ -295,16 +289,52 @@ def _divided(requests: Sequence[RecordRequest]) -> tuple[list[RecordRequest], li
     return fitted, forecast
 
 
-def _constant_diffusivities(values: pybamm.ParameterValues) -> list[str]:
-    """What to expect of a cell that warms with diffusivities that are mere numbers."""
-    if any(
-        callable(values.get(f"{electrode} particle diffusivity [m2.s-1]")) for electrode in ("Negative", "Positive")
-    ):
-        return []
-    return [
-        "The particle diffusivities of the parameter set do not depend on the temperature: a warm cell is simulated "
-        "with those of a cold one, and a fast discharge that heats the cell may be predicted to end too early. A set "
-        "in which they depend on it, such as OKane2022 for NMC811 and graphite, may predict it better."
+def _warms_by(records: Sequence[Record]) -> float:
+    """Largest change of the measured temperature in a record, K; 0 where none was measured."""
+    measured = [t for record in records if (t := record.trajectory.temperature) is not None]
+    return max((float(np.ptp(temperature)) for temperature in measured), default=0.0)
+
+
+def _with_thermal_model(
+    options: dict[str, Any], requests: Sequence[RecordRequest], records: Sequence[Record]
+) -> tuple[dict[str, Any], list[str]]:
+    """The model's options with a temperature where one was measured that changes, and what is to be said of it."""
+    change_k = _warms_by(records)
+    if change_k < _WARMS_K or THERMAL in options or any(request.protocol is not None for request in requests):
+        return options, []
+    return {**options, THERMAL: "lumped"}, [
+        f"The measured temperature changes by {change_k:.1f} K: the model is thermal (lumped); its temperature is "
+        "fitted beside the voltage (--options thermal=isothermal keeps it constant)."
+    ]
+
+
+def _at_several_temperatures(options: Mapping[str, Any], records: Sequence[Record]) -> bool:
+    """Whether the cell is simulated at temperatures that differ: it warms, or its records do."""
+    ambient = [record.ambient_k for record in records if record.ambient_k is not None]
+    return options.get(THERMAL, ISOTHERMAL) != ISOTHERMAL or np.ptp(ambient or [0.0]) >= _WARMS_K
+
+
+def _with_activation_energies(
+    parameter_set: ParameterSource, search: str | Mapping[str, Any], fixed: Mapping[str, float]
+) -> tuple[ParameterSource, list[str]]:
+    """The parameter set with transport that depends on the temperature, and what is to be said of it."""
+    from ...plugins.pybamm.activation_energies import TRANSPORT, blind_to_temperature, with_activation_energies
+    from ...plugins.pybamm.presets import is_preset
+
+    blind = tuple(name for name in blind_to_temperature(parameter_set) if name not in fixed)
+    if not blind:
+        return parameter_set, []
+    names = ", ".join(name.split(" [")[0].lower() for name in blind)
+    said = f"In {parameter_set} these do not depend on the temperature: {names}."
+    if not is_preset(search):  # it may name them as the numbers that they are
+        return parameter_set, [
+            f"{said} A warm cell is simulated with those of a cold one, and a fast discharge that heats the cell may "
+            "be predicted to end too early."
+        ]
+    energies = ", ".join(f"{TRANSPORT[name].energy / 1e3:g}" for name in blind)
+    return with_activation_energies(parameter_set, blind), [
+        f"{said} They get activation energies ({energies} kJ/mol, those of other published sets), at the reference "
+        "temperature they stay as they are."
     ]
 
 

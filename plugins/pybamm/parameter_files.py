@@ -8,7 +8,6 @@ only, for PyBaMM imports whatever they name.
 from __future__ import annotations
 
 import ast
-import inspect
 import json
 import operator
 import warnings
@@ -283,14 +282,14 @@ def _check_nodes(name: str, node: Any) -> None:
 
 def _as_function(symbol: Any) -> Callable[..., Any]:
     """A function of its arguments, as parameter sets have them, of an expression in their names."""
+    from .parameter_sets import take_arguments
+
     names = [str(name) for name in symbol.func_args]
 
     def function(*arguments: Any, **keywords: Any) -> Any:
         return _substituted(symbol.children[0], {**dict(zip(names, arguments, strict=False)), **keywords})
 
-    function.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
-        [inspect.Parameter(name, inspect.Parameter.POSITIONAL_OR_KEYWORD) for name in names]
-    )
+    take_arguments(function, names)
     return function
 
 

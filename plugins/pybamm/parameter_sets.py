@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import Any
 
@@ -196,8 +196,13 @@ def _scaled(value: Any, factor: Any) -> Any:
 
 def keep_arguments(function: Any, of: Any) -> None:
     """Give a function of any arguments the names of another's, in place: PyBaMM writes functions to files by them."""
+    take_arguments(function, arguments_of(of))
+
+
+def take_arguments(function: Any, names: Iterable[str]) -> None:
+    """Give a function of any arguments these names for them, in place."""
     kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
-    function.__signature__ = inspect.Signature([inspect.Parameter(name, kind) for name in arguments_of(of)])
+    function.__signature__ = inspect.Signature([inspect.Parameter(name, kind) for name in names])
 
 
 def arguments_of(function: Any) -> tuple[str, ...]:

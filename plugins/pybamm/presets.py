@@ -22,6 +22,8 @@ PRESETS_FILE = Path(__file__).with_name("search_presets.yaml")
 
 _WIDTH = "Electrode width [m]"
 
+_FILES = (".yaml", ".yml")
+
 
 class Range(BaseModel, extra="forbid"):
     """How one parameter is searched; exactly one of the three kinds of bounds."""
@@ -152,20 +154,25 @@ def resolve_space(
     """
     if not isinstance(search, str):
         return _own_space(parameter_set, search, "search", overrides or {})
-    path = Path(search)
-    if path.suffix not in (".yaml", ".yml"):
+    if is_preset(search):
         return preset_space(parameter_set, search, overrides, options)
+    path = Path(search)
     content = read_yaml(path)
     if not isinstance(content, Mapping) or not content:
         raise BsaError(f"{path} holds no search space.", 'write one "parameter: {lower: ..., upper: ...}" a line.')
     return _own_space(parameter_set, content, str(path), overrides or {})
 
 
+def is_preset(search: str | Mapping[str, Any]) -> bool:
+    """Whether a search is meant as the name of a preset: not parameters with bounds, nor a file of them."""
+    return isinstance(search, str) and Path(search).suffix not in _FILES
+
+
 def starts_given(search: str | Mapping[str, Any]) -> set[str]:
     """The parameters whose initial value the person has written: nothing may replace these."""
     content = search
     if isinstance(content, str):
-        content = read_yaml(Path(content)) if Path(content).suffix in (".yaml", ".yml") else {}
+        content = {} if is_preset(content) else read_yaml(Path(content))
     if not isinstance(content, Mapping):
         return set()
     entries = content.items()

@@ -88,13 +88,26 @@ def test_a_cell_that_warms_has_a_thermal_model_whose_temperature_is_fitted() -> 
     assert [signal.name for signal in warm.observed] == ["voltage", "temperature"]
     assert {"Cell volume [m3]", "Total heat transfer coefficient [W.m-2.K-1]"} < set(warm.space.names)
     assert any("12.0 K" in note for note in warm.notes)
-    assert any("diffusivities of the parameter set do not depend" in note for note in warm.notes)
+    assert any("They get activation energies (20, 20, 20, 15 kJ/mol" in note for note in warm.notes)
+    assert "Negative particle diffusivity [m2.s-1] factor" in warm.space.names
     other = build_task("t", "OKane2022", [RecordRequest(warming(12.0))], model="SPM")
     assert other.cell.options["thermal"] == "lumped"
     assert not any("diffusivities" in note for note in other.notes)
     # A record without a temperature is compared by its voltage.
     both = task_of(warming(12.0), record("s"), search="cell")
     assert [len(both.observed_in(experiment.target)) for experiment in both.experiments] == [2, 1]
+
+
+def test_transport_depends_on_the_temperature_where_the_temperatures_differ_and_nothing_was_said_of_it() -> None:
+    energy, name = "Negative particle diffusivity activation energy [J.mol-1]", "Negative particle diffusivity [m2.s-1]"
+    rooms = [replace(record(key), ambient_k=kelvin) for key, kelvin in (("a", 283.15), ("b", 298.15))]
+    assert energy in load(task_of(*rooms, search="cell").cell.parameter_set)
+    assert energy not in load(task_of(rooms[0], search="cell").cell.parameter_set)
+    said = task_of(*rooms, search="cell", overrides={name: 2e-14})
+    assert load(said.cell.parameter_set, said.cell.overrides)[name] == 2e-14
+    own = task_of(*rooms, search={name: [1e-14, 1e-13]})
+    assert own.cell.parameter_set == "Chen2020"
+    assert any("may be predicted to end too early" in note for note in own.notes)
 
 
 def test_a_cell_that_stays_cold_or_is_said_to_be_isothermal_has_no_thermal_model() -> None:
