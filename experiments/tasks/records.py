@@ -311,7 +311,7 @@ def _with_thermal_model(
 def _at_several_temperatures(options: Mapping[str, Any], records: Sequence[Record]) -> bool:
     """Whether the cell is simulated at temperatures that differ: it warms, or its records do."""
     ambient = [record.ambient_k for record in records if record.ambient_k is not None]
-    return options.get(THERMAL, ISOTHERMAL) != ISOTHERMAL or np.ptp(ambient or [0.0]) >= _WARMS_K
+    return options.get(THERMAL, ISOTHERMAL) != ISOTHERMAL or float(np.ptp(ambient or [0.0])) >= _WARMS_K
 
 
 def _with_activation_energies(
