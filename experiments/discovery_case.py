@@ -23,7 +23,7 @@ from ..core.yaml_text import read_yaml
 from .request import Records, named_after, numbered_folder
 
 if TYPE_CHECKING:
-    from .tasks.records import RecordRequest
+    from .tasks.record_request import RecordRequest
 
 _ADDED = ("Contact resistance [Ohm]",)
 """Overrides that a calibration task brings along with its options."""
@@ -177,8 +177,9 @@ class Case:
 def read_case(options: DiscoverOptions) -> Case:
     """Read the records and settle the base model: size, ambient temperature, initial states of charge."""
     from ..plugins.pybamm.model_options import in_pybamm_spelling
+    from .tasks.cell_for_records import ISOTHERMAL, THERMAL
     from .tasks.parameter_source import parameter_source
-    from .tasks.records import ISOTHERMAL, THERMAL, build_task
+    from .tasks.records import build_task
 
     fitted, held = (
         [named for file in files for named in _parts(options, file)] for files in (options.data, options.holdout)
@@ -232,7 +233,7 @@ def read_life(options: DiscoverOptions) -> Task:
 
 
 def _request(options: DiscoverOptions, file: RecordFile) -> RecordRequest:
-    from .tasks.records import RecordRequest
+    from .tasks.record_request import RecordRequest
 
     temperature_k = None if options.ambient_c is None else options.ambient_c + 273.15
     asked = RecordRequest(file.source(), file.read, file.reader, file.reader_options, temperature_k=temperature_k)

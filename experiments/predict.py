@@ -18,7 +18,8 @@ from ..core.run_plugins import RunPlugins
 from ..core.scaffold import Scaffold
 from ..core.watched_simulations import NOT_FITTED, WatchedSimulations
 from .run_record import RunRecord, read_run
-from .tasks.records import RecordRequest, holding_out
+from .tasks.record_request import RecordRequest
+from .tasks.records import holding_out
 
 RESULT, PAGE = "prediction.json", "prediction.html"
 

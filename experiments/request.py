@@ -18,7 +18,7 @@ from ..core.validation import validated
 from ..core.yaml_text import parse_yaml
 
 if TYPE_CHECKING:
-    from .tasks.records import RecordRequest
+    from .tasks.record_request import RecordRequest
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def reading(
     join: bool = False,
 ) -> ReadOptions:
     """What a person says about files. Raises `BsaError` if an option is not valid."""
-    from .tasks.records import parse_cycles
+    from .tasks.record_request import parse_cycles
 
     content: dict[str, Any] = {
         "columns": dict(column or {}),
@@ -171,7 +171,7 @@ class Records:
         Raises `BsaError` if there are several states of charge, but not one for each record, or one is not between 0
         and 1.
         """
-        from .tasks.records import RECOGNISED
+        from .tasks.record_request import RECOGNISED
 
         sources = self._joined()
         wild = [soc for soc in self.initial_soc if not 0 <= soc <= 1]
@@ -195,7 +195,7 @@ class Records:
     def _asked(
         self, sources: Sequence[Path | Record], socs: Sequence[float | None], **more: Any
     ) -> list[RecordRequest]:
-        from .tasks.records import RecordRequest
+        from .tasks.record_request import RecordRequest
 
         return [
             RecordRequest(source, self.read, self.reader, self.reader_options, initial_soc=soc, **more)

@@ -16,7 +16,7 @@ from ...core.record import Record
 from ...core.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from .records import RecordRequest
+    from .record_request import RecordRequest
 
 _FEWEST = 3
 """Cycles without which there is no life to speak of."""

@@ -11,7 +11,7 @@ from ...core.spectrum_record import inductive_points, spectrum_record
 from ...core.task import Experiment
 
 if TYPE_CHECKING:
-    from .records import RecordRequest
+    from .record_request import RecordRequest
 
 
 def spectrum_experiment(request: RecordRequest) -> Experiment:

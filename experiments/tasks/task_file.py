@@ -20,7 +20,8 @@ from ...core.shape import decoding
 from ...core.task import Task, Weight
 from ...core.validation import validated
 from ...core.yaml_text import read_yaml
-from .records import RecordRequest, build_task
+from .record_request import RecordRequest
+from .records import build_task
 from .signal_task_file import load_signal_task
 
 SUFFIXES = (".yaml", ".yml", ".json")

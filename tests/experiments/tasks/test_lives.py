@@ -11,7 +11,8 @@ from bsa.core.record import ReadOptions, Record
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.request import CellChoice, Records, task_of_records
 from bsa.experiments.tasks.lives import USUAL_GROWTH, with_ageing
-from bsa.experiments.tasks.records import RecordRequest, holding_out
+from bsa.experiments.tasks.record_request import RecordRequest
+from bsa.experiments.tasks.records import holding_out
 from bsa.experiments.tasks.task_file import ExperimentEntry
 
 CUT_SHORT = 17

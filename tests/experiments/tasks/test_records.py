@@ -8,15 +8,10 @@ from bsa.core.errors import BsaError
 from bsa.core.record import Record
 from bsa.core.target import CellChange
 from bsa.core.trajectory import Step, StepKind, Trajectory
-from bsa.experiments.tasks.records import (
-    CONTACT,
-    RESISTANCE,
-    WIDTH,
-    RecordRequest,
-    _jump_resistances,
-    _with_room_for,
-    build_task,
-)
+from bsa.experiments.tasks.cell_for_records import WIDTH
+from bsa.experiments.tasks.record_request import RecordRequest
+from bsa.experiments.tasks.record_start import jump_resistances, with_room_for
+from bsa.experiments.tasks.records import CONTACT, RESISTANCE, build_task
 from bsa.plugins.pybamm.model_options import in_pybamm_spelling
 from bsa.plugins.pybamm.parameter_sets import load
 from bsa.plugins.pybamm.state_of_charge import InitialState, equilibrium_capacity_ah
@@ -58,7 +53,7 @@ def test_a_resistance_is_read_off_prompt_jumps_away_from_the_empty_end() -> None
     steps = tuple(Step(StepKind.REST, start, start + 2, position=start // 2) for start in (0, 2, 4, 6))
     record = Trajectory(time, current, voltage, None, steps)
     # 50 mOhm when the discharge begins; 400 from empty, and 200 a minute late.
-    assert _jump_resistances(record) == pytest.approx([0.05])
+    assert jump_resistances(record) == pytest.approx([0.05])
 
 
 def test_a_start_that_a_person_writes_is_never_replaced() -> None:
@@ -103,6 +98,8 @@ def test_transport_depends_on_the_temperature_where_the_temperatures_differ_and_
     rooms = [replace(record(key), ambient_k=kelvin) for key, kelvin in (("a", 283.15), ("b", 298.15))]
     assert energy in load(task_of(*rooms, search="cell").cell.parameter_set)
     assert energy not in load(task_of(rooms[0], search="cell").cell.parameter_set)
+    asked = [RecordRequest(record(key), temperature_k=kelvin) for key, kelvin in (("a", 283.15), ("b", 298.15))]
+    assert energy in load(build_task("t", "Chen2020", asked, model="SPM").cell.parameter_set)
     said = task_of(*rooms, search="cell", overrides={name: 2e-14})
     assert load(said.cell.parameter_set, said.cell.overrides)[name] == 2e-14
     own = task_of(*rooms, search={name: [1e-14, 1e-13]})
@@ -186,13 +183,13 @@ def test_a_discharge_that_begins_under_load_starts_with_the_charge_that_it_gives
     current = np.full(61, 2.0)
     voltage = np.linspace(3.6, 2.6, 61)
     record = Trajectory(time, current, voltage, None, (Step(StepKind.CC_DISCHARGE, 0, 61),))
-    assert _with_room_for(record, 0.6, capacity_ah=2.5) == pytest.approx(0.8)
-    assert _with_room_for(record, 0.9, capacity_ah=2.5) == pytest.approx(0.9)
-    assert _with_room_for(record, 0.6, capacity_ah=1.9) == 1.0
+    assert with_room_for(record, 0.6, capacity_ah=2.5) == pytest.approx(0.8)
+    assert with_room_for(record, 0.9, capacity_ah=2.5) == pytest.approx(0.9)
+    assert with_room_for(record, 0.6, capacity_ah=1.9) == 1.0
     charge = record.changed(current=-current)
-    assert _with_room_for(charge, 0.6, capacity_ah=2.5) == pytest.approx(0.2)
+    assert with_room_for(charge, 0.6, capacity_ah=2.5) == pytest.approx(0.2)
     rested = record.changed(current=np.r_[0.0, current[1:]])
-    assert _with_room_for(rested, 0.6, capacity_ah=2.5) == 0.6
+    assert with_room_for(rested, 0.6, capacity_ah=2.5) == 0.6
 
 
 def slow_discharge() -> Record:

@@ -1,0 +1,163 @@
+"""What records tell of the cell that is to match them: potentials, size, temperature, voltage window."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...core.recognised_protocol import with_switches
+from ...core.record import Record
+from ...core.task import NEAREST, ParameterSource
+from .record_request import RecordRequest
+
+WIDTH = "Electrode width [m]"
+
+_MARGIN_V = 0.2
+"""Volts by which a model's voltage window is wider than a record whose steps are simulated: they end by themselves."""
+
+THERMAL, ISOTHERMAL = "thermal", "isothermal"
+"""PyBaMM's option for a cell's temperature, and its value for a constant one."""
+
+_MOST_OF_THE_WINDOW = 0.6
+"""Share of the voltage window that a cycle crosses at least if its charge is to tell the cell's size."""
+
+_HYSTERESIS_V = 0.03
+"""Distance of a slow charge from a slow discharge that polarisation does not explain, V: at C/20 it takes 5 to 8 mV off
+each, of which this is twice."""
+
+_NEAR_POTENTIALS_V = 0.015
+"""Misfit of a slow record up to which a set's potentials are near, V: published ones of one chemistry differ by 12 to
+16 mV."""
+
+_WARMS_K = 2.0
+"""Change of the temperature from which on the model is thermal, and transport depends on it, K: a smaller one may be
+that of the room."""
+
+_SAME_SIZE = (0.8, 1.25)
+"""Ratios of measured to nominal capacity that the search bridges by itself."""
+
+
+def warms_by(records: Sequence[Record]) -> float:
+    """Largest change of the measured temperature in a record, K; 0 where none was measured."""
+    measured = [t for record in records if (t := record.trajectory.temperature) is not None]
+    return max((float(np.ptp(temperature)) for temperature in measured), default=0.0)
+
+
+def with_thermal_model(
+    options: dict[str, Any], requests: Sequence[RecordRequest], records: Sequence[Record]
+) -> tuple[dict[str, Any], list[str]]:
+    """The model's options with a temperature where one was measured that changes, and what is to be said of it."""
+    change_k = warms_by(records)
+    if change_k < _WARMS_K or THERMAL in options or any(request.protocol is not None for request in requests):
+        return options, []
+    return {**options, THERMAL: "lumped"}, [
+        f"The measured temperature changes by {change_k:.1f} K: the model is thermal (lumped); its temperature is "
+        "fitted beside the voltage (--options thermal=isothermal keeps it constant)."
+    ]
+
+
+def at_several_temperatures(options: Mapping[str, Any], ambient_k: Sequence[float | None]) -> bool:
+    """Whether the cell is simulated at temperatures that differ: it warms, or its surroundings do."""
+    known = [kelvin for kelvin in ambient_k if kelvin is not None]
+    return options.get(THERMAL, ISOTHERMAL) != ISOTHERMAL or float(np.ptp(known or [0.0])) >= _WARMS_K
+
+
+def temperature_dependent(
+    parameter_set: ParameterSource, search: str | Mapping[str, Any], fixed: Mapping[str, float]
+) -> tuple[ParameterSource, list[str]]:
+    """The parameter set with transport that depends on the temperature, and what is to be said of it."""
+    from ...plugins.pybamm.activation_energies import TRANSPORT, blind_to_temperature, with_activation_energies
+    from ...plugins.pybamm.presets import is_preset
+
+    blind = tuple(name for name in blind_to_temperature(parameter_set) if name not in fixed)
+    if not blind:
+        return parameter_set, []
+    names = ", ".join(name.split(" [")[0].lower() for name in blind)
+    said = f"In {parameter_set} these do not depend on the temperature: {names}."
+    if not is_preset(search):  # it may name them as the numbers that they are
+        return parameter_set, [
+            f"{said} A warm cell is simulated with those of a cold one, and a fast discharge that heats the cell may "
+            "be predicted to end too early."
+        ]
+    energies = ", ".join(f"{TRANSPORT[name].energy / 1e3:g}" for name in blind)
+    return with_activation_energies(parameter_set, blind), [
+        f"{said} They get activation energies ({energies} kJ/mol, those of other published sets), at the reference "
+        "temperature they stay as they are."
+    ]
+
+
+def with_chosen_potentials(
+    parameter_set: ParameterSource, wanted: str, records: Sequence[Record]
+) -> tuple[ParameterSource, list[str]]:
+    """The parameter set with the potentials that were asked for, and what is to be said of them."""
+    from ...plugins.pybamm.nearest_potentials import chosen_potentials, misfit_of, with_potentials
+
+    measured = [record.trajectory for record in records]
+    words = []
+    if parameter_set != NEAREST:
+        own_v = misfit_of(parameter_set, measured)
+        far = own_v is not None and own_v > _NEAR_POTENTIALS_V
+        words = [
+            f"The open-circuit potentials of {parameter_set} leave {1e3 * (own_v or 0.0):.1f} mV of the slow record"
+        ]
+        if not wanted:
+            return parameter_set, [f"{words[0]}: --ocp nearest looks for nearer ones among the installed sets."] * far
+    found = chosen_potentials(wanted or NEAREST, measured)
+    taken = found[0]
+    base = taken.positive if parameter_set == NEAREST else parameter_set
+    left = "" if words else "leave "
+    rest = "" if words else " of the slow record"
+    words.append(f"{'those' if words else 'The potentials'} of {taken} {left}{1e3 * taken.rms_v:.1f} mV{rest}")
+    said = f"{', '.join(words)}: they are taken, with electrodes balanced for them, and all else from {base}."
+    others = "; ".join(f"{other}: {1e3 * other.rms_v:.1f} mV" for other in found[1:4])
+    return with_potentials(base, taken), [said + f" The next: {others}." * bool(others)]
+
+
+def hysteresis_note(records: Sequence[Record]) -> list[str]:
+    """What is to be said of charge and discharge that are far apart where they are slow."""
+    from ...plugins.pybamm.nearest_potentials import slow_curve
+
+    slow = slow_curve(record.trajectory for record in records)
+    if slow is None or not slow.gap_v > _HYSTERESIS_V:
+        return []
+    return [
+        f"Slow charge and discharge are {1e3 * slow.gap_v:.0f} mV apart at the same charge, more than polarisation "
+        "explains: --effect ocp-hysteresis adds a hysteresis of the open-circuit voltage to the model."
+    ]
+
+
+def wide_window(values: Any, records: Sequence[Record], given: Collection[str]) -> dict[str, float]:
+    """Voltage cut-offs beyond all of the records; what the set calls empty and full stays."""
+    voltages = np.concatenate([record.trajectory.voltage for record in records])
+    wide: dict[str, float] = {}
+    for side, percent, wider in (
+        ("Lower", 0, min(float(values["Lower voltage cut-off [V]"]), float(voltages.min()) - _MARGIN_V)),
+        ("Upper", 100, max(float(values["Upper voltage cut-off [V]"]), float(voltages.max()) + _MARGIN_V)),
+    ):
+        cut_off, open_circuit = f"{side} voltage cut-off [V]", f"Open-circuit voltage at {percent}% SOC [V]"
+        wide |= {open_circuit: float(values.get(open_circuit, values[cut_off])), cut_off: wider}
+    return {name: value for name, value in wide.items() if name not in given}
+
+
+def size_factor(records: Sequence[Record], values: Any, capacity_ah: float) -> tuple[float, str]:
+    """How much larger the measured cell is than the parameter set's, and a sentence if that matters."""
+    window = float(values["Upper voltage cut-off [V]"]) - float(values["Lower voltage cut-off [V]"])
+    spans = [
+        float(np.ptp(with_switches(cycle).discharge_capacity))
+        for record in records
+        # Over many cycles the counted charge drifts; within one it does not matter.
+        for cycle in map(record.trajectory.cycle, record.trajectory.cycles)
+        # A cycle that stays in part of the voltage window says little about the capacity.
+        if np.ptp(cycle.voltage) > _MOST_OF_THE_WINDOW * window
+    ]
+    if not spans:
+        return 1.0, ""
+    ratio = max(spans) / capacity_ah
+    if _SAME_SIZE[0] <= ratio <= _SAME_SIZE[1]:
+        return 1.0, ""
+    return ratio, (
+        f"The records hold {max(spans):.3g} A.h, the parameter set's cell {capacity_ah:.3g} A.h: "
+        f'"{WIDTH}" starts from {ratio:.3g} times its value (--no-scale keeps it).'
+    )

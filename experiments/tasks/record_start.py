@@ -1,0 +1,67 @@
+"""What a record shows of the state from which it starts, and of the resistance of its cell."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...core.prediction import begins_under_load
+from ...core.trajectory import StepKind, Trajectory
+
+_PROMPT_S, _NEARLY_EMPTY = 10.0, 0.1
+"""Latest sample after a current step that shows its resistance, s, and the share of the voltage range at whose bottom
+none does: a minute late, or at the end of a discharge, the same cells show two to ten times as much."""
+
+
+def resting_voltage(record: Trajectory) -> float:
+    """The open-circuit voltage that the record starts from, as near as it shows, V."""
+    first = record.steps[0]
+    return float(record.voltage[first.stop - 1 if first.kind is StepKind.REST else 0])
+
+
+def _starts_at_rest(record: Trajectory) -> bool:
+    return record.steps[0].kind is StepKind.REST or not begins_under_load(record)
+
+
+def open_circuit_start(record: Trajectory) -> tuple[float, str]:
+    """The open-circuit voltage that a record starts from, V, and how it is known.
+
+    A voltage under load is none: what the current's steps show as resistance is put back.
+    """
+    voltage = resting_voltage(record)
+    if _starts_at_rest(record):
+        return voltage, f"starts at {voltage:.3f} V"
+    current, jumps = float(record.current[0]), jump_resistances(record)
+    ohm = float(np.median(jumps)) if jumps else 0.0
+    loss = f"{1e3 * ohm:.3g} mOhm at its current steps" if jumps else "no current step that would show its resistance"
+    return voltage + ohm * current, (
+        f"begins under load ({current:.3g} A, {voltage:.3f} V), with {loss}: the open-circuit voltage is about "
+        f"{voltage + ohm * current:.3f} V (--initial-soc says it better)"
+    )
+
+
+def with_room_for(record: Trajectory, soc: float, capacity_ah: float) -> float:
+    """The state of charge nearest to ``soc`` from which a record that begins under load can be passed at all.
+
+    A cell gives no more than it holds, and takes no more than it has room for. Over later cycles the count drifts.
+    """
+    if _starts_at_rest(record):
+        return soc
+    drawn = record.cycle(record.cycles[0]).discharge_capacity / capacity_ah
+    lowest, highest = min(float(np.max(drawn)), 1.0), max(1.0 + float(np.min(drawn)), 0.0)
+    return float(np.clip(soc, lowest, highest)) if lowest <= highest else soc
+
+
+def jump_resistances(record: Trajectory) -> list[float]:
+    """Voltage jump over current jump where one step follows another, Ohm.
+
+    Left out are jumps that the record shows too late, and those of a cell that is nearly empty: both hold more
+    diffusion than resistance.
+    """
+    places = [found for step in record.steps[1:] if (found := record.measured_across(step)) is not None]
+    last, first = np.array(places, dtype=np.intp).reshape(-1, 2).T
+    current, voltage = record.current[first] - record.current[last], record.voltage[first] - record.voltage[last]
+    large = np.abs(current) > 0.2 * np.max(np.abs(record.current), initial=1e-9)
+    prompt = record.time[first] - record.time[last] <= _PROMPT_S
+    nearly_empty = record.voltage[last] < record.voltage.min() + _NEARLY_EMPTY * np.ptp(record.voltage)
+    shown = large & prompt & ~nearly_empty
+    return [float(value) for value in -voltage[shown] / current[shown] if value > 0]
