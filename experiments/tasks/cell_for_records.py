@@ -68,21 +68,21 @@ def temperature_dependent(
     parameter_set: ParameterSource, search: str | Mapping[str, Any], fixed: Mapping[str, float]
 ) -> tuple[ParameterSource, list[str]]:
     """The parameter set with transport that depends on the temperature, and what is to be said of it."""
-    from ...plugins.pybamm.activation_energies import TRANSPORT, blind_to_temperature, with_activation_energies
+    from ...plugins.pybamm.activation_energies import TRANSPORT, independent_of_temperature, with_activation_energies
     from ...plugins.pybamm.presets import is_preset
 
-    blind = tuple(name for name in blind_to_temperature(parameter_set) if name not in fixed)
-    if not blind:
+    constant = tuple(name for name in independent_of_temperature(parameter_set) if name not in fixed)
+    if not constant:
         return parameter_set, []
-    names = ", ".join(name.split(" [")[0].lower() for name in blind)
+    names = ", ".join(name.split(" [")[0].lower() for name in constant)
     said = f"In {parameter_set} these do not depend on the temperature: {names}."
     if not is_preset(search):  # it may name them as the numbers that they are
         return parameter_set, [
             f"{said} A warm cell is simulated with those of a cold one, and a fast discharge that heats the cell may "
             "be predicted to end too early."
         ]
-    energies = ", ".join(f"{TRANSPORT[name].energy / 1e3:g}" for name in blind)
-    return with_activation_energies(parameter_set, blind), [
+    energies = ", ".join(f"{TRANSPORT[name].energy / 1e3:g}" for name in constant)
+    return with_activation_energies(parameter_set, constant), [
         f"{said} They get activation energies ({energies} kJ/mol, those of other published sets), at the reference "
         "temperature they stay as they are."
     ]

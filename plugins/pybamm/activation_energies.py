@@ -42,13 +42,13 @@ def energy_name(transport: str) -> str:
     return f"{transport.split(' [')[0]} activation energy [J.mol-1]"
 
 
-def blind_to_temperature(base: ParameterSource) -> tuple[str, ...]:
+def independent_of_temperature(base: ParameterSource) -> tuple[str, ...]:
     """Diffusivities and conductivities of a set that are the same in a cold and in a warm cell."""
     values = load(base)
-    return tuple(name for name in TRANSPORT if name in values and _is_blind(values, name))
+    return tuple(name for name in TRANSPORT if name in values and _is_independent(values, name))
 
 
-def _is_blind(values: Any, name: str) -> bool:
+def _is_independent(values: Any, name: str) -> bool:
     function = values[name]
     if not callable(function):
         return True

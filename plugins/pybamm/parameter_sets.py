@@ -190,17 +190,12 @@ def _scaled(value: Any, factor: Any) -> Any:
     def scaled(*arguments: Any, **keywords: Any) -> Any:
         return factor * value(*arguments, **keywords)
 
-    keep_arguments(scaled, value)
+    take_arguments(scaled, arguments_of(value))
     return scaled
 
 
-def keep_arguments(function: Any, of: Any) -> None:
-    """Give a function of any arguments the names of another's, in place: PyBaMM writes functions to files by them."""
-    take_arguments(function, arguments_of(of))
-
-
 def take_arguments(function: Any, names: Iterable[str]) -> None:
-    """Give a function of any arguments these names for them, in place."""
+    """Give a function of any arguments these names for them, in place: PyBaMM writes functions to files by them."""
     kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
     function.__signature__ = inspect.Signature([inspect.Parameter(name, kind) for name in names])
 

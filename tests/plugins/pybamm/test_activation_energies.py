@@ -7,8 +7,8 @@ from bsa.core.task import CellModel, Experiment, ParameterFile
 from bsa.core.trajectory import Trajectory
 from bsa.plugins.pybamm.activation_energies import (
     TRANSPORT,
-    blind_to_temperature,
     energy_name,
+    independent_of_temperature,
     with_activation_energies,
 )
 from bsa.plugins.pybamm.parameter_files import parsed
@@ -26,13 +26,13 @@ def at(values: pybamm.ParameterValues, name: str, kelvin: float) -> float:
 
 @pytest.fixture(scope="module")
 def warmed() -> ParameterFile:
-    return with_activation_energies("Chen2020", blind_to_temperature("Chen2020"))
+    return with_activation_energies("Chen2020", independent_of_temperature("Chen2020"))
 
 
 def test_sets_with_an_own_dependence_are_told_from_those_without() -> None:
-    assert blind_to_temperature("OKane2022") == ()
-    assert blind_to_temperature("Chen2020") == tuple(TRANSPORT)
-    assert blind_to_temperature("Xu2019") == tuple(TRANSPORT)[:2]
+    assert independent_of_temperature("OKane2022") == ()
+    assert independent_of_temperature("Chen2020") == tuple(TRANSPORT)
+    assert independent_of_temperature("Xu2019") == tuple(TRANSPORT)[:2]
 
 
 @pytest.mark.parametrize("name", TRANSPORT)
@@ -42,7 +42,7 @@ def test_the_law_is_that_of_arrhenius_around_the_reference_temperature(warmed: P
     assert at(values, name, 298.15) == pytest.approx(at(own, name, 298.15), rel=1e-12)
     law = np.exp(TRANSPORT[name].energy / GAS_CONSTANT * (1 / 298.15 - 1 / 318.15))
     assert at(values, name, 318.15) / at(own, name, 318.15) == pytest.approx(law, rel=1e-6)
-    assert blind_to_temperature(warmed) == ()
+    assert independent_of_temperature(warmed) == ()
 
 
 def test_an_activation_energy_can_be_given(warmed: ParameterFile) -> None:
