@@ -14,7 +14,7 @@ from .journalled_simulations import JournalledSimulations
 from .metrics import Metrics, decode_metrics, evaluate
 from .post_fit_analysis import PostFitAnalysis, analyse
 from .prediction import HELD_OUT, Prediction, decode_prediction, encode_prediction, predict
-from .record_errors import RecordErrors, capacity_scatter, errors_by_record
+from .record_errors import RecordErrors, errors_by_record, misfits
 from .run_plugins import RunPlugins
 from .simulation import Outcome
 from .task import Task
@@ -133,7 +133,7 @@ class AfterSearch:
         simulating = self._analysed if self._task.long else self._plugins
         watched = WatchedSimulations(simulating, self._watch, variants=NOT_FITTED)
         try:
-            found = predict(self._task, best.candidate, self._task.held_out, watched, draws, capacity_scatter(fitted))
+            found = predict(self._task, best.candidate, self._task.held_out, watched, draws, misfits(fitted))
         except KeyboardInterrupt:
             self._note("Stopped before the held-out records were scored. Resume the run to score them.")
             return ()

@@ -13,6 +13,7 @@ from .ageing.fade_band import CAPACITY, FadeBand
 from .encoding import decode_trajectory, encode_trajectory
 from .errors import BsaError
 from .identifiability import DRAWS_OF_A_LIFE
+from .normal import NORMAL_95
 from .overlap import differences, scored_part, time_weights, weighted_rms
 from .parameters import Candidate
 from .post_fit_analysis import Simulating
@@ -49,19 +50,21 @@ first sample may have been taken before the current was switched on."""
 
 @dataclass(frozen=True)
 class Band:
-    """What the covariance of the fitted parameters says of one predicted signal, in its shown unit."""
+    """Within what a fit promises one predicted signal, in its shown unit."""
 
     # rms, max: Half the width of the 95 % band, root mean square over time and largest.
     rms: float
     max: float
-    # Share of the time in which the measured signal lies in the band. The band knows the parameters' errors only, not
-    # the model's: well below 0.95 says that the model, not its parameters, is what is wrong.
+    # Share of the time in which the measured signal lies in the band. Well below 0.95 says that the model is further
+    # off here than in the records that were fitted.
     inside: float
-    # Whether its half width is a tenth of the measured range or more, most of the time: it then tells only that the
-    # fitted records leave the parameters open.
+    # Whether what the parameters leave open is a tenth of the measured range or more, most of the time.
     wide: bool = False
     # Half the width, median over the time: a cell that may run empty early widens the end of the band by volts.
     median: float = float("nan")
+    # Of that half width what the fitted records are off by, 1.96 times their root-mean-square error: what the model
+    # lacks there is taken to be lacking here. 0 where none of them has the signal.
+    misfit: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +73,8 @@ class Prediction:
 
     errors: RecordErrors  # Of the record.
     bands: Mapping[str, Band]  # By signal; empty where the covariance is not known.
-    # What was predicted, thinned, with half the width of each band as a signal (`band_of`); None if nothing was
-    # simulated.
+    # What was predicted, thinned, with half the width that the parameters give each band as a signal (`band_of`); None
+    # if nothing was simulated.
     curve: Trajectory | None
     simulations: int = 0  # What the band and the start took, beside the prediction itself.
     fade: FadeBand | None = None  # Of a whole life the band of each cycle's capacity, beginning with the first.
@@ -83,7 +86,7 @@ class Prediction:
 
 
 def band_of(signal: str) -> str:
-    """Name under which a prediction's curve holds half the width of a signal's band, in the signal's unit."""
+    """Name under which a prediction's curve holds what the parameters leave open of a signal, in the signal's unit."""
     return f"{signal}_band"
 
 
@@ -125,24 +128,25 @@ def predict(
     experiments: Sequence[Experiment],
     simulating: Simulating,
     draws: Sequence[Sequence[float]] = (),
-    scatter: float = 0.0,
+    misfits: Mapping[str, float] | None = None,
 ) -> tuple[Prediction, ...]:
     """Simulate records that were not fitted, and compare.
 
     Parameters
     ----------
     draws : sequence of shape (n, p), optional
-        From the posterior of the fitted parameters in the unit box (`Identifiability.draws`). The band is what one more
-        simulation at each of them shows.
-    scatter : float
-        Of whole lives, root-mean-square error of the fitted capacities as a share of the first: the band of a single
-        cycle is wider by it.
+        From the posterior of the fitted parameters in the unit box (`Identifiability.draws`). What they leave open is
+        what one more simulation at each of them shows.
+    misfits : mapping of str to float, optional
+        Root-mean-square error of the fitted records by signal, in its shown unit (`record_errors.misfits`). Parameters
+        and misfit are independent: the squares of what they add to a band's half width add up.
 
     Raises
     ------
     BsaError
         If the simulator knows the task alone.
     """
+    misfits = misfits or {}
     chosen, spent = _meeting_beginnings(candidate, tuple(experiments), simulating)
     exact = _simulated([candidate], chosen, simulating, True)[0]
     moves: list[dict[str, FloatArray]] = [{}] * len(chosen)
@@ -151,9 +155,11 @@ def predict(
         moves, more = _spread(task, candidate, chosen, simulating, few, exact)
         spent += more
     return tuple(
-        _forecast(task, experiment, run, moved, scatter, spent)
+        _forecast(task, experiment, run, moved, misfits, spent)
         if experiment.long
-        else _prediction(task, experiment, run, {name: _half_width(m) for name, m in moved.items()}, spent)
+        else _prediction(
+            task, experiment, run, {name: _half_width(moves) for name, moves in moved.items()}, misfits, spent
+        )
         for experiment, run, moved in zip(chosen, exact.runs, moves, strict=True)
     )
 
@@ -272,7 +278,7 @@ def _forecast(
     experiment: Experiment,
     run: ExperimentRun,
     moves: Mapping[str, FloatArray],
-    scatter: float,
+    misfits: Mapping[str, float],
     spent: int,
 ) -> Prediction:
     """A whole life, with the band of its capacities."""
@@ -283,13 +289,21 @@ def _forecast(
     moved = moves[CAPACITY] / np.sqrt(moves[CAPACITY].shape[1])
     # Draws are directions of their own, of which each has the share of one.
     own = np.eye(moved.shape[1]).tolist()
-    fade = FadeBand.propagated(simulated.cycle, moved, own, scatter * float(simulated.capacity_ah[0]))
+    scatter_ah = 0.01 * misfits.get(CAPACITY, 0.0) * float(simulated.capacity_ah[0])
+    fade = FadeBand.propagated(simulated.cycle, moved, own, scatter_ah)
     half = fade.at(measured.cycle)
     inside = np.abs(simulated.at(measured.cycle) - measured.capacity_ah) <= half
     percent = 100.0 / float(measured.capacity_ah[0])
     rms, median = float(np.sqrt(np.mean(half**2))), float(np.median(half))
     wide = median >= _WIDE * float(measured.capacity_ah[0])
-    band = Band(percent * rms, percent * float(half.max()), float(np.mean(inside)), wide, percent * median)
+    band = Band(
+        percent * rms,
+        percent * float(half.max()),
+        float(np.mean(inside)),
+        wide,
+        percent * median,
+        NORMAL_95 * percent * scatter_ah,
+    )
     return Prediction(errors, {CAPACITY: band}, whole.thinned(_SAMPLES_PER_STEP), spent, fade)
 
 
@@ -299,7 +313,12 @@ def _at(time: FloatArray, run: ExperimentRun, signal: Signal) -> FloatArray:
 
 
 def _prediction(
-    task: Task, experiment: Experiment, run: ExperimentRun, widths: Mapping[str, FloatArray], spent: int
+    task: Task,
+    experiment: Experiment,
+    run: ExperimentRun,
+    widths: Mapping[str, FloatArray],
+    misfits: Mapping[str, float],
+    spent: int,
 ) -> Prediction:
     errors = errors_of_record(task, experiment, run)
     whole = run.trajectory
@@ -309,19 +328,24 @@ def _prediction(
     if simulated is None:
         return Prediction(errors, {}, None, spent)
     bands = {
-        signal.name: _band(simulated, experiment, signal.name, signal.shown_scale)
+        signal.name: _band(simulated, experiment, signal, NORMAL_95 * misfits.get(signal.name, 0.0))
         for signal in task.observed_in(experiment.target)
         if signal.name in widths
     }
     return Prediction(errors, bands, simulated.thinned(_SAMPLES_PER_STEP), spent)
 
 
-def _band(simulated: Trajectory, experiment: Experiment, signal: str, scale: float) -> Band:
-    time, difference = differences(simulated, experiment.scored_target, signal, experiment.protocol is None)
-    half = np.interp(time, simulated.time - simulated.time[0], simulated.values(band_of(signal)))
+def _band(simulated: Trajectory, experiment: Experiment, signal: Signal, misfit: float) -> Band:
+    """The band of a signal, wider than what its parameters leave open by a misfit in the shown unit."""
+    scale = signal.shown_scale
+    time, difference = differences(simulated, experiment.scored_target, signal.name, experiment.protocol is None)
+    left_open = scale * np.interp(time, simulated.time - simulated.time[0], simulated.values(band_of(signal.name)))
+    half = np.hypot(left_open, misfit)
     weight = time_weights(time)
-    inside = float(np.sum(weight[np.abs(difference) <= half]) / np.sum(weight))
-    rms = weighted_rms(weight, half)
-    median = float(np.quantile(half, 0.5, weights=weight, method="inverted_cdf"))
-    wide = median >= _WIDE * float(np.ptp(experiment.scored_target.values(signal)))
-    return Band(scale * rms, scale * float(half.max()), inside, wide, scale * median)
+    inside = float(np.sum(weight[scale * np.abs(difference) <= half]) / np.sum(weight))
+    wide = _median(weight, left_open) >= _WIDE * scale * float(np.ptp(experiment.scored_target.values(signal.name)))
+    return Band(weighted_rms(weight, half), float(half.max()), inside, wide, _median(weight, half), misfit)
+
+
+def _median(weight: FloatArray, values: FloatArray) -> float:
+    return float(np.quantile(values, 0.5, weights=weight, method="inverted_cdf"))

@@ -77,10 +77,13 @@ def errors_by_record(task: Task, outcome: Outcome) -> tuple[RecordErrors, ...]:
     )
 
 
-def capacity_scatter(records: Sequence[RecordErrors]) -> float:
-    """Root-mean-square error of the capacities of whole lives, as a share of the first; 0 of other records."""
-    errors = [record.signals[CAPACITY].rms for record in records if CAPACITY in record.signals]
-    return 0.01 * float(np.sqrt(np.mean(np.square(errors)))) if errors else 0.0
+def misfits(records: Sequence[RecordErrors]) -> dict[str, float]:
+    """By signal the root mean square of the errors of several records, each of the same weight, in the shown unit."""
+    errors: dict[str, list[float]] = {}
+    for record in records:
+        for name, error in record.signals.items():
+            errors.setdefault(name, []).append(error.rms)
+    return {name: float(np.sqrt(np.mean(np.square(rms)))) for name, rms in errors.items()}
 
 
 def errors_of_record(task: Task, experiment: Experiment, run: ExperimentRun) -> RecordErrors:

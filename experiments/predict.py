@@ -12,7 +12,7 @@ from ..core.files import write_json, write_text
 from ..core.hooks import RunContext
 from ..core.loop import Listener
 from ..core.prediction import Prediction, predict
-from ..core.record_errors import capacity_scatter
+from ..core.record_errors import misfits
 from ..core.registry import installed
 from ..core.run_plugins import RunPlugins
 from ..core.scaffold import Scaffold
@@ -71,7 +71,7 @@ def predict_records(
     watched = WatchedSimulations(plugins, listener.counted if listener else _unwatched, variants=NOT_FITTED)
     draws = () if run.analysis is None else run.analysis.identifiability.draws
     try:
-        found = predict(task, run.best.candidate, task.held_out, watched, draws, capacity_scatter(run.records))
+        found = predict(task, run.best.candidate, task.held_out, watched, draws, misfits(run.records))
     finally:
         plugins.close()
     return ScoredRecords(replace(run, task=task, held_out=found), found)

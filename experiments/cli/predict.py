@@ -29,7 +29,7 @@ def predict(
     ] = None,
     as_json: Annotated[bool, shared.output_option("--json", help="Print prediction.json to standard output.")] = False,
 ) -> None:
-    """Score records that a run did not fit, with the band that its parameters' intervals predict."""
+    """Score records that a run did not fit, with a 95 % band of what its parameters leave open and of its misfit."""
     from ..predict import predict_records, write_scores
     from ..report.records import error_rows
     from ..request import Records, named_after, numbered_folder, simulation_workers

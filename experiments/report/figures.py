@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -120,14 +120,17 @@ def prediction_overlays(task: Task, predictions: Sequence[Prediction]) -> list[O
         experiment = by_name.get(prediction.errors.record)
         if experiment is None or prediction.curve is None or not len(prediction.curve):
             continue
+        misfits = {name: band.misfit for name, band in prediction.bands.items()}
         for shown in _cycles(experiment) if experiment.long else [experiment]:
             curve = scored_part(prediction.curve, shown)
             if curve is not None:
-                found.append(_predicted(task, place, shown, curve))
+                found.append(_predicted(task, place, shown, curve, misfits))
     return found
 
 
-def _predicted(task: Task, place: int, experiment: Experiment, curve: Trajectory) -> Overlay:
+def _predicted(
+    task: Task, place: int, experiment: Experiment, curve: Trajectory, misfits: Mapping[str, float]
+) -> Overlay:
     measured, predicted = _Curve("measured", experiment.scored_target), _Curve("best", curve)
     if experiment.is_spectrum:
         fit, legend = _fit_after(task, predicted, measured), [Key("measured", "measured"), Key("best", "predicted")]
@@ -144,10 +147,11 @@ def _predicted(task: Task, place: int, experiment: Experiment, curve: Trajectory
         time, values = predicted.residual(measured, signal)
         panel.draw(across, time / scale, values, "best")
         if band_of(signal.name) in curve.signals:
+            left_open = signal.shown_scale * curve.values(band_of(signal.name))
+            half = np.hypot(left_open, misfits[signal.name])
             for side in (-1.0, 1.0):
-                half = side * signal.shown_scale * curve.values(band_of(signal.name))
-                panel.draw(across, predicted.time / scale, half, "limit")
-            keys.append(Key("limit", "95 % band of the parameters"))
+                panel.draw(across, predicted.time / scale, side * half, "limit")
+            keys.append(Key("limit", "95 % band"))
     panels = [panel for panel, _, _ in drawn]
     return Overlay(
         name=experiment.name,

@@ -15,7 +15,7 @@ from .wording import duration, number
 
 _DIGITS = 3
 
-TOO_WIDE = "the band is a tenth of the measured range: the fitted records leave the parameters open"
+TOO_WIDE = "the fitted records leave the parameters open, by a tenth of the measured range"
 
 FITTED, HELD_OUT = "fitted", "held out"
 
@@ -34,10 +34,11 @@ class ErrorRow:
     rms: str
     most: str
     largest: str
-    # band, inside: Half the width of the 95 % band that the parameters predict, median over the time, and the share of
-    # time within it.
+    # band, inside: Half the width of the 95 % band, median over the time, and the share of time within it. misfit: What
+    # the misfit of the fitted records alone would make of that half width.
     band: str = ""
     inside: str = ""
+    misfit: str = ""
     # That the simulation stopped early, or that the simulated cell ran into a limit; for a record that was not
     # simulated, why.
     remark: str = ""
@@ -52,7 +53,8 @@ class ErrorRow:
         remark = f"; {self.remark}" if self.remark else ""
         if not self.rms:
             return f"{who}: not simulated: {self.remark}"
-        half = f"{self.band} {self.unit} (median)"
+        part = f"; ± {self.misfit} from the misfit of the fitted records" if self.misfit else ""
+        half = f"{self.band} {self.unit} (median{part})"
         band = f"; 95 % band ± {half} holds {self.inside} of the {self.over}" if self.band else ""
         note = f"; {self.note}" if self.note else ""
         return (
@@ -82,20 +84,19 @@ def _rows(task: Task, errors: RecordErrors, use: str, bands: dict[str, Band]) ->
             if error is not None
         )
         band = bands.get(name)
-        told = (
-            ("", "")
-            if band is None
-            else (
-                number(band.rms if math.isnan(band.median) else band.median, _DIGITS),
-                f"{number(100 * band.inside, 2)} %",
-            )
-        )
+        told = ("", "", "") if band is None else _band(band)
         wide = TOO_WIDE if band is not None and band.wide else ""
         remark = "; ".join(part for part in (stopped, *errors.limits, wide) if part)
         note = "" if errors.impedance is None or rows else errors.impedance.words
         row = ErrorRow(errors.record, "", use, *_printed(words[name], error), *told, remark, note, over, steps)
         rows.append(row)
     return rows
+
+
+def _band(band: Band) -> tuple[str, str, str]:
+    half = band.rms if math.isnan(band.median) else band.median
+    misfit = number(band.misfit, _DIGITS) if band.misfit else ""
+    return number(half, _DIGITS), f"{number(100 * band.inside, 2)} %", misfit
 
 
 def _printed(signal: str, error: SignalError) -> tuple[str, str, str, str, str]:

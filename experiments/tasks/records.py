@@ -104,6 +104,8 @@ def build_task(
     notes += said
     fixed = dict(overrides or {})
     ambient_k = [_ambient_k(request, record) for request, record in zip(records, loaded, strict=True)]
+    held_out = [replace(request, source=request.load()) for request in held_out]
+    ambient_k += [_ambient_k(request, later) for request in held_out if isinstance(later := request.source, Record)]
     if at_several_temperatures(options, ambient_k) and not own_file:
         parameter_set, said = temperature_dependent(parameter_set, search, fixed)
         notes += said

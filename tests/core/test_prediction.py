@@ -116,6 +116,23 @@ def test_the_band_is_what_the_draws_show() -> None:
     assert again.as_json() == found.as_json()
 
 
+def test_the_misfit_of_the_fitted_records_widens_the_band() -> None:
+    task, target = linear_task()
+    off = target.changed(voltage=target.voltage + 0.015)
+    fit, new, draws = {"a": 0.2, "b": 0.3}, [Experiment("new", off)], [[0.201, 0.15], [0.199, 0.15]]
+    (bare,), (wide,) = (
+        predict(task, fit, new, Linear(target), draws, misfits)
+        for misfits in ({"temperature": 5.0}, {"voltage": 10.0, "temperature": 5.0})
+    )
+    alone, both = bare.bands["voltage"], wide.bands["voltage"]
+    assert (alone.inside, alone.misfit) == (0.0, 0.0)
+    assert both.inside == 1.0
+    assert both.misfit == pytest.approx(19.6)
+    assert both.median == pytest.approx(np.hypot(alone.median, both.misfit))
+    (told,) = error_rows(task, (), [wide])
+    assert "; ± 19.6 from the misfit of the fitted records) holds 100 % of the time" in told.line
+
+
 def test_a_band_too_wide_to_be_linear_is_named() -> None:
     task, target = linear_task()
     fit, new = {"a": 0.2, "b": 0.3}, [Experiment("new", target)]
@@ -197,7 +214,7 @@ def test_a_forecast_of_a_life_has_the_band_of_its_capacities() -> None:
     box = ParameterSpace((Parameter("rate", 0.2, 0.0, 1.0),))
     task = replace(life_task(whole), space=box)
     later = replace(task.experiments[0], name="later", initial_voltage=3.4)
-    (found,) = predict(task, {"rate": 0.2}, [later], Fading(), [[0.21], [0.19]], scatter=0.005)
+    (found,) = predict(task, {"rate": 0.2}, [later], Fading(), [[0.21], [0.19]], misfits={"capacity": 0.5})
     assert found.fade is not None
     share = np.arange(100) / 99
     expected = 1.96 * np.sqrt(1e-4 * share**2 + 0.005**2)

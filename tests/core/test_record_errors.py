@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bsa.core.cell import CURRENT, VOLTAGE
 from bsa.core.parameters import Parameter, ParameterSpace
-from bsa.core.record_errors import RecordErrors, capacity_scatter, errors_by_record
+from bsa.core.record_errors import RecordErrors, errors_by_record, misfits
 from bsa.core.simulation import ExperimentRun, Outcome, SimulationFailure
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
@@ -103,8 +103,11 @@ def test_a_life_is_judged_step_by_step_and_by_its_capacities() -> None:
     assert found.signals["capacity"].rms == pytest.approx(100.0 * np.sqrt(np.mean(lost**2)))
     # The clocks of later cycles differ by minutes; the voltages of their steps by 0.2 mV.
     assert found.signals["voltage"].max == pytest.approx(0.2)
-    assert capacity_scatter([found]) == pytest.approx(np.sqrt(np.mean(lost**2)))
-    assert capacity_scatter([]) == 0.0
+    (close,) = errors_by_record(life_task(target), outcome(life(50, 0.20)))
+    of_both = misfits([found, close])
+    assert of_both["capacity"] == pytest.approx(100.0 * np.sqrt(np.mean(lost**2) / 2))
+    assert set(of_both) == {"capacity", "voltage"}
+    assert misfits([]) == {}
 
 
 def test_samples_that_no_instrument_took_have_no_errors() -> None:

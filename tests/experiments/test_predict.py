@@ -72,7 +72,7 @@ def test_held_out_records_are_in_the_result_and_in_the_report(fitted) -> None:
     assert "mape" not in fitted.to_json()["best"]
     page = fitted.report.read_text()
     assert "Record by record, fitted and held out" in page
-    assert "95 % band of the parameters" in page
+    assert "95 % band" in page
     assert "Total MAPE" not in page
 
 

@@ -100,6 +100,13 @@ def test_transport_depends_on_the_temperature_where_the_temperatures_differ_and_
     assert energy not in load(task_of(rooms[0], search="cell").cell.parameter_set)
     asked = [RecordRequest(record(key), temperature_k=kelvin) for key, kelvin in (("a", 283.15), ("b", 298.15))]
     assert energy in load(build_task("t", "Chen2020", asked, model="SPM").cell.parameter_set)
+    later = [RecordRequest(rooms[1])]
+    colder = build_task("t", "Chen2020", [RecordRequest(rooms[0])], model="SPM", held_out=later)
+    assert energy in load(colder.cell.parameter_set)
+    alike = build_task(
+        "t", "Chen2020", [RecordRequest(rooms[1])], model="SPM", held_out=[replace(later[0], source=record())]
+    )
+    assert energy not in load(alike.cell.parameter_set)
     said = task_of(*rooms, search="cell", overrides={name: 2e-14})
     assert load(said.cell.parameter_set, said.cell.overrides)[name] == 2e-14
     own = task_of(*rooms, search={name: [1e-14, 1e-13]})
