@@ -41,6 +41,28 @@ def _sei_diffusion(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, 
     return {"SEI solvent diffusivity [m2.s-1]": 2.5e-22 * p["rate"]}
 
 
+def _sei_electrons(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    return {"SEI electron conductivity [S.m-1]": 8.95e-14 * p["rate"]}
+
+
+def _sei_interstitials(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    return {"SEI lithium interstitial diffusivity [m2.s-1]": 1e-20 * p["rate"]}
+
+
+def _sei_on_cracks(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    usual, name = known["Negative electrode cracking rate"], "Negative electrode cracking rate"
+
+    def cracking(temperature: Any) -> Any:
+        return p["cracking"] * (usual(temperature) if callable(usual) else usual)
+
+    return {**_sei_diffusion(known, p), name: cracking}
+
+
+def _cracks_lack(evidence: Evidence) -> str:
+    unlike = f"PyBaMM's {evidence.model} takes no lithium from the particles for the SEI on cracks; its DFN does"
+    return _needs_a_life("SEI")(evidence) or unlike * (evidence.model != "DFN")
+
+
 _SEI_CITATION = "Marquis, PhD thesis, Oxford 2020; Single et al., ChemSusChem 11 (2018), doi:10.1002/cssc.201800077"
 
 sei_reaction = Effect(
@@ -66,6 +88,57 @@ sei_diffusion = Effect(
     citation=_SEI_CITATION,
     physics=PyBaMMPart(options={"SEI": "solvent-diffusion limited"}, values=_sei_diffusion),
     lacks=_needs_cycles("SEI"),
+    ages=True,
+)
+
+sei_electrons = Effect(
+    name="sei-growth",
+    variant="electron-migration limited",
+    title="SEI growth, limited by the migration of electrons through it",
+    equation="j_SEI = s kappa_SEI (phi_s - phi_e - U_SEI) / L_SEI, kappa_SEI = 8.95e-14 S/m",
+    parameters=(EffectParameter("rate", "", 0.0, 0.0, 1e5, 30.0, of=(8.95e-14, "S.m-1")),),
+    signature="capacity lost with the square root of time, more at high state of charge; resistance grows with it",
+    citation=_SEI_CITATION,
+    physics=PyBaMMPart(options={"SEI": "electron-migration limited"}, values=_sei_electrons),
+    lacks=_needs_a_life("SEI"),
+    ages=True,
+)
+
+sei_interstitials = Effect(
+    name="sei-growth",
+    variant="interstitial-diffusion limited",
+    title="SEI growth, limited by the diffusion of lithium interstitials through it",
+    equation="j_SEI = -s D_Li c_Li F exp(-F (phi_s - phi_e) / RT) / L_SEI, D_Li = 1e-20 m2/s",
+    parameters=(EffectParameter("rate", "", 0.0, 0.0, 1e6, 300.0, of=(1e-20, "m2.s-1")),),
+    signature="capacity lost with the square root of time, far more at high state of charge; resistance grows with it",
+    citation=_SEI_CITATION,
+    physics=PyBaMMPart(options={"SEI": "interstitial-diffusion limited"}, values=_sei_interstitials),
+    lacks=_needs_a_life("SEI"),
+    ages=True,
+)
+
+sei_on_cracks = Effect(
+    name="sei-growth",
+    variant="diffusion-limited, on cracks too",
+    title="SEI growth, limited by solvent diffusion, on the particles' surface and in cracks that grow with the stress",
+    equation="j_SEI = -s D_sol c_sol F / L_SEI on both; d(l_cr)/dt = c k_cr (sigma_t b_cr sqrt(pi l_cr))^m_cr",
+    parameters=(
+        EffectParameter("rate", "", 0.0, 0.0, 1e5, 3.0, of=(2.5e-22, "m2.s-1")),
+        EffectParameter("cracking", "", 1.0, 1e-2, 1e2, 1.0, "log"),
+    ),
+    signature="capacity lost at a pace that does not sink with time, as cracks open new surface; little new resistance",
+    citation="O'Kane et al., Phys. Chem. Chem. Phys. 24 (2022) 7909, doi:10.1039/D2CP00417H",
+    physics=PyBaMMPart(
+        options={
+            "SEI": "solvent-diffusion limited",
+            "SEI on cracks": "true",
+            "particle mechanics": ("swelling and cracking", "none"),
+            # Else the stress would change the new cell's diffusion too.
+            "stress-induced diffusion": "false",
+        },
+        values=_sei_on_cracks,
+    ),
+    lacks=_cracks_lack,
     ages=True,
 )
 
@@ -254,6 +327,9 @@ self_discharge = Effect(
 EFFECTS = (
     sei_reaction,
     sei_diffusion,
+    sei_electrons,
+    sei_interstitials,
+    sei_on_cracks,
     lithium_plating,
     _lam("negative", _lam_negative),
     _lam("positive", _lam_positive),

@@ -94,6 +94,17 @@ def test_a_life_is_asked_for_what_changes_from_cycle_to_cycle():
     assert not any(effect.lacks(Evidence("SPM", {}, 200, 0.0, 1.0)) for effect in stressed)
 
 
+def test_further_laws_of_sei_growth_need_a_life_and_cracks_a_model_that_loses_their_lithium():
+    laws = {effect.variant: effect for effect in EFFECTS if effect.name == "sei-growth"}
+    for variant in ("electron-migration limited", "interstitial-diffusion limited"):
+        assert "50 cycles" in laws[variant].lacks(Evidence("SPM", {}, 20, 0.0, 1.0))
+        assert not laws[variant].lacks(Evidence("SPM", {}, 200, 0.0, 1.0))
+    cracks = laws["diffusion-limited, on cracks too"]
+    assert "no lithium" in cracks.lacks(Evidence("SPMe", {}, 200, 0.0, 1.0))
+    assert "50 cycles" in cracks.lacks(Evidence("DFN", {}, 20, 0.0, 1.0))
+    assert not cracks.lacks(Evidence("DFN", {}, 200, 0.0, 1.0))
+
+
 def test_effects_that_contradict_each_other_are_refused():
     def asks(name, kinetics):
         part = PyBaMMPart(options={"intercalation kinetics": kinetics})
