@@ -41,6 +41,16 @@ def with_ageing(options: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
     )
 
 
+def cracks_note(model: str, options: Mapping[str, Any]) -> list[str]:
+    """What is to be said of SEI on cracks where the model does not lose the lithium that it binds."""
+    if model == "DFN" or "true" not in str(options.get("SEI on cracks", "false")):
+        return []
+    return [
+        f"PyBaMM's {model} takes no lithium from the particles for the SEI on cracks: capacity does not fall by it. "
+        "--model DFN takes it."
+    ]
+
+
 def as_life(request: RecordRequest, record: Record) -> list[RecordRequest]:
     """The request for what is fitted and, where later cycles are to be forecast, the one for those.
 

@@ -31,7 +31,7 @@ from .cell_for_records import (
     with_chosen_potentials,
     with_thermal_model,
 )
-from .lives import with_ageing
+from .lives import cracks_note, with_ageing
 from .record_request import RECOGNISED, RecordRequest
 from .record_start import jump_resistances, open_circuit_start, resting_voltage, with_room_for
 from .spectra import ohmic_resistances, spectrum_experiment, spectrum_notes
@@ -127,6 +127,7 @@ def build_task(
     if any(request.is_life for request in records):
         options, note = with_ageing(options)
         notes += [note] * bool(note)
+    notes += cracks_note(model, options)
     if CONTACT not in options and as_measured:
         # Tabs, leads and clamps are in every record, and in no parameter set.
         options[CONTACT] = "true"

@@ -10,7 +10,7 @@ from bsa.core.errors import BsaError
 from bsa.core.record import ReadOptions, Record
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.request import CellChoice, Records, task_of_records
-from bsa.experiments.tasks.lives import USUAL_GROWTH, with_ageing
+from bsa.experiments.tasks.lives import USUAL_GROWTH, cracks_note, with_ageing
 from bsa.experiments.tasks.record_request import RecordRequest
 from bsa.experiments.tasks.records import holding_out
 from bsa.experiments.tasks.task_file import ExperimentEntry
@@ -79,6 +79,13 @@ def test_a_mechanism_that_is_named_stays_alone() -> None:
     options, note = with_ageing({"thermal": "lumped"})
     assert options == {"SEI": USUAL_GROWTH["SEI"], "SEI film resistance": "distributed", "thermal": "lumped"}
     assert note
+
+
+def test_cracks_whose_lithium_the_model_keeps_are_named() -> None:
+    on_cracks = {"SEI": "solvent-diffusion limited", "SEI on cracks": ["true", "false"]}
+    assert "DFN takes it" in cracks_note("SPM", on_cracks)[0]
+    assert not cracks_note("DFN", on_cracks)
+    assert not cracks_note("SPM", {"SEI": "solvent-diffusion limited"})
 
 
 def test_records_held_out_of_a_life_are_lives() -> None:
