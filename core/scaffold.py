@@ -9,7 +9,7 @@ from pydantic import BaseModel, Field, model_validator
 
 from .errors import BsaError, did_you_mean
 from .validation import validated
-from .yaml_text import read_yaml
+from .yaml_text import YAML_SUFFIXES, read_yaml
 
 BUILT_IN = Path(__file__).parent.parent / "scaffolds"
 
@@ -52,7 +52,7 @@ def load_scaffold(name_or_path: str) -> Scaffold:
     Raises `BsaError` if there is no such scaffold, or the file is not a valid one.
     """
     path = Path(name_or_path)
-    if path.suffix not in (".yaml", ".yml"):
+    if path.suffix not in YAML_SUFFIXES:
         path = BUILT_IN / f"{name_or_path}.yaml"
         names = built_in_names()
         if name_or_path not in names:

@@ -10,6 +10,9 @@ import yaml
 from .errors import BsaError
 from .files import file_error
 
+YAML_SUFFIXES = (".yaml", ".yml")
+"""How the name of a YAML file ends."""
+
 _TAG = "tag:yaml.org,2002:"
 
 _LONGEST = 2**20

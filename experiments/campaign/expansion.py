@@ -11,6 +11,7 @@ from typing import Any
 
 from ...core.run_config import RunConfig
 from ...core.scaffold import Scaffold
+from ...core.yaml_text import YAML_SUFFIXES
 from ..request import run_config
 from .calibration import Calibration, TaskLabel
 from .cell import Axis
@@ -49,7 +50,7 @@ class _Configs:
         if isinstance(scaffold, Scaffold):
             return scaffold
         beside = self.near / scaffold
-        return str(beside) if beside.suffix in (".yaml", ".yml") and beside.is_file() else scaffold
+        return str(beside) if beside.suffix in YAML_SUFFIXES and beside.is_file() else scaffold
 
 
 def expand(

@@ -12,7 +12,7 @@ from pydantic import BaseModel, Field, field_validator, model_validator
 from ...core.errors import BsaError, did_you_mean
 from ...core.scaffold import Scaffold
 from ...core.validation import validated
-from ...core.yaml_text import read_yaml
+from ...core.yaml_text import YAML_SUFFIXES, read_yaml
 from .cell import Axis
 
 SHIPPED = Path(__file__).parent.parent / "grids"
@@ -147,7 +147,7 @@ def load_grid(name_or_path: str, changes: Mapping[str, Any] | None = None) -> Gr
 def grid_path(name_or_path: str) -> Path:
     """Where a grid's file lies. Raises `BsaError` if no shipped grid has this name."""
     path = Path(name_or_path)
-    if path.suffix in (".yaml", ".yml"):
+    if path.suffix in YAML_SUFFIXES:
         return path
     names = shipped_names()
     if name_or_path not in names:

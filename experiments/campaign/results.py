@@ -12,6 +12,7 @@ from typing import Any
 from ...core.errors import BsaError
 from ...core.files import begins, entries, foreign, read_json, replacing, write_csv, write_json
 from ...core.shape import decoding, shaped
+from ...core.yaml_text import YAML_SUFFIXES
 from .cell import Axis, Cell, Report
 from .columns import COLUMNS, Facts
 from .store import FAILURE, FINAL, MANIFEST, OUTAGE, Store, read_result
@@ -106,7 +107,7 @@ def grid_folder(grid: str | Path, store: Store) -> Path:
     if (path / MANIFEST).is_file():
         return path
     name = str(grid)
-    if path.suffix in (".yaml", ".yml"):
+    if path.suffix in YAML_SUFFIXES:
         from .grid_file import load_grid
 
         name = load_grid(name).name

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,9 @@ PAPER_ROWS_FILE = Path(__file__).with_name("paper_rows.yaml")
 
 Row = Mapping[str, Any]
 """A row of the results table, or of a file that was made of it."""
+
+_LEAST = 1e-12
+"""An error below this is zero: it has no logarithm to be averaged."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,12 @@ def statistic(values: Sequence[float | None]) -> Statistic:
         return Statistic(math.nan, math.nan, math.nan, 0, len(values))
     deviation = float(known.std(ddof=1)) if known.size > 1 else math.nan
     return Statistic(float(known.mean()), deviation, float(known.max()), known.size, len(values) - known.size)
+
+
+def geometric_mean(values: Iterable[float]) -> float:
+    """Of errors; one below 1e-12 counts as that, and of none it is not a number."""
+    known = np.array([*values], float)
+    return float(np.exp(np.mean(np.log(np.maximum(known, _LEAST))))) if known.size else math.nan
 
 
 def mean_of(rows: Sequence[Row], name: str) -> float:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..campaign.summary import statistic
+from ..campaign.summary import geometric_mean, statistic
 from ..campaign.text_tables import markdown_table
-from .layout import geometric_mean, short
+from .layout import short
 from .results import Results
 
 _PAPER = {"mape": 1.37, "q_mape": 0.51}

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-
-import numpy as np
+from collections.abc import Sequence
 
 from ..campaign.summary import Statistic, statistic
 
@@ -17,11 +15,6 @@ def short(value: float) -> str:
     if value == 0:
         return "0"
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.1f}" if abs(value) >= 10 else f"{value:.2g}"
-
-
-def geometric_mean(values: Iterable[float]) -> float:
-    """Of positive numbers."""
-    return float(np.exp(np.mean(np.log(list(values)))))
 
 
 def spread(values: Sequence[float] | Statistic) -> str:

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from ..campaign.statistics import compare
-from ..campaign.summary import exact_interval, grouped, statistic
+from ..campaign.summary import exact_interval, geometric_mean, grouped, statistic
 from ..campaign.text_tables import markdown_table
 from ..studies.coverage import FIT_POINTS, coverage_table, excesses
 from ..studies.models import cards_table
 from ..studies.no_harm import summary, verdict_of
-from .layout import bold, geometric_mean, short, spread
+from .layout import bold, short, spread
 from .results import Results
 
 Row = Mapping[str, Any]

@@ -9,8 +9,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ...core.files import write_csv, write_text
 from ...core.journal import read_events
 from ..campaign.grid_file import BackendChoice, GridFile, Included, SuiteFilter
@@ -18,7 +16,7 @@ from ..campaign.results import check_grid_folder
 from ..campaign.running import Plan
 from ..campaign.store import Store
 from ..campaign.study_cell import StudyCell
-from ..campaign.summary import Row, short
+from ..campaign.summary import Row, geometric_mean, short
 from ..campaign.text_tables import markdown_table
 from ..discovery_bench.reports import HOW, Report, places, ranking_cell
 from .grids import budget, study_grid, trace_of, with_results
@@ -116,7 +114,9 @@ def card(
     unusable = sum(_unusable(store.cell(own[task]["identity"])) for task in common)
     unusable += sum(len(HOW) - int(result["replies"]) for result in told.values())
     ranked = [places(report, told[report.name]) for report in reports if report.name in told]
-    error, with_rules, with_hybrid = (_geometric([found[t]["mape"] for t in common]) for found in (own, rules, hybrid))
+    error, with_rules, with_hybrid = (
+        geometric_mean([found[t]["mape"] for t in common]) for found in (own, rules, hybrid)
+    )
     return Card(
         backend=backend,
         simulations=simulations,
@@ -137,10 +137,6 @@ def card(
 
 def _by_task(rows: Sequence[Row], **wanted: str) -> dict[str, Row]:
     return {row["task"]: row for row in rows if all(row[name] == value for name, value in wanted.items())}
-
-
-def _geometric(values: Sequence[float]) -> float:
-    return float(np.exp(np.mean(np.log(np.maximum(values, 1e-12))))) if values else math.nan
 
 
 def _sum(rows: Sequence[Row], name: str) -> float:

@@ -19,12 +19,12 @@ from ...core.record import ReadOptions, Record
 from ...core.shape import decoding
 from ...core.task import Task, Weight
 from ...core.validation import validated
-from ...core.yaml_text import read_yaml
+from ...core.yaml_text import YAML_SUFFIXES, read_yaml
 from .record_request import RecordRequest
 from .records import build_task
 from .signal_task_file import load_signal_task
 
-SUFFIXES = (".yaml", ".yml", ".json")
+SUFFIXES = (*YAML_SUFFIXES, ".json")
 """Endings of task files."""
 
 ZERO_CELSIUS_K = 273.15

@@ -15,14 +15,12 @@ from ...core.parameters import Parameter, ParameterSpace, Scale
 from ...core.target import Factor, Target, Value, factor_name, target_named
 from ...core.task import ParameterSource
 from ...core.validation import validated
-from ...core.yaml_text import read_yaml
+from ...core.yaml_text import YAML_SUFFIXES, read_yaml
 from .parameter_sets import initial_value, is_function, load, target_in
 
 PRESETS_FILE = Path(__file__).with_name("search_presets.yaml")
 
 _WIDTH = "Electrode width [m]"
-
-_FILES = (".yaml", ".yml")
 
 
 class Range(BaseModel, extra="forbid"):
@@ -165,7 +163,7 @@ def resolve_space(
 
 def is_preset(search: str | Mapping[str, Any]) -> bool:
     """Whether a search is meant as the name of a preset: not parameters with bounds, nor a file of them."""
-    return isinstance(search, str) and Path(search).suffix not in _FILES
+    return isinstance(search, str) and Path(search).suffix not in YAML_SUFFIXES
 
 
 def starts_given(search: str | Mapping[str, Any]) -> set[str]:
