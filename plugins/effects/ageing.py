@@ -93,7 +93,7 @@ sei_diffusion = Effect(
 
 sei_electrons = Effect(
     name="sei-growth",
-    variant="electron-migration limited",
+    variant="electron-migration-limited",
     title="SEI growth, limited by the migration of electrons through it",
     equation="j_SEI = s kappa_SEI (phi_s - phi_e - U_SEI) / L_SEI, kappa_SEI = 8.95e-14 S/m",
     parameters=(EffectParameter("rate", "", 0.0, 0.0, 1e5, 30.0, of=(8.95e-14, "S.m-1")),),
@@ -106,7 +106,7 @@ sei_electrons = Effect(
 
 sei_interstitials = Effect(
     name="sei-growth",
-    variant="interstitial-diffusion limited",
+    variant="interstitial-diffusion-limited",
     title="SEI growth, limited by the diffusion of lithium interstitials through it",
     equation="j_SEI = -s D_Li c_Li F exp(-F (phi_s - phi_e) / RT) / L_SEI, D_Li = 1e-20 m2/s",
     parameters=(EffectParameter("rate", "", 0.0, 0.0, 1e6, 300.0, of=(1e-20, "m2.s-1")),),
@@ -119,7 +119,7 @@ sei_interstitials = Effect(
 
 sei_on_cracks = Effect(
     name="sei-growth",
-    variant="diffusion-limited, on cracks too",
+    variant="diffusion-limited on cracks too",
     title="SEI growth, limited by solvent diffusion, on the particles' surface and in cracks that grow with the stress",
     equation="j_SEI = -s D_sol c_sol F / L_SEI on both; d(l_cr)/dt = c k_cr (sigma_t b_cr sqrt(pi l_cr))^m_cr",
     parameters=(

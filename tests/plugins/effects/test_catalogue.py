@@ -40,6 +40,8 @@ def test_the_names_are_a_public_contract():
     assert {effect.name for effect in EFFECTS} == NAMES
     assert len({effect.key for effect in EFFECTS}) == len(EFFECTS)
     assert len({entry.name for entry in entries()}) == len(EFFECTS)
+    # The registry passes over names that it does not allow.
+    assert {effect.key for effect in effects_of([*NAMES])} == {effect.key for effect in EFFECTS}
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.key)
@@ -96,10 +98,10 @@ def test_a_life_is_asked_for_what_changes_from_cycle_to_cycle():
 
 def test_further_laws_of_sei_growth_need_a_life_and_cracks_a_model_that_loses_their_lithium():
     laws = {effect.variant: effect for effect in EFFECTS if effect.name == "sei-growth"}
-    for variant in ("electron-migration limited", "interstitial-diffusion limited"):
+    for variant in ("electron-migration-limited", "interstitial-diffusion-limited"):
         assert "50 cycles" in laws[variant].lacks(Evidence("SPM", {}, 20, 0.0, 1.0))
         assert not laws[variant].lacks(Evidence("SPM", {}, 200, 0.0, 1.0))
-    cracks = laws["diffusion-limited, on cracks too"]
+    cracks = laws["diffusion-limited on cracks too"]
     assert "no lithium" in cracks.lacks(Evidence("SPMe", {}, 200, 0.0, 1.0))
     assert "50 cycles" in cracks.lacks(Evidence("DFN", {}, 20, 0.0, 1.0))
     assert not cracks.lacks(Evidence("DFN", {}, 200, 0.0, 1.0))
