@@ -125,9 +125,10 @@ class AfterSearch:
         if not (best.ok and self._task.held_out):
             return ()
         known = self._predictions.get(best.index)
-        if known is not None:
-            return tuple(decode_prediction(content) for content in known["predictions"])
         draws = () if analysis is None else analysis.identifiability.draws
+        # Those of a run that was stopped before the posterior was known have no bands yet.
+        if known is not None and not (draws and known.get("draws") == 0):
+            return tuple(decode_prediction(content) for content in known["predictions"])
         # A life takes minutes for each simulation of its band: none is made twice. Other records may be simulated from
         # several starts, by which the journal does not tell them apart.
         simulating = self._analysed if self._task.long else self._plugins
@@ -137,7 +138,8 @@ class AfterSearch:
         except KeyboardInterrupt:
             self._note("Stopped before the held-out records were scored. Resume the run to score them.")
             return ()
-        self._journal.append(HELD_OUT, base=best.index, predictions=[encode_prediction(one) for one in found])
+        predictions = [encode_prediction(one) for one in found]
+        self._journal.append(HELD_OUT, base=best.index, predictions=predictions, draws=len(draws))
         return found
 
     def _watch(self, purpose: str, done: int, total: int) -> None:

@@ -99,6 +99,7 @@ class _Predicted:
 class _HeldOut:
     base: int
     predictions: list[_Predicted]
+    draws: int | None = None  # Of the posterior that their bands have; earlier versions did not write it.
 
 
 @dataclass(frozen=True)

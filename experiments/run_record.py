@@ -222,9 +222,9 @@ def _analysis(events: Iterable[Mapping[str, Any]], base: int, task: Task) -> Pos
 
 
 def _predictions(events: Iterable[Mapping[str, Any]], best: int) -> tuple[Prediction, ...]:
-    """The predictions of the best trial: a resumed run may have found a better one since."""
-    found = (event["predictions"] for event in events if event["event"] == HELD_OUT and event["base"] == best)
-    return tuple(decode_prediction(content) for content in next(found, ()))
+    """The last predictions of the best trial: a resumed run may have found a better one since, or their bands."""
+    found = [event["predictions"] for event in events if event["event"] == HELD_OUT and event["base"] == best]
+    return tuple(decode_prediction(content) for content in (found[-1] if found else ()))
 
 
 def _status(events: Iterable[Mapping[str, Any]]) -> str:

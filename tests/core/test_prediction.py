@@ -61,6 +61,18 @@ def test_a_resumed_run_does_not_predict_again(run_toy: RunToy, tmp_path: Path) -
     assert not whole.held_out[0].bands  # without an analysis of the fit nothing is known of its covariance
 
 
+def test_a_prediction_from_before_the_posterior_was_known_is_made_again_with_bands(
+    run_toy: RunToy, tmp_path: Path
+) -> None:
+    early = run_toy(tmp_path, task=with_held_out())
+    late = run_toy(tmp_path, task=with_held_out(), analysing=True)
+    again = run_toy(tmp_path, task=with_held_out(), analysing=True)
+    assert not early.held_out[0].bands
+    assert late.held_out[0].bands
+    assert read_run(tmp_path).held_out[0].as_json() == late.held_out[0].as_json() == again.held_out[0].as_json()
+    assert [event["event"] for event in read_events(tmp_path)].count("held-out") == 2
+
+
 def test_a_task_keeps_its_held_out_records_and_takes_none_twice() -> None:
     task = with_held_out()
     started = replace(task, held_out=(replace(task.held_out[0], initial_voltage=4.1),))
