@@ -114,6 +114,17 @@ def whole_lives(results: Results) -> str:
     return results.framed("whole_life", markdown_table(heads, lines), "\n".join(remarks))
 
 
+def trends(results: Results) -> str:
+    """What simple laws of the cycle number, fitted to the first cycles of measured lives, come to later."""
+    rows = results.rows("fade_trends")
+    lines = [
+        [row["cell"], row["law"], f"{row['fitted_to']:.0f}", f"{row['rms_pct']:.2f} %", f"{row['off_pct']:+.1f} %"]
+        for row in rows
+    ]
+    heads = ["cell", "law", "fitted to cycle", "left of the fitted cycles", f"off at cycle {rows[0]['cycle']:.0f}"]
+    return results.framed("fade_trends", markdown_table(heads, lines))
+
+
 def mechanisms(results: Results) -> str:
     """Which mechanism was found in lives with a hidden one, and in measured ones."""
     rows = results.rows("life_discovery")

@@ -36,6 +36,7 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "own-lives": partial(ageing.methods, name="own_lives"),
     "life-cost": ageing.life_cost,
     "whole-life": ageing.whole_lives,
+    "fade-trends": ageing.trends,
     "life-discovery": ageing.mechanisms,
     "life-modes": ageing.modes,
     "discovery-blind": discovery.blind_cases,

@@ -23,7 +23,7 @@ from ..run_record import RunRecord, read_run
 CELLS = ("CS2_35", "CS2_36")
 FITTED, FORETOLD, EVERY = 200, 500, 50
 
-_SET, _MODEL, _SCAFFOLD = "Ai2020", "SPM", "ageing"
+SET, MODEL, _SCAFFOLD = "Ai2020", "SPM", "ageing"
 _SIMULATIONS, _SEED = 80, 1234
 
 
@@ -44,7 +44,7 @@ class Foretold:
 def forecast(data: Path, folder: Path) -> RunRecord:
     """Fit the first cycles of a life and forecast the later ones."""
     records = Records([data], read=ReadOptions(cycles=(1, FORETOLD)), fit_cycles=FITTED)
-    task = task_of_records(records, CellChoice(_SET, _MODEL))
+    task = task_of_records(records, CellChoice(SET, MODEL))
     config = run_config(_SCAFFOLD, "rules", {}, {"rounds": _SIMULATIONS, "simulations": _SIMULATIONS, "seed": _SEED})
     execute_run(task, config, folder, open_backend("rules", {}), analysing=True)
     return read_run(folder)
