@@ -10,9 +10,7 @@ from bsa.core.target import CellChange
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.tasks.cell_for_records import WIDTH
 from bsa.experiments.tasks.record_request import RecordRequest
-from bsa.experiments.tasks.record_start import jump_resistances, with_room_for
 from bsa.experiments.tasks.records import CONTACT, RESISTANCE, build_task
-from bsa.plugins.pybamm.model_options import in_pybamm_spelling
 from bsa.plugins.pybamm.parameter_sets import load
 from bsa.plugins.pybamm.state_of_charge import InitialState, equilibrium_capacity_ah
 
@@ -44,16 +42,6 @@ def record(name: str = "r", *, rest: bool = True, amperes: float = 5.0, cycles: 
 
 def task_of(*records: Record, **settings):
     return build_task("t", "Chen2020", [RecordRequest(one) for one in records], model="SPM", **settings)
-
-
-def test_a_resistance_is_read_off_prompt_jumps_away_from_the_empty_end() -> None:
-    time = np.array([0.0, 60.0, 61.0, 3600.0, 3601.0, 4200.0, 4260.0, 4300.0])
-    current = np.array([0.0, 0.0, 2.0, 2.0, 0.0, 0.0, -1.0, -1.0])
-    voltage = np.array([4.1, 4.1, 4.0, 2.5, 3.3, 3.4, 3.6, 4.1])
-    steps = tuple(Step(StepKind.REST, start, start + 2, position=start // 2) for start in (0, 2, 4, 6))
-    record = Trajectory(time, current, voltage, None, steps)
-    # 50 mOhm when the discharge begins; 400 from empty, and 200 a minute late.
-    assert jump_resistances(record) == pytest.approx([0.05])
 
 
 def test_a_start_that_a_person_writes_is_never_replaced() -> None:
@@ -163,40 +151,11 @@ def test_charge_that_drifts_over_cycles_does_not_make_a_larger_cell() -> None:
     assert twice.cell.overrides[WIDTH] == pytest.approx(1.58 * 10.0 / 5.0, rel=0.06)
 
 
-@pytest.mark.parametrize(
-    ("given", "known"),
-    [
-        ({"contact resistance": True}, {"contact resistance": "true"}),
-        ({"Contact Resistance": "TRUE"}, {"contact resistance": "true"}),
-        ({"contact resistance": False}, {"contact resistance": "false"}),
-        ({"sei": "Reaction Limited"}, {"SEI": "reaction limited"}),
-        ({"thermal": "Lumped", "particle phases": ("2", 1)}, {"thermal": "lumped", "particle phases": ["2", "1"]}),
-        ({"no such option": "X"}, {"no such option": "X"}),
-    ],
-)
-def test_options_may_be_written_in_any_case_and_as_booleans(given, known) -> None:
-    assert in_pybamm_spelling(given) == known
-
-
 def test_an_option_of_a_person_is_kept() -> None:
     assert task_of(record(), options={"contact resistance": True}).cell.options[CONTACT] == "true"
     off = task_of(record(), options={"Contact resistance": False})
     assert off.cell.options[CONTACT] == "false"
     assert RESISTANCE not in off.space
-
-
-def test_a_discharge_that_begins_under_load_starts_with_the_charge_that_it_gives() -> None:
-    time = np.linspace(0.0, 3600.0, 61)
-    current = np.full(61, 2.0)
-    voltage = np.linspace(3.6, 2.6, 61)
-    record = Trajectory(time, current, voltage, None, (Step(StepKind.CC_DISCHARGE, 0, 61),))
-    assert with_room_for(record, 0.6, capacity_ah=2.5) == pytest.approx(0.8)
-    assert with_room_for(record, 0.9, capacity_ah=2.5) == pytest.approx(0.9)
-    assert with_room_for(record, 0.6, capacity_ah=1.9) == 1.0
-    charge = record.changed(current=-current)
-    assert with_room_for(charge, 0.6, capacity_ah=2.5) == pytest.approx(0.2)
-    rested = record.changed(current=np.r_[0.0, current[1:]])
-    assert with_room_for(rested, 0.6, capacity_ah=2.5) == 0.6
 
 
 def slow_discharge() -> Record:

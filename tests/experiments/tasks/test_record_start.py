@@ -1,0 +1,28 @@
+import numpy as np
+import pytest
+from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.experiments.tasks.record_start import jump_resistances, with_room_for
+
+
+def test_a_resistance_is_read_off_prompt_jumps_away_from_the_empty_end() -> None:
+    time = np.array([0.0, 60.0, 61.0, 3600.0, 3601.0, 4200.0, 4260.0, 4300.0])
+    current = np.array([0.0, 0.0, 2.0, 2.0, 0.0, 0.0, -1.0, -1.0])
+    voltage = np.array([4.1, 4.1, 4.0, 2.5, 3.3, 3.4, 3.6, 4.1])
+    steps = tuple(Step(StepKind.REST, start, start + 2, position=start // 2) for start in (0, 2, 4, 6))
+    record = Trajectory(time, current, voltage, None, steps)
+    # 50 mOhm when the discharge begins; 400 from empty, and 200 a minute late.
+    assert jump_resistances(record) == pytest.approx([0.05])
+
+
+def test_a_discharge_that_begins_under_load_starts_with_the_charge_that_it_gives() -> None:
+    time = np.linspace(0.0, 3600.0, 61)
+    current = np.full(61, 2.0)
+    voltage = np.linspace(3.6, 2.6, 61)
+    record = Trajectory(time, current, voltage, None, (Step(StepKind.CC_DISCHARGE, 0, 61),))
+    assert with_room_for(record, 0.6, capacity_ah=2.5) == pytest.approx(0.8)
+    assert with_room_for(record, 0.9, capacity_ah=2.5) == pytest.approx(0.9)
+    assert with_room_for(record, 0.6, capacity_ah=1.9) == 1.0
+    charge = record.changed(current=-current)
+    assert with_room_for(charge, 0.6, capacity_ah=2.5) == pytest.approx(0.2)
+    rested = record.changed(current=np.r_[0.0, current[1:]])
+    assert with_room_for(rested, 0.6, capacity_ah=2.5) == 0.6
