@@ -197,7 +197,7 @@ def test_every_effect_of_ageing_is_absent_at_its_null(short_life: Path) -> None:
     (base,) = simulator.predict([LifeRequest((), cell)])
     assert base is not None
     ageing = [effect for effect in EFFECTS if effect.ages and effect.name != "porosity-change"]
-    assert len(ageing) == 8
+    assert len(ageing) == 11
     for effect in ageing:
         (found,) = simulator.predict([LifeRequest((effect,), {**cell, effect.full_name(effect.strength): 0.0})])
         assert found is not None, effect.key
