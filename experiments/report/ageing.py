@@ -15,7 +15,7 @@ from ...core.task import Experiment
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial
 from ..run_record import RunRecord
-from .chart import BOTTOM, GAP, TOP, Axis, Band, Chart, Key, Marker, Panel, horizontal, padded, vertical
+from .chart import Chart, Key, Panel, horizontal, padded
 from .wording import number
 
 _CAPACITY_HEIGHT, _OTHER_HEIGHT = 230.0, 120.0
@@ -94,55 +94,36 @@ def _forecast(prediction: Prediction, initial: CycleTable | None, later: CycleTa
 
 
 def _life(name: str, experiment: Experiment, simulated: _Simulated) -> Life:
-    measured = experiment.target.cycle_table
+    measured, later, best = experiment.target.cycle_table, simulated.later, simulated.best
     assert measured is not None
-    curves = {"initial": simulated.initial, "best": simulated.best}
+    curves = {"initial": simulated.initial, "best": best}
     tables = {"measured": measured, **{style: table for style, table in curves.items() if table is not None}}
-    later = simulated.later
+    drawn = [*tables.items(), *([] if later is None else [("measured", later)])]
     across = horizontal(0.0, float((measured if later is None else later).cycle[-1]))
-    drawn = list(tables.items())
-    if later is not None:
-        drawn.append(("measured", later))
-    base = simulated.best or simulated.initial
+    chart = Chart(name, "Capacity, resistance and losses by cycle", across, "Cycle")
+    chart.keys += [Key(style, style) for style in tables]
+    base = best or simulated.initial
     limits = [] if simulated.fade is None or base is None else _limits(base, simulated.fade)
-    panels = [_panel("Capacity / A h", "capacity_ah", drawn, across, TOP, _CAPACITY_HEIGHT, [y for _, y in limits])]
-    keys = [Key(style, style) for style in tables]
+    capacity = _draw(chart, "Capacity / A h", "capacity_ah", drawn, _CAPACITY_HEIGHT, [y for _, y in limits])
+    for cycles, edge in limits:
+        capacity.draw(cycles, edge, "limit")
     if limits:
-        for cycles, edge in limits:
-            panels[0].draw(across, cycles, edge, "limit")
-        keys.append(Key("limit", "95 % band of a single cycle"))
+        chart.keys.append(Key("limit", "95 % band of a single cycle"))
     for cycle in experiment.detailed_cycles:
         height = float(measured.at(np.array([float(cycle)]))[0])
         if np.isfinite(height):
-            x, y = float(across.pixels(float(cycle))), float(panels[0].axis.pixels(height))
-            panels[0].markers.append(Marker(x, y, "warm-up", f"Cycle {cycle}: compared by its curves"))
+            capacity.mark(cycle, height, "warm-up", f"Cycle {cycle}: compared by its curves")
+    chart.keys.append(Key("warm-up", "compared by its curves", "dot"))
     if any(np.any(np.isfinite(table.resistance_ohm)) for _, table in drawn):
-        top = panels[-1].top + panels[-1].height + GAP
-        panels.append(_panel("Resistance / Ω", "resistance_ohm", drawn, across, top, _OTHER_HEIGHT))
-    best = simulated.best
-    losses = {name: getattr(best, name) for name in LOSSES} if best is not None else {}
+        _draw(chart, "Resistance / Ω", "resistance_ohm", drawn, _OTHER_HEIGHT)
+    losses = {} if best is None else {name: getattr(best, name) for name in LOSSES}
     losses = {name: lost for name, lost in losses.items() if np.nanmax(lost, initial=0.0) > _NOTHING_PCT}
-    keys.append(Key("warm-up", "compared by its curves", "dot"))
     if losses and best is not None:
-        top = panels[-1].top + panels[-1].height + GAP
-        panels.append(_losses(best, losses, across, top))
-        keys += [Key(_LOSS_STYLES[name], f"lowest panel: {_LOST[name]}") for name in losses]
-    said = _said(measured, base if best is None else best) + simulated.told
-    return Life(
-        experiment.name,
-        Chart(
-            name=name,
-            title="Capacity, resistance and losses by cycle",
-            description=said,
-            panels=panels,
-            x_ticks=across.ticks(8),
-            x_label="Cycle",
-            keys=keys,
-            height=panels[-1].top + panels[-1].height + BOTTOM,
-            bands=_not_fitted(measured, later, across),
-        ),
-        " ".join([said, *_said_of_losses(losses)]),
-    )
+        _draw_losses(chart, best.cycle, losses)
+    if later is not None:
+        chart.shade(measured.cycle[-1], later.cycle[-1], "not fitted")
+    chart.description = _said(measured, base) + simulated.told
+    return Life(experiment.name, chart, " ".join([chart.description, *_said_of_losses(losses)]))
 
 
 def _limits(base: CycleTable, fade: FadeBand) -> list[tuple[FloatArray, FloatArray]]:
@@ -153,52 +134,40 @@ def _limits(base: CycleTable, fade: FadeBand) -> list[tuple[FloatArray, FloatArr
     return [(cycles[there], (middle + side * half)[there]) for side in (-1.0, 1.0)]
 
 
-def _not_fitted(measured: CycleTable, later: CycleTable | None, across: Axis) -> list[Band]:
-    if later is None:
-        return []
-    start, end = (float(across.pixels(float(cycle))) for cycle in (measured.cycle[-1], later.cycle[-1]))
-    return [Band(start, end - start, "not fitted")]
-
-
 def _table(trial: Trial, place: int) -> CycleTable | None:
     curve = trial.curves[place] if place < len(trial.curves) else None
     return None if curve is None else curve.cycle_table
 
 
-def _panel(
+def _draw(
+    chart: Chart,
     label: str,
     column: str,
     tables: list[tuple[str, CycleTable]],
-    across: Axis,
-    top: float,
     height: float,
     beside: Sequence[FloatArray] = (),
 ) -> Panel:
+    """A panel with a column of each table; its axis holds what is drawn beside them too."""
     values = [getattr(table, column) for _, table in tables]
     known = np.concatenate([found[np.isfinite(found)] for found in (*values, *beside)])
-    axis = vertical(*padded(float(known.min()), float(known.max())), top, height)
-    panel = Panel(axis, label, ticks=axis.ticks(4))
+    panel = chart.panel(label, padded(float(known.min()), float(known.max())), height)
     for (style, table), found in zip(tables, values, strict=True):
         there = np.isfinite(found)
-        panel.draw(across, table.cycle[there], found[there], style)
+        panel.draw(table.cycle[there], found[there], style)
         # A line through so few points cannot be seen.
         if np.count_nonzero(there) < _FEW:
             for cycle, value in zip(table.cycle[there], found[there], strict=True):
-                x, y = float(across.pixels(float(cycle))), float(axis.pixels(float(value)))
-                panel.markers.append(Marker(x, y, style, f"Cycle {cycle:.0f}: {number(float(value))}"))
+                panel.mark(cycle, value, style, f"Cycle {cycle:.0f}: {number(float(value))}")
     return panel
 
 
-def _losses(best: CycleTable, losses: dict[str, FloatArray], across: Axis, top: float) -> Panel:
+def _draw_losses(chart: Chart, cycle: FloatArray, losses: dict[str, FloatArray]) -> None:
     largest = max(float(np.nanmax(lost)) for lost in losses.values())
-    axis = vertical(0.0, 1.06 * largest, top, _OTHER_HEIGHT)
-    panel = Panel(axis, "Lost / %", ticks=axis.ticks(4))
+    panel = chart.panel("Lost / %", (0.0, 1.06 * largest), _OTHER_HEIGHT)
     for name, lost in losses.items():
-        panel.draw(across, best.cycle, lost, _LOSS_STYLES[name])
-        last = float(across.pixels(float(best.cycle[-1])))
-        title = f"{_LOST[name]}: {number(lost[-1])} %"
-        panel.markers.append(Marker(last, float(axis.pixels(lost[-1])), "search", title))
-    return panel
+        panel.draw(cycle, lost, _LOSS_STYLES[name])
+        panel.mark(cycle[-1], lost[-1], "search", f"{_LOST[name]}: {number(lost[-1])} %")
+        chart.keys.append(Key(_LOSS_STYLES[name], f"lowest panel: {_LOST[name]}"))
 
 
 def _said(measured: CycleTable, best: CycleTable | None) -> str:

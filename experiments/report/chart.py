@@ -71,14 +71,15 @@ class Marker:
 
 @dataclass
 class Panel:
-    """One set of axes."""
+    """One set of axes; curves and markers are given in values."""
 
+    across: Axis
     axis: Axis
     label: str
+    ticks: list[Tick]
+    shows_zero: bool = False
     lines: list[Line] = field(default_factory=list)
     markers: list[Marker] = field(default_factory=list)
-    ticks: list[Tick] = field(default_factory=list)
-    zero: float | None = None
 
     @property
     def top(self) -> float:
@@ -90,13 +91,22 @@ class Panel:
         """Height in pixels."""
         return self.axis.start - self.axis.end
 
-    def draw(self, across: Axis, x: FloatArray, y: FloatArray, style: str) -> None:
+    @property
+    def zero(self) -> float | None:
+        """Where zero lies in pixels, if it is shown."""
+        return float(self.axis.pixels(0.0)) if self.shows_zero else None
+
+    def draw(self, x: FloatArray, y: FloatArray, style: str) -> None:
         """Add a curve."""
         if len(x) == 0:
             return
-        px, py = across.pixels(x), self.axis.pixels(y)
+        px, py = self.across.pixels(x), self.axis.pixels(y)
         kept = thin_curve(px, py, MOST_POINTS)
         self.lines.append(Line(" ".join(f"{a:.1f},{b:.1f}" for a, b in zip(px[kept], py[kept], strict=True)), style))
+
+    def mark(self, x: float, y: float, style: str, title: str) -> None:
+        """Add a symbol."""
+        self.markers.append(Marker(float(self.across.pixels(x)), float(self.axis.pixels(y)), style, title))
 
 
 @dataclass(frozen=True)
@@ -117,23 +127,52 @@ class Band:
     label: str
 
 
-@dataclass(frozen=True)
+@dataclass
 class Chart:
-    """Everything the template draws."""
+    """Everything the template draws: panels one below the other over one horizontal axis."""
 
     name: str  # Unique on the page; letters, digits and hyphens.
-    # title, description: For readers who do not see the drawing.
-    title: str
-    description: str
-    panels: Sequence[Panel]
-    x_ticks: Sequence[Tick]
+    title: str  # With the description, for readers who do not see the drawing.
+    across: Axis
     x_label: str
-    keys: Sequence[Key]
-    height: float
-    bands: Sequence[Band] = ()
-    width: float = WIDTH
-    left: float = LEFT
-    right: float = WIDTH - RIGHT
+    description: str = ""
+    keys: list[Key] = field(default_factory=list)
+    panels: list[Panel] = field(default_factory=list)
+    bands: list[Band] = field(default_factory=list)
+    x_ticks: list[Tick] = field(default_factory=list)
+
+    width = WIDTH
+    left = LEFT
+    right = WIDTH - RIGHT
+
+    def __post_init__(self) -> None:
+        self.x_ticks = self.x_ticks or self.across.ticks(8)
+
+    @property
+    def bottom(self) -> float:
+        """Lower edge of the lowest panel in pixels."""
+        return self.panels[-1].axis.start
+
+    @property
+    def height(self) -> float:
+        """Height in pixels."""
+        return self.bottom + BOTTOM
+
+    def panel(self, label: str, limits: tuple[float, float], height: float, ticks: int = 4, log: bool = False) -> Panel:
+        """Add a panel below the others; ``limits`` are the values at its lower and its upper edge."""
+        low, high = limits
+        if not high > low:
+            margin = 0.05 * abs(low) or 1.0
+            low, high = low - margin, high + margin
+        top = self.bottom + GAP if self.panels else TOP
+        axis = Axis(low, high, top + height, top, log)
+        self.panels.append(Panel(self.across, axis, label, axis.ticks(ticks)))
+        return self.panels[-1]
+
+    def shade(self, start: float, end: float, label: str, least_width: float = 0.0) -> None:
+        """Shade a stretch of the horizontal axis, with its label where it is wide enough for it, in pixels."""
+        left, right = (float(self.across.pixels(value)) for value in (start, end))
+        self.bands.append(Band(left, right - left, label if right - left > least_width else ""))
 
 
 def horizontal(low: float, high: float) -> Axis:
@@ -141,18 +180,20 @@ def horizontal(low: float, high: float) -> Axis:
     return Axis(low, high if high > low else low + 1.0, LEFT, WIDTH - RIGHT)
 
 
-def vertical(low: float, high: float, top: float, height: float, log: bool = False) -> Axis:
-    """The axis of a panel."""
-    if not high > low:
-        margin = 0.05 * abs(low) or 1.0
-        low, high = low - margin, high + margin
-    return Axis(low, high, top + height, top, log)
-
-
 def padded(low: float, high: float, share: float = 0.06) -> tuple[float, float]:
     """A range with some air at both ends."""
     margin = share * (high - low) or 0.05 * abs(low) or 1.0
     return low - margin, high + margin
+
+
+def limits_around(curves: Sequence[FloatArray]) -> tuple[float, float]:
+    """Ends of an axis that show the first curve well, and of the others what lies half its size beyond."""
+    first = curves[0]
+    low, high = float(first.min()), float(first.max())
+    margin = 0.5 * (high - low) or 0.1 * abs(low) or 0.1
+    low = max(min(float(curve.min()) for curve in curves), low - margin)
+    high = min(max(float(curve.max()) for curve in curves), high + margin)
+    return padded(low, high)
 
 
 def round_ticks(low: float, high: float, about: int) -> list[float]:

@@ -11,8 +11,7 @@ from ...core.discovery.observations import Observations
 from ...core.discovery.problem import Problem
 from ...core.discovery.record_discovery import RecordDiscovery
 from ...core.discovery.simulator import Prediction
-from ...core.trajectory import FloatArray
-from .chart import BOTTOM, GAP, TOP, Chart, Key, Panel, horizontal, padded, vertical
+from .chart import Chart, Key, horizontal, padded
 from .templates import template
 from .wording import number, time_unit
 
@@ -55,37 +54,27 @@ def _figures(discovery: RecordDiscovery, problem: Problem) -> list[_Figure]:
 def _figure(place: int, observed: Observations, base: Prediction, augmented: Prediction | None) -> _Figure:
     simulated = {"initial": base.voltage} | ({} if augmented is None else {"best": augmented.voltage})
     scale, unit = time_unit(float(observed.time[-1]))
-    time = observed.time / scale
-    across = horizontal(float(time[0]), float(time[-1]))
-    measured = observed.voltage
-    axis = vertical(*padded(float(np.min(measured)), float(np.max(measured))), TOP, _VOLTAGE_HEIGHT)
-    voltage = Panel(axis, "Voltage / V", ticks=axis.ticks(5))
-    voltage.draw(across, time, measured, "measured")
+    time, measured = observed.time / scale, observed.voltage
     residuals = {style: 1e3 * (values - measured) for style, values in simulated.items()}
-    residual = _residual_panel(residuals, TOP + _VOLTAGE_HEIGHT + GAP)
-    for style, values in simulated.items():
-        voltage.draw(across, time, values, style)
-        residual.draw(across, time, residuals[style], style)
     labels = {"initial": "base model", "best": "base model with the effect"}
     rms = [f"{labels[style]} {number(float(np.sqrt(np.mean(r**2))))} mV" for style, r in residuals.items()]
-    return _Figure(
-        observed.name,
-        Chart(
-            name=f"record-{place}",
-            title="Voltage and residuals over time",
-            description=f"Measured and simulated voltage. Residuals, root mean square: {', '.join(rms)}.",
-            panels=[voltage, residual],
-            x_ticks=across.ticks(8),
-            x_label=f"Time / {unit}",
-            keys=[Key("measured", "measured"), *(Key(style, labels[style]) for style in simulated)],
-            height=residual.top + residual.height + BOTTOM,
-        ),
+    chart = Chart(
+        f"record-{place}",
+        "Voltage and residuals over time",
+        horizontal(float(time[0]), float(time[-1])),
+        f"Time / {unit}",
+        f"Measured and simulated voltage. Residuals, root mean square: {', '.join(rms)}.",
+        [Key("measured", "measured"), *(Key(style, labels[style]) for style in simulated)],
     )
-
-
-def _residual_panel(residuals: dict[str, FloatArray], top: float) -> Panel:
+    limits = padded(float(np.min(measured)), float(np.max(measured)))
+    voltage = chart.panel("Voltage / V", limits, _VOLTAGE_HEIGHT, ticks=5)
     # A cell that is empty a moment early is a spike of a volt: the scale serves the rest.
     largest = max(float(np.percentile(np.abs(values), 98)) for values in residuals.values())
     size = max(1.3 * largest, 1.0)
-    axis = vertical(-size, size, top, _RESIDUAL_HEIGHT)
-    return Panel(axis, "Residual / mV", ticks=axis.ticks(4), zero=float(axis.pixels(0.0)))
+    residual = chart.panel("Residual / mV", (-size, size), _RESIDUAL_HEIGHT)
+    residual.shows_zero = True
+    voltage.draw(time, measured, "measured")
+    for style, values in simulated.items():
+        voltage.draw(time, values, style)
+        residual.draw(time, residuals[style], style)
+    return _Figure(observed.name, chart)

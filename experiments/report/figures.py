@@ -18,7 +18,7 @@ from ...core.trajectory import FloatArray, StepKind, Trajectory
 from ...core.trial import Trial
 from ...plugins.feedback.ageing import told_cycles
 from ..run_record import RunRecord
-from .chart import BOTTOM, GAP, TOP, Axis, Band, Chart, Key, Marker, Panel, horizontal, padded, vertical
+from .chart import Chart, Key, Marker, Panel, horizontal, limits_around
 from .nyquist import nyquist
 from .wording import number, time_unit, unit
 
@@ -132,42 +132,29 @@ def _predicted(
     task: Task, place: int, experiment: Experiment, curve: Trajectory, misfits: Mapping[str, float]
 ) -> Overlay:
     measured, predicted = _Curve("measured", experiment.scored_target), _Curve("best", curve)
-    if experiment.is_spectrum:
-        fit, legend = _fit_after(task, predicted, measured), [Key("measured", "measured"), Key("best", "predicted")]
-        return _spectrum(experiment.name, f"held-out-{place}", fit, [measured, predicted], legend)
-    scale, clock_unit = time_unit(float(measured.time[-1]))
-    across = horizontal(0.0, float(measured.time[-1]) / scale)
-    drawn = _panels(task, measured, [predicted], predicted)
+    fit = _fit_after(task, predicted, measured)
     keys = [Key("measured", "measured"), Key("best", "predicted")]
-    for panel, signal, is_residual in drawn:
-        if not is_residual:
-            panel.draw(across, measured.time / scale, measured.values(signal), "measured")
-            panel.draw(across, predicted.time / scale, predicted.values(signal), "best")
-            continue
-        time, values = predicted.residual(measured, signal)
-        panel.draw(across, time / scale, values, "best")
+    if experiment.is_spectrum:
+        return _spectrum(experiment.name, f"held-out-{place}", fit, [measured, predicted], keys)
+    title = "Measured and predicted over time, with the residual"
+    chart, scale = _over_time(f"held-out-{place}", experiment, title, float(measured.time[-1]))
+    for panel, signal in _draw(chart, task, measured, [predicted], predicted, scale):
         if band_of(signal.name) in curve.signals:
             left_open = signal.shown_scale * curve.values(band_of(signal.name))
             half = np.hypot(left_open, misfits[signal.name])
             for side in (-1.0, 1.0):
-                panel.draw(across, predicted.time / scale, side * half, "limit")
+                panel.draw(predicted.time / scale, side * half, "limit")
             keys.append(Key("limit", "95 % band"))
-    panels = [panel for panel, _, _ in drawn]
-    return Overlay(
-        name=experiment.name,
-        chart=Chart(
-            name=f"held-out-{place}" + (f"-{experiment.scored_cycle}" if experiment.scored_cycle else ""),
-            title="Measured and predicted over time, with the residual",
-            description=_fit_after(task, predicted, measured),
-            panels=panels,
-            x_ticks=across.ticks(8),
-            x_label=f"Time / {clock_unit}",
-            keys=list(dict.fromkeys(keys)),
-            height=panels[-1].top + panels[-1].height + BOTTOM,
-        ),
-        remarks=("Residual: predicted minus measured.",),
-        fit=_fit_after(task, predicted, measured),
-    )
+    chart.keys += dict.fromkeys(keys)
+    chart.description = fit
+    return Overlay(experiment.name, chart, ("Residual: predicted minus measured.",), fit)
+
+
+def _over_time(name: str, experiment: Experiment, title: str, longest_s: float) -> tuple[Chart, float]:
+    """An empty chart for so long a time, and how many seconds the unit of its axis has."""
+    scale, clock_unit = time_unit(longest_s)
+    name += f"-{experiment.scored_cycle}" if experiment.scored_cycle else ""
+    return Chart(name, title, horizontal(0.0, longest_s / scale), f"Time / {clock_unit}"), scale
 
 
 def _fit_after(task: Task, predicted: _Curve, measured: _Curve) -> str:
@@ -192,31 +179,15 @@ def _overlay(run: RunRecord, place: int, experiment: Experiment) -> Overlay:
     if experiment.is_spectrum:
         return _spectrum(experiment.name, f"overlay-{place}", fit, [measured, *simulated], keys)
     longest = max([measured.time[-1], *(min(curve.time[-1], 1.5 * measured.time[-1]) for curve in simulated)])
-    scale, clock_unit = time_unit(float(longest))
-    across = horizontal(0.0, float(longest) / scale)
-    drawn = _panels(run.task, measured, simulated, focus)
-    for panel, signal, is_residual in drawn:
-        for curve in simulated if is_residual else (measured, *simulated):
-            time, values = curve.residual(measured, signal) if is_residual else (curve.time, curve.values(signal))
-            panel.draw(across, time / scale, values, curve.style)
-    panels = [panel for panel, _, _ in drawn]
-    names = [signal.words for _, signal, is_residual in drawn if not is_residual]
-    return Overlay(
-        name=experiment.name,
-        chart=Chart(
-            name=f"overlay-{place}" + (f"-{experiment.scored_cycle}" if experiment.scored_cycle else ""),
-            title=f"{', '.join(names).capitalize()} and residuals over time",
-            description="Measured record against the initial and the best simulation. "
-            + _fit(run.task, "", initial, focus, measured),
-            panels=panels,
-            x_ticks=across.ticks(8),
-            x_label=f"Time / {clock_unit}",
-            keys=keys,
-            height=panels[-1].top + panels[-1].height + BOTTOM,
-        ),
-        remarks=tuple(_remarks(run, place, experiment, drawn, initial, measured)),
-        fit=fit,
-    )
+    names = [signal.words for signal in _shown(run.task, measured)]
+    title = f"{', '.join(names).capitalize()} and residuals over time"
+    chart, scale = _over_time(f"overlay-{place}", experiment, title, float(longest))
+    residuals = _draw(chart, run.task, measured, simulated, focus, scale)
+    chart.keys += keys
+    chart.description = "Measured record against the initial and the best simulation. "
+    chart.description += _fit(run.task, "", initial, focus, measured)
+    remarks = _remarks(run, place, experiment, residuals, initial, measured)
+    return Overlay(experiment.name, chart, tuple(remarks), fit)
 
 
 def _spectrum(name: str, chart: str, fit: str, curves: Sequence[_Curve], keys: Sequence[Key]) -> Overlay:
@@ -229,56 +200,49 @@ def _simulated(trial: Trial, place: int, experiment: Experiment, style: str) -> 
     return None if part is None or len(part) == 0 else _Curve(style, part)
 
 
-Drawn = tuple[Panel, Signal, bool]
-"""A panel, the signal it shows, and whether it shows the signal's residual."""
-
-
-def _panels(task: Task, measured: _Curve, simulated: list[_Curve], focus: _Curve | None) -> list[Drawn]:
-    top = TOP
-    drawn: list[Drawn] = []
-    for signal in (*_driven(task, measured), *task.observed_in(measured.record)):
-        driven = signal.role == "driven"
-        height = _DRIVEN_HEIGHT if driven else _OBSERVED_HEIGHT
-        curves = [curve.values(signal) for curve in (measured, *simulated)]
-        panel = _panel(f"{signal.title} / {unit(signal.unit)}", curves, top, height, 3 if driven else 5)
-        if driven and panel.axis.low < 0 < panel.axis.high:
-            panel.zero = float(panel.axis.pixels(0.0))
-        drawn.append((panel, signal, False))
-        top += height + GAP
-        if focus is not None and not driven:
-            drawn.append((_residual_panel(focus.residual(measured, signal)[1], signal, top), signal, True))
-            top += _RESIDUAL_HEIGHT + GAP
-    return drawn
+def _shown(task: Task, measured: _Curve) -> list[Signal]:
+    return [*_driven(task, measured), *task.observed_in(measured.record)]
 
 
 def _driven(task: Task, measured: _Curve) -> list[Signal]:
     return [signal for signal in task.driven if signal.name in measured.record.signals]
 
 
-def _residual_panel(values: FloatArray, signal: Signal, top: float) -> Panel:
+def _draw(
+    chart: Chart, task: Task, measured: _Curve, simulated: list[_Curve], focus: _Curve | None, scale: float
+) -> list[tuple[Panel, Signal]]:
+    """A panel for each signal, below that of each observed one the residuals, scaled for ``focus``; the latter."""
+    residuals: list[tuple[Panel, Signal]] = []
+    for signal in _shown(task, measured):
+        driven = signal.role == "driven"
+        values = {curve: curve.values(signal) for curve in (measured, *simulated)}
+        label, limits = f"{signal.title} / {unit(signal.unit)}", limits_around(list(values.values()))
+        panel = chart.panel(label, limits, *((_DRIVEN_HEIGHT, 3) if driven else (_OBSERVED_HEIGHT, 5)))
+        panel.shows_zero = driven and panel.axis.low < 0 < panel.axis.high
+        for curve, found in values.items():
+            panel.draw(curve.time / scale, found, curve.style)
+        if focus is not None and not driven:
+            size = _residual_size(focus.residual(measured, signal)[1], signal)
+            panel = chart.panel(f"Residual / {unit(signal.shown)}", (-size, size), _RESIDUAL_HEIGHT)
+            panel.shows_zero = True
+            for curve in simulated:
+                time, residual = curve.residual(measured, signal)
+                panel.draw(time / scale, residual, curve.style)
+            residuals.append((panel, signal))
+    return residuals
+
+
+def _residual_size(values: FloatArray, signal: Signal) -> float:
     # Where a step ends a little early the residual is a spike: the scale serves what lies between.
     size = 1.4 * float(np.percentile(np.abs(values), 97)) if len(values) else 1.0
-    size = max(size, _LEAST_RESIDUAL * signal.tolerance * signal.shown_scale)
-    axis = vertical(-size, size, top, _RESIDUAL_HEIGHT)
-    return Panel(axis, f"Residual / {unit(signal.shown)}", ticks=axis.ticks(4), zero=float(axis.pixels(0.0)))
-
-
-def _panel(label: str, signals: list[FloatArray], top: float, height: float, ticks: int) -> Panel:
-    """Axes that show the measured signal well, whatever a wild simulation did."""
-    measured = signals[0]
-    low, high = float(measured.min()), float(measured.max())
-    margin = 0.5 * (high - low) or 0.1 * abs(low) or 0.1
-    low = max(min(float(signal.min()) for signal in signals), low - margin)
-    high = min(max(float(signal.max()) for signal in signals), high + margin)
-    axis = vertical(*padded(low, high), top, height)
-    return Panel(axis, label, ticks=axis.ticks(ticks))
+    return max(size, _LEAST_RESIDUAL * signal.tolerance * signal.shown_scale)
 
 
 def _remarks(
     run: RunRecord,
     place: int,
     experiment: Experiment,
-    drawn: list[Drawn],
+    residuals: list[tuple[Panel, Signal]],
     initial: _Curve | None,
     measured: _Curve,
 ) -> list[str]:
@@ -293,7 +257,6 @@ def _remarks(
         remarks.append("The initial simulation did not reach the part that is shown.")
     elif run.initial.curves[place] is not None and run.initial.failure is not None:
         remarks.append("The initial simulation stopped early.")
-    residuals = [(panel, signal) for panel, signal, is_residual in drawn if is_residual]
     if residuals:
         beyond = initial is not None and any(
             np.any(np.abs(initial.residual(measured, signal)[1]) > panel.axis.high) for panel, signal in residuals
@@ -331,54 +294,41 @@ def convergence(run: RunRecord, objective: Quantity) -> Chart | None:
     values = np.array([trial.objective for trial in good])
     positive = values[values > 0]
     low, high = (float(positive.min()), float(positive.max())) if len(positive) else (0.1, 1.0)
-    axis = vertical(low / 1.6, _ROOM_ABOVE * high, TOP, _CONVERGENCE_HEIGHT, log=True)
     across = horizontal(-0.6, max(run.trials[-1].index, 1) + 0.6)
-    panel = Panel(axis, f"{objective.label} / {objective.unit}", ticks=axis.ticks())
+    chart = Chart("convergence", "Objective by simulation", across, "Simulation")
+    chart.x_ticks = [tick for tick in across.ticks(10) if tick.label.isdigit()]
+    limits = (low / 1.6, _ROOM_ABOVE * high)
+    panel = chart.panel(f"{objective.label} / {objective.unit}", limits, _CONVERGENCE_HEIGHT, log=True)
     indices = np.array([trial.index for trial in good], dtype=np.float64)
-    record = np.minimum.accumulate(values)
     steps_x = np.append(np.repeat(indices, 2)[1:], run.trials[-1].index)
-    panel.draw(across, steps_x, np.repeat(record, 2), "best")
+    panel.draw(steps_x, np.repeat(np.minimum.accumulate(values), 2), "best")
     for trial in run.trials:
-        panel.markers.append(_marker(trial, across, axis, objective.unit, trial is run.best))
-    keys = [Key("best", "best so far"), Key("search", "search", "dot")]
-    if any(trial.phase == "warm-up" for trial in run.trials):
-        keys.append(Key("warm-up", "warm-up", "dot"))
+        _mark(panel, trial, objective.unit, trial is run.best)
+    chart.keys += [Key("best", "best so far"), Key("search", "search", "dot")]
+    warm_up = [trial.index for trial in run.trials if trial.phase == "warm-up"]
+    if warm_up:
+        chart.keys.append(Key("warm-up", "warm-up", "dot"))
+        chart.shade(min(warm_up) - 0.5, max(warm_up) + 0.5, "warm-up", least_width=60.0)
     if run.failed:
-        keys.append(Key("failed", f"failed ({run.failed})", "cross"))
-    return Chart(
-        name="convergence",
-        title="Objective by simulation",
-        description=(
-            f"{objective.label} fell from {number(run.initial.objective)} to {number(run.best.objective)} "
-            f"{objective.unit} "
-            f"in {len(run.trials)} simulations, {run.failed} of which failed."
-        ),
-        panels=[panel],
-        x_ticks=[tick for tick in across.ticks(10) if tick.label.isdigit()],
-        x_label="Simulation",
-        keys=keys,
-        height=TOP + _CONVERGENCE_HEIGHT + BOTTOM,
-        bands=_warm_up_band(run, across),
+        chart.keys.append(Key("failed", f"failed ({run.failed})", "cross"))
+    chart.description = (
+        f"{objective.label} fell from {number(run.initial.objective)} to {number(run.best.objective)} "
+        f"{objective.unit} in {len(run.trials)} simulations, {run.failed} of which failed."
     )
+    return chart
 
 
-def _marker(trial: Trial, across: Axis, axis: Axis, of_unit: str, is_best: bool) -> Marker:
-    x = float(across.pixels(float(trial.index)))
+def _mark(panel: Panel, trial: Trial, of_unit: str, is_best: bool) -> None:
     where = "initial" if trial.phase == "initial" else f"{trial.phase} round {trial.round}"
-    if not trial.ok:
-        if not trial.failed and trial.reduction is not None:
-            words = f"Simulation {trial.index} ({where}) ran {trial.reduction.words}"
-            return Marker(x, axis.end + 9.0, trial.phase, words)
-        cause = trial.failure.cause if trial.failure else "nothing to compare"
-        return Marker(x, axis.end + 9.0, "failed", f"Simulation {trial.index} ({where}) failed: {cause[:200]}")
-    style = "reported" if is_best else trial.phase
-    title = f"Simulation {trial.index} ({where}): {number(trial.objective)} {of_unit}"
-    return Marker(x, float(np.clip(axis.pixels(trial.objective), axis.end, axis.start)), style, title)
-
-
-def _warm_up_band(run: RunRecord, across: Axis) -> list[Band]:
-    indices = [float(trial.index) for trial in run.trials if trial.phase == "warm-up"]
-    if not indices:
-        return []
-    start, end = float(across.pixels(min(indices) - 0.5)), float(across.pixels(max(indices) + 0.5))
-    return [Band(start, end - start, "warm-up" if end - start > 60 else "")]
+    if trial.ok:
+        style = "reported" if is_best else trial.phase
+        title = f"Simulation {trial.index} ({where}): {number(trial.objective)} {of_unit}"
+        panel.mark(trial.index, float(np.clip(trial.objective, panel.axis.low, panel.axis.high)), style, title)
+        return
+    x, y = float(panel.across.pixels(float(trial.index))), panel.top + 9.0
+    if not trial.failed and trial.reduction is not None:
+        words = f"Simulation {trial.index} ({where}) ran {trial.reduction.words}"
+        panel.markers.append(Marker(x, y, trial.phase, words))
+        return
+    cause = trial.failure.cause if trial.failure else "nothing to compare"
+    panel.markers.append(Marker(x, y, "failed", f"Simulation {trial.index} ({where}) failed: {cause[:200]}"))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .chart import BOTTOM, GAP, TOP, Axis, Chart, Key, Panel, horizontal, padded, vertical
+from .chart import Chart, Key, horizontal, padded
 from .discovery import VERDICTS
 from .templates import template
 
@@ -33,27 +33,22 @@ def _modes(modes: Sequence[Mapping[str, Any]]) -> Chart | None:
     others = [mode for mode in modes if not mode["name"].endswith("[%]") and mode["cycles"]]
     if not lost:
         return None
-    across = horizontal(0.0, float(max(mode["cycles"][-1] for mode in lost)))
-    panels = [_panel("Lost / %", lost, across, TOP, _LOST_HEIGHT)]
-    for mode in others:
-        below = panels[-1]
-        panels.append(_panel(mode["name"], [mode], across, below.top + below.height + GAP, _OTHER_HEIGHT))
-    return Chart(
-        name="modes",
-        title="Losses and resistance by cycle",
-        description="Lithium and active material lost, fitted to single cycles.",
-        panels=panels,
-        x_ticks=across.ticks(8),
-        x_label="Cycle",
-        keys=[Key(style, mode["name"]) for style, mode in zip(_STYLES, lost, strict=False)],
-        height=panels[-1].top + panels[-1].height + BOTTOM,
+    chart = Chart(
+        "modes",
+        "Losses and resistance by cycle",
+        horizontal(0.0, float(max(mode["cycles"][-1] for mode in lost))),
+        "Cycle",
+        "Lithium and active material lost, fitted to single cycles.",
+        [Key(style, mode["name"]) for style, mode in zip(_STYLES, lost, strict=False)],
     )
+    _draw(chart, "Lost / %", lost, _LOST_HEIGHT)
+    for mode in others:
+        _draw(chart, mode["name"], [mode], _OTHER_HEIGHT)
+    return chart
 
 
-def _panel(label: str, modes: Sequence[Mapping[str, Any]], across: Axis, top: float, height: float) -> Panel:
+def _draw(chart: Chart, label: str, modes: Sequence[Mapping[str, Any]], height: float) -> None:
     values = np.concatenate([mode["values"] for mode in modes])
-    axis = vertical(*padded(float(min(values.min(), 0.0)), float(values.max())), top, height)
-    panel = Panel(axis, label, ticks=axis.ticks(4))
+    panel = chart.panel(label, padded(float(min(values.min(), 0.0)), float(values.max())), height)
     for style, mode in zip(_STYLES, modes, strict=False):
-        panel.draw(across, np.array(mode["cycles"], dtype=np.float64), np.array(mode["values"]), style)
-    return panel
+        panel.draw(np.array(mode["cycles"], dtype=np.float64), np.array(mode["values"]), style)

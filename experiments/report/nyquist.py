@@ -8,7 +8,7 @@ import numpy as np
 
 from ...core.cell import FREQUENCY, REACTANCE, RESISTANCE
 from ...core.trajectory import FloatArray, Trajectory
-from .chart import BOTTOM, LEFT, RIGHT, TOP, WIDTH, Chart, Key, Marker, Panel, horizontal, padded, vertical
+from .chart import LEFT, RIGHT, WIDTH, Chart, Key, horizontal, limits_around
 from .wording import number
 
 _HEIGHTS = (160.0, 440.0)
@@ -28,40 +28,18 @@ def nyquist(name: str, description: str, curves: Mapping[str, Trajectory], keys:
         The legend.
     """
     drawn = {style: _milliohm(curve) for style, curve in curves.items()}
-    real, turned = (_limits([curve[part] for curve in drawn.values()]) for part in (0, 1))
-    across = horizontal(*padded(*real))
-    low, high = padded(*turned)
-    scale = (WIDTH - LEFT - RIGHT) / (across.high - across.low)
-    axis = vertical(low, high, TOP, float(np.clip(scale * (high - low), *_HEIGHTS)))
-    panel = Panel(axis, "-Im Z / mΩ", ticks=axis.ticks(5))
+    real, turned = (limits_around([curve[part] for curve in drawn.values()]) for part in (0, 1))
+    chart = Chart(name, "Impedance", horizontal(*real), "Re Z / mΩ", description, list(keys))
+    scale = (WIDTH - LEFT - RIGHT) / (chart.across.high - chart.across.low)
+    height = float(np.clip(scale * (turned[1] - turned[0]), *_HEIGHTS))
+    panel = chart.panel("-Im Z / mΩ", turned, height, ticks=5)
     for style, (x, y) in drawn.items():
-        panel.draw(across, x, y, style)
-        panel.markers += [
-            Marker(float(across.pixels(a)), float(axis.pixels(b)), style, f"{number(hertz)} Hz")
-            for a, b, hertz in zip(x, y, curves[style].values(FREQUENCY.name), strict=True)
-        ]
-    return Chart(
-        name=name,
-        title="Impedance",
-        description=description,
-        panels=[panel],
-        x_ticks=across.ticks(8),
-        x_label="Re Z / mΩ",
-        keys=list(keys),
-        height=axis.start + BOTTOM,
-    )
+        panel.draw(x, y, style)
+        for a, b, hertz in zip(x, y, curves[style].values(FREQUENCY.name), strict=True):
+            panel.mark(a, b, style, f"{number(hertz)} Hz")
+    return chart
 
 
 def _milliohm(spectrum: Trajectory) -> tuple[FloatArray, FloatArray]:
     real, turned = (part.shown_scale * spectrum.values(part.name) for part in (RESISTANCE, REACTANCE))
     return real, turned
-
-
-def _limits(curves: Sequence[FloatArray]) -> tuple[float, float]:
-    """Ends that hold the measured curve, and of wild simulations what lies half its size beyond."""
-    low, high = float(curves[0].min()), float(curves[0].max())
-    margin = 0.5 * (high - low)
-    return (
-        max(min(float(curve.min()) for curve in curves), low - margin),
-        min(max(float(curve.max()) for curve in curves), high + margin),
-    )
