@@ -15,7 +15,7 @@ from .results import grid_folder, read_manifest, rows_of, write_rows
 from .statistics import Comparison, compare
 from .store import Store
 from .summary import Row, Statistic, grouped, paper_rows, ranks, statistic
-from .text_tables import Emphasis, in_latex, in_markdown, latex_table, markdown_table
+from .text_tables import Emphasis, entries_of, in_latex, in_markdown, latex_table, markdown_table, table_of
 
 METRICS = {column.name: column.error for column in COLUMNS if column.error}
 """The errors of cells."""
@@ -202,7 +202,7 @@ def markdown(campaign: Campaign) -> str:
             f"**against {campaign.reference}** ({label_of(campaign.metric)}; ratio of errors, geometric mean over "
             "cases, bootstrap 95 % interval; Wilcoxon signed-rank, Holm-corrected)"
         )
-        parts.append(f"{title}\n\n{markdown_table(*_compared(campaign.comparisons))}")
+        parts.append(f"{title}\n\n{table_of(campaign.comparisons, _COMPARED)}")
     spent = [[method, *(f"{value:.4g}" for value in values)] for method, values in effort(campaign.rows).items()]
     parts.append(f"**effort, mean a cell**\n\n{markdown_table(['method', *EFFORT.values()], spent)}")
     return "\n\n".join(parts) + "\n"
@@ -213,9 +213,9 @@ def latex(campaign: Campaign) -> str:
     parts = ["% \\usepackage{booktabs}"]
     parts += [latex_table(block.title, *_content(block, in_latex)) for block in campaign.blocks]
     if campaign.comparisons:
-        heads, lines = _compared(campaign.comparisons)
         title = f"against {campaign.reference}, {label_of(campaign.metric)}"
-        parts.append(latex_table(title, heads, [[line[0], *map(in_latex, line[1:])] for line in lines]))
+        lines = entries_of(campaign.comparisons, _COMPARED)
+        parts.append(latex_table(title, list(_COMPARED), [[line[0], *map(in_latex, line[1:])] for line in lines]))
     return "\n\n".join(parts) + "\n"
 
 
@@ -248,20 +248,15 @@ def _count(row: Sequence[tuple[Statistic | None, Emphasis]]) -> str:
     return str(known[-1] if known else 0)
 
 
-def _compared(comparisons: Sequence[Comparison]) -> tuple[list[str], list[list[str]]]:
-    """Heads and lines of the table of comparisons."""
-    lines = [
-        [
-            item.method,
-            f"{item.ratio:.3g}",
-            f"{item.low:.3g} to {item.high:.3g}",
-            f"{item.worse} / {item.better} / {item.cases}",
-            f"{item.adjusted_p:.2g}",
-            item.verdict,
-        ]
-        for item in comparisons
-    ]
-    return ["method", "ratio", "95 % interval", "cases worse / better / all", "p", "verdict"], lines
+_COMPARED = {
+    "method": "{method}",
+    "ratio": "{ratio:.3g}",
+    "95 % interval": "{low:.3g} to {high:.3g}",
+    "cases worse / better / all": "{worse} / {better} / {cases}",
+    "p": "{adjusted_p:.2g}",
+    "verdict": "{verdict}",
+}
+"""The table of comparisons: entries by their heads."""
 
 
 def effort(rows: Sequence[Row]) -> dict[str, list[float]]:

@@ -9,6 +9,8 @@ from typing import Any
 
 from ...core.discovery.ranking import ask
 from ...core.messages import Outage
+from ..campaign.summary import grouped
+from ..campaign.text_tables import markdown_table
 from ..discover import backend_or_none
 from ..discovery_case import DiscoverOptions, read_case
 from ..discovery_setup import set_up
@@ -80,13 +82,12 @@ def shortlist_places(folder: Path, name: str = SHORTLISTS) -> list[dict[str, Any
 
 def shortlist_table(places: Sequence[Mapping[str, Any]]) -> str:
     """How often each ranking has the hidden effect first, and among the first few."""
-    lines = ["| ranked by | cases | " + " | ".join("first" if k == 1 else f"among {k}" for k in _PLACES) + " |"]
-    lines.append("| --- |" + " ---: |" * (1 + len(_PLACES)))
-    for ranked_by in dict.fromkeys(row["ranked_by"] for row in places):
-        own = [row["place"] for row in places if row["ranked_by"] == ranked_by]
-        counts = " | ".join(str(sum(place <= k for place in own)) for k in _PLACES)
-        lines.append(f"| {ranked_by} | {len(own)} | {counts} |")
-    return "\n".join(lines) + "\n"
+    lines = []
+    for ranked_by, own in grouped(places, "ranked_by").items():
+        counts = (sum(row["place"] <= k for row in own) for k in _PLACES)
+        lines.append([ranked_by, str(len(own)), *map(str, counts)])
+    heads = ["first" if k == 1 else f"among {k}" for k in _PLACES]
+    return markdown_table(["ranked by", "cases", *heads], lines) + "\n"
 
 
 def place_of(keys: Sequence[str], hidden: set[str]) -> float:

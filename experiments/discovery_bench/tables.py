@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..campaign.summary import exact_interval
+from ..campaign.text_tables import Entry, markdown_table, table_of
 from .grading import Graded
 
 _GRADES = ("right", "ambiguous", "partial", "declined", "wrong", "failed")
@@ -17,28 +18,39 @@ _SETTINGS = ("single", "strong", "weak", "pair", "none", "outside")
 
 def as_markdown(graded: Sequence[Graded]) -> str:
     """The tables of ``docs/discovery-results.md``: grades by setting, confusion, rates, gap, parameters, cost."""
-    lines = ["| setting | cases | " + " | ".join(_GRADES) + " |", "| --- |" + " ---: |" * (len(_GRADES) + 1)]
-    for setting in _SETTINGS:
-        some = [m for m in graded if m.setting == setting]
-        counts = Counter(m.grade for m in some)
-        if some:
-            lines.append(f"| {setting} | {len(some)} | " + " | ".join(str(counts[k]) for k in _GRADES) + " |")
-    lines += ["", *_confusion(graded), "", *_rates(graded), *_sizes(graded), *_cost(graded)]
+    lines = [_by_setting(graded), "", _confusion(graded), "", *_rates(graded), *_sizes(graded), *_cost(graded)]
     return "\n".join(lines) + "\n"
 
 
-def _confusion(graded: Sequence[Graded]) -> list[str]:
+def _by_setting(graded: Sequence[Graded]) -> str:
+    counts = {setting: Counter(m.grade for m in graded if m.setting == setting) for setting in _SETTINGS}
+    lines = [
+        [setting, str(found.total()), *(str(found[grade]) for grade in _GRADES)]
+        for setting, found in counts.items()
+        if found
+    ]
+    return markdown_table(["setting", "cases", *_GRADES], lines)
+
+
+def _confusion(graded: Sequence[Graded]) -> str:
     """What was hidden against what was said; the setting is told apart, since weak effects are harder."""
     table: dict[tuple[str, str], Counter[str]] = {}
     for m in graded:
-        said = " + ".join(m.named) + " (ambiguous)" * (m.verdict == "ambiguous") if m.named else m.verdict
-        hidden = " + ".join(m.hidden) or "nothing"
-        table.setdefault((hidden, m.setting), Counter())[said] += 1
-    lines = ["| hidden | setting | said (cases) |", "| --- | --- | --- |"]
-    for (hidden, setting), answers in sorted(table.items()):
-        said = "; ".join(f"{name} ({count})" for name, count in answers.most_common())
-        lines.append(f"| {hidden} | {setting} | {said} |")
-    return lines
+        said = _named(m) + " (ambiguous)" * (m.verdict == "ambiguous") if m.named else m.verdict
+        table.setdefault((_hidden(m), m.setting), Counter())[said] += 1
+    lines = [
+        [*key, "; ".join(f"{name} ({count})" for name, count in answers.most_common())]
+        for key, answers in sorted(table.items())
+    ]
+    return markdown_table(["hidden", "setting", "said (cases)"], lines, 3)
+
+
+def _hidden(m: Graded) -> str:
+    return " + ".join(m.hidden) or "nothing"
+
+
+def _named(m: Graded) -> str:
+    return " + ".join(m.named)
 
 
 def _rates(graded: Sequence[Graded]) -> list[str]:
@@ -134,15 +146,16 @@ def _cost(graded: Sequence[Graded]) -> list[str]:
 
 def case_table(graded: Sequence[Graded]) -> str:
     """One line a case."""
-    lines = [
-        "| case | setting | hidden | verdict | named | grade | closed | held out | parameter error | processor s |"
-    ]
-    lines.append("| --- |" * 1 + " --- |" * 5 + " ---: |" * 4)
-    for m in graded:
-        error = "" if m.parameter_error is None else f"{m.parameter_error:.1%}"
-        seconds = "" if math.isnan(m.cpu_s) else f"{m.cpu_s:.0f}"
-        lines.append(
-            f"| {m.task} | {m.setting} | {' + '.join(m.hidden) or 'nothing'} | {m.verdict} | {' + '.join(m.named)} "
-            f"| {m.grade} | {m.closed:.3f} | {m.held_closed:.3f} | {error} | {seconds} |"
-        )
-    return "\n".join(lines) + "\n"
+    columns: dict[str, Entry] = {
+        "case": "{task}",
+        "setting": "{setting}",
+        "hidden": _hidden,
+        "verdict": "{verdict}",
+        "named": _named,
+        "grade": "{grade}",
+        "closed": "{closed:.3f}",
+        "held out": "{held_closed:.3f}",
+        "parameter error": lambda m: "" if m.parameter_error is None else f"{m.parameter_error:.1%}",
+        "processor s": lambda m: "" if math.isnan(m.cpu_s) else f"{m.cpu_s:.0f}",
+    }
+    return table_of(graded, columns, 6) + "\n"

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from ..campaign.text_tables import markdown_table
+from ..campaign.text_tables import Entry, brief, table_of
 from ..discovery_bench.grading import Graded, graded_of
 from ..discovery_bench.sensitivity import sensitivity_table
 from ..discovery_bench.shortlists import shortlist_table
 from ..discovery_bench.tables import as_markdown, case_table
-from .layout import short
 from .results import Results
 
 BLIND = "discovery_blind"
@@ -51,18 +50,14 @@ def sensitivity(results: Results) -> str:
 
 def time_taken(results: Results) -> str:
     """What one discovery costs, by the base model and the version."""
-    lines = [
-        [
-            row["model"],
-            row["version"],
-            f"{row['processor_s']:.0f}",
-            f"{row['solves']:.0f}",
-            f"{row['strength_mohm']:.1f}",
-        ]
-        for row in results.rows("discovery_time")
-    ]
-    heads = ["base model", "version", "processor s", "single-record solves", "contact resistance / mohm"]
-    return results.framed("discovery_time", markdown_table(heads, lines, 2))
+    columns = {
+        "base model": "{model}",
+        "version": "{version}",
+        "processor s": "{processor_s:.0f}",
+        "single-record solves": "{solves:.0f}",
+        "contact resistance / mohm": "{strength_mohm:.1f}",
+    }
+    return results.framed("discovery_time", table_of(results.rows("discovery_time"), columns, 2))
 
 
 def shortlists(results: Results) -> str:
@@ -72,17 +67,15 @@ def shortlists(results: Results) -> str:
 
 def measured_cells(results: Results) -> str:
     """What discovery says of measured records."""
-    lines = [
-        [
-            row["cell"],
-            row["verdict"],
-            row["named"] or "none",
-            f"{short(row['value'])} {row['unit']} ({short(row['low'])} to {short(row['high'])})" if row["unit"] else "",
-            f"{short(row['fitted_before_mv'])} → {short(row['fitted_after_mv'])}",
-            f"{short(row['held_out_before_mv'])} → {short(row['held_out_after_mv'])}",
-            f"{row['cpu_s']:.0f}",
-        ]
-        for row in results.rows("measured_cells")
-    ]
-    heads = ["records", "verdict", "named", "strength (95 %)", "fitted / mV", "held out / mV", "processor s"]
-    return results.framed("measured_cells", markdown_table(heads, lines, 4))
+    columns: dict[str, Entry] = {
+        "records": "{cell}",
+        "verdict": "{verdict}",
+        "named": lambda row: row["named"] or "none",
+        "strength (95 %)": lambda row: (
+            f"{brief(row['value'])} {row['unit']} ({brief(row['low'])} to {brief(row['high'])})" if row["unit"] else ""
+        ),
+        "fitted / mV": "{fitted_before_mv:brief} → {fitted_after_mv:brief}",
+        "held out / mV": "{held_out_before_mv:brief} → {held_out_after_mv:brief}",
+        "processor s": "{cpu_s:.0f}",
+    }
+    return results.framed("measured_cells", table_of(results.rows("measured_cells"), columns, 4))

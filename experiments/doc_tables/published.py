@@ -9,8 +9,7 @@ import numpy as np
 
 from ..campaign.columns import EARLY
 from ..campaign.summary import main_table, paper_rows, statistic
-from ..campaign.text_tables import markdown_table
-from .layout import bold, short, spread
+from ..campaign.text_tables import bold, brief, markdown_table, spread
 from .results import Results
 
 Row = dict[str, Any]
@@ -55,17 +54,17 @@ def summary(results: Results) -> str:
     below, cells = below_the_paper(rows)
     lines = [
         f"* {below} of the {cells} cells are below the best row of the paper's table, Bayesian optimisation included.",
-        f"* All {len(rows)} tasks: median {short(float(np.median(_errors(rows))))} %; {_under(rows, 0.1)} end below "
+        f"* All {len(rows)} tasks: median {brief(float(np.median(_errors(rows))))} %; {_under(rows, 0.1)} end below "
         f"0.1 %.",
-        f"* The {len(quick)} tasks of the four other base cells: mean {short(found.mean)} %, median "
-        f"{short(float(np.median(_errors(quick))))} %, worst {short(found.worst)} %; {_under(quick, 0.01)} end below "
+        f"* The {len(quick)} tasks of the four other base cells: mean {brief(found.mean)} %, median "
+        f"{brief(float(np.median(_errors(quick))))} %, worst {brief(found.worst)} %; {_under(quick, 0.01)} end below "
         f"0.01 %, "
         f"{_under(quick, 0.1)} below 0.1 % (aim: a mean below 0.1 %), with {simulations / len(quick):.0f} "
         f"simulations in the mean.",
         f"* Above 1 % (aim: none): {', '.join(_named(row) for row in far)}. {failed:.0f} of their {simulations:,.0f} "
         f"simulations failed.",
         f"* After {EARLY} simulations of the same runs, on the search mesh (the first Jacobian takes 9 of them): mean "
-        f"{short(float(np.mean(early)))} %, median {short(float(np.median(early)))} %.",
+        f"{brief(float(np.mean(early)))} %, median {brief(float(np.median(early)))} %.",
     ]
     return "\n".join(lines)
 
@@ -82,7 +81,7 @@ def below_the_paper(rows: Sequence[Row]) -> tuple[int, int]:
 
 
 def _named(row: Row) -> str:
-    return f"{row['task']} ({row['chemistry']} {row['rates']}, {short(row['mape'])} %)"
+    return f"{row['task']} ({row['chemistry']} {row['rates']}, {brief(row['mape'])} %)"
 
 
 def _errors(rows: Sequence[Row]) -> list[float]:
@@ -115,8 +114,8 @@ def oregan(results: Results) -> str:
     for mode in ("regular", "extreme"):
         rows = [row for row in results.rows("published") if (row["mode"], row["chemistry"]) == (mode, SLOW)]
         errors, early = statistic(_errors(rows)), spread([row["early_objective"] for row in rows])
-        entries = [bold(spread(errors)), short(float(np.median(_errors(rows)))), short(errors.worst)]
-        more = [str(sum(row["mape"] > 10 for row in rows)), early, f"*{short(_best(paper_rows()[mode], SLOW))}*"]
+        entries = [bold(spread(errors)), brief(float(np.median(_errors(rows)))), brief(errors.worst)]
+        more = [str(sum(row["mape"] > 10 for row in rows)), early, f"*{brief(_best(paper_rows()[mode], SLOW))}*"]
         lines.append([mode, str(len(rows)), *entries, *more])
     longer = [f"{row['task']} {row['simulations']:.0f}" for row in results.rows("published") if _longer(row)]
     heads = [
@@ -156,7 +155,7 @@ def baselines(results: Results) -> str:
     lines = [
         [
             method,
-            *(bold(short(v), v == low) for v, low in zip(means[method], least, strict=True)),
+            *(bold(brief(v), v == low) for v, low in zip(means[method], least, strict=True)),
             *_overall(rows, method),
         ]
         for method in _WITH_ONE_OBJECTIVE
@@ -177,7 +176,7 @@ def _mean_of(rows: Sequence[Row], method: str, group: Sequence[Row]) -> float:
 def _overall(rows: Sequence[Row], method: str) -> list[str]:
     own = list(_of(rows, method).values())
     errors, early = _errors(own), statistic([row["early_objective"] for row in own]).mean
-    return [spread(errors), short(float(np.median(errors))), short(max(errors)), short(early)]
+    return [spread(errors), brief(float(np.median(errors))), brief(max(errors)), brief(early)]
 
 
 def _remarks(rows: Sequence[Row], cases: set[str]) -> list[str]:
@@ -194,7 +193,7 @@ def _remarks(rows: Sequence[Row], cases: set[str]) -> list[str]:
     )
     lines = [
         f"* The least ratio of the error of a method without slopes to the hybrid's, over {len(cases)} tasks: "
-        f"{short(min(ratios))}.",
+        f"{brief(min(ratios))}.",
         f"* The {len(seven)} tasks on which qNEHVI (errors of charge, current and voltage as three objectives) has "
         f"run: {shared}.",
     ]

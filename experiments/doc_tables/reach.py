@@ -8,8 +8,8 @@ import numpy as np
 
 from ..campaign.columns import EARLY
 from ..campaign.summary import exact_interval, statistic
+from ..campaign.text_tables import brief
 from .discovery import BLIND, graded
-from .layout import short
 from .published import SLOW, below_the_paper, longer_tasks
 from .results import Results
 
@@ -27,8 +27,8 @@ def _measured(results: Results) -> str:
         own = [row for row in rows if row["role"] == role]
         whole, most = ([row[name] for row in own] for name in ("rms_mv", "rms_99_mv"))
         parts.append(
-            f"the {len(own)} records {words}: {short(min(whole))} to {short(max(whole))} mV rms, median "
-            f"{short(float(np.median(whole)))} ({short(min(most))} to {short(max(most))} over 99 % of the time)"
+            f"the {len(own)} records {words}: {brief(min(whole))} to {brief(max(whole))} mV rms, median "
+            f"{brief(float(np.median(whole)))} ({brief(min(most))} to {brief(max(most))} over 99 % of the time)"
         )
     return (
         f"* On {cells} measured cells of public data sets, started from literature sets, voltage under the measured "
@@ -49,10 +49,10 @@ def _published(results: Results) -> str:
         f"* On the paper's {len(rows)} published tasks: below the best row of its table, agents and Bayesian "
         f"optimisation "
         f"alike, in **{below} of the {cells} cells** (mode x chemistry). Four chemistries: mean total MAPE "
-        f"**{short(found.mean)} %** (worst {short(found.worst)} %) in at most 100 simulations, {short(early.mean)} % "
+        f"**{brief(found.mean)} %** (worst {brief(found.worst)} %) in at most 100 simulations, {brief(early.mean)} % "
         f"after "
-        f"{EARLY}. The fifth, {SLOW}, whose simulations are slow: {short(float(np.mean(errors)))} % (median "
-        f"{short(float(np.median(errors)))} %, worst {short(max(errors))} %) in 50{more}."
+        f"{EARLY}. The fifth, {SLOW}, whose simulations are slow: {brief(float(np.mean(errors)))} % (median "
+        f"{brief(float(np.median(errors)))} %, worst {brief(max(errors))} %) in 50{more}."
     )
 
 

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
 from ..campaign.statistics import compare
-from ..campaign.summary import exact_interval, geometric_mean, grouped, statistic
-from ..campaign.text_tables import markdown_table
+from ..campaign.summary import Row, exact_interval, geometric_mean, grouped, statistic
+from ..campaign.text_tables import Entry, bold, brief, markdown_table, spread, table_of
 from ..studies.coverage import FIT_POINTS, coverage_table, excesses
 from ..studies.models import cards_table
 from ..studies.no_harm import summary, verdict_of
-from .layout import bold, short, spread
 from .results import Results
-
-Row = Mapping[str, Any]
 
 _MANY, _CORES = 100_000, 400
 """Cells and cores for which the cost of one cell is reckoned up."""
@@ -26,83 +22,65 @@ _MANY, _CORES = 100_000, 400
 def random_cells(results: Results) -> str:
     """Cases that nobody tuned for."""
     rows = results.rows("random")
-    lines = [
-        [
-            row["task"],
-            row["chemistry"],
-            row["rates"],
-            short(row["initial_mape"]),
-            short(row["mape"]),
-            f"{row['simulations']:.0f}",
-        ]
-        for row in rows
-    ]
+    columns = {
+        "case": "{task}",
+        "base cell": "{chemistry}",
+        "rates": "{rates}",
+        "start": "{initial_mape:brief}",
+        "hybrid": "{mape:brief}",
+        "simulations": "{simulations:.0f}",
+    }
     errors = [row["mape"] for row in rows]
-    mean, median = short(float(np.mean(errors))), short(float(np.median(errors)))
-    words = f"{len(rows)} cases: mean {mean} %, median {median} %, worst {short(max(errors))} %."
-    heads = ["case", "base cell", "rates", "start", "hybrid", "simulations"]
-    return results.framed("random", markdown_table(heads, lines, 3), words)
+    mean, median = brief(float(np.mean(errors))), brief(float(np.median(errors)))
+    words = f"{len(rows)} cases: mean {mean} %, median {median} %, worst {brief(max(errors))} %."
+    return results.framed("random", table_of(rows, columns, 3), words)
 
 
 def noise(results: Results) -> str:
     """The same tasks with measurement noise and without."""
     noisy = {row["task"]: row["mape"] for row in results.rows("noise")}
     clean = {row["task"]: row["mape"] for row in results.rows("published") if row["task"] in noisy}
-    lines = [["with noise, 60 simulations", *(short(value) for value in noisy.values())]]
-    lines += [["without, 100 simulations", *(short(clean[case]) for case in noisy)]]
+    lines = [["with noise, 60 simulations", *(brief(value) for value in noisy.values())]]
+    lines += [["without, 100 simulations", *(brief(clean[case]) for case in noisy)]]
     return results.framed("noise", markdown_table(["", *noisy], lines))
 
 
 def no_harm(results: Results) -> str:
     """Advisers of the hybrid against least squares alone."""
     found = [verdict_of(row) for row in results.rows("no_harm")]
-    lines = []
-    for adviser, entry in summary(found).items():
-        scores = [
-            [getattr(v, name) for v in found if v.adviser == adviser] for name in ("advised_score", "alone_score")
-        ]
-        counts = [str(entry[name]) for name in ("cases", "no_worse", "better")]
-        harmed = exact_interval(entry["cases"] - entry["no_worse"], entry["cases"])
-        lines.append(
-            [adviser, *counts, short(entry["largest_harm_points"]), harmed, *(spread(values) for values in scores)]
-        )
-    heads = [
-        "adviser",
-        "cases",
-        "no worse",
-        "better",
-        "largest harm / points",
-        "share of cases harmed",
-        "hybrid",
-        "least squares",
-    ]
-    worse = [f"{v.task} with {v.adviser} ({short(v.advised)} and {short(v.alone)} %)" for v in found if not v.no_worse]
+    columns: dict[str, Entry] = {
+        "adviser": "{adviser}",
+        "cases": "{cases}",
+        "no worse": "{no_worse}",
+        "better": "{better}",
+        "largest harm / points": "{largest_harm_points:brief}",
+        "share of cases harmed": lambda row: exact_interval(row["cases"] - row["no_worse"], row["cases"]),
+        "hybrid": lambda row: spread(row["advised"]),
+        "least squares": lambda row: spread(row["alone"]),
+    }
+    worse = [f"{v.task} with {v.adviser} ({brief(v.advised)} and {brief(v.alone)} %)" for v in found if not v.no_worse]
     words = (
         f"Worse than least squares: {', '.join(worse)}."
         if worse
         else "In no case was the hybrid worse than least squares."
     )
-    return results.framed("no_harm", markdown_table(heads, lines), words)
+    return results.framed("no_harm", table_of(summary(found), columns), words)
 
 
 def ablation(results: Results) -> str:
     """What each part of the scaffold is worth to the rules backend."""
     rows = results.rows("ablation")
-    lines = [
-        [
-            item.method,
-            bold(short(item.ratio), item.holds),
-            f"{short(item.low)} to {short(item.high)}",
-            f"{item.worse} / {item.better} / {item.cases}",
-            f"{item.adjusted_p:.2g}",
-            item.verdict,
-        ]
-        for item in compare(rows, "full", "mape")
-    ]
-    methods = dict.fromkeys(row["method"] for row in rows)
-    means = ", ".join(f"{m} {spread([row['mape'] for row in rows if row['method'] == m])}" for m in methods)
-    heads = ["against `full`, on `rules`", "ratio of errors", "95 % interval", "worse / better / all", "p", "verdict"]
-    return results.framed("ablation", markdown_table(heads, lines), f"Mean errors in %: {means}.")
+    columns: dict[str, Entry] = {
+        "against `full`, on `rules`": "{method}",
+        "ratio of errors": lambda item: bold(brief(item.ratio), item.holds),
+        "95 % interval": "{low:brief} to {high:brief}",
+        "worse / better / all": "{worse} / {better} / {cases}",
+        "p": "{adjusted_p:.2g}",
+        "verdict": "{verdict}",
+    }
+    methods = grouped(rows, "method")
+    means = ", ".join(f"{method} {spread([row['mape'] for row in own])}" for method, own in methods.items())
+    return results.framed("ablation", table_of(compare(rows, "full", "mape"), columns), f"Mean errors in %: {means}.")
 
 
 def evaluation(results: Results) -> str:
@@ -130,9 +108,9 @@ def runtime(results: Results) -> str:
     rows = results.rows("runtime")
     measures = {
         "proposer's share of the wall time": [f"{row['proposer_s'] / row['wall_s']:.1%}" for row in rows],
-        "a proposal, first five steps / s": [short(row["first_proposals_s"]) for row in rows],
-        "a proposal, last five steps / s": [short(row["last_proposals_s"]) for row in rows],
-        "MAPE at the end / %": [short(row["mape"]) for row in rows],
+        "a proposal, first five steps / s": [brief(row["first_proposals_s"]) for row in rows],
+        "a proposal, last five steps / s": [brief(row["last_proposals_s"]) for row in rows],
+        "MAPE at the end / %": [brief(row["mape"]) for row in rows],
     }
     lines = [[name, *values] for name, values in measures.items()]
     return results.framed("runtime", markdown_table(["20 steps on one task", *(row["method"] for row in rows)], lines))
@@ -159,8 +137,8 @@ def recovery(results: Results) -> str:
     before = {row["task"]: row["mape"] for row in results.rows("published")}
     fitted = [statistic(values).mean for values in ([r["mape"] for r in rows], [before[r["task"]] for r in rows])]
     earlier = (
-        f"* At the rates that were fitted: mean {short(fitted[0])} %; the same tasks in published.csv, which earlier "
-        f"versions made, {short(fitted[1])} %."
+        f"* At the rates that were fitted: mean {brief(fitted[0])} %; the same tasks in published.csv, which earlier "
+        f"versions made, {brief(fitted[1])} %."
     )
     table, remarks = recovered(rows, held)
     return results.framed("recovery held_out", table, "\n".join([earlier, *remarks]))
@@ -183,7 +161,7 @@ def recovered(rows: Sequence[Row], held: Sequence[Row]) -> tuple[str, list[str]]
         ]
         for quality in _QUALITIES
     }
-    lines = [[words, *(f"{short(value)} %" for value in mean[quality])] for quality, words in _QUALITIES.items()]
+    lines = [[words, *(f"{brief(value)} %" for value in mean[quality])] for quality, words in _QUALITIES.items()]
     heads = [f"parameters of {len(rows)} tasks, mean MAPE at", *(f"{rate:g}C" for rate in rates)]
     ratios = [
         noisy / found if found else math.inf for noisy, found in zip(mean["5 % noise"], mean["recovered"], strict=True)
@@ -218,17 +196,14 @@ def warm_up_table(rows: Sequence[Row]) -> str:
     for method in dict.fromkeys(row["method"] for row in rows):
         own = {row["task"]: row for row in rows if row["method"] == method}
         both = [spread([row[name] for row in own.values()]) for name in ("after_warm_up_mape", "mape")]
-        lines.append([method.partition("+")[2], *both, *(short(own[case]["mape"]) for case in cases)])
+        lines.append([method.partition("+")[2], *both, *(brief(own[case]["mape"]) for case in cases)])
     return markdown_table(["MAPE / %", "best after it", "at the end", *cases], lines)
 
 
 def grid_cost(results: Results) -> str:
     """What a cell of a grid costs."""
     rows = results.rows("grid_cost")
-    return results.framed(
-        "grid_cost",
-        markdown_table(["figure", "measured"], [[r["figure"], f"{short(r['value'])} {r['unit']}"] for r in rows]),
-    )
+    return results.framed("grid_cost", table_of(rows, {"figure": "{figure}", "measured": "{value:brief} {unit}"}))
 
 
 def grid_scaling(results: Results) -> str:
@@ -236,10 +211,10 @@ def grid_scaling(results: Results) -> str:
     cost = {row["name"]: row["value"] for row in results.rows("grid_cost")}
     hours = cost["run"] * _MANY / 3600
     lines = [
-        ["runs", f"{short(hours)} core hours; {short(60 * hours / _CORES)} min on {_CORES} cores"],
-        ["the grid's own work", f"{short(cost['overhead'] * _MANY / 6e4)} min"],
-        ["files", f"{cost['files'] * _MANY:.1e} files, {short(cost['bytes'] * _MANY / 1e3)} GB"],
-        ["synced journal lines", f"{short(cost['lines'] * _CORES / cost['run'])} a second on {_CORES} cores"],
+        ["runs", f"{brief(hours)} core hours; {brief(60 * hours / _CORES)} min on {_CORES} cores"],
+        ["the grid's own work", f"{brief(cost['overhead'] * _MANY / 6e4)} min"],
+        ["files", f"{cost['files'] * _MANY:.1e} files, {brief(cost['bytes'] * _MANY / 1e3)} GB"],
+        ["synced journal lines", f"{brief(cost['lines'] * _CORES / cost['run'])} a second on {_CORES} cores"],
         ["a model's tokens", f"{cost['tokens'] * _MANY:.1e}, {cost['prompt']:.0f} % of them prompt"],
     ]
     return markdown_table(["what", f"at {_MANY:,} cells"], lines, 2)
@@ -250,19 +225,19 @@ def agent_alone(results: Results) -> str:
     rows = results.rows("agent_alone")
     errors = {v: {r["task"]: r["mape"] for r in rows if r["version"] == v} for v in ("before", "after")}
     start = {row["task"]: row["initial_mape"] for row in rows}
-    lines = [[case, *(short(values[case]) for values in (start, *errors.values()))] for case in start]
+    lines = [[case, *(brief(values[case]) for values in (start, *errors.values()))] for case in start]
     for cell, own in grouped(rows, "chemistry").items():
         cases = {row["task"] for row in own}
         means = [geometric_mean(values[case] for case in cases) for values in errors.values()]
-        lines.append([f"geometric mean, {len(cases)} of {cell}", "", *map(short, means)])
+        lines.append([f"geometric mean, {len(cases)} of {cell}", "", *map(brief, means)])
     before, after = (geometric_mean(values.values()) for values in errors.values())
-    lines.append([f"geometric mean, all {len(start)}", "", short(before), short(after)])
+    lines.append([f"geometric mean, all {len(start)}", "", brief(before), brief(after)])
     tokens = {
         version: [row["prompt_tokens"] for row in own]
         for version, own in grouped(results.rows("prompt_tokens"), "version").items()
     }
     words = (
-        f"Ratio of the geometric means: {short(after / before)}. "
+        f"Ratio of the geometric means: {brief(after / before)}. "
         f"Tokens of a prompt on regular-37, mean (largest): "
         f"{', '.join(f'{v} {np.mean(found):.0f} ({max(found):.0f})' for v, found in tokens.items())}."
     )
@@ -273,21 +248,18 @@ def agent_alone(results: Results) -> str:
 def by_hand(results: Results) -> str:
     """Runs whose prompts were answered by hand, beside the hybrid after 20 simulations."""
     early = {row["task"]: row["early_objective"] for row in results.rows("published")}
-    lines = [
-        [
-            row["task"],
-            row["scaffold"],
-            *(short(row[name]) for name in ("initial_mape", "mape")),
-            f"{row['simulations']:.0f}",
-            short(early[row["task"]]),
-            f"{row['calls']:.0f}",
-            f"{row['prompt_tokens'] / row['calls']:.0f}",
-            f"{row['reply_tokens'] / row['calls']:.0f}",
-        ]
-        for row in results.rows("by_hand")
-    ]
-    heads = ["error in %", "scaffold", "start", "by hand", "simulations", "hybrid with `rules` after 20", "calls"]
-    return results.framed("by_hand", markdown_table([*heads, "tokens a prompt", "tokens a reply"], lines))
+    columns: dict[str, Entry] = {
+        "error in %": "{task}",
+        "scaffold": "{scaffold}",
+        "start": "{initial_mape:brief}",
+        "by hand": "{mape:brief}",
+        "simulations": "{simulations:.0f}",
+        "hybrid with `rules` after 20": lambda row: brief(early[row["task"]]),
+        "calls": "{calls:.0f}",
+        "tokens a prompt": lambda row: f"{row['prompt_tokens'] / row['calls']:.0f}",
+        "tokens a reply": lambda row: f"{row['reply_tokens'] / row['calls']:.0f}",
+    }
+    return results.framed("by_hand", table_of(results.rows("by_hand"), columns))
 
 
 def models(results: Results) -> str:

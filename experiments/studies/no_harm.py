@@ -17,7 +17,7 @@ from ...core.scaffold import Scaffold
 from ..campaign.grid_file import BackendChoice, GridFile, Included, SuiteFilter
 from ..campaign.store import Store
 from ..campaign.summary import Row, statistic
-from ..campaign.text_tables import markdown_table
+from ..campaign.text_tables import table_of
 from .grids import budget, study_grid, trace_of
 
 ADVISERS = ("rules", "random-advice", "adversarial-advice")
@@ -72,6 +72,11 @@ class Verdict:
     def better(self) -> bool:
         """Whether the hybrid's search got lower."""
         return self.advised < self.alone - _SAME
+
+    @property
+    def words(self) -> str:
+        """The comparison in words."""
+        return "better" if self.better else "equal" if self.no_worse else "**worse**"
 
     @property
     def harm(self) -> float:
@@ -150,58 +155,53 @@ def _no_higher(value: float, reference: float, tolerance: float) -> bool:
     return math.isnan(reference) or value <= reference + tolerance
 
 
-def summary(found: Sequence[Verdict]) -> dict[str, Any]:
-    """Counts and means by adviser."""
+def summary(found: Sequence[Verdict]) -> list[dict[str, Any]]:
+    """Counts and means by adviser, a row each."""
     by_adviser: dict[str, list[Verdict]] = {}
     for verdict in found:
         by_adviser.setdefault(verdict.adviser, []).append(verdict)
-    return {
-        adviser: {
+    return [
+        {
+            "adviser": adviser,
             "cases": len(mine),
-            **{name: sum(getattr(verdict, name) for verdict in mine) for name in _COUNTED},
+            "no_worse": sum(verdict.no_worse for verdict in mine),
+            "better": sum(verdict.better for verdict in mine),
+            "score_no_worse": sum(verdict.score_no_worse for verdict in mine),
             "largest_harm_points": max(verdict.harm for verdict in mine),
             "alone": statistic([verdict.alone_score for verdict in mine]),
             "advised": statistic([verdict.advised_score for verdict in mine]),
         }
         for adviser, mine in by_adviser.items()
-    }
+    ]
 
 
-_COUNTED = ("no_worse", "better", "score_no_worse")
-
-_WORDS = {(True, True): "better", (False, True): "equal", (False, False): "**worse**"}
-"""A verdict in words, by whether it is better and no worse."""
+_BY_ADVISER = {
+    "adviser": "{adviser}",
+    "cases": "{cases}",
+    "no worse": "{no_worse}",
+    "better": "{better}",
+    "score no worse": "{score_no_worse}",
+    "largest harm / points": "{largest_harm_points:.3g}",
+    "hybrid": "{advised}",
+    "least squares": "{alone}",
+}
+_BY_CASE = {
+    "case": "{task}",
+    "set": "{chemistry}",
+    "rates": "{rates}",
+    "adviser": "{adviser}",
+    "verdict": "{words}",
+    "hybrid": "{advised:.4g}",
+    "least squares": "{alone:.4g}",
+    "hybrid, score": "{advised_score:.4g}",
+    "least squares, score": "{alone_score:.4g}",
+}
 
 
 def markdown(found: Sequence[Verdict]) -> str:
     """The table by adviser, then every case."""
-    heads = ["adviser", "cases", "no worse", "better", "score no worse", "largest harm / points"]
-    lines = [
-        [
-            adviser,
-            *(str(entry[name]) for name in ("cases", *_COUNTED)),
-            f"{entry['largest_harm_points']:.3g}",
-            str(entry["advised"]),
-            str(entry["alone"]),
-        ]
-        for adviser, entry in summary(found).items()
-    ]
-    numbers = [[f"{value:.4g}" for value in (v.advised, v.alone, v.advised_score, v.alone_score)] for v in found]
-    pairs = [
-        [
-            verdict.task,
-            verdict.chemistry,
-            verdict.rates,
-            verdict.adviser,
-            _WORDS[verdict.better, verdict.no_worse],
-            *values,
-        ]
-        for verdict, values in zip(found, numbers, strict=True)
-    ]
-    names = ["hybrid", "least squares"]
-    each = ["case", "set", "rates", "adviser", "verdict", *names, *(f"{name}, score" for name in names)]
     words = (
         f"The hybrid has {MORE:g} times the simulations of least squares. Total MAPE in %; the search's own errors "
         f"decide, and scores are those on the standard mesh (no worse within {_SCORE_TOLERANCE:g} points)."
     )
-    return f"{words}\n\n{markdown_table([*heads, *names], lines)}\n\n{markdown_table(each, pairs, 5)}\n"
+    return f"{words}\n\n{table_of(summary(found), _BY_ADVISER)}\n\n{table_of(found, _BY_CASE, 5)}\n"

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from bsa.core.files import write_csv
 from bsa.experiments.campaign.summary import exact_interval, paper_rows
+from bsa.experiments.campaign.text_tables import brief, spread
 from bsa.experiments.doc_tables.catalogue import TABLES
-from bsa.experiments.doc_tables.layout import short, spread
 from bsa.experiments.doc_tables.results import Results
 
 
@@ -42,7 +42,7 @@ def made(tmp_path):
     [(0.0, "0"), (0.00123, "0.0012"), (3.44, "3.4"), (12.34, "12.3"), (123.4, "123"), (math.nan, "–")],
 )
 def test_numbers_have_two_or_three_digits(value, text):
-    assert short(value) == text
+    assert brief(value) == text
 
 
 def test_a_spread_is_the_sample_standard_deviation():
@@ -61,9 +61,9 @@ def test_the_exact_bound_of_no_event_is_known_in_closed_form(cases):
 def test_a_cell_is_bold_where_it_is_below_the_papers_best_row(made):
     best = min(row["Chen2020"].mean for row in paper_rows()["regular"].values())
     text = made("published", published=[suite_row("regular-1", mape=best - 1), suite_row("regular-2", mape=best - 2)])
-    assert f"| hybrid | **{short(best - 1.5)} ± 0.71** |" in text
+    assert f"| hybrid | **{brief(best - 1.5)} ± 0.71** |" in text
     above = made("published", published=[suite_row("regular-1", mape=best + 1)])
-    assert f"| hybrid | {short(best + 1)} |" in above
+    assert f"| hybrid | {brief(best + 1)} |" in above
 
 
 def test_the_start_is_compared_with_the_papers_default_row(made):

@@ -202,7 +202,7 @@ def test_harm_is_called_harm(alone, advised, no_worse, score_no_worse) -> None:
     (verdict,) = verdicts(rows, {"least-squares": alone[0], "hybrid": advised[0]})
     assert verdict.adviser == "random-advice"
     assert (verdict.no_worse, verdict.score_no_worse) == (no_worse, score_no_worse)
-    entry = summary([verdict])["random-advice"]
+    (entry,) = summary([verdict])
     assert entry["no_worse"] == int(no_worse)
     if not no_worse and advised[0] is not None:
         assert entry["largest_harm_points"] == pytest.approx(0.01)
