@@ -3,8 +3,6 @@
 All of it is journalled: a run that is interrupted here goes on where it was.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol

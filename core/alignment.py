@@ -4,8 +4,6 @@ Absolute time misleads: a step that ends a minute early shifts everything after 
 fractions of its own duration, a step's curve and its duration are smooth functions of the parameters.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass

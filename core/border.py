@@ -1,7 +1,5 @@
 """The border between this package and its plugins: whatever goes wrong beyond it names the plugin, in one line."""
 
-from __future__ import annotations
-
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """The step inside a least-squares fit: as far as a linear model can be trusted, never out of bounds."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import lsq_linear
 

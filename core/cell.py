@@ -1,7 +1,5 @@
 """The domain that tasks have by default: a lithium-ion cell under a cycler."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The residuals' derivatives at a candidate: from trials that a run has made anyway, and what is missing."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

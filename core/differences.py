@@ -1,7 +1,5 @@
 """A Jacobian by finite differences: each column asks for points until its difference will do."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

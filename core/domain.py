@@ -1,7 +1,5 @@
 """What a simulator is about: its signals, and the words of its field in prompts, reports and on the terminal."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """What a model may lack: a named effect with its equation, its parameters and its signature in the voltage."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

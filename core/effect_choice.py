@@ -1,7 +1,5 @@
 """The effects of the catalogue that were named, or all of them, made with their options."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Tasks, trials and proposals as JSON, and back, without loss."""
 
-from __future__ import annotations
-
 import base64
 import zlib
 from collections.abc import Mapping

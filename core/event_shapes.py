@@ -1,7 +1,5 @@
 """What the events of a journal look like; every reader may rely on it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any, Literal
 

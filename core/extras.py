@@ -1,7 +1,5 @@
 """Optional libraries: imported where they are used, and asked for by name where they are missing."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from types import ModuleType
 

@@ -1,7 +1,5 @@
 """Writes files whole or not at all, never through a link, and says in one line why a file cannot be used."""
 
-from __future__ import annotations
-
 import csv
 import errno
 import io

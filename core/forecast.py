@@ -1,7 +1,5 @@
 """What one more record would do to the intervals, before it is measured."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

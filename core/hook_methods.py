@@ -1,7 +1,5 @@
 """Which hooks a plugin implements, and what about its methods would silently be passed over."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Ctrl-C kept waiting where it would leave a process half started, and kept from libraries that take it."""
 
-from __future__ import annotations
-
 import signal
 import threading
 from collections.abc import Iterator

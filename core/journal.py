@@ -1,7 +1,5 @@
 """A run on disk: an append-only journal from which it can be resumed, redrawn and audited."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Iterator, Mapping

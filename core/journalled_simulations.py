@@ -1,7 +1,5 @@
 """Simulations that are written down as they finish, and not made again by a run that was interrupted meanwhile."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 

@@ -11,8 +11,6 @@ Levenberg, Quart. Appl. Math. 2 (1944) 164. Marquardt, SIAM J. Appl. Math. 11 (1
 Comp. 19 (1965) 577. Nocedal & Wright, Numerical Optimization, 2nd ed. (2006), Ch. 4, 10, 11 and Sec. 18.3.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Literal
 

@@ -4,8 +4,6 @@ A run resumes by doing everything again, except that finished simulations and re
 journal. Proposers and memories so rebuild their state by being asked the same questions.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass

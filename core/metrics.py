@@ -1,7 +1,5 @@
 """Which errors a task is judged by, and how they are called: one choice, made by the task's domain."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

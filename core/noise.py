@@ -1,7 +1,5 @@
 """How noisy a recorded signal is, from the record alone."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

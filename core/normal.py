@@ -1,7 +1,5 @@
 """The two numbers of a normal distribution that intervals and robust scatters need."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Numbers in what others wrote: replies, feedback and sections of a prompt."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 _LARGEST = 1e30

@@ -1,7 +1,5 @@
 """A signal of a simulation against that of a record, over the time that both cover."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .task import Experiment

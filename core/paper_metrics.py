@@ -1,7 +1,5 @@
 """How well a cell's simulation matches a record: the paper's metric, and the honest ones beside it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

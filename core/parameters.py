@@ -1,7 +1,5 @@
 """What may be varied: parameters with bounds and scale, and the space they span."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator, Mapping

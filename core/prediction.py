@@ -1,7 +1,5 @@
 """Records that were not fitted: how well a fit predicts them, and how well its own intervals say that it should."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any

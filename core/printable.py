@@ -1,7 +1,5 @@
 """Text that nobody vouches for, made fit for a message."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 

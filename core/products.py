@@ -3,8 +3,6 @@
 Every function gives the product back, tidied where that is safe, or raises `Unfit`.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence

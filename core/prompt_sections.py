@@ -1,7 +1,5 @@
 """The sections of a prompt: their headings, and how one is written and read."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

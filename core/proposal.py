@@ -1,7 +1,5 @@
 """What a proposer wants tried next, and the grammar of a single change."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

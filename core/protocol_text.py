@@ -1,7 +1,5 @@
 """Protocols as people write them: ``200 x [Charge at 1C until 4.2 V, Discharge at 1C until 2.5 V]`` is 200 cycles."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from itertools import groupby

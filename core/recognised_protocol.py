@@ -1,7 +1,5 @@
 """The protocol that a record shows: its steps as a cycler would be told them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What is asked of the language model and what comes of it, written into the journal and on resume taken from there."""
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence

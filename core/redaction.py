@@ -1,7 +1,5 @@
 """Takes keys out of any text that could reach a screen, a journal or a report."""
 
-from __future__ import annotations
-
 import base64
 import json
 import os

@@ -1,7 +1,5 @@
 """Reads a model's reply, which is untrusted text, into one JSON object. Nothing is ever evaluated."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

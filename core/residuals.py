@@ -1,7 +1,5 @@
 """Residuals for numerical fitting: smooth in the parameters, each in units of its tolerance."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Errors that are too large to be weighed by their square."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .trajectory import FloatArray

@@ -1,7 +1,5 @@
 """What a run is asked to do: the part of its configuration that is not the task or the scaffold."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from typing import Any

@@ -1,7 +1,5 @@
 """The plugins of one run behind a typed façade: what they are asked, and what they answer, is checked here."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

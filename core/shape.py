@@ -1,7 +1,5 @@
 """Content of files that may have been damaged or written by others, held to the types that it should have."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """What is driven and what is observed: the channels that a record and its simulation share."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

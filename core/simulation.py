@@ -1,7 +1,5 @@
 """What comes back when a candidate is simulated, whole or in part."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from .trajectory import Trajectory

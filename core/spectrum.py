@@ -1,7 +1,5 @@
 """What an impedance measurement gives: a complex resistance at each frequency."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

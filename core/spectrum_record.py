@@ -1,7 +1,5 @@
 """An impedance spectrum as a record: what a fit compares, step by step, on a clock of decades."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .cell import FREQUENCY, REACTANCE, RESISTANCE

@@ -1,7 +1,5 @@
 """What a searched parameter acts on, as a type; a name is read in one place, where a person's notation comes in."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """What is to be matched: a cell model, the parameters to search, and the records to explain."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args

@@ -1,7 +1,5 @@
 """A task made easier for a while: lower currents, or only its first cycles."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 from .errors import BsaError

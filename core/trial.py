@@ -1,7 +1,5 @@
 """One candidate and everything that is known of it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal

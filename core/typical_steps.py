@@ -1,7 +1,5 @@
 """Parameter values counted in typical steps, so that a radius and a state of charge are moved alike."""
 
-from __future__ import annotations
-
 import math
 
 

@@ -1,7 +1,5 @@
 """What is wrong with what people wrote, in one line."""
 
-from __future__ import annotations
-
 import re
 from typing import Any, TypeVar
 

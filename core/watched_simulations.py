@@ -1,7 +1,5 @@
 """Simulations that are counted aloud as they finish."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from .parameters import Candidate

@@ -1,7 +1,5 @@
 """YAML that nobody vouches for: plain values, of bounded size and depth, and one line on what is wrong."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

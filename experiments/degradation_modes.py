@@ -1,7 +1,5 @@
 """Loss of lithium and of active material over a life, from the curves of its cycles alone: no mechanism is assumed."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 from ..core.discovery.drift import Drift, drifts

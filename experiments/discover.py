@@ -1,7 +1,5 @@
 """``bsa discover``: from records to what the model is missing."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """A discovery over a life: which mechanism ages a cell."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from contextlib import closing

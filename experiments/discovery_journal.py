@@ -1,7 +1,5 @@
 """The journal of a discovery: its first line, and going on with a discovery that was stopped."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager

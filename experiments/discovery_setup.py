@@ -1,7 +1,5 @@
 """All that a discovery works with, set up from a case."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Calls of the language model as a journal tells them, and what votes or a reviewer made of their replies."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal

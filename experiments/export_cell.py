@@ -1,7 +1,5 @@
 """``bsa export``: the cell that a run found, as a file for other programs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

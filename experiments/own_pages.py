@@ -1,7 +1,5 @@
 """Tells the pages that this package wrote from other people's files."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``bsa predict``: a finished run scored on records that it never saw."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Processor time of an action, its worker processes included."""
 
-from __future__ import annotations
-
 import os
 
 

@@ -1,7 +1,5 @@
 """One run from its task and configuration to its folder: journal, results, report."""
 
-from __future__ import annotations
-
 import json
 import platform
 from contextlib import closing

@@ -1,7 +1,5 @@
 """A run record: what a journal tells, in plain data that reports, campaigns and the command line share."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """What a backend promises: one method behind which a language model stands."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from typing import Any

@@ -1,7 +1,5 @@
 """What an effect promises."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

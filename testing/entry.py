@@ -1,7 +1,5 @@
 """What holds for an entry of any kind: it is found by its name, and its options are described and checked."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from functools import cache

@@ -1,7 +1,5 @@
 """What a feedback builder promises."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 import pytest

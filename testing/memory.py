@@ -1,7 +1,5 @@
 """What a memory promises."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, ClassVar
 

@@ -1,7 +1,5 @@
 """What proposers and warm-ups promise."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar

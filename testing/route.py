@@ -1,7 +1,5 @@
 """What a route to language models promises."""
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

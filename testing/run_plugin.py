@@ -1,7 +1,5 @@
 """What holds for whatever takes part in a run: runs with it end, keep to their budget and can be resumed."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Iterator
 from pathlib import Path

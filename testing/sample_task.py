@@ -1,7 +1,5 @@
 """A small task, and a cell solved on paper that simulates it in microseconds."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np

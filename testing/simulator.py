@@ -1,7 +1,5 @@
 """What a simulator promises."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """What a task promises that can be named without a file."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

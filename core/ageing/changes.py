@@ -1,7 +1,5 @@
 """What changes over a life: residuals without what its fitted cycles have in common, which is the cell's own misfit."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

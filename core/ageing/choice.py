@@ -1,7 +1,5 @@
 """Which of many cycles matter: where the fade bends, and where a simulation is furthest off."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

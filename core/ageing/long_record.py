@@ -1,7 +1,5 @@
 """From the samples of a whole life to what is compared of it."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 

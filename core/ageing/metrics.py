@@ -1,7 +1,5 @@
 """How well a simulation of a long record matches it: cycle by cycle on each cycle's own clock, and the fade."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Residuals of a cycle table, so that a fit follows the fade between the cycles whose curves it compares."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

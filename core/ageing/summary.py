@@ -1,7 +1,5 @@
 """From curves to the lines of a cycle table."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The cycle that a life repeats: what a cycler was told, and which of its cycles were carried out like that."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass
 

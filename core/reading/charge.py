@@ -1,7 +1,5 @@
 """Says where the charge of a record is uncertain: in gaps, between samples, and over many cycles."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What is done to the samples of any reader: checks, and the few repairs that are safe, each with a note."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

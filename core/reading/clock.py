@@ -1,7 +1,5 @@
 """Makes the time of a file rise, and notes where it is silent."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """The charge that a cycler's own counters saw pass, and when it switched the current between two samples."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import get_args
 

@@ -1,7 +1,5 @@
 """Asks the voltage which way the current flows, and turns it positive on discharge."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Several files of one cell as one record: their order, their clocks and their counts of cycles."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The parts of a record between silences in which an unknown charge may have passed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Finds the reader that a file needs, and makes a record of what it reads."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path

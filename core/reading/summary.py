@@ -1,7 +1,5 @@
 """What a record says by itself: steps, cycles, resistances at current steps, and a slow curve."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

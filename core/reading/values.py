@@ -1,7 +1,5 @@
 """What a number in a file may be: values that are missing, wild, or in another unit than the file says."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

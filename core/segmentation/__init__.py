@@ -11,8 +11,6 @@ The cut goes from fine to coarse, each pass in time proportional to the number o
 6. *Names*: what is left is a pulse or a constant-current step.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

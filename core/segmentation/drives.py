@@ -1,7 +1,5 @@
 """Rows of short levels that jump from one to the next are one drive cycle."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

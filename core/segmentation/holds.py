@@ -1,7 +1,5 @@
 """Levels that fall one after the other while the voltage stands still are one constant-voltage hold."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Stretches of one sign and nearly one current: what every later pass joins and names."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

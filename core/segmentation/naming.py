@@ -1,7 +1,5 @@
 """Names what the other passes left, and numbers cycles."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Joins levels that run into each other, closes glitches, and gives the samples of a switch to the step beside it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from .levels import LEVEL_SHARE, LONG_SAMPLES, Level, Signals, span

@@ -1,7 +1,5 @@
 """A cell that is a calibration: a task, a scaffold, a language model and a seed."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import asdict, dataclass
 from functools import lru_cache

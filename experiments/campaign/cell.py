@@ -1,7 +1,5 @@
 """One cell of a campaign, carried out in whichever process: locked, run or taken up again, and reported."""
 
-from __future__ import annotations
-
 import multiprocessing
 from collections.abc import Mapping
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Every column of the results table, each declared once: its type, its value, and where it is shown."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

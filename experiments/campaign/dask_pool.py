@@ -1,7 +1,5 @@
 """Workers of a Dask cluster: one that runs already, or one of SLURM jobs."""
 
-from __future__ import annotations
-
 import math
 import queue
 import re

@@ -1,7 +1,5 @@
 """Carries out what is missing of a campaign: hands out cells, takes back reports, looks again at what others hold."""
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Sequence

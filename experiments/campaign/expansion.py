@@ -1,7 +1,5 @@
 """From a grid file to its cells: the product of the axes, plus what is included, minus what is excluded."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase

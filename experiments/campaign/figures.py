@@ -1,7 +1,5 @@
 """Figures of a campaign as SVG: distributions by mode and by rate, convergence with bands, error against effort."""
 
-from __future__ import annotations
-
 import io
 import math
 import re

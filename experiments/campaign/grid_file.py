@@ -1,7 +1,5 @@
 """A grid as a person writes it: a short YAML file whose axes are multiplied."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path

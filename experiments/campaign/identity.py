@@ -1,7 +1,5 @@
 """What makes two cells the same: everything that determines a result, and nothing that does not."""
 
-from __future__ import annotations
-
 import hashlib
 from functools import cache
 from pathlib import Path

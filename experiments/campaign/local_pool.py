@@ -1,7 +1,5 @@
 """Worker processes of this machine: one cell each at a time, replaced when they die or grow."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

@@ -1,7 +1,5 @@
 """A campaign on one page, which needs nothing else: sortable, filterable, with the rounds of every run."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """What carries out orders: processes of this machine, or a cluster."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Protocol
 

@@ -1,7 +1,5 @@
 """The results of a campaign as one tidy table, a row a cell, in CSV and Parquet."""
 
-from __future__ import annotations
-
 import csv
 import importlib.util
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """A whole campaign from its description to its results."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Paired comparisons of methods over cases: a difference is claimed only where it holds."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Where the time of a run goes, round by round."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Where results lie: cells by identity, tasks by content, and campaigns that point to them."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """A cell that is one item of a study: a function of plain values, whose answer is its result."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable, Mapping

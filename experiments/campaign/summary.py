@@ -1,7 +1,5 @@
 """What many cells come to: mean and spread by mode, method and chemistry; and the paper's rows in the same form."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Tables of a campaign in the paper's form, as Markdown and LaTeX: mean ± std, best bold, second underlined."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path

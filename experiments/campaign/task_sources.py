@@ -1,7 +1,5 @@
 """From the tasks that a grid names to tasks in the store, with the words by which tables group them."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence

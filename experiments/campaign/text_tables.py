@@ -1,7 +1,5 @@
 """Tables as Markdown and as LaTeX: heads, and rows of texts or of values with their formats."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from string import Formatter

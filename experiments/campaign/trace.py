@@ -1,7 +1,5 @@
 """The simulations and rounds of a finished cell, as ``trace.json`` keeps them beside its journal."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path

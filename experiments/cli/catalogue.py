@@ -1,7 +1,5 @@
 """``bsa list`` and ``bsa doctor``: what is here, where it comes from, and what would make more of it ready."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import Annotated
 

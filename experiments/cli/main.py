@@ -1,7 +1,5 @@
 """The commands put together, and errors turned into one line with a hint."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,7 +1,5 @@
 """``bsa mcp``: the functions of this package as tools of an assistant."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """``bsa new-plugin``: the package of a plugin of one's own."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

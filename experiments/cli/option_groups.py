@@ -1,7 +1,5 @@
 """Lets commands share their options: a dataclass of options stands for one parameter of a command."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable
 from dataclasses import fields

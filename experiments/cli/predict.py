@@ -1,7 +1,5 @@
 """``bsa predict``: score records that a finished run never saw."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Annotated

@@ -1,7 +1,5 @@
 """Several files after one option, as the shell's ``*.csv`` gives them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

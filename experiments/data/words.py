@@ -1,7 +1,5 @@
 """What a record or a spectrum holds, in plain lines of at most 80 characters."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TypeVar

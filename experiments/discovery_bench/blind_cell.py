@@ -1,7 +1,5 @@
 """Blind cases as cells: a discovery on its records, or a ranking of the effects that may be hidden in them."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Draws a blind case from a seed: all of it, so that who writes the search cannot know what is hidden."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal

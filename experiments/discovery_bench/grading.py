@@ -1,7 +1,5 @@
 """Opens the answers and grades what was said: names right and wrong, gap closed, strengths and intervals, cost."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass

@@ -4,8 +4,6 @@ Built from PyBaMM alone: no import from the catalogue of effects, from the simul
 discovery, which a test checks. A fault that they share with the hidden cell would otherwise be invisible.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -4,8 +4,6 @@ Nothing here comes from the catalogue that is under test, neither code nor value
 answer can be graded. The equations are those that the catalogue documents; a test compares curves.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal

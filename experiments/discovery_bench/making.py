@@ -1,7 +1,5 @@
 """Writes blind cases: records as a cycler would export them, and the answers in a sealed file."""
 
-from __future__ import annotations
-
 import base64
 import json
 import warnings

@@ -1,7 +1,5 @@
 """Tests that a cycler runs on a hidden cell: rates, durations, depths and sampling are drawn."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Discrepancy reports with the effect that hides behind each: what a backend is shown when it is to rank effects."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass

@@ -1,7 +1,5 @@
 """What a campaign on blind cases has found, case by case."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any

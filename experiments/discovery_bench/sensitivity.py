@@ -1,7 +1,5 @@
 """Verdicts on blind cases with half and twice each decision constant, on the fits that there are."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path

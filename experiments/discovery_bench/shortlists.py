@@ -1,7 +1,5 @@
 """Who puts the hidden effect on the shortlist: the score test, or a language model, with effects' names and without."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tables of ageing: the published tasks of 200 cycles, what a life costs, and measured lives foretold."""
 
-from __future__ import annotations
-
 from ..campaign.summary import Row, geometric_mean, grouped, mean_of
 from ..campaign.text_tables import Entry, brief, markdown_table, table_of
 from .results import Results

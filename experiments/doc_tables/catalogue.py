@@ -1,7 +1,5 @@
 """Every table of the documentation by its name, as a marker in the Markdown gives it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 

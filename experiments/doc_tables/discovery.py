@@ -1,7 +1,5 @@
 """Tables of discovery: the blind cases, who finds an effect without a fit, and measured cells."""
 
-from __future__ import annotations
-
 from ..campaign.text_tables import Entry, brief, table_of
 from ..discovery_bench.grading import Graded, graded_of
 from ..discovery_bench.sensitivity import sensitivity_table

@@ -1,7 +1,5 @@
 """Tables of the published tasks: the main table, what the start says, ORegan2022, and the baselines beside."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

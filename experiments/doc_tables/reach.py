@@ -1,7 +1,5 @@
 """What the package reaches, in the few lines of the README."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

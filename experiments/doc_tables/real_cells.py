@@ -1,7 +1,5 @@
 """The tables of measured cells: what was fitted, and what was not."""
 
-from __future__ import annotations
-
 from ..campaign.text_tables import table_of
 from .results import Results
 

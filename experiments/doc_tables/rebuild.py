@@ -1,7 +1,5 @@
 """``bsa bench docs``: every table of the documentation, again from its rows."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

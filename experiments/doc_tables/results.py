@@ -1,7 +1,5 @@
 """The rows behind the documentation's tables, and where each file of them comes from."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tables of the other calibration studies: noise, random cells, advice, ablation, time, recovery, warm-up."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

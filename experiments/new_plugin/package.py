@@ -1,7 +1,5 @@
 """Writes the package of a new plugin from templates; the module of each kind is the example of docs/plugins.md."""
 
-from __future__ import annotations
-
 import keyword
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The figures of a life: capacity and resistance by cycle, and what the best simulation says was lost."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """``report.html`` of a discovery: where the model was wrong, what was added, and how the gap shrank."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The report's section on simulations that failed: how far each got, what stopped it, what was done about it."""
 
-from __future__ import annotations
-
 from collections import Counter
 from typing import Any
 

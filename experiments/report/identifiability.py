@@ -1,7 +1,5 @@
 """The report's section on what the record fixes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from ...core.parameters import Parameter

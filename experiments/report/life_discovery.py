@@ -1,7 +1,5 @@
 """``report.html`` of a discovery over a life: verdict, mechanisms, and what the cell lost by its own curves."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

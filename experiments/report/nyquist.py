@@ -1,7 +1,5 @@
 """Impedance spectra as Nyquist plots."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

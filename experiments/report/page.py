@@ -1,7 +1,5 @@
 """``report.html``: what a run did, on one page that needs nothing else."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from collections.abc import Sequence

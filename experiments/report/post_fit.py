@@ -1,7 +1,5 @@
 """What the records fix, in the words that the command line and the report share."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from ...core.domain import Domain

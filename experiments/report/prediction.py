@@ -1,7 +1,5 @@
 """``prediction.html``: how well a run predicts records that it never saw."""
 
-from __future__ import annotations
-
 from ..run_record import RunRecord
 from .figures import prediction_overlays
 from .page import MOST_STEPS

@@ -1,7 +1,5 @@
 """Curves with few points that look the same."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

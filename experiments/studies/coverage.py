@@ -5,8 +5,6 @@ finer mesh and at tighter tolerances than any fit uses, and noise is added. Leas
 parameter, and of the voltage at a rate that was not measured, is compared with the truth.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

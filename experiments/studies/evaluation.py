@@ -1,7 +1,5 @@
 """What one evaluation costs, against PyBaMM by itself; and what the loop adds to a round."""
 
-from __future__ import annotations
-
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence

@@ -4,8 +4,6 @@ What the first cycles alone tell of a later capacity: a square root of the cycle
 diffusion, a straight line, and both together are fitted to the capacities of CALCE's cells, and continued.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass

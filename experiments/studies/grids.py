@@ -1,7 +1,5 @@
 """Grids of the studies: cases of a suite with every method, all to the same budget of simulations."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -4,8 +4,6 @@
 (DFN, SEI limited by its reaction) at the search's tolerances.
 """
 
-from __future__ import annotations
-
 import resource
 import sys
 import time

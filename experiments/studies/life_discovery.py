@@ -5,8 +5,6 @@ one is that of CALCE's cell CS2_35 in ``FOLDER``. Each is asked as ``bsa discove
 folder are asked alone.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass

@@ -1,7 +1,5 @@
 """``bsa bench models``: what a language model is worth, as one card that all models are measured by."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping, Sequence

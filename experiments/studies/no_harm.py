@@ -4,8 +4,6 @@ The idea is that of Xu, Adachi, Jones & Osborne, NeurIPS 2024 (arXiv:2410.10452)
 advice may cost a bounded share of the budget, but never the result. Here it is measured.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields

@@ -1,7 +1,5 @@
 """Measured cells of public data sets, calibrated by one scaffold and scored on records that it never saw."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """``bsa bench recovery``: whether a good fit finds the true parameters, and holds on other protocols."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

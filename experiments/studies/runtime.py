@@ -1,7 +1,5 @@
 """``bsa bench runtime``: where the time goes, with as many steps for every method."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """``bsa bench warmup``: perturbations that the model proposes, against random ones."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ CALCE's cells CS2_35 and CS2_36 (LCO, 1.1 A h), each as ``bsa-run --life --fit-c
 fitted, the later ones forecast. The runs are kept in the folder ``whole_life``; an interrupted one goes on.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass

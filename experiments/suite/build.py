@@ -1,7 +1,5 @@
 """From a benchmark case to a task that a run can take."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """One benchmark case: a base cell, what was changed in it, and how it is cycled."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """The two filters of the paper: a case must run, and must differ from its base cell by 1 % of capacity."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -7,8 +7,6 @@ The finished list is ``generated_cases.yaml``. Regenerate it (20 minutes) with::
 Nothing but the benchmark reads this module or its list: no proposer, prior or rule knows these tables.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from itertools import product

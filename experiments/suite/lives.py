@@ -3,8 +3,6 @@
 Nothing but the benchmark reads this module: no proposer, prior or rule knows these ranges.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

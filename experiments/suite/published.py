@@ -1,7 +1,5 @@
 """The published tasks, read from where they lie: three YAML files that are not part of this package."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError

@@ -3,8 +3,6 @@
 They show whether a proposer is good, or only knows the suite.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

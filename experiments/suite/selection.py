@@ -1,7 +1,5 @@
 """Which cases a study takes: a suite by name, and a part of it that stands for the whole."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatch

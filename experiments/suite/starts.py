@@ -1,7 +1,5 @@
 """Other starts of a case than its base cell: drawn by number, so that anyone draws the same ones."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

@@ -3,8 +3,6 @@
 A target costs seconds, so each is kept on disk under a hash of everything it depends on.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

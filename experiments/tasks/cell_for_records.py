@@ -1,7 +1,5 @@
 """What records tell of the cell that is to match them: potentials, size, temperature, voltage window."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 

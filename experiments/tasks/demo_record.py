@@ -4,8 +4,6 @@ The cell is Chen2020 with hidden changes, simulated on PyBaMM's standard mesh wi
 as a cycler would (every 20 s, and where a step ends) and given 0.3 mV of noise.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...core.target import CellChange

@@ -1,7 +1,5 @@
 """A task by the name or path that a person gives."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

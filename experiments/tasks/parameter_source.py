@@ -1,7 +1,5 @@
 """Base parameters by what a person gives: an installed set, a file, or an earlier run."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import replace

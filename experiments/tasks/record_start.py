@@ -1,7 +1,5 @@
 """What a record shows of the state from which it starts, and of the resistance of its cell."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...core.prediction import begins_under_load

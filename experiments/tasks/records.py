@@ -1,7 +1,5 @@
 """From measured records to a task: what to search, at which size, from which state of charge."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Arbin workbooks: one or more ``Channel_...`` sheets."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial

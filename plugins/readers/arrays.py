@@ -1,7 +1,5 @@
 """A table whose columns a file gives as arrays: binary files, workbooks and DataFrames."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """From the columns of a table, wherever it stands, to the signals of a cell."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 

@@ -1,7 +1,5 @@
 """Battery Data Format (https://battery-data-alliance.github.io/battery-data-format), read and written."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """BioLogic ``.mpr`` files, records and impedance spectra, decoded by galvani."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

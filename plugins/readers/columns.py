@@ -1,7 +1,5 @@
 """Which column is which signal, and in which unit."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

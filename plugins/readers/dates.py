@@ -1,7 +1,5 @@
 """Dates as cyclers write them, in seconds."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from collections.abc import Sequence

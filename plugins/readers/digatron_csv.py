@@ -1,7 +1,5 @@
 """Digatron (BM4) csv exports: a preamble, a line of names, a line of units."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ...core.reading.samples import Samples

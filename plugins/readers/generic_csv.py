@@ -1,7 +1,5 @@
 """Any text table with a time, a voltage and a current column."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ...core.errors import BsaError

@@ -1,7 +1,5 @@
 """Impedance spectra: Digatron, BioLogic and any table of frequency, real and imaginary part."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

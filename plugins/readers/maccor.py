@@ -1,7 +1,5 @@
 """Maccor text exports: a current without a sign, which the state of each row gives, and times in words."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """MATLAB ``.mat`` files: tests anywhere in nested structs, chosen by their place and by the fields around them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime

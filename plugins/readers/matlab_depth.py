@@ -4,8 +4,6 @@ SciPy follows them by calling itself in compiled code, so a file of a few kiloby
 tells of a stack that overflows. The layout is that of MathWorks' "MAT-File Format".
 """
 
-from __future__ import annotations
-
 import struct
 from typing import Literal
 

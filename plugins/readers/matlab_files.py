@@ -1,7 +1,5 @@
 """What a ``.mat`` file holds, as mappings, lists and arrays: versions 4 to 7 by SciPy, 7.3 (HDF5) by h5py."""
 
-from __future__ import annotations
-
 import zlib
 from pathlib import Path
 from typing import Any, Literal

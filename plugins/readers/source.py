@@ -1,7 +1,5 @@
 """The names and bytes of a file that nobody vouches for."""
 
-from __future__ import annotations
-
 import gzip
 import zipfile
 import zlib

@@ -1,7 +1,5 @@
 """A table of numbers somewhere in a text: its header, its separator and its rows."""
 
-from __future__ import annotations
-
 import csv
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
