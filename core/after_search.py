@@ -44,10 +44,7 @@ class Score:
 class AfterSearch:
     """The steps of a run after its search.
 
-    Parameters
-    ----------
-    earlier : sequence of mapping
-        Events of the interrupted run; what they hold is not found out again.
+    What the events of an interrupted run hold is not found out again.
     """
 
     def __init__(

@@ -18,10 +18,7 @@ _MOST_CHARACTERS = 300
 class Unfit(Exception):
     """What a plugin gave is not what its hook promises.
 
-    Parameters
-    ----------
-    what : str
-        The rest of a sentence that begins with the hook: ``"returned None, not a Feedback"``.
+    ``what`` is the rest of a sentence that begins with the hook: ``"returned None, not a Feedback"``.
     """
 
     def __init__(self, what: str, hint: str = "") -> None:
@@ -34,19 +31,9 @@ def border(who: str, hook: str) -> Iterator[None]:
     """Name the plugin in whatever its code raises, or its products lack, inside the block.
 
     Ctrl-C, a stopped run, a lost call and a `BsaError` pass as they are. Everything else is caught, `SystemExit`
-    included: a plugin does not end the process.
-
-    Parameters
-    ----------
-    who : str
-        Kind, name, distribution and version: ``"memory notebook of my-plugin 0.1"``.
-    hook : str
-        What it was called for: ``"remember"``.
-
-    Raises
-    ------
-    BsaError
-        ``memory notebook of my-plugin 0.1: boom in remember``.
+    included: a plugin does not end the process. ``who`` is kind, name, distribution and version, ``"memory notebook of
+    my-plugin 0.1"``, ``hook`` what it was called for, ``"remember"``. Raises `BsaError`: ``memory notebook of my-plugin
+    0.1: boom in remember``.
     """
     try:
         yield

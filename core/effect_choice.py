@@ -19,21 +19,10 @@ def effects_of(
 ) -> tuple[Effect, ...]:
     """The catalogue's effects, or those of the given names (variants included).
 
-    Parameters
-    ----------
-    names : sequence of str or None
-        Effects to consider; None for all but those that are considered on request.
-    registry : Registry, optional
-        Where they are looked up; the installed ones by default.
-    options : mapping, optional
-        Options of effects: ``"EFFECT.KEY"`` for one effect, ``"KEY"`` for all that have it.
-    note : callable
-        Told of an effect that was passed over because it cannot be used and nobody named it.
-
-    Raises
-    ------
-    BsaError
-        If a name or an option is unknown, or an effect that was named cannot be used.
+    ``names`` is None for all but those that are considered on request; ``registry`` by default that of what is
+    installed. ``options`` are those of effects: ``"EFFECT.KEY"`` for one effect, ``"KEY"`` for all that have it.
+    ``note`` is told of an effect that was passed over because it cannot be used and nobody named it. Raises `BsaError`
+    if a name or an option is unknown, or an effect that was named cannot be used.
     """
     registry = registry or installed()
     listings = registry.listings("effect")

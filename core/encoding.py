@@ -238,10 +238,7 @@ def _decode_domain(content: Mapping[str, Any] | None) -> Domain:
 def decode_task(record: Mapping[str, Any]) -> Task:
     """The inverse of `encode_task`.
 
-    Raises
-    ------
-    ValueError, LookupError, TypeError or BsaError
-        If the record is of another shape.
+    Raises `ValueError`, `LookupError`, `TypeError` or `BsaError` if the record is of another shape.
     """
     known: _TaskRecord = shaped(_TaskRecord, record)
     return Task(
@@ -281,10 +278,7 @@ def encode_trial(trial: Trial, folder: Path) -> Json:
 def decode_trial(record: Mapping[str, Any], folder: Path) -> Trial:
     """The inverse of `encode_trial`.
 
-    Raises
-    ------
-    ValueError, LookupError, TypeError or BsaError
-        If the record is of another shape.
+    Raises `ValueError`, `LookupError`, `TypeError` or `BsaError` if the record is of another shape.
     """
     known: TrialRecord = shaped(TrialRecord, record)
     if any(Path(image).is_absolute() or ".." in Path(image).parts for image in known.images):

@@ -186,15 +186,8 @@ _SHAPES = {
 def check_event(kind: str, line: bytes) -> None:
     """Hold an event to its shape; a kind that is not known here passes.
 
-    Parameters
-    ----------
-    line : bytes
-        The event as it stands in the journal.
-
-    Raises
-    ------
-    ValueError
-        If a field is missing or of another type, with its name.
+    ``line`` is the event as it stands in the journal. Raises `ValueError` if a field is missing or of another type,
+    with its name.
     """
     if kind in _SHAPES:
         check_json(_SHAPES[kind], line)

@@ -9,17 +9,8 @@ from .errors import BsaError
 def require(module: str, extra: str, purpose: str) -> ModuleType:
     """Import a module of an optional library.
 
-    Parameters
-    ----------
-    extra : str
-        The extra of this distribution that installs it.
-    purpose : str
-        What needs it, as the start of the message: ``'the proposer "bo"'``.
-
-    Raises
-    ------
-    BsaError
-        If it is not installed, with the exact line that installs it.
+    ``extra`` is that of this distribution which installs it, ``purpose`` what needs it, as the start of the message:
+    ``'the proposer "bo"'``. Raises `BsaError` if it is not installed, with the exact line that installs it.
     """
     try:
         return import_module(module)

@@ -34,12 +34,7 @@ _HINTS = {
 def file_error(error: OSError, path: Path | str | None = None) -> BsaError:
     """What the operating system refuses, with the path and a hint.
 
-    Parameters
-    ----------
-    error : OSError
-        As it was raised.
-    path : Path or str, optional
-        The path meant, where the error does not name the one that a person knows.
+    ``path`` is given where the error does not name the one that a person knows.
     """
     where = path if path is not None else error.filename
     what = "the operating system refuses" if where is None else f"{where} cannot be used"

@@ -13,18 +13,8 @@ from .hooks import PROJECT
 def hook_methods(plugin: object, specifications: type) -> tuple[Mapping[str, pluggy.HookImpl], list[str]]:
     """The hooks that an object implements.
 
-    Parameters
-    ----------
-    plugin : object
-        A module, or what a factory made.
-
-    Returns
-    -------
-    methods : mapping of str to pluggy.HookImpl
-        By the hook's name.
-    faults : list of str
-        What is wrong with others: a name that is no hook, a hook without @hookimpl, arguments that the hook does not
-        have.
+    Gives them by name, and what is wrong with others: a name that is no hook, a hook without @hookimpl, arguments that
+    the hook does not have. The object is a module, or what a factory made.
     """
     known = [name for name, _ in inspect.getmembers(specifications, inspect.isfunction)]
     manager = pluggy.PluginManager(PROJECT)

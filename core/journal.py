@@ -30,16 +30,8 @@ Event = Mapping[str, Any]
 class Journal:
     """Appends events to ``journal.jsonl``, each on disk before the run goes on.
 
-    Parameters
-    ----------
-    folder : Path
-        The run's folder; made if missing.
-
-    Raises
-    ------
-    BsaError
-        If the folder holds something that is not a run, another process is writing this journal, or it cannot be
-        written.
+    The run's folder is made if missing. Raises `BsaError` if it holds something that is not a run, another process is
+    writing this journal, or it cannot be written.
     """
 
     def __init__(self, folder: Path) -> None:

@@ -18,14 +18,8 @@ _WHOLE_TASK: list[str] = []
 class JournalledSimulations:
     """A simulator behind the journal; see `Simulating`.
 
-    Parameters
-    ----------
-    inner : Simulating
-        Simulates what is missing.
-    journal : Journal
-        Where each outcome is written, whole: what is judged of it depends on others.
-    earlier : iterable of mapping
-        The events of the interrupted run.
+    ``inner`` simulates what the events of the interrupted run do not hold. Each outcome is written whole, for what is
+    judged of it depends on others.
     """
 
     def __init__(self, inner: Simulating, journal: Journal, earlier: Iterable[Mapping[str, Any]]) -> None:

@@ -84,15 +84,8 @@ class RunResult:
 class Run:
     """One run of one task.
 
-    Parameters
-    ----------
-    recorder : Recorder
-        The books of the language model.
-    earlier : iterable of mapping
-        Events of the interrupted run, if any.
-    analysing : bool
-        Whether to look, after the search, at what the records fix. It costs simulations that are not the
-        search's.
+    ``recorder`` keeps the books of the language model; ``earlier`` are the events of the interrupted run, if any.
+    ``analysing`` looks, after the search, at what the records fix, which costs simulations that are not the search's.
     """
 
     def __init__(

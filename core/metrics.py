@@ -37,10 +37,7 @@ def _by_paper(task: Task) -> bool:
 def evaluate(task: Task, outcome: Outcome) -> Metrics | None:
     """Compare an outcome with the task's targets.
 
-    Returns
-    -------
-    Metrics or None
-        None if an experiment failed before the part that is scored.
+    None if an experiment failed before the part that is scored.
     """
     if not _by_paper(task):
         return evaluate_signals(task, outcome)

@@ -38,24 +38,11 @@ MOST_REFUSED = 3
 class Recorder:
     """The books of a run's language model: the journal's exchanges, and what they cost.
 
-    Parameters
-    ----------
-    journal : Journal
-        Where every prompt, reply, vote and review is kept.
-    earlier : iterable of mapping
-        The events of an interrupted run, oldest first. What was answered is given again before the model is asked;
-        what was lost is asked again.
-    max_tokens, max_cost_usd : optional
-        Allowance of the whole run; once spent, the next call raises `BudgetSpent`.
-    say : callable, optional
-        Is told of lost calls that are made again.
-
-    Attributes
-    ----------
-    usage : Usage
-        What the replies cost.
-    calls, lost : int
-        Calls of the model, lost ones included; those that gave no reply.
+    The journal keeps every prompt, reply, vote and review. Of the events of an interrupted run, oldest first, what was
+    answered is given again before the model is asked; what was lost is asked again. Once ``max_tokens`` or
+    ``max_cost_usd`` of the whole run are spent, the next call raises `BudgetSpent`. ``say`` is told of lost calls that
+    are made again. ``usage`` is what the replies cost, ``calls`` how often the model was called, ``lost`` how many of
+    these gave no reply.
     """
 
     def __init__(
@@ -173,14 +160,8 @@ class RecordingBackend(BackendAround):
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
         """See `Backend.complete`.
 
-        Raises
-        ------
-        PromptRefused
-            If the server does not take this prompt.
-        Outage
-            If the call was lost as often as it may be, or nothing was ever there to answer.
-        BudgetSpent
-            If the allowance is used up.
+        Raises `PromptRefused` if the server does not take this prompt, `Outage` if the call was lost as often as it may
+        be or nothing was ever there to answer, and `BudgetSpent` if the allowance is used up.
         """
         event = self._recorder.recorded(REPLY, LOST_CALL)
         if event is not None:

@@ -43,24 +43,11 @@ def strip_control(text: str) -> str:
 def parse_object(text: str, keys: Iterable[str] = ()) -> dict[str, Any]:
     """The JSON object in a reply, repaired where the meaning is plain.
 
-    Prose and code fences around the object, comments, trailing or missing commas, single quotes,
-    unquoted keys and values (``{"x": *1.2}``), raw newlines and quotes in strings, and a missing end are
-    tolerated. Values keep the type they were written with: judging them is the caller's part.
-
-    Parameters
-    ----------
-    keys : iterable of str, optional
-        Keys that the object should have. Among several objects the one with most of them is taken;
-        among equals a complete one, and then the last, since models conclude with their answer.
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    BsaError
-        If there is no object, or the reply is longer than `MAX_REPLY_CHARS`.
+    Prose and code fences around the object, comments, trailing or missing commas, single quotes, unquoted keys and
+    values (``{"x": *1.2}``), raw newlines and quotes in strings, and a missing end are tolerated. Values keep the type
+    they were written with: judging them is the caller's part. Among several objects the one with most of ``keys`` is
+    taken; among equals a complete one, and then the last, since models conclude with their answer. Raises `BsaError` if
+    there is no object, or the reply is longer than `MAX_REPLY_CHARS`.
     """
     if len(text) > MAX_REPLY_CHARS:
         raise BsaError(

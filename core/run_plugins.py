@@ -52,18 +52,9 @@ class Participant:
 class RunPlugins:
     """What takes part in one run.
 
-    Parameters
-    ----------
-    context : RunContext
-        What they may know when they are made.
-    note : callable, optional
-        Told in one line what was left out of a plugin's answers.
-
-    Raises
-    ------
-    BsaError
-        If a plugin does not exist, is configured wrongly, has methods that would never be called, or two implement
-        a hook that takes one. During the run: if a plugin raises, or answers what its hook does not promise.
+    ``note`` is told in one line what was left out of a plugin's answers. Raises `BsaError` if a plugin does not exist,
+    is configured wrongly, has methods that would never be called, or two implement a hook that takes one; during the
+    run, if a plugin raises, or answers what its hook does not promise.
     """
 
     def __init__(

@@ -95,10 +95,7 @@ MISFIT = Quantity("objective", "RMS misfit", "tolerances", told="rms_misfit_tole
 def evaluate_signals(task: Task, outcome: Outcome) -> SignalMetrics | None:
     """Compare an outcome with the task's targets.
 
-    Returns
-    -------
-    SignalMetrics or None
-        None if a simulation failed.
+    None if a simulation failed.
     """
     found = residuals(task, outcome)
     if found is None:

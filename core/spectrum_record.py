@@ -16,12 +16,7 @@ def spectrum_record(spectrum: ImpedanceSpectrum) -> Trajectory:
 
     Its clock counts the decades below the highest frequency, so that each decade weighs the same. Inductive points at
     high frequencies are left out, for inductance lies in the leads and in no cell model: the record begins where the
-    spectrum crosses the real axis, between two points.
-
-    Raises
-    ------
-    BsaError
-        If fewer than five points are left.
+    spectrum crosses the real axis, between two points. Raises `BsaError` if fewer than five points are left.
     """
     left_out = inductive_points(spectrum)
     frequency, impedance = spectrum.frequency[left_out:], spectrum.impedance[left_out:]

@@ -150,10 +150,7 @@ class CellChange:
 def change_of(targets: Mapping[str, Target], candidate: Mapping[str, float]) -> CellChange:
     """Sort a candidate's values by what they act on.
 
-    Parameters
-    ----------
-    targets : mapping of str to Target
-        By the parameters' names; values of the candidate under other names are left out.
+    ``targets`` are by the parameters' names; values of the candidate under other names are left out.
     """
     values: dict[str, float] = {}
     factors: dict[str, float] = {}

@@ -28,12 +28,7 @@ def validated(model: type[Model], content: Any, where: str) -> Model:
 def explain(error: ValidationError, where: str, model: type[BaseModel]) -> BsaError:
     """The first thing that is wrong, as a `BsaError`.
 
-    Parameters
-    ----------
-    where : str
-        The file or plugin at fault.
-    model : type of pydantic.BaseModel
-        What it was checked against, for the nearest valid key.
+    ``where`` is the file or plugin at fault, ``model`` what it was checked against, for the nearest valid key.
     """
     # A mistyped key is both missing and unknown; the unknown one tells what was meant.
     first = min(error.errors(include_url=False), key=lambda found: found["type"] != "extra_forbidden")

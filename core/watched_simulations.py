@@ -19,14 +19,8 @@ Watch = Callable[[str, int, int], None]
 class WatchedSimulations:
     """A simulator after the search; see `Simulating`.
 
-    Parameters
-    ----------
-    watch : callable
-        Told at the beginning and after each simulation.
-    variants : str
-        What simulations of other experiments than the task's are for.
-    exact : str
-        What simulations with reference accuracy are for.
+    ``watch`` is told at the beginning and after each simulation; ``variants`` is what simulations of other experiments
+    than the task's are for, ``exact`` what those with reference accuracy are for.
     """
 
     def __init__(self, inner: Simulating, watch: Watch, variants: str = NEXT, exact: str = FINAL_SCORES) -> None:

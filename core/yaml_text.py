@@ -76,17 +76,8 @@ class _Loader(yaml.SafeLoader):
 def parse_yaml(text: str, where: str) -> Any:
     """The content of a YAML text.
 
-    Parameters
-    ----------
-    text : str
-        Untrusted.
-    where : str
-        What it is called in a message.
-
-    Raises
-    ------
-    BsaError
-        If it is not YAML or goes beyond the bounds, with the line.
+    The text is untrusted; ``where`` is what it is called in a message. Raises `BsaError` if it is not YAML or goes
+    beyond the bounds, with the line.
     """
     if len(text) > _LONGEST:
         raise BsaError(f"{where} has more than {_LONGEST} characters.", "it is no file that a person writes.")

@@ -41,19 +41,9 @@ def lost_material(which: str) -> str:
 def degradation_modes(task: Task, cell: Candidate, simulator: Answering[LifeRequest, LifeResiduals]) -> list[Drift]:
     """Lithium, active material and contact resistance, fitted to each cycle of a life whose curves are kept.
 
-    Parameters
-    ----------
-    task : Task
-        The life, of a cell that does not age.
-    cell : Candidate
-        Its parameters when it was new.
-    simulator : Answering
-        Simulates single cycles of that life.
-
-    Returns
-    -------
-    list of Drift
-        From the second kept cycle on, before which the cell had not settled; losses are since that cycle.
+    ``task`` is the life of a cell that does not age, ``cell`` its parameters when it was new; ``simulator`` simulates
+    single cycles of that life. Gives what drifts from the second kept cycle on, before which the cell had not settled;
+    losses are since that cycle.
     """
     (experiment,) = task.experiments
     values = load(task.cell.parameter_set, task.cell.overrides)

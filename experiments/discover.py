@@ -36,23 +36,10 @@ RESULT = "discovery.json"
 def discover(options: DiscoverOptions, listener: Listener = lambda text: None, workers: int = 1) -> Discovery:
     """Read the records, find what is missing, and write the answer; or go on where the same discovery was stopped.
 
-    Parameters
-    ----------
-    options : DiscoverOptions
-        Records, base model, and how hard to look.
-    listener : callable
-        Told in one line what is being done.
-
-    Returns
-    -------
-    Discovery
-        Also written to ``discovery.json``, ``report.html`` and ``augmented_model.py`` in ``options.out``, beside the
-        ``journal.jsonl`` of every simulation and reply. Over a life the run of its first cycle is in ``cell``.
-
-    Raises
-    ------
-    BsaError
-        If a record, a parameter set, an effect or an option is wrong, or the folder holds something else.
+    ``listener`` is told in one line what is being done. The answer is also written to ``discovery.json``,
+    ``report.html`` and ``augmented_model.py`` in ``options.out``, beside the ``journal.jsonl`` of every simulation and
+    reply. Over a life the run of its first cycle is in ``cell``. Raises `BsaError` if a record, a parameter set, an
+    effect or an option is wrong, or the folder holds something else.
     """
     carry_out = _over_life if options.life else _on_records
     with opened(options) as journal:

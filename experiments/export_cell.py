@@ -17,22 +17,10 @@ TOLERANCE_MV = 1.0
 def exported(folder: Path, to: str) -> tuple[str, tuple[str, ...]]:
     """The best candidate of a run as the text of a file.
 
-    Parameters
-    ----------
-    to : {'bpx', 'parameter-values'}
-        The Battery Parameter eXchange standard, or what ``pybamm.ParameterValues.from_json`` reads.
-
-    Returns
-    -------
-    text : str
-        JSON.
-    remarks : tuple of str
-        Of BPX: what it cannot say of this cell, and how far the file's cell is from the run's on the first record.
-
-    Raises
-    ------
-    BsaError
-        If the folder holds no run of a PyBaMM cell, or the cell is no BPX cell.
+    ``to`` is ``bpx``, the Battery Parameter eXchange standard, or ``parameter-values``, what
+    ``pybamm.ParameterValues.from_json`` reads. Gives the text, and remarks: what BPX cannot say of this cell, and how
+    far the file's cell is from the run's on the first record. Raises `BsaError` if the folder holds no run of a PyBaMM
+    cell, or the cell is no BPX cell.
     """
     from ..plugins.pybamm.bpx_export import to_bpx
     from ..plugins.pybamm.export import parameter_values_json

@@ -46,16 +46,9 @@ def predict_records(
 ) -> ScoredRecords:
     """Simulate records and impedance spectra with the best candidate of a run.
 
-    Parameters
-    ----------
-    requests : sequence of RecordRequest
-        The records and spectra. A spectrum is that of the cell at the state of charge at which the fitted cell shows
-        its voltage, if its request names none.
-
-    Raises
-    ------
-    BsaError
-        If the folder holds no run, no simulation of it succeeded, or a record cannot be read or was fitted.
+    A spectrum is that of the cell at the state of charge at which the fitted cell shows its voltage, if its request
+    names none. Raises `BsaError` if the folder holds no run, no simulation of it succeeded, or a record cannot be read
+    or was fitted.
     """
     run = read_run(folder)
     if not run.best.ok:

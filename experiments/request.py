@@ -39,17 +39,9 @@ def run_config(
 ) -> RunConfig:
     """The checked configuration of a run.
 
-    Parameters
-    ----------
-    settings : mapping
-        What replaces defaults: fields of `RunConfig`, or dotted paths into the scaffold (``feedback.use``).
-    simulator : str
-        The task's own, for a scaffold that names none.
-
-    Raises
-    ------
-    BsaError
-        Naming the key at fault and the nearest valid one.
+    ``settings`` replace defaults: fields of `RunConfig`, or dotted paths into the scaffold (``feedback.use``);
+    ``simulator`` is the task's own, for a scaffold that names none. Raises `BsaError` naming the key at fault and the
+    nearest valid one.
     """
     chosen = load_scaffold(scaffold) if isinstance(scaffold, str) else scaffold
     content: dict[str, Any] = {
@@ -279,19 +271,8 @@ def run_request(
 ) -> RunRequest:
     """What a run is asked: a task that was named, with the records that it is to hold out, or that of matching records.
 
-    Parameters
-    ----------
-    configured : callable
-        Gives the configuration for a simulator (`run_config`).
-    weight : str or None
-        How errors count; None leaves it to the task.
-    out : Path or None
-        The folder; None for a new one under ``runs``.
-
-    Raises
-    ------
-    BsaError
-        If any of it makes no sense.
+    ``configured`` gives the configuration for a simulator (`run_config`). ``weight`` is how errors count; None leaves
+    it to the task. ``out`` is None for a new folder under ``runs``. Raises `BsaError` if any of it makes no sense.
     """
     from .tasks.records import holding_out
 

@@ -62,29 +62,11 @@ def execute_run(
 ) -> RunResult:
     """Run a task in a folder, or go on where an interrupted run of the same task and configuration stopped.
 
-    Parameters
-    ----------
-    folder : Path
-        Where the journal, the results and the report go.
-    backend : Backend
-        The language model; closed at the end.
-    report : bool
-        Whether ``report.html`` is written; the journal is enough to write it later.
-    analysing : bool
-        Whether to find out after the search what the records fix and what to measure next. Studies count
-        simulations and leave it out.
-
-    to_discover : str
-        Command that looks for what the model lacks; told where the misfit of the best candidate is no noise.
-
-    Returns
-    -------
-    RunResult
-
-    Raises
-    ------
-    BsaError
-        If the folder holds a run of another task or configuration, or a plugin cannot be used.
+    Journal, results and report go to the folder; the backend is closed at the end. Without ``report`` no
+    ``report.html`` is written: the journal is enough to write it later. ``analysing`` finds out after the search what
+    the records fix and what to measure next; studies count simulations and leave it out. ``to_discover`` is the command
+    that looks for what the model lacks; it is told where the misfit of the best candidate is no noise. Raises
+    `BsaError` if the folder holds a run of another task or configuration, or a plugin cannot be used.
     """
     resources = resources or Resources()
     config = config.model_copy(update={"scaffold": config.scaffold.made_for(task.simulator)})

@@ -141,14 +141,7 @@ class RunRecord:
 def read_run(folder: Path) -> RunRecord:
     """Read the journal of a finished, interrupted or running run.
 
-    Returns
-    -------
-    RunRecord
-
-    Raises
-    ------
-    BsaError
-        If there is no journal, it is damaged, or not even the first simulation was finished.
+    Raises `BsaError` if there is no journal, it is damaged, or not even the first simulation was finished.
     """
     events = list(read_events(folder))
     check_calibration(events[0] if events else {}, folder / FILE_NAME)

@@ -82,15 +82,8 @@ def check_cluster(where: str) -> None:
 class DaskPool:
     """Workers of a Dask cluster; all must see the store's folder and have this package installed.
 
-    Parameters
-    ----------
-    where : str
-        ``tcp://HOST:PORT`` of a scheduler, or ``slurm:FILE``.
-
-    Raises
-    ------
-    BsaError
-        If Dask is not installed, or no scheduler answers.
+    ``where`` is ``tcp://HOST:PORT`` of a scheduler, or ``slurm:FILE``. Raises `BsaError` if Dask is not installed, or
+    no scheduler answers.
     """
 
     def __init__(self, where: str) -> None:

@@ -74,17 +74,8 @@ def run_cells(
 ) -> dict[str, Report]:
     """Run what is missing; two processes may do so side by side.
 
-    Parameters
-    ----------
-    cells : sequence of Cell
-        The campaign; cells without an identity cannot be run, and are left out.
-    pool : Pool
-        Who carries out the cells; left open.
-
-    Returns
-    -------
-    dict of str to Report
-        What became of each cell, by identity; those not begun for want of allowance are missing.
+    Cells without an identity cannot be run, and are left out; the pool is left open. Gives what became of each cell, by
+    identity; those not begun for want of allowance are missing.
     """
     state = _CampaignState()
     unique = {cell.identity: cell for cell in cells if cell.identity}

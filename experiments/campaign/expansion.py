@@ -56,15 +56,8 @@ def expand(
 ) -> list[Calibration]:
     """The cells of a grid, task by task, so that a grid cut short has whole rows.
 
-    Parameters
-    ----------
-    make : bool
-        Whether targets that are not in the store are simulated; without them cells have no identity.
-
-    Raises
-    ------
-    BsaError
-        If a task, scaffold, backend or setting does not exist.
+    Targets that are not in the store are simulated only if ``make``; without them cells have no identity. Raises
+    `BsaError` if a task, scaffold, backend or setting does not exist.
     """
     configs = _Configs(near)
     cells: dict[tuple[str, str], Calibration] = {}

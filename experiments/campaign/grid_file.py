@@ -121,17 +121,8 @@ class GridFile(Budgets):
 def load_grid(name_or_path: str, changes: Mapping[str, Any] | None = None) -> GridFile:
     """A shipped grid by name, or one from a YAML file.
 
-    Parameters
-    ----------
-    name_or_path : str
-        ``rules-ablation``, or the path of a ``.yaml`` file.
-    changes : mapping, optional
-        Values that replace the file's, by dotted path: ``{"rounds": 5, "tasks.0.cases": 2}``.
-
-    Raises
-    ------
-    BsaError
-        If there is no such grid, or it is not a valid one, with the key at fault.
+    ``changes`` replace values of the file by dotted path: ``{"rounds": 5, "tasks.0.cases": 2}``. Raises `BsaError` if
+    there is no such grid, or it is not a valid one, with the key at fault.
     """
     path = grid_path(name_or_path)
     content = read_yaml(path)

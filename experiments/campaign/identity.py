@@ -24,12 +24,7 @@ def without_placement(options: dict[str, Any]) -> dict[str, Any]:
 def identity_of(config: RunConfig, task_digest: str) -> str:
     """A cell's identity, 16 hex digits.
 
-    Parameters
-    ----------
-    config : RunConfig
-        Scaffold, backend, budgets and seed, without placement.
-    task_digest : str
-        Hash of the encoded task, which stands for the task: it may be 100 kB long.
+    The configuration is without placement; the hash of the encoded task stands for the task, which may be 100 kB long.
     """
     return config.identity({"digest": task_digest}, dict(versions_of(_plugins(config))))
 

@@ -43,12 +43,8 @@ class _Worker:
 class LocalPool:
     """Worker processes.
 
-    Parameters
-    ----------
-    cells_per_worker : int
-        A worker is replaced after so many cells.
-    memory_limit_mb : float
-        A worker whose resident memory is past this after a cell is replaced.
+    A worker is replaced after ``cells_per_worker`` cells, and after a cell that leaves it larger than
+    ``memory_limit_mb``.
     """
 
     def __init__(

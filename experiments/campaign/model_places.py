@@ -18,13 +18,8 @@ _FIRST_WAIT_S, _LONGEST_WAIT_S = 0.02, 1.0
 class SharedBackend(BackendAround):
     """A backend whose calls wait for one of a few places.
 
-    The places are files held by the calling process: no server keeps count, and a place that a killed worker
-    held is free at once.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the places; the same for every process.
+    The places are files held by the calling process: no server keeps count, and a place that a killed worker held is
+    free at once. ``folder`` holds them, the same for every process.
     """
 
     def __init__(self, inner: Backend, folder: Path, places: int) -> None:

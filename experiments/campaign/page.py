@@ -48,22 +48,9 @@ def build_page(
 ) -> Path:
     """Write the page of a campaign: ``bsa report GRID``.
 
-    The rounds of each run (hypotheses, changes, errors) are part of the page. The run's own report with its curves is
-    a file beside its journal: the page links to those that exist.
-
-    Parameters
-    ----------
-    grid, store, metric
-        As in `open_campaign`.
-    out : Path, optional
-        The page; ``index.html`` in the campaign's folder by default.
-    full : bool
-        Whether the report of every finished run is written first.
-
-    Raises
-    ------
-    BsaError
-        If the campaign has not been run in this store, or there is no such error.
+    The rounds of each run (hypotheses, changes, errors) are part of the page. The run's own report with its curves is a
+    file beside its journal: the page links to those that exist. ``full`` writes the report of every finished run first;
+    ``out`` is ``index.html`` in the campaign's folder by default. Raises `BsaError`: as `open_campaign`.
     """
     if out is not None:
         check_page(out)

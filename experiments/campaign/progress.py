@@ -107,10 +107,7 @@ def named(cell: Cell) -> str:
 class PlainCampaign(_Counting):
     """A line for every cell; where they come thick and fast, a line every few seconds.
 
-    Parameters
-    ----------
-    stream : TextIO, optional
-        Where to write; standard error by default.
+    Written to standard error by default.
     """
 
     def __init__(self, cells: Sequence[Cell], stream: TextIO | None = None) -> None:

@@ -23,10 +23,7 @@ _BEGINNING = b'{"grid": {'
 def write_manifest(grid: Mapping[str, Any], cells: Sequence[Cell], folder: Path) -> None:
     """Note which cells a campaign has, so that tables and pages need neither its file nor this version of the code.
 
-    Parameters
-    ----------
-    grid : mapping
-        What the campaign is: its ``name``, and whatever else tells how it was made.
+    ``grid`` is what the campaign is: its ``name``, and whatever else tells how it was made.
     """
     axes = [cell.axes for cell in cells]
     methods = _methods(axes)
@@ -128,10 +125,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 def rows_of(manifest: Mapping[str, Any], store: Store, reports: Mapping[str, Report] | None = None) -> list[Row]:
     """A flat row for every cell of a campaign, whatever became of it.
 
-    Parameters
-    ----------
-    reports : mapping, optional
-        What this process saw, so that results need not be read again.
+    ``reports`` are what this process saw, so that results need not be read again.
     """
     name = str(manifest["grid"]["name"])
     facts = [_facts(name, entry, store, (reports or {}).get(entry["identity"])) for entry in manifest["cells"]]
@@ -164,10 +158,7 @@ def _state(
 def write_rows(rows: Sequence[Row], folder: Path) -> list[str]:
     """Write ``cells.csv`` and ``cells.parquet``.
 
-    Returns
-    -------
-    list of str
-        What could not be written, and what would make it so.
+    Gives what could not be written, and what would make it so.
     """
     write_csv(folder / "cells.csv", rows)
     if importlib.util.find_spec("pyarrow") is None:

@@ -58,19 +58,8 @@ def plan_grid(
 ) -> Plan[Calibration]:
     """Read a grid and expand it.
 
-    Parameters
-    ----------
-    name_or_path : str
-        A shipped grid, or a YAML file.
-    changes : mapping, optional
-        Values that replace the file's, by dotted path.
-    store, say, make
-        As in `plan_campaign`.
-
-    Raises
-    ------
-    BsaError
-        If the grid, or anything it names, does not exist.
+    ``changes`` replace values of a shipped grid or of a YAML file by dotted path; all else as in `plan_campaign`.
+    Raises `BsaError` if the grid, or anything it names, does not exist.
     """
     Store(store).check()
     grid = load_grid(name_or_path, changes)
@@ -87,21 +76,10 @@ def plan_campaign(
 ) -> Plan[Calibration]:
     """Expand a grid.
 
-    Parameters
-    ----------
-    out : Path, optional
-        For manifest and tables; by default a folder of the store with the grid's name.
-    near : Path
-        Task and scaffold files are looked for there first.
-    say : callable
-        Takes a line of progress: making targets takes seconds each.
-    make : bool
-        Whether targets that are not in the store are made; without them nothing can be run.
-
-    Raises
-    ------
-    BsaError
-        If anything that the grid names does not exist, or a folder holds something else.
+    Manifest and tables go to ``out``, by default a folder of the store with the grid's name. Task and scaffold files
+    are looked for in ``near`` first. ``say`` is told of each target that is made, which takes seconds; without ``make``
+    none is, and nothing can be run. Raises `BsaError` if anything that the grid names does not exist, or a folder holds
+    something else.
     """
     place = Store(store)
     place.check()
@@ -137,19 +115,7 @@ def run_campaign(
 ) -> tuple[list[Row], list[str]]:
     """Run what is missing and write the tidy table, however the campaign ends.
 
-    Parameters
-    ----------
-    pool : Pool
-        Who carries out the cells; closed at the end.
-    allowance : Allowance, optional
-        What may be spent on language models.
-
-    Returns
-    -------
-    rows : list of dict
-        The tidy table.
-    remarks : list of str
-        What could not be written.
+    The pool is closed at the end. Gives the tidy table, and what could not be written.
     """
     write_manifest(plan.about, plan.cells, plan.folder)
     reports: dict[str, Report] = {}

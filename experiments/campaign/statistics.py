@@ -75,13 +75,7 @@ def by_case(rows: Sequence[Row], metric: str = "objective") -> dict[str, dict[st
 
 
 def compare(rows: Sequence[Row], reference: str, metric: str = "objective") -> list[Comparison]:
-    """Every method against a reference.
-
-    Parameters
-    ----------
-    reference : str
-        The method that others are compared with.
-    """
+    """Every method against a reference."""
     errors = by_case(rows, metric)
     if reference not in errors:
         return []

@@ -21,10 +21,7 @@ class RoundTime:
 class Stopwatch:
     """A listener that reads the clock when proposals and trials come by.
 
-    Parameters
-    ----------
-    resumed : bool
-        Whether the run was begun by an earlier process, whose times are not known.
+    ``resumed``: the run was begun by an earlier process, whose times are not known.
     """
 
     def __init__(self, resumed: bool = False) -> None:

@@ -59,17 +59,8 @@ def plan_study(
 ) -> Plan[StudyCell]:
     """Every item of a study as a cell.
 
-    Parameters
-    ----------
-    act : callable
-        At the top level of a module, so that worker processes find it; see `StudyCell`.
-    items : mapping of str to mapping
-        What is asked of each item, by its name.
-
-    Raises
-    ------
-    BsaError
-        If the store or the study's folder holds something else.
+    ``act`` stands at the top level of a module, so that worker processes find it (see `StudyCell`); ``items`` says what
+    is asked of each item, by its name. Raises `BsaError` if the store or the study's folder holds something else.
     """
     place = Store(store)
     place.check()

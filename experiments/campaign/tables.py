@@ -83,17 +83,8 @@ class Campaign:
 def open_campaign(grid: str | Path, store: Path = RESULTS, metric: str = "mape") -> Campaign:
     """A campaign that was run.
 
-    Parameters
-    ----------
-    store : Path
-        The store that it was run in.
-    metric : str
-        The error that is compared and drawn, if its tasks have it.
-
-    Raises
-    ------
-    BsaError
-        If it has not been run in this store, or there is no such error.
+    ``metric`` is the error that is compared and drawn, if its tasks have it. Raises `BsaError` if it has not been run
+    in this store, or there is no such error.
     """
     if metric not in METRICS:
         raise BsaError(
@@ -109,23 +100,9 @@ def open_campaign(grid: str | Path, store: Path = RESULTS, metric: str = "mape")
 def tables(grid: str | Path, store: Path = RESULTS, out: Path | None = None, metric: str = "mape") -> list[Path]:
     """Write the tables and figures of a campaign: ``bsa bench tables``.
 
-    Parameters
-    ----------
-    grid, store, metric
-        As in `open_campaign`; the tables show all of `shown_metrics`.
-    out : Path, optional
-        Where to write; the campaign's folder by default.
-
-    Returns
-    -------
-    list of Path
-        What was written: ``cells.csv``, ``cells.parquet`` where pyarrow is installed, ``tables.md``,
-        ``tables.tex`` and figures as SVG.
-
-    Raises
-    ------
-    BsaError
-        If the campaign has not been run in this store, or there is no such error.
+    They go to the campaign's folder by default, and show all of `shown_metrics`. Gives what was written: ``cells.csv``,
+    ``cells.parquet`` where pyarrow is installed, ``tables.md``, ``tables.tex`` and figures as SVG. Raises `BsaError`:
+    as `open_campaign`, or if ``out`` holds something else.
     """
     from .figures import draw_all
 

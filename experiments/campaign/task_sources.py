@@ -29,14 +29,8 @@ def gather(
 ) -> list[TaskLabel]:
     """The tasks of a grid, each made at most once and kept.
 
-    Parameters
-    ----------
-    near : Path
-        The grid's folder: task files are looked for there first.
-    say : callable
-        Takes a line of progress: making a target takes seconds.
-    make : bool
-        Whether tasks of a suite that are not in the store are made (simulated).
+    Task files are looked for in ``near``, the grid's folder, first. ``say`` is told of each target that is made, which
+    takes seconds; without ``make`` tasks of a suite that are not in the store are not made.
     """
     labels: dict[str, TaskLabel] = {}
     for choice in choices:

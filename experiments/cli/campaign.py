@@ -60,10 +60,7 @@ class Executors:
     def run(self, plan: Plan[Any]) -> list[Row]:
         """Run what is missing of a campaign.
 
-        Returns
-        -------
-        list of dict
-            The results table; `finish` says what is missing in it.
+        Gives the results table; `finish` says what is missing in it.
         """
         from ..campaign.running import run_campaign
 

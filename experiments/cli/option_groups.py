@@ -12,12 +12,8 @@ Command = Callable[..., Any]
 def with_options(group: type, **defaults: Any) -> Callable[[Command], Command]:
     """Give a command the fields of a dataclass as options, at the place of its parameter of that type.
 
-    Parameters
-    ----------
-    group : type
-        A dataclass whose fields are annotated as a command's parameters are, each with a default.
-    **defaults
-        Defaults of this command, where they differ from the group's.
+    The fields of the dataclass are annotated as a command's parameters are, each with a default; ``defaults`` are those
+    of this command, where they differ from the group's.
     """
 
     def decorate(command: Command) -> Command:

@@ -25,12 +25,7 @@ def printable(text: str, limit: int = 200) -> str:
 class PlainProgress:
     """One line for each round and each better trial.
 
-    Parameters
-    ----------
-    unit : str
-        Unit of the objective, for the reader.
-    stream : TextIO
-        Where to write; progress goes to standard error, results to standard output.
+    ``unit`` is that of the objective. Progress goes to standard error by default, results to standard output.
     """
 
     def __init__(self, unit: str, stream: TextIO | None = None) -> None:

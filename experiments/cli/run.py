@@ -209,10 +209,8 @@ def run(
 def discover_command(data: Sequence[Path], holdout: Sequence[Path], options: Mapping[str, Any]) -> str:
     """The command that looks for what a model lacks on the same records.
 
-    Parameters
-    ----------
-    options : mapping
-        Values by the option's name: a list repeats the option, True is the option alone, None and False leave it out.
+    ``options`` are values by the option's name: a list repeats the option, True is the option alone, None and False
+    leave it out.
     """
     words = ["bsa", "discover", "--data", *map(str, data), *(["--holdout"] if holdout else []), *map(str, holdout)]
     for name, value in options.items():

@@ -22,15 +22,7 @@ _CYCLES = 4
 def draw(found: Record | ImpedanceSpectrum, path: Path) -> None:
     """Write a picture: signals over time and capacities by cycle, or a Nyquist plot.
 
-    Parameters
-    ----------
-    path : Path
-        ``.png`` or ``.svg``.
-
-    Raises
-    ------
-    BsaError
-        If the name ends in anything else, or the file cannot be written.
+    Raises `BsaError` if the name ends in anything but ``.png`` or ``.svg``, or the file cannot be written.
     """
     from matplotlib.figure import Figure
 

@@ -54,19 +54,9 @@ def _discovered(options: DiscoverOptions) -> dict[str, Any]:
 def plan_cases(folder: Path, name: str, kind: Kind, only: Sequence[str] | None = None, **asked: Any) -> Plan[StudyCell]:
     """Every case of a folder as a cell; the sealed answers are not opened.
 
-    Parameters
-    ----------
-    folder : Path
-        Made by `make_cases`; it is the store, too.
-    kind : {'discovery', 'shortlist'}
-        What is done with a case.
-    only : sequence of str, optional
-        Names of the cases to run; all by default.
-
-    Raises
-    ------
-    BsaError
-        If the folder holds no case, or no such case, or its campaign's folder holds something else.
+    The folder was made by `make_cases`, and is the store, too; ``only`` are the names of the cases to run, all by
+    default. Raises `BsaError` if the folder holds no case, or no such case, or its campaign's folder holds something
+    else.
     """
     cases = [path for path in sorted(folder.absolute().glob("case_*")) if (path / DESCRIPTION).exists()]
     if not cases:

@@ -72,12 +72,8 @@ def setting_of(seed: int, number: int) -> Setting:
 def draw(seed: int, number: int, attempt: int = 0) -> Draw:
     """Draw a case.
 
-    Parameters
-    ----------
-    seed, number : int
-        Seed of the set, and number of the case, from 0.
-    attempt : int
-        Another cell of the same setting, for one that cannot be simulated.
+    Of the set of a seed, counted from 0. Another ``attempt`` is another cell of the same setting, for one that cannot
+    be simulated.
     """
     rng = np.random.default_rng([seed, number, attempt, 2])
     setting = setting_of(seed, number)

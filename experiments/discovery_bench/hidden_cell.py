@@ -50,13 +50,7 @@ def measure(
     """Run a test on a hidden cell and read the instruments.
 
     Tolerances of 1e-7, events located by PyBaMM's experiments, samples on the cycler's clock, noise, rounded readings.
-
-    Returns
-    -------
-    record : Trajectory
-        As a cycler writes it down.
-    voltage : ndarray of shape (n,)
-        The same voltage without noise and rounding, V.
+    Gives the record as a cycler writes it down, and the same voltage without noise and rounding, V.
     """
     values = _values(hidden, ambient_k)
     capacity = float(values["Nominal cell capacity [A.h]"])

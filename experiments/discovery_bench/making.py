@@ -45,11 +45,7 @@ def make_cases(
 
     Each case is a folder with its records, ``holdout.csv`` and ``case.json`` (parameter set, model, ambient
     temperatures), which say nothing of what is hidden. Where a hidden cell cannot be simulated another one is drawn.
-
-    Raises
-    ------
-    BsaError
-        If the folder holds other things, or cases of another seed.
+    Raises `BsaError` if the folder holds other things, or cases of another seed.
     """
     found = any(folder.glob(f"case_*/{DESCRIPTION}"))
     if entries(folder) and not found:

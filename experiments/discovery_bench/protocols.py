@@ -26,12 +26,8 @@ NAMES = ("discharge", "fast", "pulses", "drive", "cycle")
 def protocol(name: str, lower_v: float, upper_v: float, rng: np.random.Generator) -> list[Step]:
     """Draw the steps of a test.
 
-    Parameters
-    ----------
-    name : {'discharge', 'fast', 'pulses', 'drive', 'cycle', 'ageing'}
-        Slow or fast discharge with rests, pulses over the range, drive cycle, charge and discharge, 8 to 25 cycles.
-    rng : numpy.random.Generator
-        Where rates, durations and sampling intervals come from.
+    ``name`` is one of `NAMES` or ``ageing``: slow or fast discharge with rests, pulses over the range, drive cycle,
+    charge and discharge, 8 to 25 cycles. Rates, durations and sampling intervals come from ``rng``.
     """
     sampling = float(np.exp(rng.uniform(np.log(0.5), np.log(3.0))))
     rest = Step(0.0, float(rng.uniform(180.0, 900.0)), period=10.0 * sampling)

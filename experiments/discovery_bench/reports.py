@@ -40,10 +40,7 @@ class Report:
 def read_reports(path: Path) -> list[Report]:
     """The reports of a file that `write_reports` made.
 
-    Raises
-    ------
-    BsaError
-        If it is no such file.
+    Raises `BsaError` if it is no such file.
     """
     with decoding(path, "a file of discrepancy reports", "bsa bench discovery shortlist makes one."):
         return [shaped(Report, row) for row in (read_json(path) or {})["reports"]]
@@ -52,12 +49,7 @@ def read_reports(path: Path) -> list[Report]:
 def write_reports(folder: Path, path: Path) -> None:
     """Open the answers of a folder of blind cases, and keep the reports of those that hide one effect of the catalogue.
 
-    Parameters
-    ----------
-    folder : Path
-        On whose cases ``shortlist`` was run. Cases whose base model leaves noise only have no report.
-    path : Path
-        Where they are written.
+    ``shortlist`` was run on them. Cases whose base model leaves noise only have no report.
     """
     found = [
         Report(task, answer["names"][0], *(tuple(result[key]) for key in ("possible", "statistics", "discrepancy")))

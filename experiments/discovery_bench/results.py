@@ -13,15 +13,8 @@ from .making import unseal
 def read_results(folder: Path, name: str) -> Iterator[tuple[str, Mapping[str, Any], Mapping[str, Any]]]:
     """Every case that was run, with what was found and its answer; nothing was found of a case that failed.
 
-    Parameters
-    ----------
-    folder : Path
-        Of the blind cases. Their answers are opened.
-
-    Raises
-    ------
-    BsaError
-        If there was no such campaign, or it is of cases that the folder has not.
+    The answers of the blind cases are opened. Raises `BsaError` if there was no such campaign, or it is of cases that
+    the folder has not.
     """
     store = Store(folder)
     for task, identity, answer in _cases(folder, name, ("done", "failed")):

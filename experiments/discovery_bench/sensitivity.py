@@ -30,12 +30,8 @@ Row = Mapping[str, Any]
 def sensitivity_rows(folder: Path, name: str) -> Iterator[dict[str, Any]]:
     """Every case of a campaign under every constant: as it is (factor 1), and changed.
 
-    Fits are those of the journals: a constant that decides also what is fitted changes the verdict alone.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the blind cases. Their answers are opened.
+    Fits are those of the journals: a constant that decides also what is fitted changes the verdict alone. The answers
+    of the blind cases are opened.
     """
     for task, cell, answer in finished_cases(folder, name):
         found, gap = _replayed(cell)

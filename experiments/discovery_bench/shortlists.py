@@ -29,17 +29,9 @@ _WORDS = {
 def shortlist(options: DiscoverOptions) -> dict[str, Any]:
     """Order the effects of one case by score, and let a backend rank them twice; nothing is fitted but the base model.
 
-    Parameters
-    ----------
-    options : DiscoverOptions
-        Of the case, with a backend or none.
-
-    Returns
-    -------
-    dict
-        ``statistics``: keys of effects, the best first, none where the base model leaves noise only; ``named`` and
-        ``nameless``: the backend's, where there is one and something to rank; ``possible`` and ``discrepancy``: the
-        effects that the records can show, and what is to be explained, in words.
+    Gives ``statistics``: keys of effects, the best first, none where the base model leaves noise only; ``named`` and
+    ``nameless``: the backend's, where there is one and something to rank; ``possible`` and ``discrepancy``: the effects
+    that the records can show, and what is to be explained, in words.
     """
     setup = set_up(read_case(options), options)
     known = setup.engine(options.settings).shortlist()

@@ -21,20 +21,8 @@ def documents(root: Path) -> list[Path]:
 def rebuild(root: Path, write: bool = True) -> list[Path]:
     """Make every table of the documentation again.
 
-    Parameters
-    ----------
-    write : bool
-        Whether documents that differ are written.
-
-    Returns
-    -------
-    list of Path
-        The documents that differed.
-
-    Raises
-    ------
-    BsaError
-        If there is no documentation, a marker is not closed or names no table, or rows are missing.
+    Gives the documents that differed, which are written if ``write``. Raises `BsaError` if there is no documentation, a
+    marker is not closed or names no table, or rows are missing.
     """
     if not (root / RESULTS).is_dir():
         raise BsaError(f"{root / RESULTS} is missing.", "give the folder of a checkout of this package.")

@@ -53,10 +53,7 @@ class Results:
     def framed(self, studies: str, *parts: str) -> str:
         """Parts of a table below the command that makes its rows, and above what is known of them.
 
-        Parameters
-        ----------
-        studies : str
-            One study, or several joined by spaces; commands of the first stand above.
+        ``studies`` is one study, or several joined by spaces; commands of the first stand above.
         """
         names = studies.split()
         command = f"```sh\n{self._origin(names[0]).command.strip()}\n```"

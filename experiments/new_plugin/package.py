@@ -31,17 +31,8 @@ _USES: dict[Kind, str] = {
 def package_files(kind: Kind, name: str, simulator: str = "pybamm") -> dict[str, str]:
     """The files of a package with one plugin.
 
-    Parameters
-    ----------
-    name : str
-        Its name: words of lower-case letters and digits, joined by hyphens.
-    simulator : str
-        Of a task: the simulator that it is made for.
-
-    Returns
-    -------
-    dict of str to str
-        Contents by path.
+    By path. The plugin's name is words of lower-case letters and digits, joined by hyphens; ``simulator`` is that which
+    a task is made for.
     """
     module = f"bsa_{name.replace('-', '_')}"
     words = {
@@ -74,22 +65,9 @@ def package_files(kind: Kind, name: str, simulator: str = "pybamm") -> dict[str,
 def write_package(kind: str, name: str, folder: Path | None = None) -> list[Path]:
     """Write the package of a new plugin.
 
-    Parameters
-    ----------
-    kind : str
-        One of the kinds that ``bsa list plugins`` shows.
-    folder : Path, optional
-        Where to; ``bsa-NAME`` by default. It must be empty, or not be there.
-
-    Returns
-    -------
-    list of Path
-        The files.
-
-    Raises
-    ------
-    BsaError
-        If there is no such kind, the name cannot be used or is taken, or the folder holds something.
+    ``kind`` is one of those that ``bsa list plugins`` shows. The folder, ``bsa-NAME`` by default, must be empty or not
+    be there. Gives the files. Raises `BsaError` if there is no such kind, the name cannot be used or is taken, or the
+    folder holds something.
     """
     known = next((one for one in KINDS if one == kind), None)
     if known is None:

@@ -16,10 +16,7 @@ _LOST_HEIGHT, _OTHER_HEIGHT = 210.0, 110.0
 def render(content: Mapping[str, Any]) -> str:
     """The page as HTML.
 
-    Parameters
-    ----------
-    content : mapping
-        What ``discovery.json`` holds.
+    ``content`` is what ``discovery.json`` holds.
     """
     chart = _modes(content["modes"])
     return template("life_discovery.html.j2").render(d=content, headline=VERDICTS[content["verdict"]], chart=chart)

@@ -16,14 +16,8 @@ _HEIGHTS = (160.0, 440.0)
 def nyquist(name: str, description: str, curves: Mapping[str, Trajectory], keys: Sequence[Key]) -> Chart:
     """The negative imaginary part over the real part; the axes show the measured spectrum well.
 
-    Parameters
-    ----------
-    name, description : str
-        The figure's, for programs and for those who cannot see it.
-    curves : mapping of str to Trajectory
-        Spectra by their style, the measured one first.
-    keys : sequence of Key
-        The legend.
+    ``name`` and ``description`` are for programs and for those who cannot see the figure; ``curves`` are spectra by
+    their style, the measured one first.
     """
     drawn = {style: _milliohm(curve) for style, curve in curves.items()}
     real, turned = (limits_around([curve[part] for curve in drawn.values()]) for part in (0, 1))

@@ -46,22 +46,9 @@ MOST_STEPS = 40
 def build_report(folder: Path, out: Path | None = None) -> Path:
     """Write the report of a run.
 
-    Parameters
-    ----------
-    folder : Path
-        The run's folder; its journal is all that is read.
-    out : Path, optional
-        The page; ``report.html`` in the run's folder by default.
-
-    Returns
-    -------
-    Path
-        Of the page, written whole or not at all.
-
-    Raises
-    ------
-    BsaError
-        If there is no journal, it is damaged, or something else lies where the page is to be.
+    The journal in its folder is all that is read. The page, ``report.html`` in that folder by default, is written whole
+    or not at all. Raises `BsaError` if there is no journal, it is damaged, or something else lies where the page is to
+    be.
     """
     if out is not None:
         check_page(out)

@@ -17,10 +17,7 @@ _WORTH_MEASURING = 0.9
 def best_score_line(objective: Quantity, best: Trial, lowest: Trial, metrics: Metrics | None) -> str:
     """Which simulation has a better score than the one that is reported; empty if none has.
 
-    Parameters
-    ----------
-    best, lowest : Trial
-        The likeliest simulation, and the one with the lowest objective.
+    ``best`` is the likeliest simulation, ``lowest`` the one with the lowest objective.
     """
     if lowest is best or metrics is None:
         return ""

@@ -14,15 +14,8 @@ _INVISIBLE = 0.15
 def thin_curve(x: FloatArray, y: FloatArray, most: int) -> NDArray[np.intp]:
     """Indices of the points that matter when a curve is drawn (Ramer-Douglas-Peucker).
 
-    Parameters
-    ----------
-    x, y : ndarray of shape (n,)
-        The curve in pixels, ``x`` never decreasing.
-
-    Returns
-    -------
-    ndarray of shape (k,)
-        Increasing, ``k <= most``; both ends are among them.
+    ``x`` and ``y``, of shape (n,), are in pixels, ``x`` never decreasing. The indices increase, are ``most`` at most,
+    and both ends are among them.
     """
     index = _extremes(x, y)
     x, y = x[index], y[index]

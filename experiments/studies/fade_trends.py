@@ -42,14 +42,8 @@ class Trend:
 def continued(cycle: FloatArray, capacity_ah: FloatArray, law: str, fitted_to: int) -> tuple[FloatArray, float]:
     """The capacities of all cycles by a law fitted to the first, A.h, and the root mean square of what it leaves, A.h.
 
-    Parameters
-    ----------
-    cycle, capacity_ah : ndarray of shape (n,)
-        Numbers of the cycles, and what was measured in them.
-    law : str
-        One of `LAWS`.
-    fitted_to : int
-        The last cycle of the fit.
+    ``cycle`` and ``capacity_ah``, of shape (n,), are what was measured; ``law`` is one of `LAWS`, and ``fitted_to`` the
+    last cycle of the fit.
     """
     columns = np.column_stack([np.ones(len(cycle)), *(part(cycle) for part in LAWS[law])])
     early = cycle <= fitted_to

@@ -29,17 +29,8 @@ def study_grid(
 ) -> GridFile:
     """Every case with every method.
 
-    Parameters
-    ----------
-    backend : BackendChoice
-        Language model of the scaffolds that ask one.
-    own_budgets : mapping of str to int, optional
-        Simulations for the cases of one base cell, in place of ``simulations``.
-
-    Raises
-    ------
-    BsaError
-        If no case is of a base cell with a budget of its own.
+    ``backend`` is that of the scaffolds that ask one; ``own_budgets`` are simulations for the cases of one base cell,
+    in place of ``simulations``. Raises `BsaError` if no case is of a base cell with a budget of its own.
     """
     tasks: list[TaskChoice] = [cases]
     included: list[Included] = []

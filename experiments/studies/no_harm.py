@@ -124,12 +124,8 @@ def _ran(rows: Sequence[Row]) -> list[Row]:
 def verdicts(rows: Sequence[Row], lowest: Mapping[str, float | None]) -> list[Verdict]:
     """Pair every cell of the hybrid with the case's cell of least squares; pairs that have not run are left out.
 
-    Parameters
-    ----------
-    rows : sequence of dict
-        Of `no_harm_grid`; the first method is the reference.
-    lowest : mapping of str to (float or None)
-        Lowest error of each cell's search, by identity.
+    Of the rows of `no_harm_grid` the first method is the reference; ``lowest`` is the lowest error of each cell's
+    search, by identity.
     """
     reference = rows[0]["scaffold"] if rows else ""
     references = {row["task"]: row for row in _ran(rows) if row["scaffold"] == reference}

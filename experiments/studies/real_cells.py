@@ -166,12 +166,7 @@ def run_cells(
 ) -> tuple[list[Row], list[str]]:
     """Run what has data; the rows, and a sentence for each cell that was skipped.
 
-    Parameters
-    ----------
-    out : Path
-        Holds a folder for each cell.
-    run : callable
-        ``run(cell, folder)`` gives the rows of one.
+    ``run(cell, folder)`` gives the rows of one; its folder is in ``out``.
     """
     rows: list[Row] = []
     remarks: list[str] = []

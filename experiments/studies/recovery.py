@@ -68,12 +68,8 @@ def write_recovery(
 ) -> None:
     """Compare what was found with the truth.
 
-    Writes ``recovery.csv`` (within-case correlations), ``held_out.csv`` and ``recovery.md``.
-
-    Parameters
-    ----------
-    seed : int
-        For the noise on the true parameters.
+    Writes ``recovery.csv`` (within-case correlations), ``held_out.csv`` and ``recovery.md``. The seed is for the noise
+    on the true parameters.
     """
     within: list[dict[str, Any]] = []
     held: list[dict[str, Any]] = []
@@ -103,10 +99,7 @@ def parameter_error(space: ParameterSpace, candidate: Candidate, truth: Candidat
 def within_case(cell: Recovered) -> dict[str, Any]:
     """How trajectory error and parameter error go together, along the incumbents and over all trials.
 
-    Returns
-    -------
-    dict
-        Correlations are NaN where fewer than three points, or no spread, allow none.
+    Correlations are NaN where fewer than three points, or no spread, allow none.
     """
     space, truth = cell.space, cell.truth
     done = [trial for trial in cell.run.trials if trial.ok and trial.metrics is not None]

@@ -16,15 +16,8 @@ _SEARCHED = {"sei": "sei", "life": "ageing"}
 def build_task(case: SuiteCase, search: str | Mapping[str, Any] | None = None) -> Task:
     """The task of a case: its base cell, its target, and generic physical bounds.
 
-    Parameters
-    ----------
-    search : str or mapping, optional
-        Search space, as in `resolve_space`; ``geometry`` by default, ``sei`` or ``ageing`` for the ageing cases.
-
-    Raises
-    ------
-    BsaError
-        If the true cell cannot be simulated at all.
+    The search space is given as in `resolve_space`; by default it is ``geometry``, or ``sei`` or ``ageing`` for the
+    ageing cases. Raises `BsaError` if the true cell cannot be simulated at all.
     """
     from ...plugins.pybamm.presets import resolve_space
 

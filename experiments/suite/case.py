@@ -77,15 +77,7 @@ class SuiteCase:
 
 
 def protocol(charge_rate: float, discharge_rate: float, highest_v: float, lowest_v: float, cycles: int = 2) -> Protocol:
-    """The paper's cycle, as PyBaMM step strings.
-
-    Parameters
-    ----------
-    charge_rate, discharge_rate : float
-        C-rates.
-    highest_v, lowest_v : float
-        Voltage cut-offs, V.
-    """
+    """The paper's cycle, as PyBaMM step strings."""
     cycle = (
         "Rest for 1 second",
         f"Charge at {charge_rate:g}C until {highest_v:g} V",

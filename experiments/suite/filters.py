@@ -35,12 +35,8 @@ def _differs(true_ah: float | None, base_ah: float | None) -> bool:
 class CompiledFilter:
     """The same filters on models that are compiled once for each cell and protocol.
 
-    For going through hundreds of cases whose targets are not needed yet: five times faster than `passes`.
-
-    Parameters
-    ----------
-    searched : tuple of str
-        Every parameter that a case may change.
+    For going through hundreds of cases whose targets are not needed yet: five times faster than `passes`. ``searched``
+    is every parameter that a case may change.
     """
 
     def __init__(self, searched: tuple[str, ...]) -> None:

@@ -111,12 +111,7 @@ def generate(
 ) -> list[SuiteCase]:
     """Draw cases at random and filter them until each base cell and mode has enough.
 
-    Parameters
-    ----------
-    seed : int
-        Order in which the combinations are tried.
-    keep : callable, optional
-        The filters, if not the paper's two.
+    The seed is the order in which the combinations are tried; ``keep`` replaces the paper's two filters.
     """
     test = keep or CompiledFilter(COLUMNS)
     pools: dict[tuple[str, str], list[SuiteCase]] = {}

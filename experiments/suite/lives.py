@@ -49,14 +49,7 @@ MATERIAL: tuple[Mechanism, ...] = (
 def life_cases(seed: int, count: int = 20, cycles: int = 200) -> dict[str, SuiteCase]:
     """Ageing cases by key (``life-0``, ``life-1``, ...).
 
-    Parameters
-    ----------
-    seed : int
-        Seed; a case depends on it and on its own number, not on how many are asked for.
-    count : int
-        How many.
-    cycles : int
-        Cycles of each.
+    A case depends on the seed and on its own number, not on how many are asked for.
     """
     cases = (_draw(seed, number, cycles) for number in range(count))
     return {case.key: case for case in cases}

@@ -37,15 +37,7 @@ class PublishedEntry(BaseModel):
 def find_reference_suite(folder: Path | None = None) -> Path:
     """The folder of the published files.
 
-    Parameters
-    ----------
-    folder : Path, optional
-        Where the user says they are; ``../shared/reference-suite`` beside the repository otherwise.
-
-    Raises
-    ------
-    BsaError
-        If they are not there.
+    By default ``../shared/reference-suite`` beside the repository. Raises `BsaError` if they are not there.
     """
     place = folder or _BESIDE_THE_REPOSITORY
     if not all((place / name).is_file() for name in FILES.values()):
@@ -59,15 +51,7 @@ def find_reference_suite(folder: Path | None = None) -> Path:
 def published_cases(folder: Path | None = None, sei_cycles: int = SEI_CYCLES) -> dict[str, SuiteCase]:
     """The published cases by key (``regular-134``, ``extreme-12``, ``sei-3``).
 
-    Parameters
-    ----------
-    folder : Path, optional
-        As in `find_reference_suite`.
-
-    Raises
-    ------
-    BsaError
-        If a file is missing or an entry makes no sense.
+    The folder is as in `find_reference_suite`. Raises `BsaError` if a file is missing or an entry makes no sense.
     """
     place = find_reference_suite(folder)
     cases: dict[str, SuiteCase] = {}

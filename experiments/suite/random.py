@@ -41,14 +41,8 @@ def random_cases(
 ) -> dict[str, SuiteCase]:
     """Random cases that pass the filters, by key (``random-0``, ``random-1``, ...).
 
-    Parameters
-    ----------
-    seed : int
-        Seed; a case depends on it and on its own number, not on how many are asked for.
-    noise : Noise, optional
-        Measurement noise of the targets; none by default.
-    keep : callable, optional
-        The filters, if not the paper's two.
+    A case depends on the seed and on its own number, not on how many are asked for. ``keep`` replaces the paper's two
+    filters; targets have no noise by default.
     """
     test = keep or passes
     cases = (_draw(seed, number, noise or Noise(), test) for number in range(count))

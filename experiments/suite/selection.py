@@ -28,19 +28,8 @@ def load_suite(
 ) -> dict[str, SuiteCase]:
     """The cases of a suite, by key.
 
-    Parameters
-    ----------
-    name : str
-        ``"published"``, ``"generated"``, ``"random"`` or ``"lives"``.
-    seed, count : int
-        Of the random suite and of lives.
-    noise : Noise, optional
-        Measurement noise put on every target.
-
-    Raises
-    ------
-    BsaError
-        If there is no such suite, or its files are missing.
+    ``name`` is one of `SUITES`; seed and count are of the random suite and of lives; noise is put on every target.
+    Raises `BsaError` if there is no such suite, or its files are missing.
     """
     if name not in SUITES:
         raise BsaError(f'there is no suite "{name}".', did_you_mean(name, SUITES) or f"suites: {', '.join(SUITES)}.")
@@ -60,19 +49,9 @@ def choose(
 ) -> dict[str, SuiteCase]:
     """A part of a suite.
 
-    Parameters
-    ----------
-    wanted : int, str, sequence of str, optional
-        A number (taken in turn from every mode and base cell, so that 10 of the published suite are one
-        of each), keys or patterns (``"regular-134"``, ``"extreme-*"``, or several joined by commas); all
-        by default. Ageing cases come only when named: they take hours.
-    seed : int
-        Which of them a number takes.
-
-    Raises
-    ------
-    BsaError
-        If a key or pattern fits no case.
+    ``wanted`` is a number (taken in turn from every mode and base cell, so that 10 of the published suite are one of
+    each; the seed says which), keys or patterns (``"regular-134"``, ``"extreme-*"``, or several joined by commas); all
+    by default. Ageing cases come only when named: they take hours. Raises `BsaError` if a key or pattern fits no case.
     """
     if isinstance(wanted, str) and wanted.strip().isdigit():
         wanted = int(wanted)

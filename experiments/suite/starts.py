@@ -23,11 +23,8 @@ def start_name(key: str, number: int) -> str:
 def started(task: Task, number: int) -> Task:
     """The task with another start.
 
-    Parameters
-    ----------
-    number : int
-        0 leaves it as it is. Any other draws every parameter at random in the middle half of its range, on its own
-        scale, by the task's name and this number.
+    0 leaves it as it is. Any other number draws every parameter at random in the middle half of its range, on its own
+    scale, by the task's name and this number.
     """
     if number == BASE_CELL:
         return task

@@ -37,10 +37,7 @@ def cell_of(case: SuiteCase) -> CellModel:
 def experiment_of(case: SuiteCase, charge_rate: float | None = None, discharge_rate: float | None = None) -> Experiment:
     """The case's experiment without its target.
 
-    Parameters
-    ----------
-    charge_rate, discharge_rate : float, optional
-        Other C-rates than the case's, for held-out protocols.
+    Other C-rates than the case's are for held-out protocols.
     """
     from ...plugins.pybamm.parameter_sets import load
 
@@ -65,10 +62,7 @@ def experiment_of(case: SuiteCase, charge_rate: float | None = None, discharge_r
 def target_of(case: SuiteCase) -> ExperimentRun:
     """The record that the case asks to match, noise included.
 
-    Returns
-    -------
-    ExperimentRun
-        With a partial trajectory where PyBaMM cannot finish the true cell (one published task).
+    The trajectory is partial where PyBaMM cannot finish the true cell (one published task).
     """
     run = reference_run(cell_of(case), experiment_of(case), case.hidden)
     if not case.noise or run.trajectory is None:

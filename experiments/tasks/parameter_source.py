@@ -24,16 +24,8 @@ _LARGEST_FILE = 2**24
 def parameter_source(given: str) -> ParameterSource:
     """What ``--parameters`` means.
 
-    Parameters
-    ----------
-    given : str
-        The name of an installed set, a JSON file (BPX, or PyBaMM's parameter values), a run's folder, or the
-        ``best_parameters.json`` in one.
-
-    Raises
-    ------
-    BsaError
-        If a file or a run cannot be read.
+    The name of an installed set, a JSON file (BPX, or PyBaMM's parameter values), a run's folder, or the
+    ``best_parameters.json`` in one. Raises `BsaError` if a file or a run cannot be read.
     """
     path = Path(given)
     if (path / JOURNAL).is_file():
@@ -90,18 +82,8 @@ def _calibrated(run: RunRecord) -> ParameterFile:
 def start_from(run: RunRecord, search: str | Mapping[str, Any] | None) -> tuple[ParameterSource, dict[str, float]]:
     """Base parameters and overrides that begin where a run ended.
 
-    Parameters
-    ----------
-    search : str, mapping or None
-        What is searched now; None takes what the run searched, around the run's own base.
-
-    Returns
-    -------
-    parameter_set : str or ParameterFile
-        The run's base where its own search goes on; else the calibrated cell, so that what is not searched any more
-        stays as it was found.
-    overrides : dict of str to float
-        Of that base.
+    Without a search of its own a run goes on with that of the earlier one, around its base. With one the base is the
+    calibrated cell, so that what is not searched any more stays as it was found.
     """
     if search is None:
         return run.task.cell.parameter_set, dict(run.task.cell.overrides)

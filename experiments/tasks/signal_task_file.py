@@ -117,17 +117,8 @@ class SignalTaskFile(BaseModel, extra="forbid"):
 def load_signal_task(content: Mapping[str, Any], path: Path) -> Task:
     """The task that a file's content describes, with its records read.
 
-    Parameters
-    ----------
-    content : mapping
-        Of the file. Untrusted.
-    path : Path
-        The file: records lie relative to it, and messages name it.
-
-    Raises
-    ------
-    BsaError
-        Naming the file, the key and the nearest valid key.
+    The content is untrusted; records lie relative to the file, and messages name it. Raises `BsaError` naming the file,
+    the key and the nearest valid key.
     """
     file = validated(SignalTaskFile, content, str(path))
     try:

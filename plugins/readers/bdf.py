@@ -65,19 +65,8 @@ class BdfParquet:
 def write(data: Record | Trajectory, path: Path, steps: bool = False) -> None:
     """Write Battery Data Format; time, voltage and current come back exactly as they are.
 
-    Parameters
-    ----------
-    data : Record or Trajectory
-        What to write; the current is turned positive on charge.
-    path : Path
-        The file to write; ``.parquet`` for Parquet, anything else is text.
-    steps : bool
-        Whether the numbers of cycles and steps are written as well.
-
-    Raises
-    ------
-    BsaError
-        If the file cannot be written.
+    The current of the record or trajectory is turned positive on charge. ``.parquet`` is written as Parquet, anything
+    else as text; ``steps`` adds the numbers of cycles and steps. Raises `BsaError` if the file cannot be written.
     """
     trajectory = data.trajectory if isinstance(data, Record) else data
     ambient_k = data.ambient_k if isinstance(data, Record) else None

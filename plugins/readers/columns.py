@@ -134,17 +134,8 @@ def resolve(
 ) -> dict[Signal, Column]:
     """Find the column of each signal.
 
-    Parameters
-    ----------
-    units : sequence of str or None
-        A row of units beneath the header.
-    options : ReadOptions
-        What the user said; it goes before what the names suggest.
-
-    Raises
-    ------
-    BsaError
-        If a signal has no column, two columns, or a unit that is not known.
+    ``units`` is a row of units beneath the header; what the user said in the options goes before what the names
+    suggest. Raises `BsaError` if a signal has no column, two columns, or a unit that is not known.
     """
     places: dict[Signal, int] = {}
     for signal in SIGNALS:

@@ -20,11 +20,8 @@ _ISO = re.compile(r"\d{4}-\d\d-\d\d")
 def seconds_of(texts: Sequence[str]) -> FloatArray | None:
     """Dates as seconds since 1970, NaN where a cell holds none; None where the column holds no dates.
 
-    Parameters
-    ----------
-    texts : sequence of str
-        Cells of one column, written alike: numbers (seconds since 1970), ISO 8601, or a date of which the month
-        comes before the day unless it cannot (``3/11/2017 8:47:03 AM``).
+    The cells of one column are written alike: numbers (seconds since 1970), ISO 8601, or a date of which the month
+    comes before the day unless it cannot (``3/11/2017 8:47:03 AM``).
     """
     first = next((text for text in texts if text), "")
     try:

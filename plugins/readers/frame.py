@@ -18,18 +18,8 @@ if TYPE_CHECKING:
 def read_frame(frame: pandas.DataFrame, options: ReadOptions, name: str) -> Samples:
     """Read the signals of a DataFrame.
 
-    Parameters
-    ----------
-    frame : pandas.DataFrame
-        One row a sample; columns are recognised by name as those of a text table are, or said with
-        ``options.columns``. Rows count from 1 in messages.
-    options : ReadOptions
-        What the names do not say.
-
-    Raises
-    ------
-    BsaError
-        Naming the column or the row at fault.
+    One row a sample; columns are recognised by name as those of a text table are, or said with ``options.columns``.
+    Rows count from 1 in messages. Raises `BsaError` naming the column or the row at fault.
     """
     if len(frame) == 0:
         raise BsaError(f"the DataFrame {shown(name)} has no rows.", "give one row a sample.")

@@ -84,19 +84,8 @@ def spectrum_of(
 ) -> ImpedanceSpectrum:
     """Read the spectrum of a table.
 
-    Parameters
-    ----------
-    table : Table or ArrayTable
-        Where the numbers are; rows without three numbers are left out.
-    options : ReadOptions
-        Rows to keep, and the temperature where the file has none.
-    unit : {'ohm', 'mohm'}, optional
-        Unit of the impedance, in place of the header's.
-
-    Raises
-    ------
-    BsaError
-        If a column or its unit cannot be told, or fewer than five points are left.
+    Rows without three numbers are left out, and those that the options do not keep; ``unit``, ohm or mohm, is taken in
+    place of the header's. Raises `BsaError` if a column or its unit cannot be told, or fewer than five points are left.
     """
     columns = _columns(table.header)
     if columns is None:

@@ -51,12 +51,8 @@ class _Elements:
 def too_deep(data: bytes, order: Literal["little", "big"]) -> bool:
     """Whether a variable, unpacked, nests its structs and cells more than `MOST` deep.
 
-    Parameters
-    ----------
-    data : bytes
-        The element of the variable, its tag included; false where it is damaged, which SciPy then says.
-    order : {'little', 'big'}
-        Byte order of the file.
+    ``data`` is the element of the variable, its tag included; one that is damaged is not, which SciPy then says.
+    ``order`` is the byte order of the file.
     """
     elements = _Elements(data, order)
     waiting = [1]  # how many arrays are still to come at each depth

@@ -23,20 +23,8 @@ _COMPRESSED = 15
 def load(path: Path, source: str) -> dict[str, Any]:
     """Read all variables.
 
-    Parameters
-    ----------
-    source : str
-        Its printable name.
-
-    Returns
-    -------
-    dict
-        Structs as mappings, struct arrays and cell arrays of structs as lists, columns as arrays of shape (n,).
-
-    Raises
-    ------
-    BsaError
-        If the file is damaged or too large, or h5py is needed and absent.
+    Structs are mappings, struct arrays and cell arrays of structs lists, columns arrays of shape (n,). Raises
+    `BsaError` if the file is damaged or too large, or h5py is needed and absent.
     """
     with decoding(source, "MATLAB file", "save it again in MATLAB, or download it again."):
         with open(path, "rb") as file:

@@ -31,10 +31,7 @@ RATIO_BYTES = 64 * 2**20
 def decoding(source: str, kind: str, hint: str) -> Iterator[None]:
     """Say in one line that a file is damaged, whatever it provokes in the library that decodes it.
 
-    Parameters
-    ----------
-    kind : str
-        What it should be: ``"MATLAB file"``.
+    ``kind`` is what it should be: ``"MATLAB file"``.
     """
     try:
         yield

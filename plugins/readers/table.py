@@ -45,19 +45,9 @@ class Table:
     def numbers(self, wanted: Mapping[int, str], where: Mapping[str, str], texts: Sequence[int] = ()) -> Numbers:
         """Read columns.
 
-        Parameters
-        ----------
-        wanted : mapping of int to str
-            Places and names of the columns.
-        where : mapping of str to str
-            Columns and the values that a row must have to be kept.
-        texts : sequence of int
-            Places of columns that are wanted as they are written; an absent cell is empty.
-
-        Raises
-        ------
-        BsaError
-            Naming the row, the column and the value of a cell that is no number.
+        ``wanted`` are places and names of the columns, ``where`` columns and the values that a row must have to be
+        kept, ``texts`` places of columns that are wanted as they are written; an absent cell is empty. Raises
+        `BsaError` naming the row, the column and the value of a cell that is no number.
         """
         conditions = row_conditions(self.header, where, self.source)
         width = len(self.header)
