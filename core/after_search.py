@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from .journal import Journal
-from .journalled_simulations import JournalledSimulations
+from .later_simulations import NOT_FITTED, REFERENCE, JournalledSimulations, WatchedSimulations
 from .metrics import Metrics, decode_metrics, evaluate
 from .post_fit_analysis import PostFitAnalysis, analyse
 from .prediction import HELD_OUT, Prediction, decode_prediction, encode_prediction, predict
@@ -17,7 +17,6 @@ from .run_plugins import RunPlugins
 from .simulation import Outcome
 from .task import Task
 from .trial import Trial
-from .watched_simulations import NOT_FITTED, REFERENCE, WatchedSimulations
 
 ANALYSIS, SCORE = "appraisal", "score"
 """Events of the journal; the first is called as it was when journals began."""

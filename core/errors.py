@@ -36,17 +36,7 @@ class BsaError(Exception):
 def did_you_mean(name: str, choices: Iterable[str]) -> str:
     """Name the closest valid choice, as the start of a hint.
 
-    Parameters
-    ----------
-    name : str
-        What was written.
-    choices : iterable of str
-        What would have been valid.
-
-    Returns
-    -------
-    str
-        ``'did you mean "..."?'``, or an empty string when nothing comes close.
+    ``'did you mean "..."?'``, or an empty string when nothing comes close.
     """
     by_folded = {choice.casefold(): choice for choice in choices}
     folded = name.casefold()

@@ -5,7 +5,7 @@ journal. Proposers and memories so rebuild their state by being asked the same q
 """
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal, Protocol
@@ -235,22 +235,13 @@ class Run:
 
         for reduction in dict.fromkeys(reductions[place] for place in todo):
             places = [place for place in todo if reductions[place] == reduction]
-            self._simulate_reduced([candidates[place] for place in places], reduction, places, report)
+            for position, outcome in self._outcomes([candidates[place] for place in places], reduction):
+                report(places[position], outcome)
         for place in range(len(candidates)):
             self._trials.append(done[place])
             self._plugins.remember(done[place], proposal)
             if self._listener:
                 self._listener.tried(done[place], self.lowest, self._recorder.usage)
-
-    def _simulate_reduced(
-        self,
-        candidates: Sequence[Candidate],
-        reduction: TaskReduction | None,
-        places: Sequence[int],
-        report: Callable[[int, Outcome], None],
-    ) -> None:
-        for position, outcome in self._outcomes(candidates, reduction):
-            report(places[position], outcome)
 
     def _outcomes(
         self, candidates: Sequence[Candidate], reduction: TaskReduction | None

@@ -158,12 +158,10 @@ class Backend(Protocol):
     @property
     def name(self) -> str:
         """What the model is called in results and reports."""
-        ...
 
     @property
     def sees_images(self) -> bool:
         """Whether images are worth sending."""
-        ...
 
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
         """Answer the conversation with one JSON object.
@@ -194,8 +192,6 @@ class Backend(Protocol):
         BsaError
             When the backend cannot work at all (no key, no such model).
         """
-        ...
 
     def close(self) -> None:
         """Release what the backend holds."""
-        ...

@@ -14,9 +14,6 @@ _DEVIATION_OF_MEDIAN = 1.4826
 def robust_deviation(deviations: Any) -> float:
     """Standard deviation from the median of the sizes: half of the values may be outliers.
 
-    Parameters
-    ----------
-    deviations : array_like of shape (n,)
-        Centred on zero, in any unit.
+    The deviations, of shape (n,), are centred on zero, in any unit.
     """
     return _DEVIATION_OF_MEDIAN * float(np.median(np.abs(deviations)))

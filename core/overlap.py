@@ -32,17 +32,8 @@ def overlap_rms(simulated: Trajectory, target: Trajectory, signal: str, driven: 
 def differences(simulated: Trajectory, target: Trajectory, signal: str, driven: bool) -> tuple[FloatArray, FloatArray]:
     """Simulated minus measured over the time that both cover, each on its own clock from its first sample.
 
-    Parameters
-    ----------
-    driven : bool
-        Whether measured signals drove the simulation.
-
-    Returns
-    -------
-    time : ndarray of shape (k,)
-        Seconds since the first sample.
-    difference : ndarray of shape (k,)
-        In the signal's unit.
+    ``driven``: measured signals drove the simulation. Gives seconds since the first sample, and the difference in the
+    signal's unit, both of shape (k,).
     """
     ours, theirs = _without_ties(simulated.time), _without_ties(target.time)
     end = min(ours[-1], theirs[-1])

@@ -29,38 +29,22 @@ relative error of what is left would mean nothing. Its charge is then that of it
 class PaperMetrics(Metrics):
     """Errors of one trial, averaged over the experiments of its task.
 
-    Attributes
-    ----------
-    objective : float
-        The number that "best" means: ``mape`` where a protocol was simulated, ``v_rmse_mv`` where the
-        measured current drove the cell (current and charge then match by construction); where weights are robust,
-        the same over 99 % of the time.
-    mape : float
-        The paper's total: ``q_mape + i_mape + v_mape``, in percent.
-    q_mape : float
-        Percentage error of the charge drawn from the start of the record to the end of the scored part,
-        one number (the reading that reproduces the paper's "Default" rows; as a curve it does not). Of a record that
-        ends where it began, the discharged charge.
-    i_mape, v_mape : float
-        Mean absolute percentage error of current and voltage.
-    rmse : float
-        Sum of the three root-mean-square errors (A.h, A, V), as in the paper.
-    v_rmse_mv : float
-        Root-mean-square voltage error over the time both records cover, in mV.
-    step_duration_error : float
-        Mean over the steps of ``|ln(simulated duration / measured duration)|``.
-    capacity_error : float
-        Relative error of the discharged capacity of the scored part.
+    The objective is ``mape`` where a protocol was simulated, ``v_rmse_mv`` where the measured current drove the cell
+    (current and charge then match by construction); where weights are robust, the same over 99 % of the time.
     """
 
-    mape: float
+    mape: float  # The paper's total, ``q_mape + i_mape + v_mape``, in percent.
+    # Percentage error of the charge drawn from the start of the record to the end of the scored part, one number (the
+    # reading that reproduces the paper's "Default" rows; as a curve it does not). Of a record that ends where it began,
+    # the discharged charge.
     q_mape: float
+    # i_mape, v_mape: Mean absolute percentage error of current and voltage.
     i_mape: float
     v_mape: float
-    rmse: float
-    v_rmse_mv: float
-    step_duration_error: float
-    capacity_error: float
+    rmse: float  # Sum of the three root-mean-square errors (A.h, A, V), as in the paper.
+    v_rmse_mv: float  # Root-mean-square voltage error over the time both records cover, mV.
+    step_duration_error: float  # Mean over the steps of ``|ln(simulated duration / measured duration)|``.
+    capacity_error: float  # Relative error of the discharged capacity of the scored part.
 
 
 _VOLTAGE_RMSE = Quantity("v_rmse_mv", "Voltage RMSE", "mV", told="voltage_rmse_mv")
@@ -122,10 +106,7 @@ def require_paper(task: Task, who: str) -> None:
 def evaluate(task: Task, outcome: Outcome) -> PaperMetrics | None:
     """Compare an outcome with the task's targets.
 
-    Returns
-    -------
-    PaperMetrics or None
-        None if an experiment failed before the part that is scored.
+    None if an experiment failed before the part that is scored.
     """
     rows: list[PaperMetrics] = []
     for experiment, run in zip(task.experiments, outcome.runs, strict=True):

@@ -1,9 +1,11 @@
 """What may be varied: parameters with bounds and scale, and the space they span."""
 
+from __future__ import annotations
+
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -184,6 +186,10 @@ class ParameterSpace:
     def initial(self) -> dict[str, float]:
         """The candidate at which a search starts."""
         return {parameter.name: parameter.initial for parameter in self}
+
+    def started(self, values: Candidate) -> ParameterSpace:
+        """The same space, searched from other values; parameters that are not among them start where they did."""
+        return ParameterSpace(tuple(replace(one, initial=values.get(one.name, one.initial)) for one in self))
 
     def project(self, candidate: Candidate) -> dict[str, float]:
         """The projection Π of the paper (Eq. 4): each value to its nearest bound."""

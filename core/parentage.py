@@ -13,12 +13,9 @@ _PR_SET_PDEATHSIG = 1
 def end_with_parent(at_once: bool = False) -> None:
     """End this process as soon as the one that started it is gone, killed or not.
 
-    Parameters
-    ----------
-    at_once : bool
-        Whether the kernel may see to it, where it can (Linux): compiled code that runs for long does not keep the
-        process alive then. The kernel means the *thread* that started this process, so only where that was the
-        main thread, which lasts as long as its process.
+    ``at_once``: the kernel may see to it, where it can (Linux), so that compiled code that runs for long does not keep
+    the process alive. The kernel means the *thread* that started this process, so only where that was the main thread,
+    which lasts as long as its process.
     """
     parent = multiprocessing.parent_process()
     if parent is None:

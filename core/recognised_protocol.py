@@ -64,19 +64,8 @@ def recognised_protocol(record: Trajectory, name: str) -> tuple[tuple[str, ...],
     """Cycles of steps in amperes and volts, as PyBaMM step strings.
 
     Charges and discharges end by voltage where they come to the record's highest or lowest, holds by current where it
-    falls; all else by time.
-
-    Parameters
-    ----------
-    record : Trajectory
-        Cut into steps that begin where the one before ended (`with_switches`).
-    name : str
-        The record's, for messages.
-
-    Raises
-    ------
-    BsaError
-        If a step is none that a protocol has, such as a drive cycle.
+    falls; all else by time. The record is cut into steps that begin where the one before ended (`with_switches`);
+    ``name`` is for messages. Raises `BsaError` if a step is none that a protocol has, such as a drive cycle.
     """
     limits = voltage_limits(record)
     return tuple(tuple(str(step) for step in seen_steps(record.cycle(n), limits, name)) for n in record.cycles)

@@ -92,7 +92,6 @@ class Reader(Protocol):
 
         Cheap, and false rather than an error for anything strange.
         """
-        ...
 
     def read(self, path: Path, options: ReadOptions) -> Samples | ImpedanceSpectrum:
         """Read the signals of the file, or the impedance spectrum that it holds.
@@ -111,4 +110,3 @@ class Reader(Protocol):
         BsaError
             Naming the file, the row or column at fault and its value.
         """
-        ...

@@ -123,7 +123,6 @@ class Layer(Protocol):
 
     def recorded_by(self, recorder: Recorder) -> Backend:
         """The same, with the backend inside recorded (`Recorder.around`)."""
-        ...
 
 
 def is_outcome(event: Mapping[str, Any]) -> bool:

@@ -137,12 +137,8 @@ def _clean(value: Any) -> Any:
 class _KindReader:
     """Reads JSON as people and small models write it.
 
-    Attributes
-    ----------
-    position : int
-        The next character to be read.
-    complete : bool
-        False once the text ended too early and open strings, lists and objects were closed for it.
+    ``position`` is the next character to be read; ``complete`` is False once the text ended too early and open strings,
+    lists and objects were closed for it.
     """
 
     def __init__(self, text: str, position: int) -> None:

@@ -59,15 +59,11 @@ class Quantity:
 class SignalMetrics(Metrics):
     """The misfit of all observed signals, and the error of each.
 
-    Attributes
-    ----------
-    objective : float
-        Root mean square of the residuals, in tolerances: about 1 where the record is matched to its noise.
-    rmse : mapping of str to float
-        Root-mean-square error of each observed signal over the time both records cover, by name, in its
-        shown unit.
+    The objective is the root mean square of the residuals, in tolerances: about 1 where the record is matched to its
+    noise.
     """
 
+    # Root-mean-square error of each observed signal over the time both records cover, by name, in its shown unit.
     rmse: Mapping[str, float]
 
     def value(self, key: str) -> float:

@@ -98,15 +98,10 @@ def ocp_name(electrode: str) -> str:
 def target_named(name: str, known: Iterable[str] = ()) -> Target:
     """The target that a person's notation means.
 
-    Parameters
-    ----------
-    name : str
-        ``"NAME"`` for a value, ``"NAME factor"`` for a multiplier, ``"Initial state of charge"`` (of one record:
-        ``"Initial state of charge: RECORD"``), ``"Cyclable lithium factor"``,
-        ``"Positive electrode OCP correction at stoichiometry 0.3 [V]"`` or
-        ``"Positive particle diffusivity factor at stoichiometry 0.9"``.
-    known : iterable of str, optional
-        Names of the parameter set: one of these is a value, whatever it ends with.
+    ``"NAME"`` is a value, ``"NAME factor"`` a multiplier. Others are ``"Initial state of charge"`` (of one record:
+    ``"Initial state of charge: RECORD"``), ``"Cyclable lithium factor"``, ``"Positive electrode OCP correction at
+    stoichiometry 0.3 [V]"`` and ``"Positive particle diffusivity factor at stoichiometry 0.9"``. ``known`` are names of
+    the parameter set: one of these is a value, whatever it ends with.
     """
     if name == INITIAL_SOC:
         return InitialSoc()

@@ -135,7 +135,9 @@ def discover_on(
         ranking=asked[-1] if asked else None,
         notes=[*setup.notes, *(f"not built: {name}: {why}" for name, why in setup.simulator.refused.items())],
     )
-    rival = findings.rivals[0] if findings.rivals else _second(findings.explanations, findings.best)
+    best = findings.best
+    others = (one for one in findings.explanations if one is not best and one.names != best.names)
+    rival = next(iter([*findings.rivals, *others]), None)
     if findings.verdict in ("ambiguous", "unexplained") and (rival or findings.best.effects):
         # Where one explanation alone came near, the test is whether it is any better than none.
         rival = rival or findings.base
@@ -159,7 +161,3 @@ def _predicted(problem: Problem, explanation: Explanation) -> list[Prediction]:
     predictions = problem.predict(explanation.effects, explanation.fit.candidate)
     assert predictions is not None, "a fit ends where it could be simulated"
     return predictions
-
-
-def _second(explanations: Sequence[Explanation], best: Explanation) -> Explanation | None:
-    return next((e for e in explanations if e is not best and e.names != best.names), None)

@@ -14,7 +14,6 @@ from ..core.discovery.observations import FLOOR_V
 from ..core.discovery.simulator import MeasuredRecord
 from ..core.errors import BsaError, did_you_mean
 from ..core.journal import check_run_folder
-from ..core.reading.reading import read_record
 from ..core.record import ReadOptions, Record
 from ..core.target import CyclableLithium, Factor, Value, factor_name, target_named
 from ..core.task import CellModel, Task
@@ -47,12 +46,6 @@ class RecordFile(BaseModel, extra="forbid"):
     def files(self) -> list[Path]:
         """All of its files."""
         return [self.path, *self.joined]
-
-    def source(self) -> Path | Record:
-        """The file, or what was read from several."""
-        if not self.joined:
-            return self.path
-        return read_record(self.files, self.read, reader=self.reader, reader_options=self.reader_options)
 
 
 class Uncertainty(BaseModel, extra="forbid"):
@@ -233,10 +226,11 @@ def read_life(options: DiscoverOptions) -> Task:
 
 
 def _request(options: DiscoverOptions, file: RecordFile) -> RecordRequest:
-    from .tasks.record_request import RecordRequest
+    from .tasks.record_request import RecordRequest, source_of
 
     temperature_k = None if options.ambient_c is None else options.ambient_c + 273.15
-    asked = RecordRequest(file.source(), file.read, file.reader, file.reader_options, temperature_k=temperature_k)
+    source = source_of(file.files, file.read, file.reader, file.reader_options)
+    asked = RecordRequest(source, file.read, file.reader, file.reader_options, temperature_k=temperature_k)
     found = asked.load()
     if not isinstance(found, Record):
         raise BsaError(
@@ -253,10 +247,6 @@ def _parts(options: DiscoverOptions, file: RecordFile) -> list[tuple[str, Record
     return [(stem if len(parts) == 1 else f"{stem}, part {n}", part) for n, part in enumerate(parts, start=1)]
 
 
-def _read_search(file: str) -> dict[str, Uncertainty | None]:
-    return validated(SearchFile, read_yaml(Path(file)), file).factors
-
-
 def spreads_of(search: str | dict[str, Uncertainty | None], cell: CellModel) -> dict[str, tuple[float, float, float]]:
     """What is uncertain, from a preset, a file or factors by name."""
     from ..plugins.pybamm.parameter_sets import require
@@ -268,7 +258,7 @@ def spreads_of(search: str | dict[str, Uncertainty | None], cell: CellModel) -> 
         if not Path(search).exists():
             hint = did_you_mean(search, PRESETS) or f"presets: {', '.join(PRESETS)}; or the path of a YAML file."
             raise BsaError(f'there is no preset or file "{search}" of uncertain parameters.', hint)
-        search = _read_search(search)
+        search = validated(SearchFile, read_yaml(Path(search)), search).factors
     spreads = {}
     for name, own in search.items():
         target = target_named(name)

@@ -8,13 +8,13 @@ from typing import Any
 from ..core.errors import BsaError
 from ..core.files import write_json, write_text
 from ..core.hooks import RunContext
+from ..core.later_simulations import NOT_FITTED, WatchedSimulations
 from ..core.loop import Listener
 from ..core.prediction import Prediction, predict
 from ..core.record_errors import misfits
 from ..core.registry import installed
 from ..core.run_plugins import RunPlugins
 from ..core.scaffold import Scaffold
-from ..core.watched_simulations import NOT_FITTED, WatchedSimulations
 from .run_record import RunRecord, read_run
 from .tasks.record_request import RecordRequest
 from .tasks.records import holding_out
@@ -74,8 +74,8 @@ def _unwatched(purpose: str, done: int, total: int) -> None:
 
 def write_scores(scored: ScoredRecords, out: Path) -> Path:
     """Write ``prediction.json`` and ``prediction.html``; the path of the page."""
-    from .report.prediction import render
+    from .report.page import render_prediction
 
     write_json(out / RESULT, scored.to_json(), indent=2)
-    write_text(out / PAGE, render(scored.run))
+    write_text(out / PAGE, render_prediction(scored.run))
     return out / PAGE

@@ -198,9 +198,9 @@ class Records:
         files = [source for source in self.sources if isinstance(source, Path)]
         if not (self.read.join and len(files) == len(self.sources) > 1):
             return self.sources
-        from ..core.reading.reading import read_record
+        from .tasks.record_request import source_of
 
-        return [read_record(files, self.read, reader=self.reader, reader_options=self.reader_options)]
+        return [source_of(files, self.read, self.reader, self.reader_options)]
 
 
 @dataclass(frozen=True)

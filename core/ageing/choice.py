@@ -55,17 +55,8 @@ def _smooth(values: np.ndarray) -> np.ndarray:
 def kept_cycles(count: int, table: CycleTable | None = None, most: int = KEPT) -> tuple[int, ...]:
     """The cycles of a record whose curves are kept.
 
-    Parameters
-    ----------
-    count : int
-        How many cycles the record has.
-    table : CycleTable, optional
-        Its cycle table, whose bends are kept too. Only cycles of the table are chosen.
-
-    Returns
-    -------
-    tuple of int
-        The first, the last, the bends, and others that lie denser in early life, where cells change fastest.
+    Of ``count`` cycles those of the table alone are chosen, where there is one: the first, the last, its bends, and
+    others that lie denser in early life, where cells change fastest.
     """
     wanted = [1, count]
     if table is not None:
@@ -87,15 +78,7 @@ def shown_cycles(
 ) -> dict[int, str]:
     """The cycles to look at in one round, each with the reason for it: the same number for any length of record.
 
-    Parameters
-    ----------
-    asked : sequence of int
-        Cycles that were asked for; the nearest kept ones stand for them.
-
-    Returns
-    -------
-    dict of int to str
-        In the order of the cycles.
+    For cycles that were asked for stand the nearest kept ones. In the order of the cycles.
     """
     wanted: list[tuple[float | None, str]] = [(kept[0], "first"), (kept[-1], "last")]
     wanted += [(cycle, f"asked for ({cycle})") for cycle in asked[:most]]

@@ -14,15 +14,8 @@ from .summary import discharged_ah, in_sequence, line_of, table_of
 def long_record(whole: Trajectory, wanted: Sequence[int] | None = None) -> Trajectory:
     """A record as its cycle table and the curves of a few cycles.
 
-    Parameters
-    ----------
-    wanted : sequence of int, optional
-        The cycles whose curves are kept; left out, the first, the last, the bends of the fade, and some between.
-
-    Raises
-    ------
-    BsaError
-        If no cycle has a discharge, or a wanted cycle does not exist.
+    ``wanted`` are the cycles whose curves are kept; left out, the first, the last, the bends of the fade, and some
+    between. Raises `BsaError` if no cycle has a discharge, or a wanted cycle does not exist.
     """
     table = measured_table(whole, whole.cycles)
     kept = kept_cycles(whole.cycles[-1], table) if wanted is None else tuple(sorted(set(wanted)))

@@ -30,17 +30,8 @@ class TypicalCycle:
 def typical_cycle(whole: Trajectory, name: str) -> TypicalCycle:
     """The most frequent sequence of steps, each with the median of its currents, voltages and durations.
 
-    Parameters
-    ----------
-    whole : Trajectory
-        All cycles, cut into steps that begin where the one before ended.
-    name : str
-        The record's, for messages.
-
-    Raises
-    ------
-    BsaError
-        If a step is none that a protocol has, such as a drive cycle.
+    ``whole`` is cut into steps that begin where the one before ended; ``name`` is the record's, for messages. Raises
+    `BsaError` if a step is none that a protocol has, such as a drive cycle.
     """
     limits = voltage_limits(whole)
     kinds = {number: tuple(step.kind for step in whole.cycle(number).steps) for number in whole.cycles}

@@ -29,16 +29,7 @@ DRIFT_SHARE = 0.002
 def charge_notes(samples: Samples, trajectory: Trajectory) -> list[str]:
     """What a user should know about the charge of a record.
 
-    Parameters
-    ----------
-    samples : Samples
-        The checked samples, current positive on discharge.
-    trajectory : Trajectory
-        The same samples, cut into steps.
-
-    Returns
-    -------
-    list of str
+    The checked samples, current positive on discharge, come with the same cut into steps.
     """
     passed = counted_between(samples)
     notes = [] if passed is None else _of_counter(samples, trajectory.discharge_capacity, passed)

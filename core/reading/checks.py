@@ -23,21 +23,8 @@ MIN_SAMPLES = 10
 def to_record(samples: Samples, options: ReadOptions) -> Record:
     """Check the samples, repair what is safe, turn the current and cut the record into steps.
 
-    Parameters
-    ----------
-    samples : Samples
-        As they stand in the file.
-    options : ReadOptions
-        Sign of the current, cycles to keep, ambient temperature.
-
-    Returns
-    -------
-    Record
-
-    Raises
-    ------
-    BsaError
-        Naming the file, the row or column at fault and its value.
+    The options tell the sign of the current, the cycles to keep, and the ambient temperature. Raises `BsaError` naming
+    the file, the row or column at fault and its value.
     """
     check_size(samples)
     samples = without_missing(samples)

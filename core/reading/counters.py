@@ -29,15 +29,8 @@ def drawn_between(time: FloatArray, current: FloatArray) -> FloatArray:
 def counted_between(samples: Samples) -> FloatArray | None:
     """Charge drawn between neighbouring samples by the file's own counters.
 
-    Parameters
-    ----------
-    samples : Samples
-        Current positive on discharge.
-
-    Returns
-    -------
-    ndarray of shape (n - 1,) or None
-        In A.h, 0 where a counter is missing; None without counters, or where a tenth of their values is missing.
+    Of samples with a current positive on discharge. Shape (n - 1,), in A.h, 0 where a counter is missing; None without
+    counters, or where a tenth of their values is missing.
     """
     extra = samples.extra
     if "charged_ah" in extra and "discharged_ah" in extra:
@@ -65,17 +58,8 @@ def with_switches_counted(samples: Samples) -> Samples:
     falling to zero, until the next one. Where the counted charge lies between that of an immediate switch and that of
     the latest possible one, the current is constant up to the switch and after it. The voltage there is not known: the
     samples that are put in say that they were (`Samples.inserted`). Long silences are left as they are: more than one
-    switch may have happened there.
-
-    Parameters
-    ----------
-    samples : Samples
-        Current positive on discharge, times rising.
-
-    Returns
-    -------
-    Samples
-        With a note, where anything was added.
+    switch may have happened there. The current is positive on discharge and times rise. A note tells where anything was
+    added.
     """
     passed = counted_between(samples)
     if passed is None or len(samples) < 2:

@@ -27,18 +27,9 @@ _NAME_DATES = (
 def joined(parts: Sequence[Samples], source: str) -> Samples:
     """Put the samples of one cell's files (or sheets, or tests) one after the other.
 
-    They are ordered by the date of their first samples or by the date in their names, and stay in the order given
-    where some have neither. Files that alternate in time (the pulses in one, the discharges between them in the
-    other) are merged by date. Clocks and numbers of cycles are carried on.
-
-    Parameters
-    ----------
-    parts : sequence of Samples
-        In any order; a temperature is kept if all have one.
-
-    Returns
-    -------
-    Samples
+    They are ordered by the date of their first samples or by the date in their names, and stay in the order given where
+    some have neither. Files that alternate in time (the pulses in one, the discharges between them in the other) are
+    merged by date. Clocks and numbers of cycles are carried on. A temperature is kept if all have one.
     """
     if len(parts) == 1:
         return parts[0]
@@ -59,12 +50,7 @@ def joined(parts: Sequence[Samples], source: str) -> Samples:
 def carried_on(samples: Samples, everything: bool = False) -> Samples:
     """Let a clock that restarts run on, where dates or a count of cycles show that the record goes on.
 
-    Parameters
-    ----------
-    samples : Samples
-        As they stand in the file.
-    everything : bool
-        Whether all restarts are carried on, whatever shows it.
+    ``everything`` carries on all restarts, whatever shows it.
     """
     return _on(samples, np.zeros(0, dtype=np.intp), everything)
 

@@ -17,12 +17,8 @@ def parts_between_gaps(record: Record) -> list[Record]:
     """The record, cut where it is silent for long beside a load: when that began or ended, nobody wrote down.
 
     A part that begins at rest has a state of charge of its own, and is a record of its own. One that begins under load
-    shows no open-circuit voltage; it is left out, and the first part says so.
-
-    Returns
-    -------
-    list of Record
-        The record itself where there is no such silence.
+    shows no open-circuit voltage; it is left out, and the first part says so. The record itself where there is no such
+    silence.
     """
     trajectory = record.trajectory
     loaded = np.abs(trajectory.current) > _FLOWS * np.max(np.abs(trajectory.current), initial=0.0)

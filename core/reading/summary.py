@@ -96,17 +96,7 @@ class RecordSummary:
 
 
 def summary(record: Record) -> RecordSummary:
-    """Look at a record without any model.
-
-    Parameters
-    ----------
-    record : Record
-        As it was read: SI units, current positive on discharge, cut into steps.
-
-    Returns
-    -------
-    RecordSummary
-    """
+    """Look at a record without any model."""
     trajectory = record.trajectory
     spacing = np.diff(trajectory.time)
     spacing = spacing[spacing > 0] if np.any(spacing > 0) else np.zeros(1)

@@ -15,8 +15,8 @@ from ...core.task import Task
 from .cell import Axis
 from .grid_file import BackendChoice
 from .model_places import SharedBackend
-from .stopwatch import Stopwatch
 from .store import RESULT, TRACE, Store
+from .trace import Stopwatch, Trace
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Calibration:
         stopwatch = Stopwatch(resumed=(folder / FILE_NAME).is_file())
         started = time.perf_counter()
         outcome = execute_run(task, self.config, folder, _backend(self, store), listener=stopwatch, report=False)
-        write_json(folder / TRACE, {**_trace(outcome, stopwatch), "run_s": time.perf_counter() - started})
+        write_json(folder / TRACE, asdict(_trace(outcome, stopwatch, time.perf_counter() - started)))
         content = read_json(folder / RESULT)
         assert content is not None
         return content
@@ -89,13 +89,13 @@ def _task(store: Store, digest: str) -> Task:
     return store.get_task(digest)
 
 
-def _trace(outcome: RunResult, stopwatch: Stopwatch) -> dict[str, Any]:
-    """What tables and figures need of every simulation and round, so that they need not read journals of megabytes."""
-    return {
-        "objective": [trial.objective if trial.ok else None for trial in outcome.trials],
-        "phase": "".join(trial.phase[0] for trial in outcome.trials),
-        "resumed": stopwatch.resumed,
-        "proposer_s": max(0.0, stopwatch.proposer_s - outcome.usage.seconds),
+def _trace(outcome: RunResult, stopwatch: Stopwatch, run_s: float) -> Trace:
+    return Trace(
+        [trial.objective if trial.ok else None for trial in outcome.trials],
+        "".join(trial.phase[0] for trial in outcome.trials),
         # Of a run that was taken up again only the last part has times, which would say nothing.
-        "rounds": [] if stopwatch.resumed else [asdict(entry) for entry in stopwatch.rounds],
-    }
+        [] if stopwatch.resumed else stopwatch.rounds,
+        max(0.0, stopwatch.proposer_s - outcome.usage.seconds),
+        stopwatch.resumed,
+        run_s,
+    )

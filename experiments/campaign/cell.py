@@ -26,21 +26,17 @@ class Cell(Protocol):
     @property
     def identity(self) -> str:
         """Hash of everything that determines the result, and name of its folder; empty where it cannot be run."""
-        ...
 
     @property
     def axes(self) -> Mapping[Axis, str]:
         """What tables group by."""
-        ...
 
     @property
     def trouble(self) -> str:
         """Why it cannot be run; empty where it can."""
-        ...
 
     def run(self, folder: Path, store: Store) -> Mapping[str, Any]:
         """Run to the end, or go on from what the folder holds, and return the content of its ``result.json``."""
-        ...
 
 
 @dataclass(frozen=True)

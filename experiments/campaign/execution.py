@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from .cell import Cell, Order, Report
-from .pool import Pool
 from .store import Store
 
 LOSSES = 3
@@ -18,6 +17,27 @@ NOBODY_S = 60.0
 
 _LOOK_AGAIN_S = 1.0
 _TICK_S = 0.5
+
+
+class Pool(Protocol):
+    """Workers, wherever they are."""
+
+    @property
+    def free(self) -> int:
+        """How many more orders may be handed over now."""
+
+    @property
+    def workers(self) -> int:
+        """How many cells run side by side."""
+
+    def submit(self, order: Order) -> None:
+        """Hand over an order; `free` was at least 1."""
+
+    def collect(self, patience_s: float) -> Sequence[Report]:
+        """Wait until a report is there, ``patience_s`` at most. A worker that died reports its cell as lost."""
+
+    def close(self) -> None:
+        """End the workers at once; what they were doing stands in its journal."""
 
 
 @dataclass(frozen=True)

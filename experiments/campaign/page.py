@@ -15,8 +15,7 @@ from markupsafe import Markup
 from ...core.errors import BsaError
 from ...core.files import write_text
 from ...core.reply_parsing import strip_control
-from ..own_pages import check_page
-from ..report import build_report
+from ..report.page import build_report, check_page
 from ..report.templates import template
 from ..report.wording import clipped, quantity, short_name
 from ..run_record import Round, read_run

@@ -127,7 +127,8 @@ class PlainCampaign(_Counting):
         more = f" (and {self._unsaid} more)" if self._unsaid else ""
         failed = f", {self.total.failed} failed" * bool(self.total.failed)
         count = f"[{self.total.done + self.total.failed}/{self.total.total}]"
-        self.say(f"{count} {named(cell)}: {_outcome(report)}{more}; {duration(self.left_s)} left{failed}")
+        outcome = report.result.get("summary") or _number(objective_of(report))
+        self.say(f"{count} {named(cell)}: {outcome}{more}; {duration(self.left_s)} left{failed}")
         self._last, self._unsaid = time.monotonic(), 0
 
     def say(self, line: str) -> None:
@@ -192,10 +193,6 @@ class LiveCampaign(_Counting):
         held = f", {self._elsewhere} held by other processes" if self._elsewhere else ""
         table.caption = f"{duration(self.seconds)} gone, {duration(self.left_s)} left{held}"
         return table
-
-
-def _outcome(report: Report) -> str:
-    return str(report.result.get("summary") or _number(objective_of(report)))
 
 
 def _columns(tally: Tally) -> list[str]:

@@ -11,10 +11,9 @@ from ...core.errors import BsaError
 from ...core.registry import installed
 from .calibration import Calibration
 from .cell import Cell, Report
-from .execution import Allowance, Watcher, run_cells
+from .execution import Allowance, Pool, Watcher, run_cells
 from .expansion import expand
 from .grid_file import GridFile, grid_path, load_grid
-from .pool import Pool
 from .results import check_grid_folder, read_manifest, rows_of, write_manifest, write_rows
 from .store import Store
 from .summary import Row

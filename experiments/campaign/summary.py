@@ -4,13 +4,15 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from ...core.yaml_text import read_yaml
 
 PAPER_ROWS_FILE = Path(__file__).with_name("paper_rows.yaml")
+
+Item = TypeVar("Item")
 
 Row = Mapping[str, Any]
 """A row of the results table, or of a file that was made of it."""
@@ -62,11 +64,11 @@ def mean_of(rows: Sequence[Row], name: str) -> float:
     return statistic([row[name] for row in rows]).mean
 
 
-def grouped(rows: Sequence[Row], *names: str) -> dict[Any, list[Row]]:
-    """Rows by the values of one or more columns, in order of appearance."""
-    groups: dict[Any, list[Row]] = {}
+def grouped(rows: Iterable[Item], *names: str) -> dict[Any, list[Item]]:
+    """Rows, or objects, by the values of one or more columns, or attributes, in order of appearance."""
+    groups: dict[Any, list[Item]] = {}
     for row in rows:
-        key = tuple(row[name] for name in names)
+        key = tuple(row[name] if isinstance(row, Mapping) else getattr(row, name) for name in names)
         groups.setdefault(key if len(names) > 1 else key[0], []).append(row)
     return groups
 

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -82,16 +82,12 @@ def suite_cases(wanted: SuiteFilter) -> dict[str, SuiteCase]:
         ("parameter_set", wanted.chemistry),
         ("rates", wanted.rates),
     ):
-        allowed = _listed(value)
+        allowed = [value] if isinstance(value, str) else value
         if allowed:
             cases = {key: case for key, case in cases.items() if getattr(case, attribute) in allowed}
     if not cases:
         raise BsaError(f"no case of the {wanted.suite} suite fits {wanted.model_dump(exclude_none=True)}.", "widen it.")
     return choose(cases, wanted.cases, wanted.draw)
-
-
-def _listed(value: str | Iterable[str] | None) -> set[str]:
-    return {value} if isinstance(value, str) else set(value or ())
 
 
 def _case(case: SuiteCase, search: str | None, start: int, store: Store, say: Say, make: bool) -> TaskLabel:

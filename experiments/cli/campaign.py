@@ -16,8 +16,7 @@ from .option_groups import with_options
 
 if TYPE_CHECKING:
     from ..campaign.cell import Cell
-    from ..campaign.execution import Allowance
-    from ..campaign.pool import Pool
+    from ..campaign.execution import Allowance, Pool
     from ..campaign.running import Plan, WatcherContext
     from ..campaign.summary import Row
 

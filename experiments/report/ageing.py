@@ -110,7 +110,7 @@ def _life(name: str, experiment: Experiment, simulated: _Simulated) -> Life:
     for cycle in experiment.detailed_cycles:
         height = float(measured.at(np.array([float(cycle)]))[0])
         if np.isfinite(height):
-            capacity.mark(cycle, height, "warm-up", f"Cycle {cycle}: compared by its curves")
+            capacity.point(cycle, height, "warm-up", f"Cycle {cycle}: compared by its curves")
     chart.keys.append(Key("warm-up", "compared by its curves", "dot"))
     if any(np.any(np.isfinite(table.resistance_ohm)) for _, table in drawn):
         _draw(chart, "Resistance / Ω", "resistance_ohm", drawn, _OTHER_HEIGHT)
@@ -155,7 +155,7 @@ def _draw(
         # A line through so few points cannot be seen.
         if np.count_nonzero(there) < _FEW:
             for cycle, value in zip(table.cycle[there], found[there], strict=True):
-                panel.mark(cycle, value, style, f"Cycle {cycle:.0f}: {number(float(value))}")
+                panel.point(cycle, value, style, f"Cycle {cycle:.0f}: {number(float(value))}")
     return panel
 
 
@@ -164,7 +164,7 @@ def _draw_losses(chart: Chart, cycle: FloatArray, losses: dict[str, FloatArray])
     panel = chart.panel("Lost / %", (0.0, 1.06 * largest), _OTHER_HEIGHT)
     for name, lost in losses.items():
         panel.draw(cycle, lost, _LOSS_STYLES[name])
-        panel.mark(cycle[-1], lost[-1], "search", f"{_LOST[name]}: {number(lost[-1])} %")
+        panel.point(cycle[-1], lost[-1], "search", f"{_LOST[name]}: {number(lost[-1])} %")
         chart.keys.append(Key(_LOSS_STYLES[name], f"lowest panel: {_LOST[name]}"))
 
 

@@ -104,7 +104,7 @@ class Panel:
         kept = thin_curve(px, py, MOST_POINTS)
         self.lines.append(Line(" ".join(f"{a:.1f},{b:.1f}" for a, b in zip(px[kept], py[kept], strict=True)), style))
 
-    def mark(self, x: float, y: float, style: str, title: str) -> None:
+    def point(self, x: float, y: float, style: str, title: str) -> None:
         """Add a symbol."""
         self.markers.append(Marker(float(self.across.pixels(x)), float(self.axis.pixels(y)), style, title))
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from ...core.metrics import objective_of
 from ...core.trial import Trial
-from ..run_record import Round, RunRecord
+from ..run_record import RunRecord
 from .wording import clipped, duration, number
 
 _MOST_ROWS = 40
@@ -37,7 +37,7 @@ def _summary(run: RunRecord) -> str:
     if reduced:
         text += f"; {reduced} were of a reduced task, which count as simulations but never as a fit"
     limits = Counter(
-        _without_numbers(part)
+        part.partition(" (")[0]  # without its numbers
         for trial in failed
         if trial.failure is not None and trial.failure.limit and not trial.failure.limit.startswith("no limit")
         for part in trial.failure.limit.split("; ")
@@ -45,10 +45,6 @@ def _summary(run: RunRecord) -> str:
     if limits:
         text += ". Near their end: " + ", ".join(f"{limit} ({count} times)" for limit, count in limits.most_common(4))
     return text + "."
-
-
-def _without_numbers(limit: str) -> str:
-    return limit.partition(" (")[0]
 
 
 def _remedy(run: RunRecord) -> list[str]:
@@ -59,17 +55,13 @@ def _remedy(run: RunRecord) -> list[str]:
     for round_ in run.rounds:
         words = clipped(round_.rationale or round_.hypothesis or round_.action, 300)
         spent[words] = spent.get(words, 0) + len(round_.trials)
-        good = _first_good(round_)
+        good = next((trial for trial in round_.trials if trial.ok), None)
         if good is not None:
             error = f"{number(good.objective)} {objective_of(run.task).of_unit}"
             found = f"Simulation {good.index} ran to its end, with {error}."
             return [*(f"{words} ({count} simulations)" for words, count in spent.items()), found]
     tried = [f"{words} ({count} simulations)" for words, count in spent.items()]
     return [*tried, "Nothing was found that runs to its end."]
-
-
-def _first_good(round_: Round) -> Trial | None:
-    return next((trial for trial in round_.trials if trial.ok), None)
 
 
 def _row(run: RunRecord, trial: Trial) -> dict[str, Any]:

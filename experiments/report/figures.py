@@ -303,7 +303,7 @@ def convergence(run: RunRecord, objective: Quantity) -> Chart | None:
     steps_x = np.append(np.repeat(indices, 2)[1:], run.trials[-1].index)
     panel.draw(steps_x, np.repeat(np.minimum.accumulate(values), 2), "best")
     for trial in run.trials:
-        _mark(panel, trial, objective.unit, trial is run.best)
+        _point(panel, trial, objective.unit, trial is run.best)
     chart.keys += [Key("best", "best so far"), Key("search", "search", "dot")]
     warm_up = [trial.index for trial in run.trials if trial.phase == "warm-up"]
     if warm_up:
@@ -318,12 +318,12 @@ def convergence(run: RunRecord, objective: Quantity) -> Chart | None:
     return chart
 
 
-def _mark(panel: Panel, trial: Trial, of_unit: str, is_best: bool) -> None:
+def _point(panel: Panel, trial: Trial, of_unit: str, is_best: bool) -> None:
     where = "initial" if trial.phase == "initial" else f"{trial.phase} round {trial.round}"
     if trial.ok:
         style = "reported" if is_best else trial.phase
         title = f"Simulation {trial.index} ({where}): {number(trial.objective)} {of_unit}"
-        panel.mark(trial.index, float(np.clip(trial.objective, panel.axis.low, panel.axis.high)), style, title)
+        panel.point(trial.index, float(np.clip(trial.objective, panel.axis.low, panel.axis.high)), style, title)
         return
     x, y = float(panel.across.pixels(float(trial.index))), panel.top + 9.0
     if not trial.failed and trial.reduction is not None:

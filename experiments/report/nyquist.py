@@ -28,7 +28,7 @@ def nyquist(name: str, description: str, curves: Mapping[str, Trajectory], keys:
     for style, (x, y) in drawn.items():
         panel.draw(x, y, style)
         for a, b, hertz in zip(x, y, curves[style].values(FREQUENCY.name), strict=True):
-            panel.mark(a, b, style, f"{number(hertz)} Hz")
+            panel.point(a, b, style, f"{number(hertz)} Hz")
     return chart
 
 

@@ -3,13 +3,13 @@
 import json
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from ...core.files import write_text
+from ...core.files import foreign, write_text
 from ...core.metrics import Quantity, errors_of, headline_of, objective_of
 from ...core.parameters import Parameter
-from ..own_pages import check_page
 from ..run_record import UNFINISHED, RunRecord, read_run
 from .ageing import lives
 from .failures import failures
@@ -41,6 +41,12 @@ _MOST_NOTES = 100
 
 MOST_STEPS = 40
 """Steps of a record that the page lists; a record of many cycles has thousands."""
+
+_GENERATOR = b'<meta name="generator" content="battery-sim-agent">'
+"""Stands in the head of every page."""
+
+_HEAD_BYTES = 2048
+"""The head of a page fits in."""
 
 
 def build_report(folder: Path, out: Path | None = None) -> Path:
@@ -136,3 +142,30 @@ def _notes(run: RunRecord) -> Sequence[str]:
     if left_out > 0:
         notes = [*notes[:_MOST_NOTES], f"{left_out} more notes are in journal.jsonl."]
     return [clipped(note, 600) for note in notes]
+
+
+def render_prediction(run: RunRecord) -> str:
+    """``prediction.html``: how well a run predicts records that it never saw.
+
+    The records that were fitted, for comparison, and those of ``run.held_out``.
+    """
+    return template("prediction.html.j2").render(
+        run=run,
+        domain=run.task.domain,
+        rows=error_rows(run.task, run.records, run.held_out),
+        most_steps=MOST_STEPS,
+        predictions=prediction_overlays(run.task, run.held_out),
+    )
+
+
+def check_page(path: Path) -> None:
+    """Refuse a path at which something else lies than a page of ours.
+
+    Raises `BsaError` if there is a folder, a link or another file.
+    """
+    if not path.exists() and not path.is_symlink():
+        return
+    with suppress(OSError), path.open("rb") as file:
+        if path.is_file() and _GENERATOR in file.read(_HEAD_BYTES):
+            return
+    raise foreign(path, "a page of ours")

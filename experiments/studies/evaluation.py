@@ -19,8 +19,8 @@ from ...plugins.pybamm.compiled import CompiledExperiment
 from ...plugins.pybamm.solving import solve_reference
 from ...plugins.pybamm.worker import Assignment, WorkerPool
 from ..campaign.running import Plan
-from ..campaign.stopwatch import Stopwatch
 from ..campaign.study_cell import StudyCell, results_of
+from ..campaign.trace import Stopwatch
 from ..doc_tables.studies import evaluation_table
 from ..run import execute_run
 from ..tasks.find import find_task

@@ -7,7 +7,7 @@ from ...core.errors import BsaError, did_you_mean
 from ...core.scaffold import Scaffold
 from ..campaign.grid_file import BackendChoice, GridFile, Included, SuiteFilter, TaskChoice
 from ..campaign.store import Store
-from ..campaign.summary import Row
+from ..campaign.summary import Row, grouped
 from ..campaign.task_sources import suite_cases
 from ..campaign.trace import Trace, read_trace
 
@@ -35,9 +35,8 @@ def study_grid(
     tasks: list[TaskChoice] = [cases]
     included: list[Included] = []
     if own_budgets:
-        of_set: dict[str, list[str]] = {}
-        for case in suite_cases(cases).values():
-            of_set.setdefault(case.parameter_set, []).append(case.key)
+        by_set = grouped(suite_cases(cases).values(), "parameter_set")
+        of_set = {base: [case.key for case in found] for base, found in by_set.items()}
         included = [
             Included(tasks=[_only(cases, _keys(of_set, own))], **budget(count)) for own, count in own_budgets.items()
         ]

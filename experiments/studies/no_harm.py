@@ -14,7 +14,7 @@ from ...core.files import write_csv, write_text
 from ...core.scaffold import Scaffold
 from ..campaign.grid_file import BackendChoice, GridFile, Included, SuiteFilter
 from ..campaign.store import Store
-from ..campaign.summary import Row, statistic
+from ..campaign.summary import Row, grouped, statistic
 from ..campaign.text_tables import table_of
 from .grids import budget, study_grid, trace_of
 
@@ -151,9 +151,6 @@ def _no_higher(value: float, reference: float, tolerance: float) -> bool:
 
 def summary(found: Sequence[Verdict]) -> list[dict[str, Any]]:
     """Counts and means by adviser, a row each."""
-    by_adviser: dict[str, list[Verdict]] = {}
-    for verdict in found:
-        by_adviser.setdefault(verdict.adviser, []).append(verdict)
     return [
         {
             "adviser": adviser,
@@ -165,7 +162,7 @@ def summary(found: Sequence[Verdict]) -> list[dict[str, Any]]:
             "alone": statistic([verdict.alone_score for verdict in mine]),
             "advised": statistic([verdict.advised_score for verdict in mine]),
         }
-        for adviser, mine in by_adviser.items()
+        for adviser, mine in grouped(found, "adviser").items()
     ]
 
 

@@ -45,7 +45,8 @@ def write_runtime(rows: Sequence[Row], store: Store, out: Path) -> list[dict[str
     traces = {row["method"]: trace_of(row, store) for row in rows if row["state"] == "done"}
     timed = [runtime_row(row, traces[row["method"]]) for row in rows if row["method"] in traces]
     write_csv(out / "runtime.csv", timed)
-    lines = [[row["method"], *(f"{_number(row[key]):.4g}" for key in _HEADS)] for row in timed]
+    unknown = float("nan")
+    lines = [[row["method"], *(f"{unknown if row[key] is None else row[key]:.4g}" for key in _HEADS)] for row in timed]
     write_text(out / "runtime.md", f"{markdown_table(['method', *_HEADS.values()], lines)}\n\n{_PAPER}\n")
     rounds = {method: trace.rounds for method, trace in traces.items() if trace.rounds}
     if rounds:
@@ -72,7 +73,3 @@ def runtime_row(row: Row, trace: Trace) -> dict[str, Any]:
 
 def _mean(values: Sequence[float]) -> float | None:
     return float(np.mean(values)) if values else None
-
-
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else value

@@ -1,11 +1,9 @@
 """Other starts of a case than its base cell: drawn by number, so that anyone draws the same ones."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from ...core.parameters import ParameterSpace
 from ...core.task import Task
 
 BASE_CELL = 0
@@ -30,8 +28,4 @@ def started(task: Task, number: int) -> Task:
         return task
     rng = np.random.default_rng([number, *task.name.encode()])
     drawn = task.space.from_unit(rng.uniform(*_MIDDLE, size=len(task.space)))
-    return replace(task, name=start_name(task.name, number), space=_from(task.space, drawn))
-
-
-def _from(space: ParameterSpace, initial: Mapping[str, float]) -> ParameterSpace:
-    return ParameterSpace(tuple(replace(parameter, initial=initial[parameter.name]) for parameter in space))
+    return replace(task, name=start_name(task.name, number), space=task.space.started(drawn))

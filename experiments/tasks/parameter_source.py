@@ -94,9 +94,5 @@ def with_its_space(task: Task, run: RunRecord) -> Task:
     """The task with a run's searched parameters, started at the run's best values; initial states stay the task's."""
     searched = any(isinstance(parameter.target, InitialSoc) for parameter in run.task.space)
     kept = [parameter for parameter in task.space if searched and isinstance(parameter.target, InitialSoc)]
-    found = [
-        replace(parameter, initial=run.best.candidate[parameter.name])
-        for parameter in run.task.space
-        if not isinstance(parameter.target, InitialSoc)
-    ]
+    found = [p for p in run.task.space.started(run.best.candidate) if not isinstance(p.target, InitialSoc)]
     return replace(task, space=ParameterSpace((*found, *kept)))

@@ -92,6 +92,15 @@ class RecordRequest:
         return [replace(self, source=first), *(replace(self, source=part, initial_soc=None) for part in others)]
 
 
+def source_of(
+    files: Sequence[Path], read: ReadOptions, reader: str | None, reader_options: Mapping[str, Any]
+) -> Path | Record:
+    """A file, or what the files of one cell hold together."""
+    from ...core.reading.reading import read_record
+
+    return files[0] if len(files) == 1 else read_record(files, read, reader=reader, reader_options=reader_options)
+
+
 def parse_cycles(text: str) -> tuple[int, int]:
     """``"3"`` or ``"2-5"`` as a first and a last cycle. Raises `BsaError` if the text is neither."""
     first, _, last = text.partition("-")

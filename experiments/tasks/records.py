@@ -272,9 +272,7 @@ def _with_contact_resistance(
     jumps = list(ohmic) or [jump for record in records for jump in jump_resistances(record.trajectory)]
     if RESISTANCE not in space or not jumps:
         return space
-    template = space[RESISTANCE]
-    started = replace(template, initial=template.project(_CONTACT_SHARE * float(np.median(jumps))))
-    return ParameterSpace(tuple(started if parameter.name == RESISTANCE else parameter for parameter in space))
+    return space.started({RESISTANCE: space[RESISTANCE].project(_CONTACT_SHARE * float(np.median(jumps)))})
 
 
 def _with_initial_soc(

@@ -14,13 +14,12 @@ from ...core.errors import BsaError
 from ...core.files import file_error
 from ...core.printable import shown
 from ...core.protocol_text import read_protocol
-from ...core.reading.reading import read_record
-from ...core.record import ReadOptions, Record
+from ...core.record import ReadOptions
 from ...core.shape import decoding
 from ...core.task import Task, Weight
 from ...core.validation import validated
 from ...core.yaml_text import YAML_SUFFIXES, read_yaml
-from .record_request import RecordRequest
+from .record_request import RecordRequest, source_of
 from .records import build_task
 from .signal_task_file import load_signal_task
 
@@ -135,7 +134,7 @@ def task_from(content: TaskFile, folder: Path) -> Task:
 
 def _request(entry: ExperimentEntry, folder: Path) -> RecordRequest:
     return RecordRequest(
-        source=_source(entry, folder),
+        source=source_of([folder / name for name in entry.files], entry.read, entry.reader, entry.reader_options),
         read=entry.read,
         reader=entry.reader,
         reader_options=entry.reader_options,
@@ -146,14 +145,6 @@ def _request(entry: ExperimentEntry, folder: Path) -> RecordRequest:
         temperature_k=None if entry.temperature_degc is None else entry.temperature_degc + ZERO_CELSIUS_K,
         initial_soc=entry.initial_soc,
     )
-
-
-def _source(entry: ExperimentEntry, folder: Path) -> Path | Record:
-    """The file, or what the files of one cell hold together."""
-    if isinstance(entry.data, str):
-        return folder / entry.data
-    files = [folder / name for name in entry.data]
-    return read_record(files, entry.read, reader=entry.reader, reader_options=entry.reader_options)
 
 
 def _read_json(path: Path) -> Any:

@@ -54,16 +54,13 @@ def _refuse_hostile(path: Path, source: str) -> None:
                 break
             kind, length = (int.from_bytes(part, order) for part in (tag[:4], tag[4:]))
             content = file.read(min(length, MAX_BYTES))
-            variable = _unpacked(content) if kind == _COMPRESSED else tag + content
+            unpacked = zlib.decompressobj()
+            variable = unpacked.decompress(content, MAX_BYTES + 1) if kind == _COMPRESSED else tag + content
             size += len(variable)
             if too_deep(variable, order):
                 raise BsaError(f"{source} nests structs more than {MOST} deep.", "save the structs with the columns.")
     if size > MAX_BYTES:
         raise BsaError(f"{source} unpacks to more than {MAX_BYTES // 2**20} MiB.", "save fewer variables in it.")
-
-
-def _unpacked(data: bytes) -> bytes:
-    return zlib.decompressobj().decompress(data, MAX_BYTES + 1)
 
 
 def _from_hdf5(path: Path, source: str) -> dict[str, Any]:

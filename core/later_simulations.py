@@ -1,6 +1,6 @@
-"""Simulations that are written down as they finish, and not made again by a run that was interrupted meanwhile."""
+"""The simulator after a search: what it simulates is written down and not made again, and is counted aloud."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from .encoding import decode_outcome, encode_outcome
@@ -14,8 +14,31 @@ ANALYSIS_SIMULATION = "appraisal-simulation"
 
 _WHOLE_TASK: list[str] = []
 
+FINAL_SCORES, FIXED, NEXT = "final scores", "what the record fixes", "what to measure next"
+NOT_FITTED = "records that were not fitted"
+REFERENCE = "residuals with reference accuracy"
+"""What the simulations after a search are for."""
 
-class JournalledSimulations:
+Watch = Callable[[str, int, int], None]
+"""Told what the simulations are for, how many are done, and how many there are."""
+
+
+class _SimulatingAround:
+    """A simulator that asks another one; see `Simulating`."""
+
+    def __init__(self, inner: Simulating) -> None:
+        self._inner = inner
+
+    def simulate_finer(self, candidate: Candidate) -> Outcome | None:
+        """See `RunHooks.simulate_finer`; it is one simulation, and neither written down nor counted."""
+        return self._inner.simulate_finer(candidate)
+
+    def next_protocols(self) -> Mapping[str, Protocol]:
+        """See `RunHooks.next_protocols`."""
+        return self._inner.next_protocols()
+
+
+class JournalledSimulations(_SimulatingAround):
     """A simulator behind the journal; see `Simulating`.
 
     ``inner`` simulates what the events of the interrupted run do not hold. Each outcome is written whole, for what is
@@ -23,7 +46,7 @@ class JournalledSimulations:
     """
 
     def __init__(self, inner: Simulating, journal: Journal, earlier: Iterable[Mapping[str, Any]]) -> None:
-        self._inner = inner
+        super().__init__(inner)
         self._journal = journal
         self._known = [event for event in earlier if event["event"] == ANALYSIS_SIMULATION]
 
@@ -32,10 +55,6 @@ class JournalledSimulations:
         known, missing = self._sorted(candidates, _WHOLE_TASK)
         made = self._inner.simulate([candidates[place] for place in missing], exact) if missing else ()
         return self._all(candidates, _WHOLE_TASK, known, missing, made)
-
-    def simulate_finer(self, candidate: Candidate) -> Outcome | None:
-        """See `RunHooks.simulate_finer`; it is one simulation, and made again."""
-        return self._inner.simulate_finer(candidate)
 
     def simulate_variant(
         self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...], exact: bool = False
@@ -49,10 +68,6 @@ class JournalledSimulations:
         left = [candidates[place] for place in missing]
         made = self._inner.simulate_variant(left, experiments) if missing else ()
         return None if made is None else self._all(candidates, names, known, missing, made)
-
-    def next_protocols(self) -> Mapping[str, Protocol]:
-        """See `RunHooks.next_protocols`."""
-        return self._inner.next_protocols()
 
     def _sorted(self, candidates: Sequence[Candidate], experiments: list[str]) -> tuple[dict[int, Outcome], list[int]]:
         """The outcomes that are known, by place, and the places of the others."""
@@ -82,3 +97,37 @@ class JournalledSimulations:
                 outcome=encode_outcome(outcome),
             )
             yield place, outcome
+
+
+class WatchedSimulations(_SimulatingAround):
+    """A simulator after the search; see `Simulating`.
+
+    ``watch`` is told at the beginning and after each simulation; ``variants`` is what simulations of other experiments
+    than the task's are for, ``exact`` what those with reference accuracy are for.
+    """
+
+    def __init__(self, inner: Simulating, watch: Watch, variants: str = NEXT, exact: str = FINAL_SCORES) -> None:
+        super().__init__(inner)
+        self._watch = watch
+        self._variants = variants
+        self._exact = exact
+
+    def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
+        """See `RunHooks.simulate`."""
+        purpose = self._exact if exact else FIXED
+        return self._counted(purpose, self._inner.simulate(candidates, exact), len(candidates))
+
+    def simulate_variant(
+        self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...], exact: bool = False
+    ) -> Iterator[tuple[int, Outcome]] | None:
+        """See `RunHooks.simulate_variant`."""
+        outcomes = self._inner.simulate_variant(candidates, experiments, exact)
+        return None if outcomes is None else self._counted(self._variants, outcomes, len(candidates))
+
+    def _counted(
+        self, purpose: str, outcomes: Iterable[tuple[int, Outcome]], total: int
+    ) -> Iterator[tuple[int, Outcome]]:
+        self._watch(purpose, 0, total)
+        for done, pair in enumerate(outcomes, start=1):
+            self._watch(purpose, done, total)
+            yield pair
