@@ -16,14 +16,14 @@ from .messages import BackendFailure
 from .metrics import Metrics
 from .parameters import Candidate
 from .proposal import Proposal
-from .registry import Kind, Registry
-from .scaffold import PluginChoice, Scaffold
+from .registry import Registry
+from .scaffold import Part, Scaffold
 from .simulation import Outcome
 from .task import Experiment, Protocol
 from .task_reduction import TaskReduction
 from .trial import Trial
 
-_MAIN_HOOK: dict[Kind, str] = {
+_MAIN_HOOK: dict[Part, str] = {
     "simulator": "simulate",
     "feedback": "build_feedback",
     "memory": "recall",
@@ -67,19 +67,11 @@ class RunPlugins:
         self._context, self._note = context, note
         self._noted: set[str] = set()
         self._participants: list[Participant] = []
-        choices: list[tuple[Kind, PluginChoice]] = [
-            ("simulator", scaffold.simulator),
-            ("feedback", scaffold.feedback),
-            *[("memory", memory) for memory in scaffold.memories],
-            ("proposer", scaffold.proposer),
-        ]
-        if scaffold.warm_up is not None:
-            choices.append(("warm-up", scaffold.warm_up))
-        for place, (kind, choice) in enumerate(choices):
-            if any((kind, choice.use) == (other, earlier.use) for other, earlier in choices[:place]):
+        for place, (kind, choice) in enumerate(scaffold.parts):
+            if any((kind, choice.use) == (other, earlier.use) for other, earlier in scaffold.parts[:place]):
                 raise BsaError(f'scaffold "{scaffold.name}" lists the {kind} "{choice.use}" twice.', "list it once.")
         try:
-            for kind, choice in choices:
+            for kind, choice in scaffold.parts:
                 plugin = registry.make(kind, choice.use, choice.options, context)
                 self._participants.append(_participant(plugin, kind, registry.find(kind, choice.use).who))
             self._check_alone(scaffold)
@@ -247,7 +239,7 @@ class RunPlugins:
                     self._note(str(error))
 
 
-def _participant(plugin: object, kind: Kind, who: str) -> Participant:
+def _participant(plugin: object, kind: Part, who: str) -> Participant:
     """What a factory made, after a look at its methods."""
     with border(who, "its factory"):
         if plugin is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import BaseModel, Field, model_validator
 
@@ -12,6 +12,9 @@ from .validation import validated
 from .yaml_text import YAML_SUFFIXES, read_yaml
 
 BUILT_IN = Path(__file__).parent.parent / "scaffolds"
+
+Part = Literal["simulator", "feedback", "memory", "proposer", "warm-up"]
+"""Kinds of plugins of which a scaffold is made."""
 
 
 class PluginChoice(BaseModel, extra="forbid"):
@@ -38,6 +41,14 @@ class Scaffold(BaseModel, extra="forbid"):
     )
     warm_up: PluginChoice | None = Field(None, description="What is tried before the search; none means nothing.")
     proposer: PluginChoice = Field(description="What says which candidate to try next.")
+
+    @property
+    def parts(self) -> list[tuple[Part, PluginChoice]]:
+        """Every plugin that takes part, behind its kind."""
+        parts: list[tuple[Part, PluginChoice]] = [("simulator", self.simulator), ("feedback", self.feedback)]
+        parts += [("memory", memory) for memory in self.memories]
+        parts.append(("proposer", self.proposer))
+        return parts if self.warm_up is None else [*parts, ("warm-up", self.warm_up)]
 
     def made_for(self, simulator: str) -> Scaffold:
         """The scaffold on a task's simulator; as it is where it names one itself, or the task names none."""

@@ -12,7 +12,7 @@ from ...core.loop import RunResult
 from ...core.messages import Backend
 from ...core.run_config import RunConfig
 from ...core.task import Task
-from .cell import Axis
+from .cell import Axes
 from .grid_file import BackendChoice
 from .model_places import SharedBackend
 from .store import RESULT, TRACE, Store
@@ -43,17 +43,17 @@ class Calibration:
     identity: str = ""  # Hash of all that; empty while the task is not made.
 
     @property
-    def axes(self) -> dict[Axis, str]:
-        """What a table groups by and an exclusion tests."""
-        return {
-            "task": self.task.key,
-            "mode": self.task.mode,
-            "chemistry": self.task.chemistry,
-            "rates": self.task.rates,
-            "scaffold": self.config.scaffold.name,
-            "backend": self.backend.use,
-            "seed": str(self.config.seed),
-        }
+    def axes(self) -> Axes:
+        """See `Cell.axes`."""
+        return Axes(
+            task=self.task.key,
+            mode=self.task.mode,
+            chemistry=self.task.chemistry,
+            rates=self.task.rates,
+            scaffold=self.config.scaffold.name,
+            backend=self.backend.use,
+            seed=self.config.seed,
+        )
 
     @property
     def trouble(self) -> str:

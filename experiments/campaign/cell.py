@@ -20,6 +20,19 @@ State = Literal["done", "busy", "stopped", "failed", "lost"]
 Axis = Literal["task", "mode", "chemistry", "rates", "scaffold", "backend", "seed"]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Axes:
+    """What tables group cells by, and an exclusion of a grid tests."""
+
+    task: str
+    mode: str
+    chemistry: str = ""
+    rates: str = ""
+    scaffold: str  # Of an item of a study: its method.
+    backend: str = "none"
+    seed: int = 0
+
+
 class Cell(Protocol):
     """A calibration or a discovery of a campaign; it is pickled on its way to the worker that carries it out."""
 
@@ -28,7 +41,7 @@ class Cell(Protocol):
         """Hash of everything that determines the result, and name of its folder; empty where it cannot be run."""
 
     @property
-    def axes(self) -> Mapping[Axis, str]:
+    def axes(self) -> Axes:
         """What tables group by."""
 
     @property

@@ -12,7 +12,7 @@ from ...core.scaffold import Scaffold
 from ...core.yaml_text import YAML_SUFFIXES
 from ..request import run_config
 from .calibration import Calibration, TaskLabel
-from .cell import Axis
+from .cell import Axes, Axis
 from .grid_file import BackendChoice, Budgets, GridFile
 from .identity import identity_of, without_placement
 from .store import Store
@@ -29,7 +29,8 @@ class _Configs:
     def get(
         self, scaffold: str | Scaffold, backend: BackendChoice, seed: int, budgets: Budgets, simulator: str = ""
     ) -> RunConfig:
-        key = f"{scaffold}|{simulator}|{backend.model_dump_json()}|{budgets.model_dump_json()}"
+        limited = budgets.model_dump_json(include=set(Budgets.model_fields))
+        key = f"{scaffold}|{simulator}|{backend.model_dump_json()}|{limited}"
         if key not in self.known:
             defaults = RunConfig.model_fields
             limits = {
@@ -70,41 +71,28 @@ def expand(
 
 def _all(grid: GridFile, configs: _Configs, store: Store, near: Path, say: Say, make: bool) -> Iterator[Calibration]:
     own = gather(grid.tasks, store, near, say, make)
-    yield from _product(own, grid.scaffolds, grid.backends, grid.seeds, grid, configs)
+    yield from _product(own, grid, configs)
     for more in grid.include:
-        budgets = Budgets(
-            rounds=grid.rounds if more.rounds is None else more.rounds,
-            warm_up=grid.warm_up if more.warm_up is None else more.warm_up,
-            simulations=grid.simulations if more.simulations is None else more.simulations,
-            settings={**grid.settings, **more.settings},
-        )
+        replaced = {name: value for name in _REPLACED if (value := getattr(more, name)) not in (None, [])}
+        settings = {**grid.settings, **more.settings}
         tasks = own if more.tasks is None else gather(more.tasks, store, near, say, make)
-        yield from _product(
-            tasks,
-            more.scaffolds or grid.scaffolds,
-            more.backends or grid.backends,
-            more.seeds or grid.seeds,
-            budgets,
-            configs,
-        )
+        yield from _product(tasks, grid.model_copy(update={**replaced, "settings": settings}), configs)
 
 
-def _product(
-    tasks: Sequence[TaskLabel],
-    scaffolds: Sequence[str | Scaffold],
-    backends: Sequence[BackendChoice],
-    seeds: Sequence[int],
-    budgets: Budgets,
-    configs: _Configs,
-) -> Iterator[Calibration]:
-    for task, scaffold, backend, seed in product(tasks, scaffolds, backends, seeds):
-        config = configs.get(scaffold, backend, seed, budgets, task.simulator)
+_REPLACED = ("rounds", "warm_up", "simulations", "scaffolds", "backends", "seeds")
+"""What more cells may have in place of what the grid has."""
+
+
+def _product(tasks: Sequence[TaskLabel], grid: GridFile, configs: _Configs) -> Iterator[Calibration]:
+    for task, scaffold, backend, seed in product(tasks, grid.scaffolds, grid.backends, grid.seeds):
+        config = configs.get(scaffold, backend, seed, grid, task.simulator)
         identity = identity_of(config, task.digest) if task.digest else ""
         yield Calibration(task, backend, config, identity)
 
 
-def _fits(axes: Mapping[Axis, str], condition: Mapping[Axis, Any]) -> bool:
-    return bool(condition) and all(
-        any(fnmatchcase(axes[axis], str(pattern)) for pattern in (wanted if isinstance(wanted, list) else [wanted]))
-        for axis, wanted in condition.items()
+def _fits(axes: Axes, condition: Mapping[Axis, Any]) -> bool:
+    wanted = {axis: value if isinstance(value, list) else [value] for axis, value in condition.items()}
+    return bool(wanted) and all(
+        any(fnmatchcase(str(getattr(axes, axis)), str(pattern)) for pattern in patterns)
+        for axis, patterns in wanted.items()
     )

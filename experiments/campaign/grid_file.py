@@ -5,21 +5,15 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, Field, field_validator, model_validator
+from pydantic import BaseModel, Field, NonNegativeInt
 
 from ...core.errors import BsaError, did_you_mean
-from ...core.scaffold import Scaffold
+from ...core.scaffold import PluginChoice, Scaffold
 from ...core.validation import validated
 from ...core.yaml_text import YAML_SUFFIXES, read_yaml
 from .cell import Axis
 
 SHIPPED = Path(__file__).parent.parent / "grids"
-
-
-def _counted(numbers: list[int], what: str) -> list[int]:
-    if any(number < 0 for number in numbers):
-        raise ValueError(f"a {what} is 0 or more")
-    return numbers
 
 
 class SuiteFilter(BaseModel, extra="forbid"):
@@ -34,7 +28,7 @@ class SuiteFilter(BaseModel, extra="forbid"):
     )
     draw: int = Field(0, ge=0, description="Which of them a number takes; for the random suite and lives, its seed.")
     search: str | None = Field(None, description="Search-space preset; the case's own if left out.")
-    starts: list[int] = Field(
+    starts: list[NonNegativeInt] = Field(
         default_factory=lambda: [0],
         min_length=1,
         description="Where searches start, each a task of its own: 0 is the base cell; 1, 2, ... are drawn by "
@@ -43,28 +37,16 @@ class SuiteFilter(BaseModel, extra="forbid"):
     noise_mv: float = Field(0.0, ge=0, description="Noise put on the voltage of the targets, mV.")
     folder: Path | None = Field(None, description="Where the published files are, if not beside the repository.")
 
-    @field_validator("starts")
-    @classmethod
-    def _not_negative(cls, starts: list[int]) -> list[int]:
-        return _counted(starts, "start")
 
-
-class BackendChoice(BaseModel, extra="forbid"):
+class BackendChoice(PluginChoice):
     """A language model and how it may be used; in a file either its name alone or a mapping."""
 
-    use: str = Field(description="Which language model, as bsa list shows it.")
-    options: dict[str, Any] = Field(default_factory=dict, description="Options of the backend.")
     at_once: int | None = Field(
         None, ge=1, description="Calls at a time over all cells and processes that share the store; no limit if unset."
     )
     usd_per_million_tokens: float | None = Field(
         None, ge=0, description="Price for the estimate of --dry-run, where no finished cell tells it."
     )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _from_name(cls, value: Any) -> Any:
-        return {"use": value} if isinstance(value, str) else value
 
 
 TaskChoice = str | SuiteFilter
@@ -104,18 +86,13 @@ class GridFile(Budgets):
     backends: list[BackendChoice] = Field(
         default_factory=lambda: [BackendChoice(use="rules")], min_length=1, description="Language models."
     )
-    seeds: list[int] = Field(default_factory=lambda: [1234], min_length=1, description="Seeds.")
+    seeds: list[NonNegativeInt] = Field(default_factory=lambda: [1234], min_length=1, description="Seeds.")
     include: list[Included] = Field(default_factory=list, description="More cells.")
     exclude: list[dict[Axis, Any]] = Field(
         default_factory=list, description="Cells to leave out: those that fit every key, by value, list or pattern."
     )
     reference: str | None = Field(None, description="The method that others are compared with; the first if unset.")
     paper_rows: bool = Field(False, description="Whether tables quote the paper's own rows.")
-
-    @field_validator("seeds")
-    @classmethod
-    def _not_negative(cls, seeds: list[int]) -> list[int]:
-        return _counted(seeds, "seed")
 
 
 def load_grid(name_or_path: str, changes: Mapping[str, Any] | None = None) -> GridFile:

@@ -56,16 +56,7 @@ def code_digest() -> str:
 
 
 def _plugins(config: RunConfig) -> tuple[tuple[str, str], ...]:
-    scaffold = config.scaffold
     backend = config.backend.partition(":")[0]
-    chosen = [
-        ("simulator", scaffold.simulator.use),
-        ("feedback", scaffold.feedback.use),
-        ("proposer", scaffold.proposer.use),
-        ("backend", backend),
-        ("route", str(config.backend_options.get("via") or backend)),
-        *(("memory", memory.use) for memory in scaffold.memories),
-    ]
-    if scaffold.warm_up is not None:
-        chosen.append(("warm-up", scaffold.warm_up.use))
-    return tuple(chosen)
+    route = str(config.backend_options.get("via") or backend)
+    chosen = ((kind, choice.use) for kind, choice in config.scaffold.parts)
+    return (*chosen, ("backend", backend), ("route", route))

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, TextIO
 
-from ..cli.progress import printable
+from ..cli.progress import Redrawn, printable
 from ..report.wording import duration
 from .cell import Cell, Report
 from .store import best_score
@@ -96,12 +96,12 @@ def objective_of(report: Report) -> float:
 
 
 def _method(cell: Cell) -> str:
-    return f"{cell.axes['scaffold']} · {cell.axes['backend']}"
+    return f"{cell.axes.scaffold} · {cell.axes.backend}"
 
 
 def named(cell: Cell) -> str:
     """A cell in words."""
-    return f"{cell.axes['task']} · {_method(cell)} · seed {cell.axes['seed']}"
+    return f"{cell.axes.task} · {_method(cell)} · seed {cell.axes.seed}"
 
 
 class PlainCampaign(_Counting):
@@ -147,36 +147,21 @@ class PlainCampaign(_Counting):
         self.say(f"{done} of {total} cells done ({already}), {self.total.failed} failed, {duration(self.seconds)}")
 
 
-class LiveCampaign(_Counting):
+class LiveCampaign(Redrawn, _Counting):
     """A table that is redrawn in place, a row a method."""
 
     def __init__(self, title: str, cells: Sequence[Cell]) -> None:
-        from rich.console import Console
-        from rich.live import Live
-
-        super().__init__(cells)
+        _Counting.__init__(self, cells)
         self._title = title
         self._elsewhere = 0
-        self._live = Live(console=Console(stderr=True), refresh_per_second=4, get_renderable=self._table)
-
-    def __enter__(self) -> LiveCampaign:
-        self._live.start()
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self._live.stop()
+        Redrawn.__init__(self)
 
     def tick(self, running: int, waiting: int, elsewhere: int) -> None:
         """See `Watcher.tick`."""
         self._elsewhere = elsewhere
 
-    def say(self, line: str) -> None:
-        """Print a line above the table."""
-        from rich.text import Text
-
-        self._live.console.print(Text(line, style="yellow"))
-
-    def _table(self) -> Any:
+    def drawn(self) -> Any:
+        """See `Redrawn.drawn`."""
         from rich.table import Table
 
         table = Table(title=self._title, title_justify="left")

@@ -3,7 +3,7 @@
 import csv
 import importlib.util
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from ...core.errors import BsaError
 from ...core.files import begins, entries, foreign, read_json, replacing, write_csv, write_json
 from ...core.shape import decoding, shaped
 from ...core.yaml_text import YAML_SUFFIXES
-from .cell import Axis, Cell, Report
+from .cell import Axes, Cell, Report
 from .columns import COLUMNS, Facts
 from .store import FAILURE, FINAL, MANIFEST, OUTAGE, Store, read_result
 from .summary import Row
@@ -30,9 +30,8 @@ def write_manifest(grid: Mapping[str, Any], cells: Sequence[Cell], folder: Path)
     entries = [
         {
             "identity": cell.identity,
-            "method": methods[own["scaffold"], own["backend"]],
-            **own,
-            "seed": int(own["seed"]),
+            "method": methods[own.scaffold, own.backend],
+            **asdict(own),
             "trouble": cell.trouble,
         }
         for cell, own in zip(cells, axes, strict=True)
@@ -43,17 +42,10 @@ def write_manifest(grid: Mapping[str, Any], cells: Sequence[Cell], folder: Path)
 _AGAIN = "give its command again; finished cells are kept."
 
 
-@dataclass(frozen=True)
-class _Entry:
+@dataclass(frozen=True, kw_only=True)
+class _Entry(Axes):
     identity: str
     method: str
-    task: str
-    mode: str
-    chemistry: str
-    rates: str
-    scaffold: str
-    backend: str
-    seed: int
     trouble: str
 
 
@@ -80,9 +72,9 @@ def check_grid_folder(folder: Path) -> None:
         raise foreign(folder, "a campaign")
 
 
-def _methods(axes: Sequence[Mapping[Axis, str]]) -> dict[tuple[str, str], str]:
+def _methods(axes: Sequence[Axes]) -> dict[tuple[str, str], str]:
     """What a row of a table is called: the scaffold, with the backend where it does not go without saying."""
-    pairs = dict.fromkeys((own["scaffold"], own["backend"]) for own in axes)
+    pairs = dict.fromkeys((own.scaffold, own.backend) for own in axes)
     backends: dict[str, list[str]] = {}
     for scaffold, backend in pairs:
         backends.setdefault(scaffold, []).append(backend)

@@ -40,7 +40,7 @@ class Plan(Generic[Kind]):
     @property
     def chosen(self) -> list[Kind]:
         """The cells that are run this time."""
-        return [cell for cell in self.cells if self.only is None or cell.axes["task"] in self.only]
+        return [cell for cell in self.cells if self.only is None or cell.axes.task in self.only]
 
     @property
     def name(self) -> str:
@@ -95,15 +95,9 @@ def _check_plugins(cells: Sequence[Calibration]) -> None:
     """Whether every plugin exists and is configured well, before the first cell is run."""
     registry = installed()
     for config in {cell.config.model_dump_json(exclude={"seed"}): cell.config for cell in cells}.values():
-        scaffold = config.scaffold
         check_backend(config.backend, config.backend_options, registry)
-        registry.configure("simulator", scaffold.simulator.use, scaffold.simulator.options)
-        registry.configure("feedback", scaffold.feedback.use, scaffold.feedback.options)
-        registry.configure("proposer", scaffold.proposer.use, scaffold.proposer.options)
-        for memory in scaffold.memories:
-            registry.configure("memory", memory.use, memory.options)
-        if scaffold.warm_up is not None:
-            registry.configure("warm-up", scaffold.warm_up.use, scaffold.warm_up.options)
+        for kind, choice in config.scaffold.parts:
+            registry.configure(kind, choice.use, choice.options)
 
 
 def run_campaign(

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.files import write_json
-from .cell import Axis
+from .cell import Axes
 from .identity import versions_of
 from .results import check_grid_folder
 from .running import Plan
@@ -19,7 +19,7 @@ from .store import RESULT, Store
 class StudyCell:
     """One item of a study; see `Cell`."""
 
-    axes: Mapping[Axis, str]  # What tables group by.
+    axes: Axes
     # Given the cell's folder and what was asked as keywords, answers with plain values: a ``summary`` in words, and
     # what the study needs.
     act: Callable[..., Mapping[str, Any]]
@@ -32,21 +32,6 @@ class StudyCell:
         content = {"status": "finished", "best": {}, "initial": {}, **self.act(folder, **self.asked)}
         write_json(folder / RESULT, content)
         return content
-
-
-def study_axes(
-    item: str, mode: str, method: str, seed: int, backend: str = "none", chemistry: str = ""
-) -> dict[Axis, str]:
-    """What tables group an item by."""
-    return {
-        "task": item,
-        "mode": mode,
-        "chemistry": chemistry,
-        "rates": "",
-        "scaffold": method,
-        "backend": backend,
-        "seed": str(seed),
-    }
 
 
 def hash_of(determining: Mapping[str, Any]) -> str:
@@ -71,7 +56,7 @@ def plan_study(
 
 def _cell(study: str, item: str, act: Callable[..., Mapping[str, Any]], asked: Mapping[str, Any]) -> StudyCell:
     determining = {"study": study, "asked": dict(asked), "versions": versions_of(())}
-    axes = study_axes(item, study, study, asked.get("seed", 0))
+    axes = Axes(task=item, mode=study, scaffold=study, seed=asked.get("seed", 0))
     return StudyCell(axes, act, asked, hash_of(determining))
 
 

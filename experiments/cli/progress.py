@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 import time
-from typing import TYPE_CHECKING, Any, TextIO
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, Any, Self, TextIO
 
 from ...core.messages import Usage
 from ...core.reply_parsing import strip_control
@@ -73,28 +74,47 @@ class PlainProgress:
         """Nothing to put back."""
 
 
-class LiveProgress:
-    """A panel that is redrawn in place, also while nothing is reported: its clock goes on."""
+class Redrawn(ABC):
+    """What is redrawn in place, also while nothing is reported: its clock goes on.
 
-    def __init__(self, title: str, unit: str, simulations: int) -> None:
+    It is drawn for the first time as soon as it is made, so that all that is shown must be there before.
+    """
+
+    def __init__(self) -> None:
         from rich.console import Console
         from rich.live import Live
 
-        self._title, self._unit, self._simulations = title, unit, simulations
-        self._console = Console(stderr=True)
-        self._started = time.monotonic()
-        self._state: dict[str, Any] = {"phase": "starting the simulator", "hypothesis": "", "count": 0, "failed": 0}
-        self._first: float | None = None
-        self._best: float | None = None
-        self._usage = Usage()
-        self._live = Live(get_renderable=self._panel, console=self._console, refresh_per_second=4)
+        self._live = Live(console=Console(stderr=True), refresh_per_second=4, get_renderable=self.drawn)
 
-    def __enter__(self) -> LiveProgress:
+    @abstractmethod
+    def drawn(self) -> Any:
+        """What stands there now, as ``rich`` draws it."""
+
+    def __enter__(self) -> Self:
         self._live.start()
         return self
 
     def __exit__(self, *exception: object) -> None:
         self._live.stop()
+
+    def say(self, line: str) -> None:
+        """Print a line above it."""
+        from rich.text import Text
+
+        self._live.console.print(Text(line, style="yellow"))
+
+
+class LiveProgress(Redrawn):
+    """A panel with where a run stands."""
+
+    def __init__(self, title: str, unit: str, simulations: int) -> None:
+        self._title, self._unit, self._simulations = title, unit, simulations
+        self._started = time.monotonic()
+        self._state: dict[str, Any] = {"phase": "starting the simulator", "hypothesis": "", "count": 0, "failed": 0}
+        self._first: float | None = None
+        self._best: float | None = None
+        self._usage = Usage()
+        super().__init__()
 
     def proposed(self, proposal: Proposal, phase: Phase, number: int) -> None:
         """See `Listener.proposed`."""
@@ -116,11 +136,10 @@ class LiveProgress:
 
     def noted(self, text: str) -> None:
         """See `Listener.noted`."""
-        from rich.text import Text
+        self.say(f"note: {printable(text, 400)}")
 
-        self._live.console.print(Text(f"note: {printable(text, 400)}", style="yellow"))
-
-    def _panel(self) -> Panel:
+    def drawn(self) -> Panel:
+        """See `Redrawn.drawn`."""
         from rich.panel import Panel
         from rich.table import Table
         from rich.text import Text

@@ -11,11 +11,12 @@ import numpy as np
 from ...core.errors import BsaError
 from ...core.messages import Outage
 from ...core.shape import decoding
+from ..campaign.cell import Axes
 from ..campaign.identity import versions_of, without_placement
 from ..campaign.results import check_grid_folder
 from ..campaign.running import Plan
 from ..campaign.store import Store
-from ..campaign.study_cell import StudyCell, hash_of, study_axes
+from ..campaign.study_cell import StudyCell, hash_of
 from ..discover import discover
 from ..discovery_case import DiscoverOptions
 from ..processor_time import processor_s
@@ -89,9 +90,8 @@ def _cell(case: Path, kind: Kind, asked: Mapping[str, Any]) -> StudyCell:
         "asked": {**asked, "backend_options": without_placement(options.backend_options)},
         "versions": versions_of((("backend", backend.partition(":")[0]),)),
     }
-    axes = study_axes(
-        case.name, "blind", kind, asked.get("seed", 0), asked.get("backend") or "none", options.parameters
-    )
+    seed = asked.get("seed", 0)
+    axes = Axes(task=case.name, mode="blind", chemistry=options.parameters, scaffold=kind, backend=backend, seed=seed)
     told = {"case": case, "kind": kind, "options": asked}
     return StudyCell(axes, carry_out, told, hash_of(determining))
 

@@ -13,9 +13,10 @@ from ...core.journal import Journal, read_events
 from ...core.messages import Outage
 from ...core.recording import Recorder
 from ...core.shape import decoding, shaped
+from ..campaign.cell import Axes
 from ..campaign.grid_file import BackendChoice
 from ..campaign.identity import versions_of, without_placement
-from ..campaign.study_cell import StudyCell, hash_of, study_axes
+from ..campaign.study_cell import StudyCell, hash_of
 from .results import read_results
 from .shortlists import SHORTLISTS, place_of
 
@@ -68,7 +69,7 @@ def ranking_cell(report: Report, backend: BackendChoice, seed: int) -> StudyCell
         "seed": seed,
         "versions": versions_of((("backend", backend.use.partition(":")[0]),)),
     }
-    axes = study_axes(report.name, "report", "ranking", seed, backend.use)
+    axes = Axes(task=report.name, mode="report", scaffold="ranking", backend=backend.use, seed=seed)
     asked = {"report": report, "backend": backend, "seed": seed}
     return StudyCell(axes, rank, asked, hash_of(determining))
 

@@ -10,26 +10,16 @@ import numpy as np
 
 from .case import Noise, SuiteCase
 from .filters import passes
+from .generated import BRUGGEMAN, POROSITIES, RADII, SEPARATOR, THICKNESSES
 
 SETS = ("Chen2020", "OKane2022", "Ecker2015", "Mohtat2020", "Prada2013", "Ai2020", "Marquis2019", "ORegan2022")
 """Base cells, taken in turn: the paper's five and three it does not use."""
 
 RATES = (0.2, 0.5, 1.0, 1.5, 2.0)
 
-_LARGEST_FACTOR = {
-    "Negative particle radius [m]": 2.2,
-    "Positive particle radius [m]": 2.2,
-    "Negative electrode thickness [m]": 1.5,
-    "Positive electrode thickness [m]": 1.5,
-    "Separator thickness [m]": 1.7,
-}
+_LARGEST_FACTOR = {**dict.fromkeys(RADII, 2.2), **dict.fromkeys(THICKNESSES, 1.5), SEPARATOR: 1.7}
 _POROSITY_SHIFT, _POROSITY = 0.1, (0.15, 0.6)
-_POROSITIES = ("Negative electrode porosity", "Positive electrode porosity")
 _BRUGGEMAN_SHIFT, _BRUGGEMAN = 1.0, (1.05, 3.5)
-_BRUGGEMANS = (
-    "Negative electrode Bruggeman coefficient (electrolyte)",
-    "Positive electrode Bruggeman coefficient (electrolyte)",
-)
 _ATTEMPTS = 60
 
 
@@ -55,7 +45,7 @@ def _draw(seed: int, number: int, noise: Noise, keep: Callable[[SuiteCase], bool
     rng = np.random.default_rng([seed, number])
     parameter_set = SETS[number % len(SETS)]
     base = load(parameter_set)
-    names = [*_LARGEST_FACTOR, *_POROSITIES, *_BRUGGEMANS]
+    names = [*_LARGEST_FACTOR, *POROSITIES, *BRUGGEMAN]
     case = None
     for _ in range(_ATTEMPTS):
         chosen = rng.permutation(len(names))[: int(rng.integers(1, len(names) + 1))]
@@ -73,5 +63,5 @@ def _perturbed(name: str, value: float, rng: np.random.Generator) -> float:
     position = float(rng.uniform(-1.0, 1.0))
     if name in _LARGEST_FACTOR:
         return value * math.exp(position * math.log(_LARGEST_FACTOR[name]))
-    shift, (lowest, highest) = (_POROSITY_SHIFT, _POROSITY) if name in _POROSITIES else (_BRUGGEMAN_SHIFT, _BRUGGEMAN)
+    shift, (lowest, highest) = (_POROSITY_SHIFT, _POROSITY) if name in POROSITIES else (_BRUGGEMAN_SHIFT, _BRUGGEMAN)
     return min(max(value + position * shift, lowest), highest)

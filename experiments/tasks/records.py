@@ -154,17 +154,7 @@ def build_task(
             notes.append(f"{record.name}: {words}, taken as a state of charge of {soc:.3f}.")
         if soc is not None:
             socs.append(soc)
-        experiments.append(
-            Experiment(
-                name=record.name,
-                target=record.trajectory,
-                protocol=request.protocol_of(record),
-                scored_cycle=request.scored_cycle,
-                temperature_k=_ambient_k(request, record),
-                initial_soc=soc,
-                detailed_cycles=() if request.detailed_cycles is None else record.trajectory.cycles,
-            )
-        )
+        experiments.append(_experiment(request, record, soc))
     space = _with_initial_soc(space, experiments, socs, INITIAL_SOC in given, alone=len(asked) == 1)
     experiments += [spectrum_experiment(request) for request in spectra]
     by_current = all(request.protocol is None for request in records)
@@ -239,14 +229,20 @@ def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
 def _held_out(request: RecordRequest, record: Record) -> Experiment:
     starts_at_rest = request.initial_soc is None and request.as_measured
     voltage = resting_voltage(record.trajectory) if request.initial_voltage is None else request.initial_voltage
+    return _experiment(request, record, request.initial_soc, voltage if starts_at_rest else None)
+
+
+def _experiment(
+    request: RecordRequest, record: Record, initial_soc: float | None, initial_voltage: float | None = None
+) -> Experiment:
     return Experiment(
         name=record.name,
         target=record.trajectory,
         protocol=request.protocol_of(record),
         scored_cycle=request.scored_cycle,
         temperature_k=_ambient_k(request, record),
-        initial_soc=request.initial_soc,
-        initial_voltage=voltage if starts_at_rest else None,
+        initial_soc=initial_soc,
+        initial_voltage=initial_voltage,
         detailed_cycles=() if request.detailed_cycles is None else record.trajectory.cycles,
     )
 

@@ -42,7 +42,7 @@ def test_the_panel_counts_them_too(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     def look(purpose: str, done: int, total: int) -> None:
         counted(purpose, done, total)
         console = Console(file=io.StringIO(), width=80)
-        console.print(live._panel())
+        console.print(live.drawn())
         shown.append(console.file.getvalue())  # type: ignore[attr-defined]
 
     monkeypatch.setattr(live, "counted", look)

@@ -64,7 +64,7 @@ def test_a_cell_is_keyed_by_records_options_and_kind(cases: Path) -> None:
 
 def test_only_the_named_cases_are_run(cases: Path) -> None:
     plan = plan_cases(cases, "mine", "discovery", ["case_02"])
-    assert [cell.axes["task"] for cell in plan.chosen] == ["case_02"]
+    assert [cell.axes.task for cell in plan.chosen] == ["case_02"]
     assert len(plan.cells) == 2
     with pytest.raises(BsaError, match='has no case "case_07"'):
         plan_cases(cases, "mine", "discovery", ["case_07"])
