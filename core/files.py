@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from .errors import BsaError
+from .printable import shown
 
 _DRAFT = ".bsa-draft"
 """Ending of a file that is being written; one that a killed process left holds nothing of worth."""
@@ -103,6 +104,16 @@ def read_json(path: Path) -> dict[str, Any] | None:
     except (OSError, ValueError, RecursionError):
         return None
     return content if isinstance(content, dict) else None
+
+
+def load_json(path: Path, hint: str) -> Any:
+    """What a JSON file holds. Raises `BsaError` if it cannot be read or is none."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise file_error(error, path) from None
+    except (ValueError, RecursionError) as error:
+        raise BsaError(f"{path} is not valid JSON: {shown(error)}.", hint) from None
 
 
 def entries(folder: Path) -> set[str]:

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections.abc import Mapping
 from typing import Any
 
 from pydantic import BaseModel, Field
@@ -32,4 +33,9 @@ class RunConfig(BaseModel, extra="forbid"):
     def identity(self, task: dict[str, Any], versions: dict[str, str]) -> str:
         """A hash of what determines the result, 16 hex digits; where a run is executed does not enter."""
         content = {"config": self.model_dump(mode="json"), "task": task, "versions": versions}
-        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
+        return hash_of(content)
+
+
+def hash_of(determining: Mapping[str, Any], digits: int = 16) -> str:
+    """An identity: a hash, in hex digits, of everything that determines a result."""
+    return hashlib.sha256(json.dumps(determining, sort_keys=True).encode()).hexdigest()[:digits]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...core.errors import BsaError, did_you_mean
-from ...core.files import file_error
+from ...core.files import load_json
 from ...core.metrics import errors_of, headline_of
 from ..report.page import FILE_NAME as REPORT
 from ..report.wording import number, quantity
@@ -169,13 +168,7 @@ class CalibrationResult:
         BsaError
             If the file is gone or damaged.
         """
-        path = self.folder / "result.json"
-        try:
-            content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise file_error(error, path) from None
-        except ValueError:
-            raise BsaError(f"{path} is not valid JSON.", "calibrate(resume=FOLDER) writes it again.") from None
+        content: dict[str, Any] = load_json(self.folder / "result.json", "calibrate(resume=FOLDER) writes it again.")
         return content
 
     def __repr__(self) -> str:

@@ -1,13 +1,12 @@
 """A cell that is one item of a study: a function of plain values, whose answer is its result."""
 
-import hashlib
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ...core.files import write_json
+from ...core.run_config import hash_of
 from .cell import Axes
 from .identity import versions_of
 from .results import check_grid_folder
@@ -32,11 +31,6 @@ class StudyCell:
         content = {"status": "finished", "best": {}, "initial": {}, **self.act(folder, **self.asked)}
         write_json(folder / RESULT, content)
         return content
-
-
-def hash_of(determining: Mapping[str, Any]) -> str:
-    """An identity: a hash of everything that determines a result, 16 hex digits."""
-    return hashlib.sha256(json.dumps(determining, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def plan_study(

@@ -1,7 +1,5 @@
 """From the tasks that a grid names to tasks in the store, with the words by which tables group them."""
 
-import hashlib
-import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -9,6 +7,7 @@ from typing import Any
 
 from ...core.errors import BsaError
 from ...core.files import read_json, write_json
+from ...core.run_config import hash_of
 from ...core.task import Task
 from ..suite.case import Noise, SuiteCase
 from ..suite.selection import choose, load_suite
@@ -118,4 +117,4 @@ def _reference(case: SuiteCase, search: str | None, start: int) -> str:
         "start": start,
         "versions": versions_of(()),
     }
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
+    return hash_of(content, 32)

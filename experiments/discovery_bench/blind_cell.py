@@ -10,13 +10,14 @@ import numpy as np
 
 from ...core.errors import BsaError
 from ...core.messages import Outage
+from ...core.run_config import hash_of
 from ...core.shape import decoding
 from ..campaign.cell import Axes
 from ..campaign.identity import versions_of, without_placement
 from ..campaign.results import check_grid_folder
 from ..campaign.running import Plan
 from ..campaign.store import Store
-from ..campaign.study_cell import StudyCell, hash_of
+from ..campaign.study_cell import StudyCell
 from ..discover import discover
 from ..discovery_case import DiscoverOptions
 from ..processor_time import processor_s

@@ -12,11 +12,12 @@ from ...core.files import read_json, write_json
 from ...core.journal import Journal, read_events
 from ...core.messages import Outage
 from ...core.recording import Recorder
+from ...core.run_config import hash_of
 from ...core.shape import decoding, shaped
 from ..campaign.cell import Axes
 from ..campaign.grid_file import BackendChoice
 from ..campaign.identity import versions_of, without_placement
-from ..campaign.study_cell import StudyCell, hash_of
+from ..campaign.study_cell import StudyCell
 from .results import read_results
 from .shortlists import SHORTLISTS, place_of
 

@@ -3,7 +3,6 @@
 A target costs seconds, so each is kept on disk under a hash of everything it depends on.
 """
 
-import hashlib
 import json
 import os
 from dataclasses import replace
@@ -17,6 +16,7 @@ from ...core.encoding import decode_outcome, encode_cell, encode_outcome
 from ...core.errors import BsaError
 from ...core.files import write_json
 from ...core.parameters import Candidate
+from ...core.run_config import hash_of
 from ...core.simulation import ExperimentRun, Outcome
 from ...core.target import change_of, target_named
 from ...core.task import CellModel, Experiment
@@ -83,8 +83,7 @@ def reference_run(cell: CellModel, experiment: Experiment, candidate: Candidate)
         "candidate": dict(sorted(candidate.items())),
         **({"detailed_cycles": experiment.detailed_cycles} if experiment.long else {}),
     }
-    digest = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
-    path = cache_folder() / f"{digest}.json"
+    path = cache_folder() / f"{hash_of(content, 32)}.json"
     if path.is_file():
         try:
             return decode_outcome(json.loads(path.read_text(encoding="utf-8"))).runs[0]

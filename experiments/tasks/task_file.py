@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -11,8 +10,7 @@ from pydantic import BaseModel, Field, model_validator
 
 from ...core.encoding import decode_task
 from ...core.errors import BsaError
-from ...core.files import file_error
-from ...core.printable import shown
+from ...core.files import load_json
 from ...core.protocol_text import read_protocol
 from ...core.record import ReadOptions
 from ...core.shape import decoding
@@ -100,7 +98,7 @@ def load_task_file(path: Path) -> Task:
 
     Raises `BsaError` naming the file, the key and the nearest valid key.
     """
-    found = _read_json(path) if path.suffix == ".json" else read_yaml(path)
+    found = load_json(path, "check it there.") if path.suffix == ".json" else read_yaml(path)
     if isinstance(found, dict) and "simulator" in found and "space" not in found:
         return load_signal_task(found, path)
     if isinstance(found, dict) and path.suffix == ".json" and "space" in found:
@@ -145,15 +143,6 @@ def _request(entry: ExperimentEntry, folder: Path) -> RecordRequest:
         temperature_k=None if entry.temperature_degc is None else entry.temperature_degc + ZERO_CELSIUS_K,
         initial_soc=entry.initial_soc,
     )
-
-
-def _read_json(path: Path) -> Any:
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise file_error(error, path) from None
-    except (ValueError, RecursionError) as error:
-        raise BsaError(f"{path} is not valid JSON: {shown(error)}.", "check it there.") from None
 
 
 def _encoded(content: dict[str, Any], path: Path) -> Task:
