@@ -1,6 +1,6 @@
 """What the events of a journal look like; every reader may rely on it."""
 
-from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, Literal
 
 from .encoding import TrialRecord
@@ -8,179 +8,85 @@ from .identifiability import Combination, Interval
 from .messages import Usage
 from .prediction import Band
 from .record_errors import RecordErrors, SignalError, StepErrors
-from .shape import check_json
+from .shape import check_json, list_of, mapping_with
 from .trial import Phase
 
 
-@dataclass(frozen=True)
-class _Run:
-    config: dict[str, Any] = field(default_factory=dict)
-    task: dict[str, Any] = field(default_factory=dict)
-    versions: dict[str, str] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class _Turn:
-    role: str
-    text: str
-    images: int
-
-
-@dataclass(frozen=True)
-class _Reply:
-    text: str
-    usage: Usage
-    model: str
-    structured_by: str
-    notes: list[str]
-    prompt: list[_Turn]
-
-
-@dataclass(frozen=True)
-class _LostCall:
-    reason: str
-    prompt: list[_Turn]
-    refused: bool = False
-
-
-@dataclass(frozen=True)
-class _Ballot:
-    problem: str
-    changes: dict[str, Any]
-
-
-@dataclass(frozen=True)
-class _Vote:
-    text: str
-    rule: str
-    ballots: list[_Ballot]
-
-
-@dataclass(frozen=True)
-class _Review:
-    text: str
-    verdict: Literal["accept", "edit", "refuse"]
-
-
-@dataclass(frozen=True)
-class _Proposal:
-    phase: Phase
-    round: int
-    hypothesis: str
-    rationale: str
-    action: str
-    updates: dict[str, str]
-    details: dict[str, Any]
-    lost: str
-    finished: bool
-
-
-@dataclass(frozen=True)
-class _Score:
-    index: int
-    metrics: dict[str, float] | None
-    records: list[RecordErrors] = field(default_factory=list)
-
-
-@dataclass(frozen=True)
-class _Predicted:
-    record: str
-    signals: dict[str, SignalError]
-    steps: list[StepErrors]
-    failure: str
-    bands: dict[str, Band]
-    simulations: int
-    curve: dict[str, Any] | None
-
-
-@dataclass(frozen=True)
-class _HeldOut:
-    base: int
-    predictions: list[_Predicted]
-    draws: int | None = None  # Of the posterior that their bands have; earlier versions did not write it.
-
-
-@dataclass(frozen=True)
-class _Suggestion:
-    name: str
-    protocol: list[list[str]]
-    hours: float
-    worst: str
-    worst_share_of_range: float
-    shares_of_range: dict[str, float]
-
-
-@dataclass(frozen=True)
-class _Appraised:
-    base: int
-    intervals: dict[str, Interval]
-    combinations: list[Combination]
-    correlated: list[list[str]]
-    noise: float
-    points: int
-    unknown: list[str]
-    unsettled: list[str]
-    worst: str
-    measure_next: list[_Suggestion]
-    simulations: int
-    reused: int
-    seconds: float
-
-
-@dataclass(frozen=True)
-class _Appraisal:
-    appraisal: _Appraised
-
-
-@dataclass(frozen=True)
-class _AppraisalSimulation:
-    experiments: list[str]
-    candidate: dict[str, float]
-    outcome: dict[str, Any]
-
-
-@dataclass(frozen=True)
-class _Simulation:
-    key: str
-    # voltage, temperature: Of a measured record.
-    voltage: str | None = None
-    temperature: str | None = None
-    residual: str | None = None  # Of a life.
-
-
-@dataclass(frozen=True)
-class _Refused:
-    effect: str
-    why: str
-
-
-@dataclass(frozen=True)
-class _Note:
-    text: str
-
-
-@dataclass(frozen=True)
-class _End:
-    status: str
-
-
-_SHAPES = {
-    "run": _Run,
-    "trial": TrialRecord,
-    "reply": _Reply,
-    "lost-call": _LostCall,
-    "vote": _Vote,
-    "review": _Review,
-    "proposal": _Proposal,
-    "score": _Score,
-    "appraisal": _Appraisal,
-    "held-out": _HeldOut,
-    "appraisal-simulation": _AppraisalSimulation,
-    "simulation": _Simulation,
-    "refused": _Refused,
-    "note": _Note,
-    "end": _End,
-}
+@cache
+def _shapes() -> dict[str, Any]:
+    """The shapes by kind of event."""
+    turn = mapping_with(role=str, text=str, images=int)
+    ballot = mapping_with(problem=str, changes=dict[str, Any])
+    predicted = mapping_with(
+        record=str,
+        signals=dict[str, SignalError],
+        steps=list[StepErrors],
+        failure=str,
+        bands=dict[str, Band],
+        simulations=int,
+        curve=dict[str, Any] | None,
+    )
+    suggestion = mapping_with(
+        name=str,
+        protocol=list[list[str]],
+        hours=float,
+        worst=str,
+        worst_share_of_range=float,
+        shares_of_range=dict[str, float],
+    )
+    analysis = mapping_with(
+        base=int,
+        intervals=dict[str, Interval],
+        combinations=list[Combination],
+        correlated=list[list[str]],
+        noise=float,
+        points=int,
+        unknown=list[str],
+        unsettled=list[str],
+        worst=str,
+        measure_next=list_of(suggestion),
+        simulations=int,
+        reused=int,
+        seconds=float,
+    )
+    return {
+        "run": mapping_with(config=(dict[str, Any], {}), task=(dict[str, Any], {}), versions=(dict[str, str], {})),
+        "trial": TrialRecord,
+        "reply": mapping_with(
+            text=str,
+            usage=Usage,
+            model=str,
+            structured_by=str,
+            notes=list[str],
+            prompt=list_of(turn),
+        ),
+        "lost-call": mapping_with(reason=str, prompt=list_of(turn), refused=(bool, False)),
+        "vote": mapping_with(text=str, rule=str, ballots=list_of(ballot)),
+        "review": mapping_with(text=str, verdict=Literal["accept", "edit", "refuse"]),
+        "proposal": mapping_with(
+            phase=Phase,
+            round=int,
+            hypothesis=str,
+            rationale=str,
+            action=str,
+            updates=dict[str, str],
+            details=dict[str, Any],
+            lost=str,
+            finished=bool,
+        ),
+        "score": mapping_with(index=int, metrics=dict[str, float] | None, records=(list[RecordErrors], [])),
+        "appraisal": mapping_with(appraisal=analysis),
+        # Of how many draws of the posterior bands are made; earlier versions did not write it.
+        "held-out": mapping_with(base=int, predictions=list_of(predicted), draws=(int | None, None)),
+        "appraisal-simulation": mapping_with(experiments=list[str], candidate=dict[str, float], outcome=dict[str, Any]),
+        # Voltage and temperature are those of a measured record, residuals those of a life.
+        "simulation": mapping_with(
+            key=str, voltage=(str | None, None), temperature=(str | None, None), residual=(str | None, None)
+        ),
+        "refused": mapping_with(effect=str, why=str),
+        "note": mapping_with(text=str),
+        "end": mapping_with(status=str),
+    }
 
 
 def check_event(kind: str, line: bytes) -> None:
@@ -189,5 +95,5 @@ def check_event(kind: str, line: bytes) -> None:
     ``line`` is the event as it stands in the journal. Raises `ValueError` if a field is missing or of another type,
     with its name.
     """
-    if kind in _SHAPES:
-        check_json(_SHAPES[kind], line)
+    if kind in _shapes():
+        check_json(_shapes()[kind], line)

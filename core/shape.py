@@ -5,9 +5,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+from types import GenericAlias
 from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import BaseModel, TypeAdapter, ValidationError, create_model
 
 from .errors import BsaError
 
@@ -29,6 +30,18 @@ def shaped(kind: Any, content: Any) -> Any:
         return _adapter(kind).validate_python(content)
     except ValidationError as error:
         raise _in_one_line(error) from None
+
+
+def mapping_with(**fields: Any) -> type[BaseModel]:
+    """The type of a mapping with these fields; one that is given as its type and a value may be missing."""
+    given: Any = {name: kind if isinstance(kind, tuple) else (kind, ...) for name, kind in fields.items()}
+    made: type[BaseModel] = create_model("Shape", **given)
+    return made
+
+
+def list_of(kind: type) -> Any:
+    """The type of a list of such values."""
+    return GenericAlias(list, (kind,))
 
 
 def check_json(kind: Any, text: bytes) -> None:

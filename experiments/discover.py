@@ -10,7 +10,7 @@ import numpy as np
 from ..core.discovery.closure import fit_closure
 from ..core.discovery.discovery import Discovery
 from ..core.discovery.explanation import Explanation
-from ..core.discovery.findings import Listener, Nomination, Settings
+from ..core.discovery.findings import Listener, Nomination
 from ..core.discovery.localisation import in_words, localise
 from ..core.discovery.next_experiment import propose
 from ..core.discovery.problem import Problem
@@ -103,7 +103,6 @@ def discover_on(
     options: DiscoverOptions,
     listener: Listener = lambda text: None,
     backend: Backend | None = None,
-    settings: Settings | None = None,
 ) -> RecordDiscovery:
     """Find what is missing with all that was set up for it; writes nothing."""
     from ..plugins.pybamm.augmented_script import augmented_script
@@ -120,7 +119,7 @@ def discover_on(
         listener("backend: " + (", ".join(r.key for r in asked[-1].ranked) or asked[-1].note))
         return [r.key for r in asked[-1].ranked[:3]]
 
-    findings = setup.engine(settings or options.settings, listener, preferred).run()
+    findings = setup.engine(options.settings, listener, preferred).run()
     before = problem.errors(_predicted(problem, findings.nearest_base))
     predictions = _predicted(problem, findings.best)
     noise = problem.noise_v

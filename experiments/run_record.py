@@ -16,7 +16,7 @@ from ..core.parameters import Parameter
 from ..core.post_fit_analysis import PostFitAnalysis
 from ..core.prediction import HELD_OUT, Prediction, decode_prediction
 from ..core.record_errors import RecordErrors
-from ..core.shape import decoding, shaped
+from ..core.shape import decoding, mapping_with, shaped
 from ..core.task import Task
 from ..core.trial import Phase, Trial, likeliest, lowest
 from .exchanges import EXCHANGED, Exchange, exchange_of
@@ -158,7 +158,7 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
     if not trials or trials[0].index != 0:
         raise BsaError(f"{folder} holds no finished simulation yet.", "wait for the first one, or resume the run.")
     task = decode_task(first["task"])
-    shaped(_Config, first["config"])
+    shaped(_CONFIG, first["config"])
     for trial in trials:
         for parameter in task.space:
             _check_bounds(parameter, trial.candidate[parameter.name])
@@ -188,18 +188,8 @@ def _check_bounds(parameter: Parameter, value: float) -> None:
         raise ValueError(f'"{parameter.name}" is {value:g}, outside its bounds')
 
 
-@dataclass(frozen=True)
-class _Scaffold:
-    name: str
-
-
-@dataclass(frozen=True)
-class _Config:
-    """What a report tells of a configuration."""
-
-    scaffold: _Scaffold
-    backend: str
-    seed: int
+_CONFIG = mapping_with(scaffold=mapping_with(name=str), backend=str, seed=int)
+"""What a report tells of a configuration."""
 
 
 def _analysis(events: Iterable[Mapping[str, Any]], base: int, task: Task) -> PostFitAnalysis | None:

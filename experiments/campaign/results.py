@@ -9,7 +9,7 @@ from typing import Any
 
 from ...core.errors import BsaError
 from ...core.files import begins, entries, foreign, read_json, replacing, write_csv, write_json
-from ...core.shape import decoding, shaped
+from ...core.shape import decoding, mapping_with, shaped
 from ...core.yaml_text import YAML_SUFFIXES
 from .cell import Axes, Cell, Report
 from .columns import COLUMNS, Facts
@@ -49,18 +49,9 @@ class _Entry(Axes):
     trouble: str
 
 
-@dataclass(frozen=True)
-class _Grid:
-    name: str
-    summary: str = ""
-    reference: str | None = None
-
-
-@dataclass(frozen=True)
-class _Manifest:
-    grid: _Grid
-    cells: list[_Entry]
-    methods: list[str]
+_MANIFEST = mapping_with(
+    grid=mapping_with(name=str, summary=(str, ""), reference=(str | None, None)), cells=list[_Entry], methods=list[str]
+)
 
 
 def check_grid_folder(folder: Path) -> None:
@@ -110,7 +101,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     if content is None:
         raise BsaError(f"{folder / MANIFEST} is missing or damaged.", _AGAIN)
     with decoding(folder / MANIFEST, "a grid", _AGAIN):
-        shaped(_Manifest, content)
+        shaped(_MANIFEST, content)
     return content
 
 

@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from ...core.errors import BsaError
 from ...core.files import entries, foreign, read_json, write_text
 from ...core.journal import FILE_NAME
 from ...core.paper_metrics import PaperMetrics
-from ...core.shape import decoding, shaped
+from ...core.shape import decoding, mapping_with, shaped
 from ...core.task import Task
 
 FINAL = frozenset({"converged", "finished", "rounds-spent", "simulations-spent"})
@@ -94,31 +94,25 @@ class Store:
         return self.root / "tasks" / f"{digest}.json"
 
 
-@dataclass(frozen=True)
-class _Result:
-    """What tables read of a result."""
-
-    status: str
-    best: dict[str, Any]
-    initial: dict[str, Any]
-    best_score: dict[str, Any] = field(default_factory=dict)
-    reason: str = ""
-    simulations: int | None = None
-    failed_simulations: int | None = None
-    llm_calls: int | None = None
-    lost_calls: int | None = None
-    tokens: int | None = None
-    cost_usd: float | None = None
-    wall_s: float | None = None
-    simulator_s: float | None = None
-    backend_s: float | None = None
+_COUNTED = ("simulations", "failed_simulations", "llm_calls", "lost_calls", "tokens")
+_MEASURED = ("cost_usd", "wall_s", "simulator_s", "backend_s")
+_RESULT = mapping_with(
+    status=str,
+    best=dict[str, Any],
+    initial=dict[str, Any],
+    best_score=(dict[str, Any], {}),
+    reason=(str, ""),
+    **dict.fromkeys(_COUNTED, (int | None, None)),
+    **dict.fromkeys(_MEASURED, (float | None, None)),
+)
+"""What tables read of a result."""
 
 
 def read_result(folder: Path) -> dict[str, Any] | None:
     """What ``result.json`` of a cell holds; None where there is none, or it was damaged: the journal makes it anew."""
     content = read_json(folder / RESULT)
     try:
-        found: _Result = shaped(_Result, content)
+        found = shaped(_RESULT, content)
         parts = (found.best, found.best_score, found.initial)
         numbers = [value for part in parts for key, value in part.items() if key in _METRICS]
         shaped(list[float | None], numbers)

@@ -85,7 +85,6 @@ MaxCost = Annotated[
     float | None, language_model_option(min=0, metavar="USD", help="Stop, resumably, after this much money.")
 ]
 Seed = Annotated[int, search_option(min=0, metavar="N", help="Seed for everything random.")]
-Workers = Annotated[int, search_option(min=1, metavar="N", help="Runs side by side.")]
 
 SimulationWorkers = Annotated[
     int,

@@ -55,13 +55,13 @@ def shortlist(options: DiscoverOptions) -> dict[str, Any]:
     return found | {"summary": ", ".join(firsts)}
 
 
-def shortlist_places(folder: Path, name: str = SHORTLISTS) -> list[dict[str, Any]]:
+def shortlist_places(folder: Path) -> list[dict[str, Any]]:
     """Open the answers, and find the place that each ranking gives the hidden effect: a row a case and ranking.
 
     Of the cases that hide one effect of the catalogue, those whose base model leaves noise only are left out: nothing
     was there to be ranked.
     """
-    told = [(task, found, set(answer["names"])) for task, found, answer in read_results(folder, name)]
+    told = [(task, found, set(answer["names"])) for task, found, answer in read_results(folder, SHORTLISTS)]
     return [
         {"task": task, "ranked_by": words, "place": place_of(found[how], hidden)}
         for how, words in _WORDS.items()

@@ -180,9 +180,9 @@ def horizontal(low: float, high: float) -> Axis:
     return Axis(low, high if high > low else low + 1.0, LEFT, WIDTH - RIGHT)
 
 
-def padded(low: float, high: float, share: float = 0.06) -> tuple[float, float]:
+def padded(low: float, high: float) -> tuple[float, float]:
     """A range with some air at both ends."""
-    margin = share * (high - low) or 0.05 * abs(low) or 1.0
+    margin = 0.06 * (high - low) or 0.05 * abs(low) or 1.0
     return low - margin, high + margin
 
 

@@ -22,17 +22,14 @@ class ArrayTable:
     header: tuple[str, ...]  # Names of the columns.
     # Numbers, texts or any objects; a cell that is None or blank is missing. Shape (n,).
     columns: Sequence[NDArray[Any]]
-    # Rows in the file, from 1, for messages; left out, they are counted. Shape (n,).
-    rows: NDArray[np.int64] | None = None
     units: tuple[str, ...] | None = None  # Row of units beneath the header.
-    place: str = ""  # Where the table stands in its file, for messages: ``"sheet Channel_1-008, "``.
 
     def numbers(self, wanted: Mapping[int, str], where: Mapping[str, str], texts: Sequence[int] = ()) -> Numbers:
         """Read columns; see `Table.numbers`."""
         size = len(self.columns[0])
         if size > MAX_SAMPLES:
             raise BsaError(f"{self.source} has more than {MAX_SAMPLES} rows.", "cut it, or thin it out first.")
-        rows = np.arange(1, size + 1) if self.rows is None else self.rows
+        rows = np.arange(1, size + 1)
         keep = np.ones(size, dtype=np.bool_)
         for place, value in row_conditions(self.header, where, self.source):
             keep &= np.array([same(str(cell), value) for cell in self.columns[place].tolist()], dtype=np.bool_)
@@ -53,8 +50,7 @@ class ArrayTable:
                 values[k] = np.nan if cell is None or cell == "" else float(cell)
             except (TypeError, ValueError):
                 raise BsaError(
-                    f'{self.source}: {self.place}row {rows[k]}, column "{shown(name)}": '
-                    f'"{shown(cell)}" is not a number.',
+                    f'{self.source}: row {rows[k]}, column "{shown(name)}": "{shown(cell)}" is not a number.',
                     "repair or remove the row.",
                 ) from None
         return values
