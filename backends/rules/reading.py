@@ -83,6 +83,7 @@ def read_prompt(messages: Sequence[Message]) -> Prompt:
     # Memories stand between the task and the feedback: one with the heading of either must not stand in for it.
     task = next((_mapping(content) for heading, content in sections if heading == TASK), {})
     parameters, steps, bounds = _parameters(task)
+    order = tuple(str(row.get("parameter")) for row in _rows(task.get("parameters")))
     last = {heading: _mapping(content) for heading, content in sections}
     feedback = Feedback.read(last.get(FEEDBACK))
     attempt = finite_numbers(last.get(LAST_ATTEMPT, {}).get("changed_by_steps"))
@@ -92,7 +93,7 @@ def read_prompt(messages: Sequence[Message]) -> Prompt:
         features=feedback.numbers,
         tolerances=feedback.tolerances,
         attempt=tuple(attempt.get(name, 0.0) for name in parameters) if attempt else (),
-        sensitivities=Sensitivities.read(last.get(SENSITIVITIES), tuple(feedback.numbers)),
+        sensitivities=Sensitivities.read(last.get(SENSITIVITIES), tuple(feedback.numbers), order),
         trials=_trials(last.get(TRIALS, {}), len(parameters), tuple(feedback.numbers)),
         rules=_rules(last.get(PRIORS, {}).get("rules")),
         bounds=bounds,

@@ -12,6 +12,7 @@ import numpy as np
 
 from ...core.hooks import ProposeContext, Recollection
 from ...core.prompt_sections import (
+    ALIKE,
     CYCLES,
     FEEDBACK,
     LAST_ATTEMPT,
@@ -21,6 +22,7 @@ from ...core.prompt_sections import (
     TASK,
     TRIAL_FEATURES,
     TRIALS,
+    numbered,
     section,
     table,
 )
@@ -32,7 +34,7 @@ from ...core.trial import Trial, closest
 from ..feedback.ageing import cycles_in_detail, measured_life
 from ..feedback.rounding import SHOWN_DIGITS, rounded
 
-_PARAMETER = ("parameter", "now", "step")
+_NUMBER, _PARAMETER = "number", ("parameter", "now", "step")
 _BOUNDS = ("lower", "upper")
 
 
@@ -98,11 +100,11 @@ class Situation:
 
     def sections(self, memories: bool = True) -> list[str]:
         """The prompt's sections in the order in which they are read, without the memories if so wished."""
-        parts = [self._task_section()]
+        numbers = memories and self.remembers
+        parts = [self._task_section(numbers)]
         if memories:
-            parts += [
-                section(part.title, _without_bounds(part)) for part in self.recollections if _without_bounds(part)
-            ]
+            told = ((part.title, self._told(part)) for part in self.recollections)
+            parts += [section(title, content) for title, content in told if content]
         parts.append(section(FEEDBACK, self._feedback()))
         if self.task.long and self.base.curves and self.base.feedback.content.get("features"):
             shown = cycles_in_detail(self.task, self.base.curves, self.look_at)
@@ -150,7 +152,17 @@ class Situation:
             **told,
         }
 
-    def _task_section(self) -> str:
+    def _told(self, part: Recollection) -> Mapping[str, Any]:
+        """A memory's content, without what the table of parameters says: of the priors bounds, of effects names."""
+        if part.title == PRIORS:
+            return {key: value for key, value in part.content.items() if key != "bounds"}
+        if part.title == SENSITIVITIES:
+            by_number = {"effects", ALIKE}
+            names = self.task.space.names
+            return {k: numbered(v, names) if k in by_number else v for k, v in part.content.items()}
+        return part.content
+
+    def _task_section(self, numbers: bool) -> str:
         """What is simulated, what was measured, and where the parameters stand, each once."""
         task, cell = self.task, self.task.cell
         content = {
@@ -159,33 +171,28 @@ class Situation:
             **({"parameter_set": str(cell.parameter_set)} if cell.parameter_set else {}),
             **_signals(task),
             "records": [_record(experiment, task) for experiment in task.experiments],
-            "parameters": self._parameters(),
+            "parameters": self._parameters(numbers),
         }
         return section(TASK, content)
 
-    def _parameters(self) -> dict[str, Any]:
+    def _parameters(self, numbers: bool) -> dict[str, Any]:
         priors = next((part.content for part in self.recollections if part.title == PRIORS), {})
         bounds = priors.get("bounds")
         bounds = bounds if isinstance(bounds, Mapping) else {}
         rows = [
-            [parameter.name, self.base.candidate[parameter.name], parameter.typical_step]
+            ([number] if numbers else [])
+            + [parameter.name, self.base.candidate[parameter.name], parameter.typical_step]
             + ([*bounds.get(parameter.name, (None, None))] if bounds else [])
-            for parameter in self.task.space
+            for number, parameter in enumerate(self.task.space, start=1)
         ]
-        return table([*_PARAMETER, *(_BOUNDS if bounds else ())], rounded(rows))
+        columns = [*([_NUMBER] if numbers else []), *_PARAMETER, *(_BOUNDS if bounds else ())]
+        return table(columns, rounded(rows))
 
     def room(self) -> tuple[np.ndarray, np.ndarray]:
         """How many typical steps each parameter may fall and rise, shapes (p,)."""
         lower = [p.in_steps(p.lower) - p.in_steps(self.base.candidate[p.name]) for p in self.task.space]
         upper = [p.in_steps(p.upper) - p.in_steps(self.base.candidate[p.name]) for p in self.task.space]
         return np.array(lower), np.array(upper)
-
-
-def _without_bounds(part: Recollection) -> Mapping[str, Any]:
-    """A memory's content; of the priors what does not stand in the table of parameters."""
-    if part.title != PRIORS:
-        return part.content
-    return {key: value for key, value in part.content.items() if key != "bounds"}
 
 
 def _signals(task: Task) -> dict[str, Any]:

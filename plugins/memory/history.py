@@ -51,7 +51,8 @@ class HistoryMemory:
     @hookimpl
     def recall(self, budget: int) -> Recollection | None:
         """See `RunHooks.recall`."""
-        if not self._trials:
+        # The start alone is the present trial, which the feedback tells.
+        if len(self._trials) < 2:
             return None
         for count in range(min(self._options.rounds, len(self._trials)), 0, -1):
             content = self._content(self._shown(count))
@@ -75,7 +76,7 @@ class HistoryMemory:
             rows.append([trial.index, author, *told_errors, told_steps, *[note] * noted])
         columns = ["trial", "asked_by", *["misfit_tolerances"] * told, *errors, "steps_from_present", *["note"] * noted]
         content: dict[str, Any] = {
-            "meaning": f"steps_from_present: of each parameter, in the order of the task, above trial {now.index}",
+            "meaning": f"steps_from_present: values less those of trial {now.index}, in steps, in the task's order",
             "trials": rounded(table(columns, rows), SHOWN_DIGITS),
         }
         # What a fit beside asked for is in the learnt sensitivities; the agent's own attempts are told.

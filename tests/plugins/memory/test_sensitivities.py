@@ -112,6 +112,12 @@ def test_history_shows_the_warm_up_failures_and_who_asked(context: RunContext) -
     assert found[3]["note"].startswith("simulation_failed: gave up")
 
 
+def test_the_start_alone_is_no_history(context: RunContext) -> None:
+    memory = HistoryMemory(HistoryOptions(), context)
+    memory.remember(trial(context, 0, "initial", space().initial), None)
+    assert memory.recall(9000) is None
+
+
 def test_history_counts_steps_from_the_closest_trial(context: RunContext) -> None:
     memory = HistoryMemory(HistoryOptions(), context)
     memory.remember(trial(context, 0, "initial", {**space().initial, CAPACITY: 1.0}), None)
@@ -200,6 +206,22 @@ def test_every_search_trial_corrects_the_effects_along_its_own_direction(context
     assert told[CAPACITY]["misprediction_pct"] > told["Relaxation time [s]"]["misprediction_pct"] >= 0.0
     predicted = content["predicted_of_trial_10_in_the_order_of_the_feedback"]
     assert len(predicted) == len(told[CAPACITY]["effects"])
+
+
+def test_perturbations_on_top_of_a_shared_move_tell_the_effects_there(context: RunContext) -> None:
+    def gained(name: str) -> float:
+        return record({**there, name: 1.1 * there[name]}).duration - record(there).duration
+
+    start = space().initial
+    there = {**start, CAPACITY: 2.0 * start[CAPACITY]}
+    memory = SensitivityMemory(NoOptions(), context)
+    memory.remember(trial(context, 0, "initial", start), None)
+    memory.remember(trial(context, 1, "warm-up", there), None)
+    memory.remember(trial(context, 2, "warm-up", {**there, SERIES: 1.1 * there[SERIES]}), None)
+    memory.remember(trial(context, 3, "warm-up", {**there, CAPACITY: 1.1 * there[CAPACITY]}), None)
+    effects = learnt(memory, memory.recall(9000).content).effects
+    for name in (SERIES, CAPACITY):
+        assert effects[name]["cc_discharge_time_mismatch_s"] == pytest.approx(gained(name), rel=0.1)
 
 
 def test_a_reduced_simulation_teaches_nothing_of_the_task(context: RunContext) -> None:
