@@ -14,6 +14,7 @@ from ...core.feedback import Feedback
 from ...core.messages import Message
 from ...core.numbers import finite_number, finite_numbers
 from ...core.prompt_sections import (
+    DIGEST,
     FEEDBACK,
     LAST_ATTEMPT,
     NUMERICS,
@@ -74,6 +75,7 @@ class Prompt:
     numerics: Numerics = field(default_factory=Numerics)  # Where the fit stands that runs beside the agent.
     present: int = 0  # Number of the present trial.
     simulations_left: int = 0  # How many more there may be.
+    suggested: Mapping[str, str] = field(default_factory=dict)  # The change that a digest suggests.
 
 
 def read_prompt(messages: Sequence[Message]) -> Prompt:
@@ -100,6 +102,11 @@ def read_prompt(messages: Sequence[Message]) -> Prompt:
         numerics=Numerics.read(last.get(NUMERICS)),
         present=int(finite_number(feedback.content.get("trial")) or 0),
         simulations_left=int(finite_number(feedback.content.get("simulations_left")) or 0),
+        suggested={
+            str(name): change
+            for name, change in _mapping(last.get(DIGEST, {}).get("suggested_change")).items()
+            if isinstance(change, str)
+        },
     )
 
 

@@ -18,6 +18,9 @@ from .situation import Situation
 RADIUS = 4.0
 """Typical steps, all parameters together, that a suggested change may go: farther a linear promise means little."""
 
+_SHRINK = 0.4
+"""Share of a change that was no better which the next suggestion may have in length."""
+
 _WORST, _MATCHING = 3, 3
 _NEGLIGIBLE = 0.01
 """Typical steps below which a suggested change of a parameter is left out."""
@@ -37,8 +40,12 @@ def predicted(situation: Situation, candidate: Candidate) -> dict[str, Any]:
     }
 
 
-def suggested(situation: Situation, radius: float = RADIUS) -> dict[str, str]:
-    """The change that removes most of the mismatch if all acts linearly, as it is written; empty if none is known."""
+def suggested(situation: Situation) -> dict[str, str]:
+    """The change that removes most of the mismatch if all acts linearly, as it is written; empty if none is known.
+
+    It is shorter than changes from here that were no better.
+    """
+    radius = min([RADIUS, *(_SHRINK * length for length in situation.failed)])
     space, learnt = situation.task.space, situation.sensitivities
     features, mismatch, tolerance = _mismatch(situation)
     slopes = learnt.slopes(space.names, features)
@@ -50,8 +57,8 @@ def suggested(situation: Situation, radius: float = RADIUS) -> dict[str, str]:
     return {p.name: change_by(s, p.typical_step, 4) for p, s in zip(space, steps, strict=True) if abs(s) > _NEGLIGIBLE}
 
 
-def digest(situation: Situation) -> dict[str, Any]:
-    """The worst features, the parameters that match them best, and a suggested change: what a small model can use."""
+def digest(situation: Situation, change: Mapping[str, str]) -> dict[str, Any]:
+    """The worst features, the parameters that match them best, and the suggested change: what a small model can use."""
     names = situation.task.space.names
     features, mismatch, tolerance = _mismatch(situation)
     slopes = situation.sensitivities.slopes(names, features)
@@ -62,11 +69,8 @@ def digest(situation: Situation) -> dict[str, Any]:
         lowering = [f"{'raise' if slopes[place, p] * mismatch[place] < 0 else 'lower'} {names[p]}" for p in strongest]
         helpful = [words for words, p in zip(lowering, strongest, strict=True) if slopes[place, p]]
         rows.append([features[place], mismatch[place], mismatch[place] / tolerance[place], helpful])
-    change = suggested(situation)
-    return {
-        "worst_features": rounded(table(["feature", "mismatch", "in_tolerances", "what_lowers_it_most"], rows), 3),
-        **({"suggested_change": change} if change else {}),
-    }
+    told = {"worst_features": table(["feature", "mismatch", "in_tolerances", "what_lowers_it_most"], rows)}
+    return {**rounded(told, 3), **({"suggested_change": change} if change else {})}
 
 
 def _mismatch(situation: Situation) -> tuple[list[str], FloatArray, FloatArray]:

@@ -68,8 +68,11 @@ def task_kind(task: Task, base: Trial) -> TaskKind:
     return "driven" if all(experiment.protocol is None for experiment in task.experiments) else "curves"
 
 
-def system_message(task: Task, base: Trial, reasoning: bool = True) -> Message:
-    """Who the agent is and how it works: the opening is the domain's."""
+def system_message(task: Task, base: Trial, reasoning: bool = True, brief: bool = False) -> Message:
+    """Who the agent is and how it works, or, in brief, only the first: the opening is the domain's."""
+    last = [_UNTRUSTED, _THINK if reasoning else _AT_ONCE]
+    if brief:
+        return Message("system", "\n".join([task.domain.introduction, *last]))
     kind = task_kind(task, base)
     lines = [task.domain.introduction, _METHODS[kind], _STEP]
     if kind in ("curves", "driven") and any(signal.oscillates for signal in task.observed):
@@ -80,4 +83,4 @@ def system_message(task: Task, base: Trial, reasoning: bool = True) -> Message:
         lines.append(f"Shifts of {' and '.join(relative)} are in percent of the measured size.")
     if base.feedback.images:
         lines.append(_PICTURE)
-    return Message("system", "\n".join([*lines, _UNTRUSTED, _THINK if reasoning else _AT_ONCE]))
+    return Message("system", "\n".join([*lines, *last]))

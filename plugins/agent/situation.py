@@ -49,6 +49,7 @@ class Situation:
     recollections: tuple[Recollection, ...]
     clipped: tuple[str, ...] = ()  # Parameters that the latest reply wanted beyond their bounds.
     look_at: tuple[int, ...] = ()  # Cycles of a long record that the latest reply asked for.
+    failed: tuple[float, ...] = ()  # Lengths, in typical steps, of the latest changes from here that were no better.
 
     @classmethod
     def of(
@@ -58,19 +59,12 @@ class Situation:
         last: Trial | None = None,
         clipped: Sequence[str] = (),
         look_at: Sequence[int] = (),
+        failed: Sequence[float] = (),
     ) -> Situation:
-        """The situation of a run.
-
-        Parameters
-        ----------
-        clipped : sequence of str
-            As the attribute.
-        look_at : sequence of int
-            As the attribute.
-        """
+        """The situation of a run; what has the name of an attribute is that attribute."""
         base = closest([trial for trial in context.trials if trial.reduction is None] or context.trials)
         told = tuple(sorted(context.recall(budget), key=lambda part: part.priority))
-        return cls(context, base, None if last is base else last, told, tuple(clipped), tuple(look_at))
+        return cls(context, base, None if last is base else last, told, tuple(clipped), tuple(look_at), tuple(failed))
 
     @property
     def task(self) -> Task:
@@ -98,30 +92,34 @@ class Situation:
         """Those of the feedback: of the present trial, then of the latest attempt."""
         return (*self.base.feedback.images, *(self.last.feedback.images if self.last is not None else ()))
 
-    def sections(self, memories: bool = True) -> list[str]:
-        """The prompt's sections in the order in which they are read, without the memories if so wished."""
-        numbers = memories and self.remembers
-        parts = [self._task_section(numbers)]
-        if memories:
-            told = ((part.title, self._told(part)) for part in self.recollections)
-            parts += [section(title, content) for title, content in told if content]
+    def sections(self) -> list[str]:
+        """The prompt's sections in the order in which they are read."""
+        parts = [self.task_section()]
+        told = ((part.title, self._told(part)) for part in self.recollections)
+        parts += [section(title, content) for title, content in told if content]
         parts.append(section(FEEDBACK, self._feedback()))
         if self.task.long and self.base.curves and self.base.feedback.content.get("features"):
             shown = cycles_in_detail(self.task, self.base.curves, self.look_at)
             parts.append(section(CYCLES, {"trial": self.base.index, "records": rounded(shown)}))
-        if self.last is not None and not (memories and self._remembered(self.last)):
+        if self.last is not None and not self._remembered(self.last):
             parts.append(section(LAST_ATTEMPT, self._attempt(self.last)))
         return parts
+
+    def standing(self) -> dict[str, Any]:
+        """The present trial in a few numbers."""
+        return {
+            "trial": self.base.index,
+            "simulations_left": self.context.simulations_left,
+            **({"clipped_at_their_bounds_in_the_last_change": list(self.clipped)} if self.clipped else {}),
+            **self._misfit(self.base),
+        }
 
     def _feedback(self) -> dict[str, Any]:
         told = self.base.feedback.told()
         # Without features the residuals are what is to become zero, and trials near each other must differ in them.
         shown = ("features", "residuals") if "features" in told else ()
         return {
-            "trial": self.base.index,
-            "simulations_left": self.context.simulations_left,
-            **({"clipped_at_their_bounds_in_the_last_change": list(self.clipped)} if self.clipped else {}),
-            **self._misfit(self.base),
+            **self.standing(),
             **told,
             **{key: rounded(told[key], SHOWN_DIGITS) for key in shown},
         }
@@ -162,16 +160,18 @@ class Situation:
             return {k: numbered(v, names) if k in by_number else v for k, v in part.content.items()}
         return part.content
 
-    def _task_section(self, numbers: bool) -> str:
-        """What is simulated, what was measured, and where the parameters stand, each once."""
+    def task_section(self, brief: bool = False) -> str:
+        """What is simulated, what was measured, and where the parameters stand, each once; or the last alone."""
         task, cell = self.task, self.task.cell
+        if brief:
+            return section(TASK, {"parameters": self._parameters(numbers=False)})
         content = {
             **{"model": cell.model, "options": dict(cell.options)},
             **({"effects": list(cell.effects)} if cell.effects else {}),
             **({"parameter_set": str(cell.parameter_set)} if cell.parameter_set else {}),
             **_signals(task),
             "records": [_record(experiment, task) for experiment in task.experiments],
-            "parameters": self._parameters(numbers),
+            "parameters": self._parameters(self.remembers),
         }
         return section(TASK, content)
 

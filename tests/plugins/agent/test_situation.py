@@ -19,8 +19,8 @@ from bsa_toy_cell import CAPACITY, SERIES, space
 from .conftest import MakeSituation
 
 
-def told(situation: Situation, memories: bool = True) -> dict[str, Any]:
-    return dict(read_sections("\n\n".join(situation.sections(memories))))
+def told(situation: Situation) -> dict[str, Any]:
+    return dict(read_sections("\n\n".join(situation.sections())))
 
 
 def test_each_parameter_stands_once_with_value_step_and_bounds(make_situation: MakeSituation) -> None:
@@ -40,7 +40,7 @@ def test_the_measured_effects_go_by_the_numbers_of_the_parameters(make_situation
 
 
 def test_without_memories_there_is_nothing_to_number(make_situation: MakeSituation) -> None:
-    columns, _ = read_table(told(make_situation(), memories=False)[TASK]["parameters"])
+    columns, _ = read_table(told(make_situation(memories=False))[TASK]["parameters"])
     assert columns[0] == "parameter"
 
 
