@@ -66,6 +66,12 @@ def test_tools_are_described_and_mistakes_are_told_with_a_hint(use: Use, tmp_pat
         for path in ("/etc/passwd", "../cell.csv"):
             assert "lies outside the folders of this server. Hint: " in await refused(client, "read_record", path=path)
         assert "there is no file" in await refused(client, "read_record", path="no.csv")
+        assert 'did you mean "cell.csv"?' in await refused(client, "read_record", path="Cell.csv")
+        assert 'did you mean "parameters"?' in await refused(
+            client, "simulate", data="cell.csv", values={}, cell={"paramters": "Chen2020"}
+        )
+        said = await refused(client, "simulate", data="cell.csv")
+        assert said == 'simulate: "values" is missing. Hint: add it.'
         assert "holds no run" in await refused(client, "report", folder=".")
         assert "is a task file" in await refused(client, "simulate", data="cell.yaml", values={})
         cell = {"parameters": "Chen2020", "search": "../x.yaml"}
