@@ -35,10 +35,10 @@ _DAMPING = 0.02
 _FIRST, _LAST = "parameter", "effects"
 """The ends of a row; what differs between parameters stands between them."""
 
-_MEANING = "change when a parameter (its name, or number in the task) rises by its step; null, absent: not measured"
-_ABOUT = "; points: simulations that moved it; misprediction_pct: what the effects leave unexplained of them"
+_MEANING = "change when a parameter rises by its step; null or absent: not measured"
+_ABOUT = "; points: simulations that moved it; misprediction_pct: their part that is unexplained"
 
-AS_SHOWN = "what the feedback lists, in its order"
+AS_SHOWN = "the feedback's list, in its order"
 """Stands in for the names of features that the feedback lists already."""
 
 

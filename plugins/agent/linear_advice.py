@@ -9,6 +9,7 @@ import numpy as np
 
 from ...core.parameters import Candidate
 from ...core.prompt_sections import table
+from ...core.proposal import apply_change
 from ...core.sensitivities import linear_change
 from ...core.trajectory import FloatArray
 from ...core.typical_steps import change_by
@@ -22,8 +23,11 @@ _SHRINK = 0.4
 """Share of a change that was no better which the next suggestion may have in length."""
 
 _WORST, _MATCHING = 3, 3
-_NEGLIGIBLE = 0.01
-"""Typical steps below which a suggested change of a parameter is left out."""
+_NEGLIGIBLE = 0.02
+"""Share of the largest suggested change, in typical steps, below which a parameter is left as it is."""
+
+_CHANGE_DIGITS = 3
+"""Digits of a suggested change: a step of a tenth is told to a hundredth of it."""
 
 
 def predicted(situation: Situation, candidate: Candidate) -> dict[str, Any]:
@@ -54,7 +58,24 @@ def suggested(situation: Situation) -> dict[str, str]:
     known = np.any(slopes != 0.0, axis=0)
     lower, upper = (np.where(known, room, 0.0) for room in situation.room())
     steps = linear_change(slopes, mismatch, tolerance, lower, upper, radius)
-    return {p.name: change_by(s, p.typical_step, 4) for p, s in zip(space, steps, strict=True) if abs(s) > _NEGLIGIBLE}
+    told = np.abs(steps) > _NEGLIGIBLE * max(np.max(np.abs(steps)), 1e-12)
+    return {
+        one.name: change_by(rise, one.typical_step, _CHANGE_DIGITS)
+        for one, rise, counts in zip(space, steps, told, strict=True)
+        if counts
+    }
+
+
+def without_signs(change: Mapping[str, str], base: Candidate) -> dict[str, str]:
+    """The same change with values in place of what is added, where they are positive.
+
+    In two of its first four replies a model of 135 million parameters copied nine changes but for one sign.
+    """
+    values = {name: apply_change(base[name], written) for name, written in change.items()}
+    return {
+        name: written if written.startswith("*") or values[name] <= 0.0 else f"{values[name]:.4g}"
+        for name, written in change.items()
+    }
 
 
 def digest(situation: Situation, change: Mapping[str, str]) -> dict[str, Any]:

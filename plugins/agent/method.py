@@ -17,8 +17,8 @@ change. Several causes may act at once: use the measured effects."""
 
 _MISFIT = """\
 A tolerance is a mismatch that counts as one; misfit shares are in percent of the sum of squares. misfit_tolerances, \
-the root mean square of all residuals in tolerances, decides which trial is the present one, to which changes apply; \
-other errors are only reported."""
+the root mean square of all residuals in tolerances, decides which trial is the present one; other errors are only \
+reported."""
 
 _STEP = """\
 The "step" of a parameter is a change worth trying; changes told in steps count in it, those by a factor on a log \

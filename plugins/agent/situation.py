@@ -33,6 +33,7 @@ from ...core.task import Experiment, Task
 from ...core.trial import Trial, closest
 from ..feedback.ageing import cycles_in_detail, measured_life
 from ..feedback.rounding import SHOWN_DIGITS, rounded
+from ..feedback.structured import SUCCESS
 
 _NUMBER, _PARAMETER = "number", ("parameter", "now", "step")
 _BOUNDS = ("lower", "upper")
@@ -118,6 +119,9 @@ class Situation:
         told = self.base.feedback.told()
         # Without features the residuals are what is to become zero, and trials near each other must differ in them.
         shown = ("features", "residuals") if "features" in told else ()
+        if told.get("events") == [SUCCESS]:
+            # Its errors say so.
+            told.pop("events")
         return {
             **self.standing(),
             **told,

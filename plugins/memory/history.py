@@ -76,7 +76,7 @@ class HistoryMemory:
             rows.append([trial.index, author, *told_errors, told_steps, *[note] * noted])
         columns = ["trial", "asked_by", *["misfit_tolerances"] * told, *errors, "steps_from_present", *["note"] * noted]
         content: dict[str, Any] = {
-            "meaning": f"steps_from_present: values less those of trial {now.index}, in steps, in the task's order",
+            "meaning": f"steps_from_present: from trial {now.index}, in the task's order",
             "trials": rounded(table(columns, rows), SHOWN_DIGITS),
         }
         # What a fit beside asked for is in the learnt sensitivities; the agent's own attempts are told.

@@ -93,4 +93,4 @@ def test_one_number_as_feedback_is_all_that_is_told(make_situation: MakeSituatio
     text = "\n".join(situation.sections())
     for word in ("misfit", "measured_s", "simulated_s", "clock", "cc_discharge", "duration", "features"):
         assert word not in text, word
-    assert set(told(situation)[FEEDBACK]) == {"trial", "simulations_left", "residuals", "events"}
+    assert set(told(situation)[FEEDBACK]) == {"trial", "simulations_left", "residuals"}
