@@ -23,6 +23,7 @@ from ..tasks.task_file import SUFFIXES
 from . import functions
 from .arguments import Arguments, Cell, Reading
 from .folders import Folders
+from .functions import simulations_of
 from .work import Json, carried_out
 
 INSTRUCTIONS = """\
@@ -161,6 +162,7 @@ class Tools:
         if resume is not None:
             folder = self._folders.inside(resume)
             options: Json = {"resume": folder}
+            simulations = simulations and simulations_of(folder)
         else:
             found = self._data(data)
             name = found if isinstance(found, str) else named_after(found)
