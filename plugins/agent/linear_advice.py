@@ -66,14 +66,15 @@ def suggested(situation: Situation) -> dict[str, str]:
     }
 
 
-def without_signs(change: Mapping[str, str], base: Candidate) -> dict[str, str]:
-    """The same change with values in place of what is added, where they are positive.
+def as_factors(change: Mapping[str, str], base: Candidate) -> dict[str, str]:
+    """The same change by factors alone, where values are positive: one notation, and no sign, to be copied.
 
-    In two of its first four replies a model of 135 million parameters copied nine changes but for one sign.
+    A model of 135 million parameters lost a sign of nine changes, or gave absolute values the asterisk of their
+    neighbours.
     """
-    values = {name: apply_change(base[name], written) for name, written in change.items()}
+    factors = {name: apply_change(base[name], written) / (base[name] or -1.0) for name, written in change.items()}
     return {
-        name: written if written.startswith("*") or values[name] <= 0.0 else f"{values[name]:.4g}"
+        name: f"*{factors[name]:.{_CHANGE_DIGITS}g}" if base[name] > 0.0 and factors[name] > 0.0 else written
         for name, written in change.items()
     }
 

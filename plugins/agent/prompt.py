@@ -29,7 +29,7 @@ _ACTIONS: dict[Kind, str] = {
 
 _COPY = """\
 Answer with one JSON object. This one takes the suggested change; copy it, or change its numbers where you can give a \
-reason. "*1.2" multiplies a value, "0.31" is a new one."""
+reason. A "*" multiplies the present value by the number behind it."""
 
 _MEASURE = "Answer with one JSON object. This one measures what each parameter does here, which comes first now."
 

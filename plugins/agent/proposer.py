@@ -18,7 +18,7 @@ from .actions import FREE, Action, Kind, Offer, action_schema, check_action
 from .conversation import Answer, answered, ask
 from .free_actions import answer as free_answer
 from .free_actions import picture, steps_to_look_at
-from .linear_advice import suggested, without_signs
+from .linear_advice import as_factors, suggested
 from .prompt import build_digest, build_messages
 from .situation import Situation
 
@@ -86,7 +86,7 @@ class AgentProposer:
         """A suggested change to copy; or to measure where none is known, or several from here were no better."""
         left, space = situation.context.simulations_left, situation.task.space
         stuck = len(self._failed) >= _STUCK and left > len(space) + _STUCK
-        change = {} if stuck else without_signs(suggested(situation), situation.base.candidate)
+        change = {} if stuck else as_factors(suggested(situation), situation.base.candidate)
         kind: Kind = "set" if change or not situation.remembers or left < 2 else "jacobian"
         if kind == "set" and not change:
             first = next(iter(space))

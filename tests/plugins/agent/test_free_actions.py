@@ -5,7 +5,7 @@ import pytest
 from bsa.core.prompt_sections import read_sections, read_table
 from bsa.plugins.agent.actions import Action
 from bsa.plugins.agent.free_actions import answer, steps_to_look_at
-from bsa.plugins.agent.linear_advice import digest, suggested, without_signs
+from bsa.plugins.agent.linear_advice import as_factors, digest, suggested
 from bsa.plugins.agent.updates import apply_updates
 from bsa_toy_cell import CAPACITY
 
@@ -73,6 +73,7 @@ def test_a_suggestion_is_shorter_than_what_was_no_better(make_situation: MakeSit
     assert length((2.0, 1.0)) == pytest.approx(0.4, rel=0.1)
 
 
-def test_what_is_to_be_copied_has_no_sign_to_lose() -> None:
-    change = {"a": "*1.1", "b": "-0.02", "c": "+0.01"}
-    assert without_signs(change, {"a": 1.0, "b": 0.33, "c": -0.03}) == {"a": "*1.1", "b": "0.31", "c": "+0.01"}
+def test_what_is_to_be_copied_has_one_notation() -> None:
+    change = {"a": "*1.1", "b": "-0.03", "c": "+0.01", "d": "+0.02"}
+    base = {"a": 1.0, "b": 0.3, "c": -0.03, "d": 0.0}
+    assert as_factors(change, base) == {"a": "*1.1", "b": "*0.9", "c": "+0.01", "d": "+0.02"}
