@@ -30,6 +30,9 @@ TRIAL_FEATURES = "features_in_the_order_of_the_feedback"
 ALIKE = "move_the_features_alike"
 """Where the learnt sensitivities tell groups of parameters with the same effects."""
 
+RECORD = "the_record"
+"""Where the numerics tell which parameters the measured record does not fix."""
+
 _SMALL = 1e-3
 """Numbers below this are written with a power of ten."""
 

@@ -99,7 +99,7 @@ def read_prompt(messages: Sequence[Message]) -> Prompt:
         trials=_trials(last.get(TRIALS, {}), len(parameters), tuple(feedback.numbers)),
         rules=_rules(last.get(PRIORS, {}).get("rules")),
         bounds=bounds,
-        numerics=Numerics.read(last.get(NUMERICS)),
+        numerics=Numerics.read(last.get(NUMERICS), order),
         present=int(finite_number(feedback.content.get("trial")) or 0),
         simulations_left=int(finite_number(feedback.content.get("simulations_left")) or 0),
         suggested={

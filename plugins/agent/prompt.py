@@ -15,7 +15,7 @@ from .situation import Situation
 
 _WRITTEN = """\
 Choose one action. Changes apply to the present values, inside the bounds. Write each as "*1.2" (multiply), "+0.02" or \
-"-0.02" (add), or an absolute value such as "5.2e-6"; leave out what stays as it is."""
+"-0.02" (add), or an absolute value such as "5.2e-6"; leave out what stays."""
 
 _ACTIONS: dict[Kind, str] = {
     "set": 'simulate the changes in "updated_params".',

@@ -222,7 +222,10 @@ def test_the_agent_reads_what_the_jacobian_taught(run_toy: RunToy, tmp_path: Pat
     assert "## Numerics" in backend.prompts[0]
     assert '"status": "descending"' in backend.prompts[0]
     ((_, told),) = [part for part in read_sections(backend.prompts[0]) if part[0] == NUMERICS]
-    assert "Capacity [A.h]" not in told["the_record"]["leaves_open"] + told["the_record"]["narrows"]
+    capacity = 1 + toy_task().space.names.index(CAPACITY)
+    record = told["the_record"]["leaves_open"] + told["the_record"]["narrows"]
+    assert capacity not in record
+    assert all(isinstance(number, int) for number in record)
     assert "move_the_features_alike" not in backend.prompts[0]
     assert "## Priors" not in backend.prompts[0]
     proposals = [event for event in read_events(tmp_path) if event["event"] == "proposal"]
