@@ -16,6 +16,10 @@ from ..feedback.rounding import SHOWN_DIGITS, rounded
 _NOTE_CHARS = 40
 _STEP_DECIMALS = 2
 
+_MOST_STEPS = 72
+"""Numbers that the changes of all trials shown may take: six trials of twelve parameters. Of twenty parameters a reader
+gains more from their effects."""
+
 
 class HistoryOptions(BaseModel, extra="forbid"):
     """What the per-round memory shows."""
@@ -54,7 +58,8 @@ class HistoryMemory:
         # The start alone is the present trial, which the feedback tells.
         if len(self._trials) < 2:
             return None
-        for count in range(min(self._options.rounds, len(self._trials)), 0, -1):
+        most = min(self._options.rounds, len(self._trials), max(_MOST_STEPS // len(self._space), 2))
+        for count in range(most, 0, -1):
             content = self._content(self._shown(count))
             if len(json.dumps(content)) <= budget:
                 break

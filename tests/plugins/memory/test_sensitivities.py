@@ -9,6 +9,7 @@ import pytest
 from bsa.core.feedback import Feedback
 from bsa.core.hooks import NoOptions, RunContext
 from bsa.core.metrics import evaluate
+from bsa.core.parameters import ParameterSpace
 from bsa.core.prompt_sections import read_table
 from bsa.core.proposal import Proposal
 from bsa.core.sensitivities import Sensitivities
@@ -95,6 +96,18 @@ def test_history_keeps_the_best_and_the_latest_within_its_budget(context: RunCon
     small = memory.recall(900)
     assert small is not None
     assert len(json.dumps(small.content)) <= 900 or len(rows(small.content)) == 1
+
+
+def test_of_many_parameters_fewer_trials_are_shown(context: RunContext) -> None:
+    one = next(iter(space()))
+    many = ParameterSpace([replace(one, name=f"Parameter {number} [A.h]") for number in range(24)])
+    memory = HistoryMemory(HistoryOptions(), replace(context, task=replace(context.task, space=many)))
+    for index in range(8):
+        values = dict.fromkeys(many.names, one.initial * (1.0 + 0.01 * index))
+        memory.remember(replace(trial(context, index, "search", space().initial), candidate=values), None)
+    recollection = memory.recall(100_000)
+    assert recollection is not None
+    assert len(rows(recollection.content)) == 3
 
 
 def test_history_shows_the_warm_up_failures_and_who_asked(context: RunContext) -> None:
