@@ -83,5 +83,5 @@ def system_message(task: Task, base: Trial, reasoning: bool = True, brief: bool 
     if kind != "number" and relative:
         lines.append(f"Shifts of {' and '.join(relative)} are in percent of the measured size.")
     if base.feedback.images:
-        lines.append(_PICTURE)
+        lines.append(f"{_PICTURE} {task.domain.sign_note}".strip())
     return Message("system", "\n".join([*lines, *last]))
