@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -35,7 +36,7 @@ def _as_one(parts: int) -> float:
 
     In the misfit a part stands for its share of the step's points.
     """
-    return (parts / POINTS) ** 0.5
+    return math.sqrt(parts / POINTS)
 
 
 FEW = 12
