@@ -73,7 +73,7 @@ def errors_of(task: Task) -> tuple[Quantity, ...]:
 
 def told_of(task: Task) -> tuple[Quantity, ...]:
     """The errors that a proposer is told."""
-    return (*paper.TOLD, *_of_a_life(task)) if _by_paper(task) else (MISFIT, *signal_errors(task))
+    return (*paper.told_of(task), *_of_a_life(task)) if _by_paper(task) else (MISFIT, *signal_errors(task))
 
 
 def _of_a_life(task: Task) -> tuple[Quantity, ...]:

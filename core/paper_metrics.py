@@ -67,9 +67,6 @@ ERRORS = (
 )
 """All errors, for a table."""
 
-TOLD = (_TOTAL, _CHARGE, _CURRENT, _VOLTAGE, _VOLTAGE_RMSE, _CAPACITY)
-"""The errors that a proposer is told."""
-
 
 def objective_of(task: Task) -> Quantity:
     """The error that "best" means."""
@@ -89,6 +86,11 @@ def headline_of(task: Task) -> tuple[Quantity, ...]:
 def errors_of(task: Task) -> tuple[Quantity, ...]:
     """All errors that judge a fit, for a table."""
     return (*headline_of(task), _VOLTAGE) if task.given_drive else ERRORS
+
+
+def told_of(task: Task) -> tuple[Quantity, ...]:
+    """The errors that a proposer is told."""
+    return errors_of(task) if task.given_drive else (_TOTAL, _CHARGE, _CURRENT, _VOLTAGE, _VOLTAGE_RMSE, _CAPACITY)
 
 
 def require_paper(task: Task, who: str) -> None:

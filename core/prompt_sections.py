@@ -28,6 +28,9 @@ TRIAL_FEATURES = "features_in_the_order_of_the_feedback"
 ALIKE = "move_the_features_alike"
 """Where the learnt sensitivities tell groups of parameters with the same effects."""
 
+RECORD = "the_record"
+"""Where the numerics tell which parameters the measured record does not fix."""
+
 _SMALL = 1e-3
 """Numbers below this are written with a power of ten."""
 
@@ -49,6 +52,21 @@ def section(heading: str, content: Mapping[str, Any]) -> str:
 def table(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> dict[str, Any]:
     """Rows under the names of their columns, which stand in a prompt once."""
     return {"columns": list(columns), "rows": [list(row) for row in rows]}
+
+
+def numbered(value: Any, names: Sequence[str]) -> Any:
+    """A copy in which each of these names is its number in their order, which is from 1 on."""
+    if isinstance(value, str):
+        return names.index(value) + 1 if value in names else value
+    if isinstance(value, Mapping):
+        return {key: numbered(item, names) for key, item in value.items()}
+    return [numbered(item, names) for item in value] if isinstance(value, (list, tuple)) else value
+
+
+def named(entry: object, names: Sequence[str]) -> str:
+    """The name behind a number that `numbered` wrote; what is no such number, as text."""
+    whole = isinstance(entry, int) and not isinstance(entry, bool)
+    return names[entry - 1] if whole and 1 <= entry <= len(names) else str(entry)  # type: ignore[operator]
 
 
 def read_table(content: object) -> tuple[list[str], list[list[Any]]]:

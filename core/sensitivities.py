@@ -12,7 +12,7 @@ import numpy as np
 
 from .bounded_step import bounded_step
 from .numbers import finite_number
-from .prompt_sections import read_table, table
+from .prompt_sections import named, read_table, table
 from .trajectory import FloatArray
 
 Unit = Literal["typical_step"]
@@ -35,7 +35,10 @@ _DAMPING = 0.02
 _FIRST, _LAST = "parameter", "effects"
 """The ends of a row; what differs between parameters stands between them."""
 
-AS_SHOWN = "what the feedback lists, in its order"
+_MEANING = "change when a parameter rises by its step; null or absent: not measured"
+_ABOUT = "; points: simulations that moved it; misprediction_pct: their part that is unexplained"
+
+AS_SHOWN = "the feedback's list, in its order"
 """Stands in for the names of features that the feedback lists already."""
 
 
@@ -98,7 +101,7 @@ class Sensitivities:
             [name, *(values[place] for values in differing.values()), effects[place]] for place, name in enumerate(told)
         ]
         return {
-            "meaning": "change when a parameter rises by its step; null or absent: not measured",
+            "meaning": _MEANING + (_ABOUT if self.points else ""),
             "unit": self.unit,
             "learnt_from": self.learnt_from,
             "effects_on": AS_SHOWN if features and features == list(shown) else features,
@@ -113,8 +116,16 @@ class Sensitivities:
         return {name: max((abs(row.get(name, 0.0)) for row in rows), default=0.0) for name in features}
 
     @classmethod
-    def read(cls, content: object, shown: Sequence[str] = ()) -> Sensitivities:
-        """From the content of a section; whatever is not of its form, or in another unit, is left out."""
+    def read(cls, content: object, shown: Sequence[str] = (), parameters: Sequence[str] = ()) -> Sensitivities:
+        """From the content of a section; whatever is not of its form, or in another unit, is left out.
+
+        Parameters
+        ----------
+        shown : sequence of str
+            The features that the prompt's feedback shows.
+        parameters : sequence of str
+            The parameters in the order of the prompt's table, by whose numbers rows may go.
+        """
         if not isinstance(content, Mapping) or content.get("unit") != "typical_step":
             return cls({})
         columns, rows = read_table(content.get("effects"))
@@ -123,7 +134,7 @@ class Sensitivities:
             return cls({})
         if not isinstance(names, Sequence) or isinstance(names, str):
             return cls({})
-        effects = {str(row[0]): _numbers(names, row[-1]) for row in rows}
+        effects = {named(row[0], parameters): _numbers(names, row[-1]) for row in rows}
         return cls({name: row for name, row in effects.items() if row}, str(content.get("learnt_from", "")))
 
     def slopes(self, parameters: Sequence[str], features: Sequence[str]) -> FloatArray:

@@ -36,7 +36,7 @@ def explain(error: ValidationError, where: str, model: type[BaseModel]) -> BsaEr
     key = ".".join(path)
     more = f" ({error.error_count() - 1} more)" if error.error_count() > 1 else ""
     if first["type"] == "extra_forbidden":
-        valid = list(model.model_fields) if len(path) == 1 else []
+        valid = _keys_at(model, path[:-1])
         hint = did_you_mean(path[-1], valid) or (f"valid keys: {', '.join(valid)}." if valid else "remove it.")
         return BsaError(f'{where}: "{key}" is not a known key{more}.', hint)
     if first["type"] == "missing":
@@ -52,3 +52,14 @@ def explain(error: ValidationError, where: str, model: type[BaseModel]) -> BsaEr
         )
     reason = _LENGTH.sub(r"a list should have \1 \2 entries", first["msg"].removeprefix("Value error, "))
     return BsaError(f"{where}: {found}: {reason}{more}.", "")
+
+
+def _keys_at(model: type[BaseModel], path: list[str]) -> list[str]:
+    """The valid keys at a place inside what a model describes; none where another kind of thing stands on the way."""
+    for part in path:
+        field = model.model_fields.get(part)
+        inner = None if field is None else field.annotation
+        if not (isinstance(inner, type) and issubclass(inner, BaseModel)):
+            return []
+        model = inner
+    return list(model.model_fields)

@@ -42,12 +42,14 @@ def bsa_memories() -> Iterable[Entry]:
 
 @hookimpl
 def bsa_warm_ups() -> Iterable[Entry]:
-    """Random perturbations, or ones that the model proposes."""
+    """Random perturbations, ones that the model proposes, or each parameter alone."""
+    from .warm_up.each_alone import EachAloneWarmUp
     from .warm_up.proposed import ProposedWarmUp
     from .warm_up.random import RandomWarmUp, RandomWarmUpOptions
 
     yield Entry("random", RandomWarmUp, "Random perturbations of all parameters.", RandomWarmUpOptions, api=1)
     yield Entry("proposed", ProposedWarmUp, "Perturbations that the model proposes.", api=1)
+    yield Entry("each-alone", EachAloneWarmUp, "Each parameter alone, by a typical step.", api=1)
 
 
 @hookimpl

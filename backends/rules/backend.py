@@ -38,6 +38,8 @@ class RulesBackend:
             answer = perturbations(read_prompt(messages), int(properties["perturbations"].get("maxItems", 1)))
         elif "refine" in properties.get("action", {}).get("enum", ()):
             answer = act(read_prompt(messages))
+        elif properties.get("action", {}).get("enum") == ["jacobian"]:
+            answer = {"action": "jacobian"}
         elif "jacobian" in properties.get("action", {}).get("enum", ()):
             answer = act_alone(read_prompt(messages))
         else:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from ...core.numbers import finite_number
+from ...core.prompt_sections import RECORD, named
 
 
 @dataclass(frozen=True)
@@ -29,8 +30,14 @@ class Numerics:
     record: Record | None = None  # None while no slopes are known.
 
     @classmethod
-    def read(cls, content: object) -> Numerics:
-        """From the content of a section; whatever is not of its form is left out."""
+    def read(cls, content: object, parameters: Sequence[str] = ()) -> Numerics:
+        """From the content of a section; whatever is not of its form is left out.
+
+        Parameters
+        ----------
+        parameters : sequence of str
+            In the order of the prompt's table, by whose numbers the record may name them.
+        """
         if not isinstance(content, Mapping):
             return cls()
         misfits = [finite_number(value) for value in entries(content.get("misfit_tolerances_by_round"))]
@@ -40,16 +47,20 @@ class Numerics:
             misfits=tuple(value for value in misfits if value is not None),
             allowance=max(int(finite_number(content.get("simulations_you_may_spend")) or 1), 1),
             actions=tuple(str(entry.get("action", "")) for entry in actions),
-            record=_record(content.get("the_record")),
+            record=_record(content.get(RECORD), parameters),
         )
 
 
-def _record(content: object) -> Record | None:
+def _record(content: object, parameters: Sequence[str]) -> Record | None:
     if not isinstance(content, Mapping):
         return None
-    groups = [words(group) for group in entries(content.get("only_together"))]
+
+    def names(listed: object) -> tuple[str, ...]:
+        return tuple(named(entry, parameters) for entry in entries(listed) if isinstance(entry, (str, int)))
+
+    groups = [names(group) for group in entries(content.get("only_together"))]
     return Record(
-        words(content.get("leaves_open")), words(content.get("narrows")), tuple(group for group in groups if group)
+        names(content.get("leaves_open")), names(content.get("narrows")), tuple(group for group in groups if group)
     )
 
 

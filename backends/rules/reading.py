@@ -14,6 +14,7 @@ from ...core.feedback import Feedback
 from ...core.messages import Message
 from ...core.numbers import finite_number, finite_numbers
 from ...core.prompt_sections import (
+    DIGEST,
     FEEDBACK,
     LAST_ATTEMPT,
     NUMERICS,
@@ -74,6 +75,7 @@ class Prompt:
     numerics: Numerics = field(default_factory=Numerics)  # Where the fit stands that runs beside the agent.
     present: int = 0  # Number of the present trial.
     simulations_left: int = 0  # How many more there may be.
+    suggested: Mapping[str, str] = field(default_factory=dict)  # The change that a digest suggests.
 
 
 def read_prompt(messages: Sequence[Message]) -> Prompt:
@@ -83,6 +85,7 @@ def read_prompt(messages: Sequence[Message]) -> Prompt:
     # Memories stand between the task and the feedback: one with the heading of either must not stand in for it.
     task = next((_mapping(content) for heading, content in sections if heading == TASK), {})
     parameters, steps, bounds = _parameters(task)
+    order = tuple(str(row.get("parameter")) for row in _rows(task.get("parameters")))
     last = {heading: _mapping(content) for heading, content in sections}
     feedback = Feedback.read(last.get(FEEDBACK))
     attempt = finite_numbers(last.get(LAST_ATTEMPT, {}).get("changed_by_steps"))
@@ -92,13 +95,18 @@ def read_prompt(messages: Sequence[Message]) -> Prompt:
         features=feedback.numbers,
         tolerances=feedback.tolerances,
         attempt=tuple(attempt.get(name, 0.0) for name in parameters) if attempt else (),
-        sensitivities=Sensitivities.read(last.get(SENSITIVITIES), tuple(feedback.numbers)),
+        sensitivities=Sensitivities.read(last.get(SENSITIVITIES), tuple(feedback.numbers), order),
         trials=_trials(last.get(TRIALS, {}), len(parameters), tuple(feedback.numbers)),
         rules=_rules(last.get(PRIORS, {}).get("rules")),
         bounds=bounds,
-        numerics=Numerics.read(last.get(NUMERICS)),
+        numerics=Numerics.read(last.get(NUMERICS), order),
         present=int(finite_number(feedback.content.get("trial")) or 0),
         simulations_left=int(finite_number(feedback.content.get("simulations_left")) or 0),
+        suggested={
+            str(name): change
+            for name, change in _mapping(last.get(DIGEST, {}).get("suggested_change")).items()
+            if isinstance(change, str)
+        },
     )
 
 

@@ -24,6 +24,8 @@ _MOST_UNMEASURED = 0.6
 
 def propose(prompt: Prompt) -> dict[str, Any]:
     """A reply to the agent's prompt."""
+    if prompt.suggested:
+        return _copied(prompt)
     sensitivity = infer(prompt)
     if not len(sensitivity.mismatch) or not np.any(sensitivity.slopes):
         return _probe(prompt)
@@ -61,6 +63,16 @@ def _step(prompt: Prompt, sensitivity: Sensitivity) -> Matrix:
             lower[place], upper[place] = low - now, high - now
     radius = max(min([_LONGEST, *(_SHRINK * length for length in failed_in_a_row(prompt))]), _LEAST)
     return linear_change(sensitivity.slopes, sensitivity.mismatch, sensitivity.tolerance, lower, upper, radius)
+
+
+def _copied(prompt: Prompt) -> dict[str, Any]:
+    """What a digest suggests, as a model that follows it would answer."""
+    return {
+        "analysis": "",
+        "hypothesis": "The suggested change helps.",
+        "updated_params": dict(prompt.suggested),
+        "rationale": "Taken as it is suggested.",
+    }
 
 
 def _answer(prompt: Prompt, sensitivity: Sensitivity, change: Matrix) -> dict[str, Any]:

@@ -236,7 +236,7 @@ def agent_alone(results: Results) -> str:
     }
     words = (
         f"Ratio of the geometric means: {brief(after / before)}. "
-        f"Tokens of a prompt on regular-37, mean (largest): "
+        f"Tokens of a prompt, mean (largest), on regular-37 where no cell is named: "
         f"{', '.join(f'{v} {np.mean(found):.0f} ({max(found):.0f})' for v, found in tokens.items())}."
     )
     heads = ["error in % after 20 simulations", "start", "before", "after"]

@@ -58,3 +58,10 @@ class Cell(BaseModel, extra="forbid"):
         if self.parameters is not None and not self.parameters.replace("-", "_").isidentifier():
             found["parameters"] = str(folders.inside(self.parameters))
         return found
+
+
+class Arguments(BaseModel):
+    """What the tools share: where a mistyped key of theirs is looked up."""
+
+    cell: Cell = Cell()
+    reading: Reading = Reading()

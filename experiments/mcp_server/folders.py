@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ...core.errors import BsaError
+from ...core.errors import BsaError, did_you_mean
 from ...core.printable import shown
 
 
@@ -50,6 +50,15 @@ class Folders:
             path.is_dir() and any(entry.is_symlink() for entry in path.rglob("*"))
         ):
             raise self._refused(name, "is or holds a symbolic link")
+        return path
+
+    def file(self, name: str) -> Path:
+        """The path of a record that is there; as `inside`, with the nearest name in its folder where there is none."""
+        path = self.inside(name)
+        if not path.exists():
+            beside = [entry.name for entry in path.parent.iterdir()] if path.parent.is_dir() else []
+            hint = did_you_mean(path.name, beside) or "check the path; it begins in the first folder of this server."
+            raise BsaError(f"there is no file {shown(path, 200)}.", hint)
         return path
 
     def _refused(self, name: str, why: str) -> BsaError:

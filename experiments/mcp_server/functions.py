@@ -12,6 +12,7 @@ from typing import Any
 
 from ...core.errors import BsaError, did_you_mean
 from ...core.hooks import RunContext
+from ...core.journal import read_events
 from ...core.metrics import errors_of, evaluate
 from ...core.parameters import Candidate
 from ...core.printable import shown
@@ -131,6 +132,13 @@ def report(folder: Path) -> Json:
     except ValueError:
         raise BsaError(f"{shown(found, 200)} is not valid JSON.", "discover again, into another folder.") from None
     return {**content, "folder": str(folder), "report": str(folder / REPORT)}
+
+
+def simulations_of(folder: Path) -> int | None:
+    """How many simulations a run may have at most; None where there is no such run."""
+    config = next(iter(read_events(folder)), {}).get("config")
+    allowed = config.get("simulations") if isinstance(config, Mapping) else None
+    return allowed if isinstance(allowed, int) else None
 
 
 def _task(data: str | list[Path], options: Mapping[str, Any], cell: Mapping[str, Any]) -> Task:

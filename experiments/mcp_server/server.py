@@ -11,16 +11,19 @@ from typing import Annotated, Any, ParamSpec
 import anyio.to_thread
 from mcp.server.mcpserver import Context, MCPServer
 from mcp.server.mcpserver.exceptions import ToolError
-from pydantic import Field
+from mcp.types import CallToolResult, InputRequiredResult
+from pydantic import Field, ValidationError
 
 from ...core.errors import BsaError
 from ...core.printable import shown
 from ...core.redaction import redact
+from ...core.validation import explain
 from ..request import named_after, numbered_folder
 from ..tasks.task_file import SUFFIXES
 from . import functions
-from .arguments import Cell, Reading
+from .arguments import Arguments, Cell, Reading
 from .folders import Folders
+from .functions import simulations_of
 from .work import Json, carried_out
 
 INSTRUCTIONS = """\
@@ -70,7 +73,7 @@ class Tools:
     @told
     async def read_record(self, path: str, reading: Reading = Reading()) -> Json:  # noqa: B008
         """Read a cycler's file: its steps with durations, currents and voltages, and what was assumed or repaired."""
-        return await anyio.to_thread.run_sync(functions.read_record, self._folders.inside(path), reading.options())
+        return await anyio.to_thread.run_sync(functions.read_record, self._folders.file(path), reading.options())
 
     @told
     async def simulate(
@@ -159,6 +162,7 @@ class Tools:
         if resume is not None:
             folder = self._folders.inside(resume)
             options: Json = {"resume": folder}
+            simulations = simulations and simulations_of(folder)
         else:
             found = self._data(data)
             name = found if isinstance(found, str) else named_after(found)
@@ -186,12 +190,27 @@ class Tools:
             and not (self._folders.first / data).exists()
         ):
             return data
-        return [self._folders.inside(name) for name in names]
+        return [self._folders.file(name) for name in names]
+
+
+class Server(MCPServer[Any]):
+    """The SDK's server, which words what is wrong with arguments as everything else here does."""
+
+    async def call_tool(
+        self, name: str, arguments: dict[str, Any], context: Context[Any, Any] | None = None
+    ) -> CallToolResult | InputRequiredResult:
+        """See the SDK; raises `ToolError`."""
+        try:
+            return await super().call_tool(name, arguments, context)
+        except ToolError as error:
+            if not isinstance(error.__cause__, ValidationError):
+                raise
+            raise ToolError(redact(str(explain(error.__cause__, name, Arguments)))) from None
 
 
 def server(folders: Sequence[Path]) -> MCPServer[Any]:
     """A server whose tools are confined to these folders."""
-    made: MCPServer[Any] = MCPServer(
+    made = Server(
         "battery-sim-agent", instructions=INSTRUCTIONS, version=version("battery-sim-agent"), log_level="WARNING"
     )
     tools = Tools(Folders(folders))

@@ -84,8 +84,13 @@ def _progress(folder: Path | None, simulations: int | None, seconds: float) -> t
         journal = (folder / FILE_NAME).read_bytes()
     except OSError:
         return 0.0, simulations, "starting"
-    done = journal.count(b'\n{"event":"trial"') if simulations else journal.count(b"\n")
-    return done, simulations, f"{done} {'simulations' if simulations else 'steps'} in {seconds:.0f} s"
+    if not simulations:
+        done = journal.count(b"\n")
+        return done, None, f"{done} steps in {seconds:.0f} s"
+    done = journal.count(b'\n{"event":"trial"')
+    more = journal.count(b'\n{"event":"appraisal-simulation"')
+    analysis = f", then {more} to analyse the fit," if more else ""
+    return done, simulations, f"{done} simulations{analysis} in {seconds:.0f} s"
 
 
 def _end(process: BaseProcess, answered: bool) -> None:

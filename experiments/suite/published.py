@@ -43,7 +43,8 @@ def find_reference_suite(folder: Path | None = None) -> Path:
     if not all((place / name).is_file() for name in FILES.values()):
         raise BsaError(
             f"the published tasks are not in {place}.",
-            f"give --published the folder that holds {', '.join(FILES.values())}; or use --suite generated.",
+            f"put {', '.join(FILES.values())} there; `bsa bench` also takes another folder (--published) or "
+            "tasks of its own making (--suite generated).",
         )
     return place
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...core.parameters import Candidate
 from ...core.prompt_sections import table
+from ...core.proposal import apply_change
 from ...core.sensitivities import linear_change
 from ...core.trajectory import FloatArray
 from ...core.typical_steps import change_by
@@ -18,9 +19,15 @@ from .situation import Situation
 RADIUS = 4.0
 """Typical steps, all parameters together, that a suggested change may go: farther a linear promise means little."""
 
+_SHRINK = 0.4
+"""Share of a change that was no better which the next suggestion may have in length."""
+
 _WORST, _MATCHING = 3, 3
-_NEGLIGIBLE = 0.01
-"""Typical steps below which a suggested change of a parameter is left out."""
+_NEGLIGIBLE = 0.02
+"""Share of the largest suggested change, in typical steps, below which a parameter is left as it is."""
+
+_CHANGE_DIGITS = 3
+"""Digits of a suggested change: a step of a tenth is told to a hundredth of it."""
 
 
 def predicted(situation: Situation, candidate: Candidate) -> dict[str, Any]:
@@ -37,8 +44,12 @@ def predicted(situation: Situation, candidate: Candidate) -> dict[str, Any]:
     }
 
 
-def suggested(situation: Situation, radius: float = RADIUS) -> dict[str, str]:
-    """The change that removes most of the mismatch if all acts linearly, as it is written; empty if none is known."""
+def suggested(situation: Situation) -> dict[str, str]:
+    """The change that removes most of the mismatch if all acts linearly, as it is written; empty if none is known.
+
+    It is shorter than changes from here that were no better.
+    """
+    radius = min([RADIUS, *(_SHRINK * length for length in situation.failed)])
     space, learnt = situation.task.space, situation.sensitivities
     features, mismatch, tolerance = _mismatch(situation)
     slopes = learnt.slopes(space.names, features)
@@ -47,11 +58,29 @@ def suggested(situation: Situation, radius: float = RADIUS) -> dict[str, str]:
     known = np.any(slopes != 0.0, axis=0)
     lower, upper = (np.where(known, room, 0.0) for room in situation.room())
     steps = linear_change(slopes, mismatch, tolerance, lower, upper, radius)
-    return {p.name: change_by(s, p.typical_step, 4) for p, s in zip(space, steps, strict=True) if abs(s) > _NEGLIGIBLE}
+    told = np.abs(steps) > _NEGLIGIBLE * max(np.max(np.abs(steps)), 1e-12)
+    return {
+        one.name: change_by(rise, one.typical_step, _CHANGE_DIGITS)
+        for one, rise, counts in zip(space, steps, told, strict=True)
+        if counts
+    }
 
 
-def digest(situation: Situation) -> dict[str, Any]:
-    """The worst features, the parameters that match them best, and a suggested change: what a small model can use."""
+def as_factors(change: Mapping[str, str], base: Candidate) -> dict[str, str]:
+    """The same change by factors alone, where values are positive: one notation, and no sign, to be copied.
+
+    A model of 135 million parameters lost a sign of nine changes, or gave absolute values the asterisk of their
+    neighbours.
+    """
+    factors = {name: apply_change(base[name], written) / (base[name] or -1.0) for name, written in change.items()}
+    return {
+        name: f"*{factors[name]:.{_CHANGE_DIGITS}g}" if base[name] > 0.0 and factors[name] > 0.0 else written
+        for name, written in change.items()
+    }
+
+
+def digest(situation: Situation, change: Mapping[str, str]) -> dict[str, Any]:
+    """The worst features, the parameters that match them best, and the suggested change: what a small model can use."""
     names = situation.task.space.names
     features, mismatch, tolerance = _mismatch(situation)
     slopes = situation.sensitivities.slopes(names, features)
@@ -62,11 +91,8 @@ def digest(situation: Situation) -> dict[str, Any]:
         lowering = [f"{'raise' if slopes[place, p] * mismatch[place] < 0 else 'lower'} {names[p]}" for p in strongest]
         helpful = [words for words, p in zip(lowering, strongest, strict=True) if slopes[place, p]]
         rows.append([features[place], mismatch[place], mismatch[place] / tolerance[place], helpful])
-    change = suggested(situation)
-    return {
-        "worst_features": rounded(table(["feature", "mismatch", "in_tolerances", "what_lowers_it_most"], rows), 3),
-        **({"suggested_change": change} if change else {}),
-    }
+    told = {"worst_features": table(["feature", "mismatch", "in_tolerances", "what_lowers_it_most"], rows)}
+    return {**rounded(told, 3), **({"suggested_change": change} if change else {})}
 
 
 def _mismatch(situation: Situation) -> tuple[list[str], FloatArray, FloatArray]:

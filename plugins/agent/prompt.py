@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
+
 from ...core.messages import Message
 from ...core.prompt_sections import DIGEST, INSTRUCTION, section, title
 from .actions import MOST_AT_ONCE, Kind, Offer
@@ -12,7 +15,7 @@ from .situation import Situation
 
 _WRITTEN = """\
 Choose one action. Changes apply to the present values, inside the bounds. Write each as "*1.2" (multiply), "+0.02" or \
-"-0.02" (add), or an absolute value such as "5.2e-6"; leave out what stays as it is."""
+"-0.02" (add), or an absolute value such as "5.2e-6"; leave out what stays."""
 
 _ACTIONS: dict[Kind, str] = {
     "set": 'simulate the changes in "updated_params".',
@@ -24,7 +27,11 @@ _ACTIONS: dict[Kind, str] = {
     "restart": 'go on from the earlier trial "trial".',
 }
 
-_ADVICE = "Take the suggested change, or a better one that you can give a reason for."
+_COPY = """\
+Answer with one JSON object. This one takes the suggested change; copy it, or change its numbers where you can give a \
+reason. A "*" multiplies the present value by the number behind it."""
+
+_MEASURE = "Answer with one JSON object. This one measures what each parameter does here, which comes first now."
 
 
 def actions_told(offer: Offer, gentler: str = "") -> str:
@@ -39,19 +46,27 @@ def instruction(offer: Offer, gentler: str = "") -> str:
     return f"{_WRITTEN} The actions:\n{actions_told(offer, gentler)}{more}"
 
 
-def build_messages(situation: Situation, offer: Offer, short: bool = False) -> list[Message]:
-    """The conversation that asks for the next action.
+def build_messages(situation: Situation, offer: Offer) -> list[Message]:
+    """The conversation that asks for the next action."""
+    sections = [*situation.sections(), title(INSTRUCTION) + instruction(offer, situation.task.domain.gentler)]
+    system = system_message(situation.task, situation.base, offer.analysis_chars > 0)
+    return [system, Message("user", "\n\n".join(sections), situation.images)]
+
+
+def build_digest(situation: Situation, offer: Offer, change: Mapping[str, str]) -> list[Message]:
+    """The conversation for a small model: where the parameters stand, a digest, and a reply that can be copied.
 
     Parameters
     ----------
-    short : bool
-        Whether a digest stands in for the memories.
+    change : mapping of str to str
+        The suggested change; empty where effects are to be measured.
     """
-    sections = situation.sections(memories=not short)
-    advice = []
-    if short:
-        sections.append(section(DIGEST, digest(situation)))
-        advice = [_ADVICE]
-    sections.append(title(INSTRUCTION) + "\n".join([instruction(offer), *advice]))
-    system = system_message(situation.task, situation.base, offer.analysis_chars > 0)
+    copied = {"action": "set", "updated_params": dict(change)} if change else {"action": "jacobian"}
+    reasons = {"analysis": "...", "hypothesis": "...", "rationale": "..."} if offer.analysis_chars else {}
+    sections = [
+        situation.task_section(brief=True),
+        section(DIGEST, {**situation.standing(), **digest(situation, change)}),
+        f"{title(INSTRUCTION)}{_COPY if change else _MEASURE}\n{json.dumps(copied | reasons)}",
+    ]
+    system = system_message(situation.task, situation.base, offer.analysis_chars > 0, brief=True)
     return [system, Message("user", "\n\n".join(sections), situation.images)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 from pydantic import BaseModel, Field
 
 from ...core.errors import BsaError
@@ -17,11 +18,15 @@ from .actions import FREE, Action, Kind, Offer, action_schema, check_action
 from .conversation import Answer, answered, ask
 from .free_actions import answer as free_answer
 from .free_actions import picture, steps_to_look_at
-from .prompt import build_messages
+from .linear_advice import as_factors, suggested
+from .prompt import build_digest, build_messages
 from .situation import Situation
 
 _DIFFERENCE = 0.5
 """Typical steps by which a Jacobian moves a parameter: above the noise of the features, below their curvature."""
+
+_STUCK = 3
+"""Changes in a row that were no better, after which a digest asks for effects to be measured again."""
 
 _IMPROVEMENT = 1e-3
 """Share of the misfit that a round must take off to count as progress."""
@@ -35,7 +40,7 @@ class AgentOptions(BaseModel, extra="forbid"):
     analysis_chars: int = Field(4000, ge=100, description="Longest analysis inside the reply, in characters.")
     free_actions: int = Field(3, ge=0, description="Free questions (predict, look) in a round at most.")
     digest: bool = Field(
-        False, description="Whether a digest (worst features, a suggested change) stands in for the memories."
+        False, description="Whether a digest (worst features, a suggested change to copy) is all that is told."
     )
 
 
@@ -48,25 +53,50 @@ class AgentProposer:
         self._clipped: tuple[str, ...] = ()
         self._look_at: tuple[int, ...] = ()
         self._measured = False
+        self._failed: list[float] = []
+        self._seen = 0
 
     @hookimpl
     def propose(self, context: ProposeContext) -> Proposal:
         """See `RunHooks.propose`."""
         # Finite differences are no attempts.
         last = context.trials[-1] if context.trials[-1].phase == "search" and not self._measured else None
-        situation = Situation.of(context, self._options.memory_budget, last, self._clipped, self._look_at)
-        offer = self._offer(situation)
-        answer, free = converse(
-            self._backend,
-            situation,
-            offer,
-            build_messages(situation, offer, self._options.digest),
-            self._options.free_actions,
-        )
+        self._note_attempts(context)
+        situation = Situation.of(context, self._options.memory_budget, last, self._clipped, self._look_at, self._failed)
+        offer, messages = self._digest(situation) if self._options.digest else self._whole(situation)
+        answer, free = converse(self._backend, situation, offer, messages, self._options.free_actions)
         self._clipped = answer.value.projected if answer.value is not None else ()
         self._look_at = answer.value.look_at if answer.value is not None else self._look_at
         self._measured = answer.value is not None and answer.value.kind == "jacobian"
         return _proposal(answer, free, situation)
+
+    def _note_attempts(self, context: ProposeContext) -> None:
+        """Keep the lengths of the changes from the present trial that were no better."""
+        before, new = context.trials[: self._seen], context.trials[self._seen :]
+        self._seen = len(context.trials)
+        base = closest(context.trials)
+        if not before or closest(before) is not base or self._measured:
+            self._failed = []
+        else:
+            space = context.task.space
+            steps = (space.steps_between(base.candidate, trial.candidate) for trial in new)
+            self._failed += [float(np.linalg.norm(change)) for change in steps]
+
+    def _digest(self, situation: Situation) -> tuple[Offer, list[Message]]:
+        """A suggested change to copy; or to measure where none is known, or several from here were no better."""
+        left, space = situation.context.simulations_left, situation.task.space
+        stuck = len(self._failed) >= _STUCK and left > len(space) + _STUCK
+        change = {} if stuck else as_factors(suggested(situation), situation.base.candidate)
+        kind: Kind = "set" if change or not situation.remembers or left < 2 else "jacobian"
+        if kind == "set" and not change:
+            first = next(iter(space))
+            change = {first.name: first.typical_step}
+        offer = Offer((kind,), space, analysis_chars=self._options.analysis_chars if self._options.reasoning else 0)
+        return offer, build_digest(situation, offer, change)
+
+    def _whole(self, situation: Situation) -> tuple[Offer, list[Message]]:
+        offer = self._offer(situation)
+        return offer, build_messages(situation, offer)
 
     def _offer(self, situation: Situation) -> Offer:
         left = situation.context.simulations_left

@@ -12,6 +12,7 @@ import numpy as np
 
 from ...core.hooks import ProposeContext, Recollection
 from ...core.prompt_sections import (
+    ALIKE,
     CYCLES,
     FEEDBACK,
     LAST_ATTEMPT,
@@ -21,6 +22,7 @@ from ...core.prompt_sections import (
     TASK,
     TRIAL_FEATURES,
     TRIALS,
+    numbered,
     section,
     table,
 )
@@ -31,8 +33,9 @@ from ...core.task import Experiment, Task
 from ...core.trial import Trial, closest
 from ..feedback.ageing import cycles_in_detail, measured_life
 from ..feedback.rounding import SHOWN_DIGITS, rounded
+from ..feedback.structured import SUCCESS
 
-_PARAMETER = ("parameter", "now", "step")
+_NUMBER, _PARAMETER = "number", ("parameter", "now", "step")
 _BOUNDS = ("lower", "upper")
 
 
@@ -47,6 +50,7 @@ class Situation:
     recollections: tuple[Recollection, ...]
     clipped: tuple[str, ...] = ()  # Parameters that the latest reply wanted beyond their bounds.
     look_at: tuple[int, ...] = ()  # Cycles of a long record that the latest reply asked for.
+    failed: tuple[float, ...] = ()  # Lengths, in typical steps, of the latest changes from here that were no better.
 
     @classmethod
     def of(
@@ -56,19 +60,12 @@ class Situation:
         last: Trial | None = None,
         clipped: Sequence[str] = (),
         look_at: Sequence[int] = (),
+        failed: Sequence[float] = (),
     ) -> Situation:
-        """The situation of a run.
-
-        Parameters
-        ----------
-        clipped : sequence of str
-            As the attribute.
-        look_at : sequence of int
-            As the attribute.
-        """
+        """The situation of a run; what has the name of an attribute is that attribute."""
         base = closest([trial for trial in context.trials if trial.reduction is None] or context.trials)
         told = tuple(sorted(context.recall(budget), key=lambda part: part.priority))
-        return cls(context, base, None if last is base else last, told, tuple(clipped), tuple(look_at))
+        return cls(context, base, None if last is base else last, told, tuple(clipped), tuple(look_at), tuple(failed))
 
     @property
     def task(self) -> Task:
@@ -96,30 +93,37 @@ class Situation:
         """Those of the feedback: of the present trial, then of the latest attempt."""
         return (*self.base.feedback.images, *(self.last.feedback.images if self.last is not None else ()))
 
-    def sections(self, memories: bool = True) -> list[str]:
-        """The prompt's sections in the order in which they are read, without the memories if so wished."""
-        parts = [self._task_section()]
-        if memories:
-            parts += [
-                section(part.title, _without_bounds(part)) for part in self.recollections if _without_bounds(part)
-            ]
+    def sections(self) -> list[str]:
+        """The prompt's sections in the order in which they are read."""
+        parts = [self.task_section()]
+        told = ((part.title, self._told(part)) for part in self.recollections)
+        parts += [section(title, content) for title, content in told if content]
         parts.append(section(FEEDBACK, self._feedback()))
         if self.task.long and self.base.curves and self.base.feedback.content.get("features"):
             shown = cycles_in_detail(self.task, self.base.curves, self.look_at)
             parts.append(section(CYCLES, {"trial": self.base.index, "records": rounded(shown)}))
-        if self.last is not None and not (memories and self._remembered(self.last)):
+        if self.last is not None and not self._remembered(self.last):
             parts.append(section(LAST_ATTEMPT, self._attempt(self.last)))
         return parts
 
-    def _feedback(self) -> dict[str, Any]:
-        told = self.base.feedback.told()
-        # Without features the residuals are what is to become zero, and trials near each other must differ in them.
-        shown = ("features", "residuals") if "features" in told else ()
+    def standing(self) -> dict[str, Any]:
+        """The present trial in a few numbers."""
         return {
             "trial": self.base.index,
             "simulations_left": self.context.simulations_left,
             **({"clipped_at_their_bounds_in_the_last_change": list(self.clipped)} if self.clipped else {}),
             **self._misfit(self.base),
+        }
+
+    def _feedback(self) -> dict[str, Any]:
+        told = self.base.feedback.told()
+        # Without features the residuals are what is to become zero, and trials near each other must differ in them.
+        shown = ("features", "residuals") if "features" in told else ()
+        if told.get("events") == [SUCCESS]:
+            # Its errors say so.
+            told.pop("events")
+        return {
+            **self.standing(),
             **told,
             **{key: rounded(told[key], SHOWN_DIGITS) for key in shown},
         }
@@ -150,42 +154,49 @@ class Situation:
             **told,
         }
 
-    def _task_section(self) -> str:
-        """What is simulated, what was measured, and where the parameters stand, each once."""
+    def _told(self, part: Recollection) -> Mapping[str, Any]:
+        """A memory's content, without what the table of parameters says: of the priors bounds, of effects names."""
+        if part.title == PRIORS:
+            return {key: value for key, value in part.content.items() if key != "bounds"}
+        if part.title == SENSITIVITIES:
+            by_number = {"effects", ALIKE}
+            names = self.task.space.names
+            return {k: numbered(v, names) if k in by_number else v for k, v in part.content.items()}
+        return part.content
+
+    def task_section(self, brief: bool = False) -> str:
+        """What is simulated, what was measured, and where the parameters stand, each once; or the last alone."""
         task, cell = self.task, self.task.cell
+        if brief:
+            return section(TASK, {"parameters": self._parameters(numbers=False)})
         content = {
             **{"model": cell.model, "options": dict(cell.options)},
             **({"effects": list(cell.effects)} if cell.effects else {}),
             **({"parameter_set": str(cell.parameter_set)} if cell.parameter_set else {}),
             **_signals(task),
             "records": [_record(experiment, task) for experiment in task.experiments],
-            "parameters": self._parameters(),
+            "parameters": self._parameters(self.remembers),
         }
         return section(TASK, content)
 
-    def _parameters(self) -> dict[str, Any]:
+    def _parameters(self, numbers: bool) -> dict[str, Any]:
         priors = next((part.content for part in self.recollections if part.title == PRIORS), {})
         bounds = priors.get("bounds")
         bounds = bounds if isinstance(bounds, Mapping) else {}
         rows = [
-            [parameter.name, self.base.candidate[parameter.name], parameter.typical_step]
+            ([number] if numbers else [])
+            + [parameter.name, self.base.candidate[parameter.name], parameter.typical_step]
             + ([*bounds.get(parameter.name, (None, None))] if bounds else [])
-            for parameter in self.task.space
+            for number, parameter in enumerate(self.task.space, start=1)
         ]
-        return table([*_PARAMETER, *(_BOUNDS if bounds else ())], rounded(rows))
+        columns = [*([_NUMBER] if numbers else []), *_PARAMETER, *(_BOUNDS if bounds else ())]
+        return table(columns, rounded(rows))
 
     def room(self) -> tuple[np.ndarray, np.ndarray]:
         """How many typical steps each parameter may fall and rise, shapes (p,)."""
         lower = [p.in_steps(p.lower) - p.in_steps(self.base.candidate[p.name]) for p in self.task.space]
         upper = [p.in_steps(p.upper) - p.in_steps(self.base.candidate[p.name]) for p in self.task.space]
         return np.array(lower), np.array(upper)
-
-
-def _without_bounds(part: Recollection) -> Mapping[str, Any]:
-    """A memory's content; of the priors what does not stand in the table of parameters."""
-    if part.title != PRIORS:
-        return part.content
-    return {key: value for key, value in part.content.items() if key != "bounds"}
 
 
 def _signals(task: Task) -> dict[str, Any]:

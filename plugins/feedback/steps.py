@@ -16,7 +16,7 @@ from ...core.simulation import Outcome
 from ...core.task import Experiment, Task
 from ...core.trajectory import FloatArray, StepKind, Trajectory
 from .ageing import told_cycles
-from .features import FEW, record_prefix
+from .features import FEW, are_fine, record_prefix
 from .rounding import rounded
 
 SAMPLES = (0.02, 0.07, 0.15, 0.3, 0.5, 0.7, 0.85, 0.93, 0.98)
@@ -39,6 +39,7 @@ def by_step(task: Task, outcome: Outcome) -> dict[str, Any]:
     if not told:
         return {}
     protocol = any(experiment.protocol is not None for experiment in task.experiments)
+    fine = are_fine(task)
     columns = ["step", "measured_s", "curve_misfit_share_pct"]
     columns += ["simulated_s", "off_pct", "clock_offset_at_end_s", "duration_misfit_share_pct"] * protocol
     steps: list[list[Any]] = []
@@ -51,7 +52,8 @@ def by_step(task: Task, outcome: Outcome) -> dict[str, Any]:
         steps.append([name, measured_s, sum(shares.values()), *[simulated_s, off, offset, duration] * protocol])
         for signal in task.compared(step.pair.step.kind, step.experiment):
             rests = step.pair.step.kind is StepKind.REST
-            if not signal.oscillates and (not rests or shares[signal.name] > _WORTH_A_ROW):
+            # Fine parts are these residuals, as means.
+            if not fine and not signal.oscillates and (not rests or shares[signal.name] > _WORTH_A_ROW):
                 along.append([name, f"{signal.name}_{_unit(signal)}", *_along(step.pair, signal)])
     content = {"steps": table(columns, rounded(steps))}
     if along:

@@ -15,6 +15,9 @@ from .features import mismatches
 from .rounding import rounded
 from .steps import by_step
 
+SUCCESS = "simulation_success"
+"""The event of a simulation that ran to its end."""
+
 
 def scalar_residuals(task: Task, metrics: Metrics | None) -> dict[str, float]:
     """The one number a blind optimiser would see, by a name that carries its unit."""
@@ -47,7 +50,7 @@ def events(task: Task, outcome: Outcome) -> list[str]:
                 f"reached {run.trajectory.duration:.6g} s ({share:.0f} % of the record), last "
                 f"{_last_values(task, run.trajectory)}"
             )
-    return lines if outcome.failure else ["simulation_success", *lines]
+    return lines if outcome.failure else [SUCCESS, *lines]
 
 
 def _last_values(task: Task, trajectory: Trajectory) -> str:
@@ -70,7 +73,7 @@ class ScalarFeedback:
     @hookimpl
     def build_feedback(self, outcome: Outcome, metrics: Metrics | None, index: int) -> Feedback:
         """See `RunHooks.build_feedback`."""
-        status = ["simulation_success"] if outcome.ok else ["simulation_failed"]
+        status = [SUCCESS] if outcome.ok else ["simulation_failed"]
         return Feedback(
             rounded({"residuals": scalar_residuals(self._task, metrics if outcome.ok else None), "events": status})
         )

@@ -16,6 +16,10 @@ from ..feedback.rounding import SHOWN_DIGITS, rounded
 _NOTE_CHARS = 40
 _STEP_DECIMALS = 2
 
+_MOST_STEPS = 72
+"""Numbers that the changes of all trials shown may take: six trials of twelve parameters. Of twenty parameters a reader
+gains more from their effects."""
+
 
 class HistoryOptions(BaseModel, extra="forbid"):
     """What the per-round memory shows."""
@@ -51,9 +55,11 @@ class HistoryMemory:
     @hookimpl
     def recall(self, budget: int) -> Recollection | None:
         """See `RunHooks.recall`."""
-        if not self._trials:
+        # The start alone is the present trial, which the feedback tells.
+        if len(self._trials) < 2:
             return None
-        for count in range(min(self._options.rounds, len(self._trials)), 0, -1):
+        most = min(self._options.rounds, len(self._trials), max(_MOST_STEPS // len(self._space), 2))
+        for count in range(most, 0, -1):
             content = self._content(self._shown(count))
             if len(json.dumps(content)) <= budget:
                 break
@@ -75,7 +81,7 @@ class HistoryMemory:
             rows.append([trial.index, author, *told_errors, told_steps, *[note] * noted])
         columns = ["trial", "asked_by", *["misfit_tolerances"] * told, *errors, "steps_from_present", *["note"] * noted]
         content: dict[str, Any] = {
-            "meaning": f"steps_from_present: of each parameter, in the order of the task, above trial {now.index}",
+            "meaning": f"steps_from_present: from trial {now.index}, in the task's order",
             "trials": rounded(table(columns, rows), SHOWN_DIGITS),
         }
         # What a fit beside asked for is in the learnt sensitivities; the agent's own attempts are told.

@@ -41,7 +41,7 @@ _MOST_FAILURES = 4
 class Secant:
     """Two trials, and what lies between them."""
 
-    # trial, parent: The later one, and the nearest of those before its round.
+    # trial, parent: The later one, and the nearest of those before it.
     trial: Trial
     parent: Trial
 
@@ -104,9 +104,8 @@ class SensitivityMemory:
         if not trial.ok:
             self._failed.append(trial)
             return
-        before = [other for other in self._good if (other.phase, other.round) != (trial.phase, trial.round)]
-        if before:
-            nearest = min(before, key=lambda other: self._distance(other, trial))
+        if self._good:
+            nearest = min(self._good, key=lambda other: self._distance(other, trial))
             if self._distance(nearest, trial) > _MOVED:
                 self._secants.append(Secant(trial, nearest))
         self._good.append(trial)

@@ -37,8 +37,9 @@ class ProposedWarmUp:
         sections.append(
             f"{title(INSTRUCTION)}Before the search, which has simulations of its own, we learn what each parameter "
             f"does. Propose {wanted} perturbations of the present values; each will be simulated. Choose them so that "
-            "every parameter's effect can be told from the others. Where you expect the values elsewhere, let all "
-            'share that move, so that effects are measured there. Write changes as "*1.1" or "+0.02".'
+            "every parameter's effect can be told from the others. Where you expect the values elsewhere, make that "
+            "move alone first and let all others share it, so that effects are measured there: effects come from "
+            'the differences to the nearest simulation before. Write changes as "*1.1" or "+0.02".'
         )
         system = system_message(context.task, situation.base)
         messages = [system, Message("user", "\n\n".join(sections), situation.images)]

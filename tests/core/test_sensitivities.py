@@ -3,6 +3,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bsa.core.prompt_sections import numbered
 from bsa.core.sensitivities import Sensitivities, linear_change
 from hypothesis import given
 from hypothesis import strategies as st
@@ -71,6 +72,14 @@ def test_names_that_the_feedback_lists_do_not_stand_twice() -> None:
     assert read.effects == {"a": {"f_mv": 1.5}, "b": {"g_s": 250.0, "f_mv": -2.0}}
     assert Sensitivities.read(content, ("g_s",)).effects == {}
     assert set(learnt.content(1000, ("f_mv",))["effects_on"]) == {"f_mv", "g_s"}
+
+
+def test_rows_may_go_by_the_numbers_of_the_parameters() -> None:
+    learnt = Sensitivities({"a": {"f": 1.0}, "b": {"f": 2.0}})
+    content = numbered(learnt.content(1000), ("b", "a"))
+    assert [row[0] for row in content["effects"]["rows"]] == [2, 1]
+    assert Sensitivities.read(content, parameters=("b", "a")).effects == learnt.effects
+    assert set(Sensitivities.read(content).effects) == {"1", "2"}
 
 
 def test_what_is_the_same_of_all_parameters_stands_once() -> None:

@@ -7,7 +7,17 @@ from dataclasses import replace
 from typing import Any
 
 from ....core.messages import Message
-from ....core.prompt_sections import ALIKE, INSTRUCTION, NUMERICS, PRIORS, SENSITIVITIES, section, title
+from ....core.prompt_sections import (
+    ALIKE,
+    INSTRUCTION,
+    NUMERICS,
+    PRIORS,
+    RECORD,
+    SENSITIVITIES,
+    numbered,
+    section,
+    title,
+)
 from ...agent.actions import Offer
 from ...agent.method import system_message
 from ...agent.prompt import instruction
@@ -28,14 +38,17 @@ _NEAR_THE_NOISE = 3.0
 
 def build_messages(situation: Situation, offer: Offer, numerics: Mapping[str, Any]) -> list[Message]:
     """The conversation that asks for the next action."""
-    if "the_record" in numerics:
+    if RECORD in numerics:
         # It says from all residuals and their noise what the slopes of the features can only suggest.
         situation = _without(situation, SENSITIVITIES, ALIKE)
     if situation.sensitivities.effects.keys() >= set(situation.task.space.names):
         # Measured effects say which way each parameter acts here, and how much.
         situation = _without(situation, PRIORS, "rules")
     near = _NEAR if situation.base.misfit < _NEAR_THE_NOISE else ""
-    sections = [*situation.sections(), section(NUMERICS, rounded(dict(numerics), SHOWN_DIGITS))]
+    # By the numbers of the parameters where the task's table has them.
+    names = situation.task.space.names if situation.remembers else ()
+    numerics = {key: numbered(value, names) if key == RECORD else value for key, value in numerics.items()}
+    sections = [*situation.sections(), section(NUMERICS, rounded(numerics, SHOWN_DIGITS))]
     told = instruction(offer, situation.task.domain.gentler)
     sections.append(f"{title(INSTRUCTION)}{_BESIDE.replace('{near}', near)}\n{told}")
     system = system_message(situation.task, situation.base, offer.analysis_chars > 0)

@@ -17,6 +17,7 @@ from pydantic import Field
 
 from ....core.hooks import ProposeContext, RunContext, hookimpl
 from ....core.parameters import Candidate
+from ....core.prompt_sections import RECORD
 from ....core.proposal import FIT, Proposal
 from ....core.trial import Trial
 from ...agent.actions import Action, Kind, Offer
@@ -187,7 +188,7 @@ class HybridProposer:
         best = main_fit.best
         if best is not None and best.jacobian is not None and best.residual is not None:
             here = self._space.from_unit(best.point)
-            content["the_record"] = settled_questions(best.jacobian, best.residual, self._space, here)
+            content[RECORD] = settled_questions(best.jacobian, best.residual, self._space, here)
         return content
 
     def _begin(self, action: Action, context: ProposeContext, main_fit: Descent, allowance: int) -> list[Candidate]:

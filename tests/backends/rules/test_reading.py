@@ -10,6 +10,7 @@ from bsa.backends.rules.reading import read_prompt
 from bsa.core.feedback import Feedback
 from bsa.core.messages import Message
 from bsa.core.prompt_sections import (
+    DIGEST,
     FEEDBACK,
     LAST_ATTEMPT,
     NUMERICS,
@@ -126,3 +127,20 @@ def test_a_parameter_without_a_measured_effect_goes_by_the_rules_of_thumb(known:
     slopes = dict(zip((A, B), infer(read_prompt(conversation(list(sections.items())))).slopes[0], strict=True))
     assert slopes[known] == 7.0
     assert slopes[A] > 0
+
+
+def test_the_record_may_name_parameters_by_their_numbers() -> None:
+    told = {
+        **SECTIONS,
+        NUMERICS: {"the_record": {"leaves_open": [2, B, 7, None], "narrows": [1], "only_together": [[1, 2]]}},
+    }
+    record = read_prompt(conversation(list(told.items()))).numerics.record
+    assert record is not None
+    assert (record.leaves_open, record.narrows, record.only_together) == ((B, B, "7"), (A,), ((A, B),))
+
+
+@pytest.mark.parametrize("suggested", [{}, [], {A: 3.0}, {A: "*1.1"}])
+def test_a_digest_is_followed_where_it_suggests_something(suggested: Any) -> None:
+    digest = {DIGEST: {"suggested_change": suggested}}
+    found = read_prompt(conversation(list((SECTIONS | digest).items()))).suggested
+    assert found == ({A: "*1.1"} if suggested == {A: "*1.1"} else {})

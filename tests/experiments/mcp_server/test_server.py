@@ -12,6 +12,7 @@ from typing import Any
 import anyio
 import pytest
 from bsa.core.journal import read_events
+from bsa.experiments.mcp_server.functions import simulations_of
 from bsa.experiments.tasks.find import PACKAGED
 
 pytest.importorskip("mcp", reason='pip install "battery-sim-agent[mcp]"')
@@ -66,6 +67,12 @@ def test_tools_are_described_and_mistakes_are_told_with_a_hint(use: Use, tmp_pat
         for path in ("/etc/passwd", "../cell.csv"):
             assert "lies outside the folders of this server. Hint: " in await refused(client, "read_record", path=path)
         assert "there is no file" in await refused(client, "read_record", path="no.csv")
+        assert 'did you mean "cell.csv"?' in await refused(client, "read_record", path="Cell.csv")
+        assert 'did you mean "parameters"?' in await refused(
+            client, "simulate", data="cell.csv", values={}, cell={"paramters": "Chen2020"}
+        )
+        said = await refused(client, "simulate", data="cell.csv")
+        assert said == 'simulate: "values" is missing. Hint: add it.'
         assert "holds no run" in await refused(client, "report", folder=".")
         assert "is a task file" in await refused(client, "simulate", data="cell.yaml", values={})
         cell = {"parameters": "Chen2020", "search": "../x.yaml"}
@@ -87,7 +94,8 @@ def test_an_assistant_tries_values_and_calibrates(use: Use, tmp_path: Path) -> N
         seen.append((progress, total))
 
     async def act(client: Client) -> None:
-        assert "a record needs a parameter set" in await refused(client, "simulate", data=["no.csv"], values={})
+        (tmp_path / "cell.csv").write_bytes((PACKAGED / "demo.csv").read_bytes())
+        assert "a record needs a parameter set" in await refused(client, "simulate", data=["cell.csv"], values={})
         assert "holds no run" in await refused(client, "discover", resume="nowhere")
         said = await refused(client, "simulate", data="oscillator", values={"Mass": 1.0})
         assert 'is not searched in this task. Hint: did you mean "Mass [kg]"?' in said
@@ -129,6 +137,7 @@ def test_a_calibration_that_is_cancelled_stops_and_can_go_on(use: Use, tmp_path:
             while not ended(tmp_path / "stopped"):
                 await anyio.sleep(0.2)
         assert (await called(client, "report", folder="stopped"))["status"] == "interrupted"
+        assert simulations_of(tmp_path / "stopped") == 2000
 
     use(act)
     trials = [event for event in read_events(tmp_path / "stopped") if event["event"] == "trial"]

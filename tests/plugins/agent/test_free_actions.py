@@ -1,8 +1,12 @@
+from dataclasses import replace
+
+import numpy as np
 import pytest
 from bsa.core.prompt_sections import read_sections, read_table
 from bsa.plugins.agent.actions import Action
 from bsa.plugins.agent.free_actions import answer, steps_to_look_at
-from bsa.plugins.agent.linear_advice import digest, suggested
+from bsa.plugins.agent.linear_advice import as_factors, digest, suggested
+from bsa.plugins.agent.updates import apply_updates
 from bsa_toy_cell import CAPACITY
 
 from .conftest import MakeSituation
@@ -46,10 +50,30 @@ def test_nothing_can_be_seen_or_predicted_where_one_number_is_told(make_situatio
 
 
 def test_a_digest_names_the_worst_features_and_what_lowers_them(make_situation: MakeSituation) -> None:
-    content = digest(make_situation())
+    situation = make_situation()
+    content = digest(situation, suggested(situation))
     columns, rows = read_table(content["worst_features"])
     assert len(rows) == 3
     worst = dict(zip(columns, rows[0], strict=True))
     assert worst["feature"] == "cc_discharge_time_mismatch_s"
     assert worst["what_lowers_it_most"][0] == f"raise {CAPACITY}"
     assert content["suggested_change"]
+
+
+def test_a_suggestion_is_shorter_than_what_was_no_better(make_situation: MakeSituation) -> None:
+    situation = make_situation()
+
+    def length(failed: tuple[float, ...]) -> float:
+        told = replace(situation, failed=failed)
+        base = situation.base.candidate
+        there = apply_updates(suggested(told), situation.task.space, base)[0]
+        return float(np.linalg.norm(situation.task.space.steps_between(base, there)))
+
+    assert length(()) > 1.0
+    assert length((2.0, 1.0)) == pytest.approx(0.4, rel=0.1)
+
+
+def test_what_is_to_be_copied_has_one_notation() -> None:
+    change = {"a": "*1.1", "b": "-0.03", "c": "+0.01", "d": "+0.02"}
+    base = {"a": 1.0, "b": 0.3, "c": -0.03, "d": 0.0}
+    assert as_factors(change, base) == {"a": "*1.1", "b": "*0.9", "c": "+0.01", "d": "+0.02"}

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from bsa.backends.rules.backend import RulesBackend
 from bsa.core.journal import read_events
 from bsa.core.loop import RunResult
 from bsa.core.messages import JsonSchema, Message, Reply
@@ -30,6 +31,23 @@ class Scripted:
         self.prompts.append(list(messages))
         answer = self._answers.pop(0) if len(self._answers) > 1 else self._answers[0]
         return Reply(json.dumps({"analysis": "a", "hypothesis": "h", "rationale": "r", **answer}))
+
+    def close(self) -> None:
+        pass
+
+
+class Answering:
+    """Answers each prompt by a function of it."""
+
+    name, sees_images = "answering", False
+
+    def __init__(self, answer: Callable[[Sequence[Message]], dict[str, Any]]) -> None:
+        self._answer = answer
+        self.prompts: list[list[Message]] = []
+
+    def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
+        self.prompts.append(list(messages))
+        return Reply(json.dumps(self._answer(messages)))
 
     def close(self) -> None:
         pass
@@ -128,3 +146,38 @@ def test_without_reasons_an_action_is_enough(run_toy: RunToy, tmp_path: Path) ->
     result = run_toy(tmp_path, scaffold=without_warm_up("no-reasoning"), backend=backend, rounds=1, simulations=3)
     assert backend.schemas[-1]["required"] == ["action"]
     assert len(result.trials) == 2
+
+
+def copying(prompt: Sequence[Message]) -> dict[str, Any]:
+    """What a model answers that copies the reply it is shown."""
+    found: dict[str, Any] = json.loads(prompt[-1].text.splitlines()[-1])
+    return found
+
+
+def test_a_digest_can_be_followed_by_copying(run_toy: RunToy, tmp_path: Path) -> None:
+    backend = Answering(copying)
+    result = run_toy(tmp_path, scaffold=toy_scaffold("digest"), backend=backend, rounds=8, simulations=14)
+    assert not [event for event in proposals(tmp_path) if event["lost"]]
+    assert {event["action"] for event in proposals(tmp_path)} == {"set"}
+    warm = min(trial.misfit for trial in result.trials if trial.phase != "search")
+    assert min(trial.misfit for trial in result.trials) < 0.2 * warm
+    text = backend.prompts[0][-1].text
+    assert all(name in text for name in ("worst_features", "suggested_change", "misfit_tolerances"))
+    assert not [name for name in ("residuals_along_step", "Memory", "lower") if name in text.partition("## Digest")[0]]
+
+
+def test_the_rules_follow_a_digest_too(run_toy: RunToy, tmp_path: Path) -> None:
+    copied = run_toy(
+        tmp_path / "a", scaffold=toy_scaffold("digest"), backend=Answering(copying), rounds=8, simulations=14
+    )
+    ruled = run_toy(tmp_path / "b", scaffold=toy_scaffold("digest"), backend=RulesBackend(), rounds=8, simulations=14)
+    assert [dict(trial.candidate) for trial in ruled.trials] == [dict(trial.candidate) for trial in copied.trials]
+
+
+def test_a_digest_asks_for_effects_where_changes_fail(run_toy: RunToy, tmp_path: Path) -> None:
+    def worse(prompt: Sequence[Message]) -> dict[str, Any]:
+        shown = copying(prompt)
+        return shown if shown["action"] == "jacobian" else {"action": "set", "updated_params": {CAPACITY: "*0.7"}}
+
+    run_toy(tmp_path, scaffold=toy_scaffold("digest"), backend=Answering(worse), rounds=5, simulations=40)
+    assert [event["action"] for event in proposals(tmp_path)] == ["set", "set", "set", "jacobian", "set"]

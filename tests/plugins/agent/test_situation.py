@@ -1,3 +1,4 @@
+import json
 from typing import Any
 
 from bsa.core.prompt_sections import (
@@ -11,22 +12,36 @@ from bsa.core.prompt_sections import (
     read_sections,
     read_table,
 )
+from bsa.core.sensitivities import Sensitivities
 from bsa.plugins.agent.situation import Situation
 from bsa_toy_cell import CAPACITY, SERIES, space
 
 from .conftest import MakeSituation
 
 
-def told(situation: Situation, memories: bool = True) -> dict[str, Any]:
-    return dict(read_sections("\n\n".join(situation.sections(memories))))
+def told(situation: Situation) -> dict[str, Any]:
+    return dict(read_sections("\n\n".join(situation.sections())))
 
 
 def test_each_parameter_stands_once_with_value_step_and_bounds(make_situation: MakeSituation) -> None:
     situation = make_situation()
     columns, rows = read_table(told(situation)[TASK]["parameters"])
-    assert columns == ["parameter", "now", "step", "lower", "upper"]
-    assert [row[0] for row in rows] == list(space().names)
+    assert columns == ["number", "parameter", "now", "step", "lower", "upper"]
+    assert [row[:2] for row in rows] == [[number, name] for number, name in enumerate(space().names, start=1)]
     assert "bounds" not in told(situation)[PRIORS]
+
+
+def test_the_measured_effects_go_by_the_numbers_of_the_parameters(make_situation: MakeSituation) -> None:
+    situation = make_situation()
+    effects = told(situation)[SENSITIVITIES]
+    assert not any(name in json.dumps(effects) for name in space().names)
+    read = Sensitivities.read(effects, tuple(situation.base.feedback.numbers), space().names)
+    assert read.effects == situation.sensitivities.effects
+
+
+def test_without_memories_there_is_nothing_to_number(make_situation: MakeSituation) -> None:
+    columns, _ = read_table(told(make_situation(memories=False))[TASK]["parameters"])
+    assert columns[0] == "parameter"
 
 
 def test_the_present_trial_has_the_least_misfit_step_by_step(make_situation: MakeSituation) -> None:
@@ -78,4 +93,4 @@ def test_one_number_as_feedback_is_all_that_is_told(make_situation: MakeSituatio
     text = "\n".join(situation.sections())
     for word in ("misfit", "measured_s", "simulated_s", "clock", "cc_discharge", "duration", "features"):
         assert word not in text, word
-    assert set(told(situation)[FEEDBACK]) == {"trial", "simulations_left", "residuals", "events"}
+    assert set(told(situation)[FEEDBACK]) == {"trial", "simulations_left", "residuals"}

@@ -40,7 +40,9 @@ def test_a_swing_that_is_larger_and_late_says_so() -> None:
 
 def test_a_single_observed_signal_goes_without_saying() -> None:
     found = features(task(WARMTH), Outcome((ExperimentRun(record(warmer=0.5)),)))
-    assert set(found) == {f"swing_{part}_shift_k" for part in ("early", "middle", "late")}
+    # A single step of a measured record is told in nine parts.
+    parts = (2, 7, 15, 30, 50, 70, 85, 93, 98)
+    assert set(found) == {f"swing_at_{percent}_pct_shift_k" for percent in parts}
 
 
 def test_what_counts_as_a_mismatch_weighs_as_one_tolerance_in_the_misfit() -> None:

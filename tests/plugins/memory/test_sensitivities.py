@@ -9,6 +9,7 @@ import pytest
 from bsa.core.feedback import Feedback
 from bsa.core.hooks import NoOptions, RunContext
 from bsa.core.metrics import evaluate
+from bsa.core.parameters import ParameterSpace
 from bsa.core.prompt_sections import read_table
 from bsa.core.proposal import Proposal
 from bsa.core.sensitivities import Sensitivities
@@ -97,6 +98,18 @@ def test_history_keeps_the_best_and_the_latest_within_its_budget(context: RunCon
     assert len(json.dumps(small.content)) <= 900 or len(rows(small.content)) == 1
 
 
+def test_of_many_parameters_fewer_trials_are_shown(context: RunContext) -> None:
+    one = next(iter(space()))
+    many = ParameterSpace([replace(one, name=f"Parameter {number} [A.h]") for number in range(24)])
+    memory = HistoryMemory(HistoryOptions(), replace(context, task=replace(context.task, space=many)))
+    for index in range(8):
+        values = dict.fromkeys(many.names, one.initial * (1.0 + 0.01 * index))
+        memory.remember(replace(trial(context, index, "search", space().initial), candidate=values), None)
+    recollection = memory.recall(100_000)
+    assert recollection is not None
+    assert len(rows(recollection.content)) == 3
+
+
 def test_history_shows_the_warm_up_failures_and_who_asked(context: RunContext) -> None:
     memory = HistoryMemory(HistoryOptions(), context)
     memory.remember(trial(context, 0, "initial", space().initial), None)
@@ -110,6 +123,12 @@ def test_history_shows_the_warm_up_failures_and_who_asked(context: RunContext) -
     assert [row["asked_by"] for row in found] == ["initial", "warm-up", "fit", "agent"]
     assert found[2]["note"] == "h"
     assert found[3]["note"].startswith("simulation_failed: gave up")
+
+
+def test_the_start_alone_is_no_history(context: RunContext) -> None:
+    memory = HistoryMemory(HistoryOptions(), context)
+    memory.remember(trial(context, 0, "initial", space().initial), None)
+    assert memory.recall(9000) is None
 
 
 def test_history_counts_steps_from_the_closest_trial(context: RunContext) -> None:
@@ -200,6 +219,22 @@ def test_every_search_trial_corrects_the_effects_along_its_own_direction(context
     assert told[CAPACITY]["misprediction_pct"] > told["Relaxation time [s]"]["misprediction_pct"] >= 0.0
     predicted = content["predicted_of_trial_10_in_the_order_of_the_feedback"]
     assert len(predicted) == len(told[CAPACITY]["effects"])
+
+
+def test_perturbations_on_top_of_a_shared_move_tell_the_effects_there(context: RunContext) -> None:
+    def gained(name: str) -> float:
+        return record({**there, name: 1.1 * there[name]}).duration - record(there).duration
+
+    start = space().initial
+    there = {**start, CAPACITY: 2.0 * start[CAPACITY]}
+    memory = SensitivityMemory(NoOptions(), context)
+    memory.remember(trial(context, 0, "initial", start), None)
+    memory.remember(trial(context, 1, "warm-up", there), None)
+    memory.remember(trial(context, 2, "warm-up", {**there, SERIES: 1.1 * there[SERIES]}), None)
+    memory.remember(trial(context, 3, "warm-up", {**there, CAPACITY: 1.1 * there[CAPACITY]}), None)
+    effects = learnt(memory, memory.recall(9000).content).effects
+    for name in (SERIES, CAPACITY):
+        assert effects[name]["cc_discharge_time_mismatch_s"] == pytest.approx(gained(name), rel=0.1)
 
 
 def test_a_reduced_simulation_teaches_nothing_of_the_task(context: RunContext) -> None:

@@ -10,11 +10,13 @@ import pytest
 from bsa.backends.bad_advice import AdversarialAdvice, RandomAdvice
 from bsa.backends.rules.backend import RulesBackend
 from bsa.core.errors import BsaError
+from bsa.core.feedback import Feedback
 from bsa.core.journal import read_events
 from bsa.core.loop import RunResult
 from bsa.core.messages import Backend, JsonSchema, Message, PromptRefused, Reply
-from bsa.core.prompt_sections import NUMERICS, read_sections
+from bsa.core.prompt_sections import FEEDBACK, NUMERICS, SENSITIVITIES, read_sections
 from bsa.core.scaffold import Scaffold
+from bsa.core.sensitivities import Sensitivities
 from bsa.plugins.agent.actions import Offer, check_action
 from bsa_toy_cell import CAPACITY, HIDDEN, POLARISATION, RELAXATION, SERIES, toy_scaffold, toy_task
 from hypothesis import HealthCheck, given, settings
@@ -212,11 +214,18 @@ def test_a_run_that_was_cut_goes_on_as_it_would_have(run_toy: RunToy, tmp_path: 
 def test_the_agent_reads_what_the_jacobian_taught(run_toy: RunToy, tmp_path: Path) -> None:
     backend = Speaking(lambda schema, seed, call: words("refine", simulations=1))
     search(run_toy, tmp_path, "hybrid", 25, HIDDEN, backend=backend)
-    assert '["Capacity [A.h]",' in backend.prompts[0].partition("learnt sensitivities")[2]
+    sections = dict(read_sections(backend.prompts[0]))
+    effects = Sensitivities.read(
+        sections[SENSITIVITIES], tuple(Feedback.read(sections[FEEDBACK]).numbers), tuple(toy_task().space.names)
+    ).effects
+    assert CAPACITY in effects
     assert "## Numerics" in backend.prompts[0]
     assert '"status": "descending"' in backend.prompts[0]
     ((_, told),) = [part for part in read_sections(backend.prompts[0]) if part[0] == NUMERICS]
-    assert "Capacity [A.h]" not in told["the_record"]["leaves_open"] + told["the_record"]["narrows"]
+    capacity = 1 + toy_task().space.names.index(CAPACITY)
+    record = told["the_record"]["leaves_open"] + told["the_record"]["narrows"]
+    assert capacity not in record
+    assert all(isinstance(number, int) for number in record)
     assert "move_the_features_alike" not in backend.prompts[0]
     assert "## Priors" not in backend.prompts[0]
     proposals = [event for event in read_events(tmp_path) if event["event"] == "proposal"]

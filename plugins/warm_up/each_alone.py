@@ -1,0 +1,32 @@
+"""Each parameter alone: what a model need not be asked for."""
+
+from __future__ import annotations
+
+from ...core.hooks import NoOptions, ProposeContext, RunContext, hookimpl
+from ...core.parameters import Parameter
+from ...core.proposal import Proposal
+
+
+class EachAloneWarmUp:
+    """Moves one parameter at a time by its typical step, so that every effect is seen by itself."""
+
+    def __init__(self, options: NoOptions, context: RunContext) -> None:
+        pass
+
+    @hookimpl
+    def warm_up(self, context: ProposeContext) -> Proposal:
+        """See `RunHooks.warm_up`; with fewer simulations than parameters the last ones are left out."""
+        start = context.best.candidate
+        candidates = [{**start, one.name: _moved(one, start[one.name])} for one in context.task.space]
+        return Proposal(
+            tuple(candidates[: context.simulations_left]),
+            rationale="Each parameter alone, by a step.",
+            action="warm-up",
+        )
+
+
+def _moved(parameter: Parameter, value: float) -> float:
+    """The value a step higher, or lower where there is more room."""
+    steps = parameter.in_steps(value)
+    rises = parameter.in_steps(parameter.upper) - steps >= min(1.0, steps - parameter.in_steps(parameter.lower))
+    return parameter.project(parameter.at_steps(steps + (1.0 if rises else -1.0)))
