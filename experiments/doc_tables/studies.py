@@ -148,9 +148,9 @@ def coverage(results: Results) -> str:
         spent = np.median([found[0]["simulations_after"] for found in tasks.values()])
         counts = [int(found[0]["parameters"]) for found in tasks.values()]
         parts += [
-            f"{_parameters(counts)}, fitted by `{scaffold}`: {len(tasks)} tasks, truth on {points:.0f} mesh points, fits on "
-            f"{FIT_POINTS}. {ended} fits ended within 100 simulations; {within} cost at most 10 % more than the truth on "
-            f"the fit's mesh. {spent:.0f} simulations after the fit (median).",
+            f"{_parameters(counts)}, fitted by `{scaffold}`: {len(tasks)} tasks, truth on {points:.0f} mesh points, "
+            f"fits on {FIT_POINTS}. {ended} fits ended within 100 simulations; {within} cost at most 10 % more than "
+            f"the truth on the fit's mesh. {spent:.0f} simulations after the fit (median).",
             coverage_table(rows),
         ]
     return results.framed("coverage", *parts)

@@ -1,10 +1,10 @@
 """``bsa bench coverage``: how often 95 % intervals contain the truth, on noisy tasks that no fit has seen.
 
 A task is a cell whose parameters were changed, cycled once and sampled as a cycler does. Its record is simulated on a
-finer mesh and at tighter tolerances than any fit uses, and noise is added. In three tasks of four the nine parameters of
-a geometry are fitted by least squares; in the fourth a measured cell with up to 23 parameters, whose truth is drawn from
-their priors, is fitted in stages to its current. What is said of each parameter, and of the voltage at a rate that was
-not measured, is compared with the truth.
+finer mesh and at tighter tolerances than any fit uses, and noise is added. In three tasks of four the nine parameters
+of a geometry are fitted by least squares; in the fourth a measured cell with up to 23 parameters, whose truth is drawn
+from their priors, is fitted in stages to its current. What is said of each parameter, and of the voltage at a rate that
+was not measured, is compared with the truth.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ _MEASURED = "measured"
 """Name of the record that is fitted."""
 
 _CELL_EVERY = 4
-"""One task in so many is a measured cell with 14 to 23 parameters, driven by its current; the others have nine."""
+"""One task in so many is a measured cell with 13 to 23 parameters, driven by its current; the others have nine."""
 
 _CELL_OPTIONS = {"contact resistance": "true"}
 
