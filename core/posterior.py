@@ -100,7 +100,7 @@ def _moved(here: FloatArray, others: FloatArray, rng: np.random.Generator) -> tu
         one, other = others[rng.integers(half, size=(2, half))]
         length = 1.0 if rng.random() < _WHOLE else _JUMP / np.sqrt(2.0 * count) * rng.uniform(*_SCALES)
         return here + length * (one - other), np.zeros(half)
-    stretch = (1.0 + (_STRETCH - 1.0) * rng.random(half)) ** 2 / _STRETCH
+    stretch = np.asarray(1.0 + (_STRETCH - 1.0) * rng.random(half)) ** 2 / _STRETCH
     partner = others[rng.integers(half, size=half)]
     return partner + stretch[:, None] * (here - partner), (count - 1) * np.log(stretch)
 
