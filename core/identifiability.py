@@ -25,7 +25,7 @@ from .trajectory import FloatArray
 
 Verdict = Literal["fixed", "loose", "open"]
 
-BOX_VARIANCE = 1.0 / 12.0
+_BOX_VARIANCE = 1.0 / 12.0
 """Variance of an even distribution over a bounded range: what the bounds alone say of a parameter."""
 
 _FIXED, _LOOSE = 0.05, 0.25
@@ -241,27 +241,6 @@ def with_sample(found: Identifiability, draws: FloatArray, space: ParameterSpace
     )
 
 
-def with_few_draws(
-    found: Identifiability, draws: FloatArray, space: ParameterSpace, candidate: Candidate
-) -> Identifiability:
-    """The same with intervals and covariance of some draws about a candidate, too few for their quantiles.
-
-    Parameters
-    ----------
-    draws : ndarray of shape (n, p)
-        In the unit box.
-    """
-    moved = draws - space.to_unit(candidate)
-    covariance = moved.T @ moved / len(draws)
-    half = float(student.ppf(0.5 + _CONFIDENCE / 2, len(draws))) * np.sqrt(np.diag(covariance))
-    return replace(
-        found,
-        intervals=_about(space, candidate, half),
-        covariance=tuple(tuple(row) for row in covariance.tolist()),
-        draws=tuple(tuple(row) for row in draws.tolist()),
-    )
-
-
 def _about(space: ParameterSpace, candidate: Candidate, half: FloatArray) -> dict[str, Interval]:
     """Intervals of so many units of the box to either side of a candidate, cut at the bounds."""
     return {
@@ -282,18 +261,6 @@ def covariance_of(jacobian: FloatArray, noise: float) -> FloatArray:
     return np.asarray((rows.T * _variances(singular, noise)) @ rows)
 
 
-def linear_estimate(centre: FloatArray, residual: FloatArray, jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Mean and covariance of a posterior without bends or bounds, the box counting by its variance.
-
-    Parameters
-    ----------
-    centre, residual, jacobian : ndarray of shapes (p,), (m,) and (m, p)
-        In the unit box; residuals and their derivatives in standard deviations.
-    """
-    covariance = covariance_of(jacobian, 1.0)
-    return np.asarray(centre - covariance @ (jacobian.T @ residual)), covariance
-
-
 def _decomposed(jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:
     """All p singular values, zeros included, and the directions as rows."""
     # Squaring the Jacobian would lose the small ones: its triangular factor has the same.
@@ -306,7 +273,7 @@ def _decomposed(jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _variances(singular: FloatArray, noise: float) -> FloatArray:
     with np.errstate(divide="ignore"):
         information = np.square(singular / noise) if noise > 0 else np.where(singular > 0, np.inf, 0.0)
-    return np.asarray(1.0 / (information + 1.0 / BOX_VARIANCE))
+    return np.asarray(1.0 / (information + 1.0 / _BOX_VARIANCE))
 
 
 def _combinations(jacobian: FloatArray, noise: float, factor: float, names: tuple[str, ...]) -> tuple[Combination, ...]:

@@ -16,19 +16,14 @@ from .ageing.residuals import CAPACITY_TOLERANCE, compared_cycles
 from .derivatives import DIFFERENCE, beside, known_derivatives
 from .forecast import Forecast, what_to_measure_next
 from .identifiability import (
-    DRAWS_KEPT,
-    DRAWS_OF_A_LIFE,
     Identifiability,
-    effective_noise,
     identify,
     open_directions,
     unsettled,
-    with_few_draws,
     with_sample,
 )
-from .parameters import Candidate, ParameterSpace
+from .parameters import Candidate
 from .prior import Prior
-from .randomised_draws import randomised_draws
 from .residuals import capacity_rows, noise_of_residuals, residuals, rms, rows_of
 from .shape import shaped
 from .simulated_posterior import Errors, simulated_posterior
@@ -38,23 +33,25 @@ from .task import Protocol as StepProtocol
 from .trajectory import FloatArray, Trajectory
 from .trial import Trial
 
-NOISE_FLOOR = 1.0
-"""Noise assumed at least, in the residuals' tolerances: 1 mV, 0.1 % of a duration, about 1 % of a current.
+NOISE_FLOOR = 0.3
+"""Noise assumed at least, in the residuals' tolerances: 0.3 mV, about 0.3 % of a current.
 
 A good cycler's. A target that was simulated has no noise, and its fit would seem to fix everything.
 """
+
+_FLOOR_OF_DURATIONS = 1.0
+"""The same of the duration of a step, whose noise no record tells: 0.1 %, as well as a cycler knows its current."""
+
+_OF_THE_MESH = 0.5
+"""Share of what a finer mesh changes about a residual that is doubted: at the end of a step one candidate's change is
+twice another's."""
 
 _NO_APPROXIMATION = 3.0
 """Root mean square, in tolerances, by which search and reference may differ: beyond it, and beyond the misfit, one of
 them is no approximation of the other, and the search's residuals stand."""
 
-_ROUNDS_OF_A_LIFE = 1
-"""Of simulations at draws from the posterior, where each takes minutes."""
-
-_EMULATED = 12
-"""Parameters up to which an emulator learns the residuals. Sixteen draws a round tell little of more: for 22
-parameters of a measured cell its draws cost hundreds of squared deviations after six rounds, and draws that are fits of
-their own miss what they should cost by 11 in the median. Coverage is counted with nine parameters at most."""
+_OF_A_LIFE = {"rounds": 1, "at_once": 16}
+"""Simulations at draws from the posterior, where each takes minutes."""
 
 _ALONG = 0.02
 """Step along an undetermined direction: longer than a difference, since little happens along it."""
@@ -216,11 +213,7 @@ def analyse(
     draws, noise = _posterior(task, trials, best, looked, jacobian, errors, prior, plugins, spent)
     informed = prior.jacobian(jacobian, noise)
     straight = identify(informed, residual, task.space, best.candidate, noise=noise)
-    found = straight
-    if _few(task.space):
-        found = with_sample(straight, draws, task.space)
-    elif len(draws):
-        found = with_few_draws(straight, draws, task.space, best.candidate)
+    found = with_sample(straight, draws, task.space)
     suggestions = _suggestions(task, best, informed, noise, plugins, spent)
     worst = max(found.intervals, key=lambda name: found.intervals[name].share_of_range)
     moving = unsettled(informed, prior.residuals(residual, centre, noise), noise, task.space.names)
@@ -252,7 +245,8 @@ def _errors(task: Task, best: Trial, plugins: Simulating, spent: _Spent) -> Erro
     residuals of all. The error falls with the square of the spacing, so that a third as much is left.
     """
     assert best.residuals is not None
-    deviation = np.sqrt(noise_of_residuals(task) ** 2 + NOISE_FLOOR**2)
+    floor = np.where(rows_of(task).signal == "", _FLOOR_OF_DURATIONS, NOISE_FLOOR)
+    deviation = np.hypot(noise_of_residuals(task), floor)
     deviation *= misfit_by_kind(task, best.residuals / deviation)
     (outcome,) = spent.counted(plugins.simulate([best.candidate], True), 1)
     reference = residuals(task, outcome)
@@ -262,9 +256,9 @@ def _errors(task: Task, best: Trial, plugins: Simulating, spent: _Spent) -> Erro
     # A life takes minutes, and its tolerances are wider than what a mesh does.
     finer = None if task.long else plugins.simulate_finer(best.candidate)
     found = None if finer is None else residuals(task, finer)
-    if found is None:
-        return Errors(deviation, reference - best.residuals, nothing)
-    return Errors(deviation, found - best.residuals, (found - reference) / 3.0)
+    shift = (reference if found is None else found) - best.residuals
+    doubt = nothing if found is None else (found - reference) / 3.0
+    return Errors(np.hypot(deviation, _OF_THE_MESH * shift), shift, doubt)
 
 
 def misfit_by_kind(task: Task, residual: FloatArray) -> FloatArray:
@@ -304,14 +298,6 @@ def _posterior(
         seen = [residuals(task, outcome) for outcome in spent.counted(plugins.simulate(candidates, False), 1)]
         return [None if residual is None else errors.whitened(residual) for residual in seen]
 
-    here = errors.whitened(best.residuals)
-    if not _few(space):
-        excess = effective_noise(here, len(space), 1.0)
-        count = DRAWS_OF_A_LIFE if task.long else DRAWS_KEPT
-        draws = randomised_draws(
-            space.to_unit(best.candidate), here / excess, slopes / excess, excess, prior, simulate, count
-        )
-        return draws, excess * overall
     known = [(space.to_unit(trial.candidate), trial.residuals) for trial in trials if trial.residuals is not None]
     known = [(space.to_unit(best.candidate), best.residuals), *known, *looked]
     draws, excess = simulated_posterior(
@@ -320,14 +306,9 @@ def _posterior(
         slopes,
         simulate,
         prior,
-        *((_ROUNDS_OF_A_LIFE,) if task.long else ()),
+        **(_OF_A_LIFE if task.long else {}),
     )
     return draws, excess * overall
-
-
-def _few(space: ParameterSpace) -> bool:
-    """Whether an emulator can learn what so many parameters do."""
-    return len(space) <= _EMULATED
 
 
 def _jacobian(

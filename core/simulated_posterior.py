@@ -12,13 +12,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from .emulator import Emulator, learn
-from .identifiability import effective_noise, linear_estimate
+from .identifiability import effective_noise
 from .posterior import MOVES, beginning, going_on, sample
 from .prior import Prior
+from .robust_loss import robust
 from .trajectory import FloatArray
 
-_ROUNDS, _AT_ONCE = 6, 16
-"""Rounds of simulations at draws, and how many a round: about as many in all as a search makes."""
+_ROUNDS = 6
+"""Rounds of simulations at draws."""
+
+_AT_ONCE, _FOR_EACH = 16, 2
+"""Simulations a round at least, and for each parameter: with nine about as many in all as a search makes, with twenty
+twice as many."""
+
+_FAR_OFF = 20.0
+"""Standard deviations beyond which a residual is reduced to its order of magnitude. A cell that runs empty before its
+record ends is thousands of deviations off, and the emulator would learn little but by how much."""
 
 _SETTLED = 1.0
 """Squared deviations by which the emulator may be off at nine of ten simulated draws when no more are needed.
@@ -35,8 +44,8 @@ _LOOKING = 500
 _FAR = 100.0
 """Root-mean-square residual, in deviations, from which a simulation tells nothing of the neighbourhood of a fit."""
 
-_MOST = 250
-"""Simulations that an emulator learns from: its time grows with their third power, and is a second at so many."""
+_MOST = 400
+"""Simulations that an emulator learns from: its time grows with their third power, and is some seconds at so many."""
 
 _SAME = 1e-12
 
@@ -65,6 +74,7 @@ def simulated_posterior(
     simulate: Callable[[FloatArray], Sequence[FloatArray | None]],
     prior: Prior,
     rounds: int = _ROUNDS,
+    at_once: int | None = None,
 ) -> tuple[FloatArray, float]:
     """Draws in the unit box, shape (n, p), and by what factor residuals are larger than their deviations.
 
@@ -78,50 +88,65 @@ def simulated_posterior(
         Derivatives at the best, likewise.
     simulate : callable
         Residuals at points of shape (k, p), likewise; None for one that fails.
+    rounds, at_once : int, optional
+        How often draws are simulated and learnt from, and how many; by default the more, the more parameters.
     """
     seen, found = np.array(points), np.array(residuals)
+    scale = effective_noise(found[0], seen.shape[1], 1.0)
+    found = _reduced(found, scale)
+    at_once = at_once or max(_AT_ONCE, _FOR_EACH * seen.shape[1])
     rng = np.random.default_rng(0)
     emulator: Emulator | None = None
     walkers = draws = np.zeros((0, 0))
     off = np.inf
     for number in range(rounds + 1):
         usable = _usable(seen, found)
-        emulator = learn(seen[usable], found[usable], emulator)
+        emulator = learn(prior.as_wide_as_the_box(seen[usable]), found[usable], emulator)
         # Where the model does not come down to the noise, and where neighbours err alike, the residuals say less.
         excess = effective_noise(found[usable[0]], seen.shape[1], 1.0)
         costs = _posterior_cost(emulator, excess, prior)
         if number == 0:
-            residual = prior.residuals(found[0] / excess, seen[0])
-            walkers = beginning(*linear_estimate(seen[0], residual, prior.jacobian(jacobian / excess)))
+            centre = prior.normal(seen[0])
+            walkers = beginning(centre, found[0] / excess, jacobian * prior.slopes(centre) / excess)
         else:
             walkers = going_on(draws, costs)
         draws = sample(costs, walkers, _LOOKING)
         if number == rounds or off < _SETTLED:
             break
-        wanted = _wanted(emulator, draws, rng)
+        wanted = prior.unit(_wanted(emulator, draws, at_once, prior, rng))
         more = simulate(wanted)
         done = [place for place, residual in enumerate(more) if residual is not None]
         if done:
-            made = np.array([more[place] for place in done])
-            off = float(np.quantile(np.sum((emulator.residuals(wanted[done]) - made) ** 2, axis=1), 0.9)) / excess**2
+            made = _reduced(np.array([more[place] for place in done]), scale)
+            places = prior.as_wide_as_the_box(wanted[done])
+            missed = np.sum((emulator.residuals(places) - made) ** 2, axis=1)
+            off = float(np.quantile(missed, 0.9)) / excess**2
             seen, found = np.vstack([seen, wanted[done]]), np.vstack([found, made])
-    return sample(costs, going_on(draws, costs), MOVES), excess
+    return prior.unit(sample(costs, going_on(draws, costs), MOVES)), excess
+
+
+def _reduced(residuals: FloatArray, scale: float) -> FloatArray:
+    """Residuals of which the far ones count by their order of magnitude."""
+    return scale * robust(residuals / scale, _FAR_OFF)
 
 
 def _posterior_cost(emulator: Emulator, excess: float, prior: Prior) -> Callable[[FloatArray], FloatArray]:
+    """Twice the negative logarithm of the posterior in the coordinates of `Prior.normal`."""
     likelihood = emulator.cost_function(excess**2)
 
     def cost(points: FloatArray) -> FloatArray:
-        return np.asarray(likelihood(points) + np.sum(prior.deviations(points) ** 2, axis=1))
+        places = prior.as_wide_as_the_box(prior.unit(points))
+        return np.asarray(likelihood(places) + np.sum(points**2, axis=1))
 
     return cost
 
 
-def _wanted(emulator: Emulator, draws: FloatArray, rng: np.random.Generator) -> FloatArray:
+def _wanted(emulator: Emulator, draws: FloatArray, count: int, prior: Prior, rng: np.random.Generator) -> FloatArray:
     """Draws to simulate: half of them any, half of them what the emulator knows least."""
-    some = draws[rng.choice(len(draws), _AT_ONCE // 2 * (1 + _CHOICE))]
-    usual, others = np.split(some, [_AT_ONCE // 2])
-    unsure = np.sum(emulator.predict(others)[1], axis=1).reshape(-1, _CHOICE)
+    some = draws[rng.choice(len(draws), count // 2 * (1 + _CHOICE))]
+    usual, others = np.split(some, [count // 2])
+    variance = emulator.predict(prior.as_wide_as_the_box(prior.unit(others)))[1]
+    unsure = np.sum(variance, axis=1).reshape(-1, _CHOICE)
     return np.vstack([usual, others.reshape(-1, _CHOICE, others.shape[1])[np.arange(len(unsure)), unsure.argmax(1)]])
 
 

@@ -115,18 +115,27 @@ def runtime(results: Results) -> str:
 
 
 def coverage(results: Results) -> str:
-    """How often intervals contain the truth, for truths on a finer mesh than the fit's and on the same."""
+    """How often intervals contain the truth, for the geometry of a cell and for measured cells."""
     parts = []
-    for points, rows in sorted(grouped(results.rows("coverage"), "truth_points").items(), reverse=True):
+    for (points, scaffold), rows in sorted(grouped(results.rows("coverage"), "truth_points", "scaffold").items()):
         tasks = grouped(rows, "task")
         within = sum(excess <= 0.1 for excess in excesses(rows))
         ended = sum(int(found[0]["ended"]) for found in tasks.values())
+        spent = np.median([found[0]["simulations_after"] for found in tasks.values()])
+        counts = [int(found[0]["parameters"]) for found in tasks.values()]
         parts += [
-            f"Truth on {points:.0f} mesh points, fits on {FIT_POINTS}: {len(tasks)} tasks. {ended} fits ended within "
-            f"100 simulations; {within} cost at most 10 % more than the truth on the fit's mesh.",
+            f"{_parameters(counts)}, fitted by `{scaffold}`: {len(tasks)} tasks, truth on {points:.0f} mesh points, "
+            f"fits on {FIT_POINTS}. {ended} fits ended within 100 simulations; {within} cost at most 10 % more than "
+            f"the truth on the fit's mesh. {spent:.0f} simulations after the fit (median).",
             coverage_table(rows),
         ]
     return results.framed("coverage", *parts)
+
+
+def _parameters(counts: Sequence[int]) -> str:
+    """``"9 parameters"``, or the fewest and the most."""
+    least, most = min(counts), max(counts)
+    return f"{least} parameters" if least == most else f"{least} to {most} parameters"
 
 
 def recovery(results: Results) -> str:

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.studies import coverage
 
@@ -28,6 +29,19 @@ def test_every_task_is_a_cell_and_its_intervals_are_counted(tmp_path: Path) -> N
         assert cell.asked["number"] == number
     assert "| fixed | 9 | 67 % | exact 95 % interval 30 to 93 % | 0.50 |" in coverage.write_coverage(plan)
     assert len((plan.folder / "coverage.csv").read_text().splitlines()) == 10
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_measured_cell_has_many_parameters_with_truths_from_their_priors(seed: int) -> None:
+    cell = CellModel("Chen2020", "SPMe", {"contact resistance": "true"})
+    space, truth, changes = coverage._measured_cell(cell, np.random.default_rng(seed))
+    assert 13 <= len(space) == changes == len(truth) <= 23
+    # The unseen discharge starts full: the state of charge that is searched is that of the measured record alone.
+    assert "Initial state of charge: measured" in space
+    assert "Initial state of charge" not in space
+    off = np.array([parameter.coordinate(truth[parameter.name]) for parameter in space])
+    assert np.all(np.abs(off) < 5.0)
+    assert 0.5 < np.sqrt(np.mean(off**2)) < 1.6
 
 
 def test_excess_is_one_number_a_task() -> None:
