@@ -49,6 +49,14 @@ def bic_difference(worse: Explanation, better: Explanation, temperature_k: float
     return bic(worse, better, temperature_k) - bic(better, better, temperature_k)
 
 
+def ranked(explanations: Sequence[Explanation]) -> list[Explanation]:
+    """Best first, all on one scale: the misfit of the one that comes nearest to the data."""
+    if not explanations:
+        return []
+    nearest = min(explanations, key=lambda one: one.misfit_v)
+    return sorted(explanations, key=lambda one: bic(one, nearest))
+
+
 def closed(before_v: float, after_v: float, noise_v: float) -> float:
     """Share of the excess variance that is gone: ``1 - (after^2 - noise^2) / (before^2 - noise^2)``."""
     excess = before_v**2 - noise_v**2
@@ -156,9 +164,9 @@ class Rules:
             for part in parts
         )
 
-    def decide(self, gap: Gap, ranked: Sequence[Explanation]) -> Findings:
+    def decide(self, gap: Gap, sorted_ones: Sequence[Explanation]) -> Findings:
         """The verdict on explanations that are sorted, the best first."""
-        base, explanations = gap.base, list(ranked)
+        base, explanations = gap.base, list(sorted_ones)
         if not explanations:
             return Findings("unexplained", base, base, reason="no effect of the catalogue points the right way")
         # A pair must beat each of its members clearly, on data not fitted too, or the simpler one stands.
