@@ -1,4 +1,8 @@
-"""The workflow: calibrate, localise, test, nominate, screen, confirm, and say what is missing, or that nothing is."""
+"""The workflow of a discovery.
+
+Fit the base model; score every effect on what it leaves; give the best ones a short fit, and fit those that stay near
+side by side; fit what has not converged from where the best one ended; try pairs where it leaves more than noise; decide.
+"""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ from .simulator import Prediction
 T = TypeVar("T")
 
 Fitted = tuple[tuple[Effect, ...], Refit]
-"""A fit, and the effects that it has."""
+"""Effects, and a fit with them."""
 
 _COARSE_V = 0.03
 """Misfit with which the base fit begins, V."""
@@ -116,17 +116,14 @@ class Fitter:
         ]
         return starts[min(costs)[1]] if costs else None
 
-    def again(self, explanation: Explanation, budget: int) -> Explanation:
+    def again(self, explanation: Explanation, budget: int, exact: bool = False) -> Explanation:
         """The same explanation, fitted on from where it is with the present misfit."""
-        fit = self.onwards(explanation.effects, explanation.fit, budget)
+        fit = self.onwards(explanation.effects, explanation.fit, budget, exact=exact)
         return self.explain(explanation.effects, fit)
 
     def exact(self, explanation: Explanation) -> Explanation:
         """The same explanation, where its fit ends on the base model's own Jacobian."""
-        if self._low is None:
-            return explanation
-        fit = self.onwards(explanation.effects, explanation.fit, self.settings.refit_budget, exact=True)
-        return self.explain(explanation.effects, fit)
+        return explanation if self._low is None else self.again(explanation, self.settings.refit_budget, exact=True)
 
     def on_low_fidelity(self, known: Explanation) -> tuple[Fitter, Explanation] | None:
         """A fitter on the cheaper model, which is shifted to agree with an explanation, and the explanation there."""
@@ -213,7 +210,8 @@ class Fitter:
     def _fit_from_somewhere(self, start: FloatArray) -> Refit:
         # A cell that is too small, or too slow for its current, is empty before its record ends, and a fit that
         # starts there does not converge: start from the best of some roomier, faster and less full ones.
-        roomier = [self._roomier(start, ease, soc_shift) for ease in _EASES for soc_shift in _SOC_SHIFTS]
+        prior = self.space.prior_weights > 0
+        roomier = [start + np.where(prior, ease, shift) for ease in _EASES for shift in _SOC_SHIFTS]
         best = self.nearest((), self.space, roomier)
         # The charge that a rested voltage tells is well known: what comes nearer elsewhere may end farther off.
         places = [] if best is None else [best] if np.array_equal(best, start) else [best, start]
@@ -228,10 +226,6 @@ class Fitter:
 
     def _side_by_side(self, actions: Sequence[Callable[[], T]]) -> list[T]:
         return side_by_side(actions, self.problem.simulator.at_once)
-
-    def _roomier(self, start: FloatArray, ease: float, soc_shift: float) -> FloatArray:
-        shift: FloatArray = np.array([ease if parameter.prior else soc_shift for parameter in self.space])
-        return start + shift
 
     def without(self, base: Explanation, best: Explanation) -> Explanation:
         """The base model, fitted once more from where an explanation ended with its effect taken away.

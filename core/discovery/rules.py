@@ -164,9 +164,9 @@ class Rules:
             for part in parts
         )
 
-    def decide(self, gap: Gap, sorted_ones: Sequence[Explanation]) -> Findings:
+    def decide(self, gap: Gap, best_first: Sequence[Explanation]) -> Findings:
         """The verdict on explanations that are sorted, the best first."""
-        base, explanations = gap.base, list(sorted_ones)
+        base, explanations = gap.base, list(best_first)
         if not explanations:
             return Findings("unexplained", base, base, reason="no effect of the catalogue points the right way")
         # A pair must beat each of its members clearly, on data not fitted too, or the simpler one stands.
