@@ -1,7 +1,7 @@
 """The workflow of a discovery.
 
 Fit the base model; score every effect on what it leaves; give the best ones a short fit, and fit those that stay near
-side by side; fit what has not converged from where the best one ended; try pairs where it leaves more than noise; decide.
+side by side; fit what has not converged from where the best one ended; try pairs where it leaves more than noise.
 """
 
 from __future__ import annotations
