@@ -129,7 +129,7 @@ class Engine:
         self._say(f"screening {len(chosen)} effects")
         # Before the last level of a race, which gets the whole budget, there may be three of a third.
         whole = 2 * min(len(chosen), self.settings.confirmed) * self.settings.refit_budget
-        self._progress.estimate(self.problem.simulated, len(chosen) * most_simulations(before.fit.space) + whole)
+        self._progress.estimate(self.problem.simulated, len(chosen) * most_simulations(before) + whole)
         misfit_v = fitter.problem.misfit_v
         self._screen(chosen, partial(screen, fitter, before, as_new=known.as_new), before.cost)
         found = self._race(known.base, [((n.effect,), n) for n in chosen], fitter)

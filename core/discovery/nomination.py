@@ -93,9 +93,10 @@ def score_of(explanation: Explanation, effect: Effect, sensitivity: FloatArray) 
     return score_effect(fit.residual, fit.jacobian, sensitivity, fit.space, fit.u, _ends(effect))
 
 
-def most_simulations(space: ParameterSpace) -> int:
-    """Simulations of one `screen` beside the parameters of a space at most, beside a base model that is not lost."""
-    return 2 * (len(_STRENGTHS) + 1) + _SHORT + len(space) + 1
+def most_simulations(before: Explanation) -> int:
+    """Simulations of one `screen` beside what is known at most, with strengths of one sign."""
+    strengths, fit = len(_STRENGTHS) + 1, _SHORT + len(before.fit.space) + 1
+    return 2 * strengths + fit + ((1 + len(_EASES)) * strengths + fit if _is_lost(before) else 0)
 
 
 def screen(

@@ -138,9 +138,9 @@ class Rules:
     def rivals(self, best: Explanation, others: Sequence[Explanation]) -> list[Explanation]:
         """Explanations with other names that cannot be told from the best one.
 
-        Either their BIC is clearly no worse, or they predict the data not fitted clearly better. One that predicts a
-        measured temperature, or the data not fitted, clearly worse is no rival; nor is the best one with one effect
-        more.
+        Either their BIC is clearly no worse, or not far behind and they predict the data not fitted clearly better, or
+        their fit has not converged, which is no evidence against them. One that predicts a measured temperature, or the
+        data not fitted, clearly worse is no rival; nor is the best one with one effect more.
         """
         found = []
         for other in others:
@@ -150,7 +150,8 @@ class Rules:
             if self.predicts_temperature(best, other) or self.predicts_held(best, other):
                 continue
             predicts_better = self.predicts_held(other, best) and not self.explains_all(best)
-            if self.behind(other, best) <= (self.far_ahead if predicts_better else 1.0):
+            unfinished = len(other.effects) <= len(best.effects) and not (other.settled or self.explains_all(other))
+            if self.behind(other, best) <= (self.far_ahead if predicts_better or unfinished else 1.0):
                 found.append(other)
         return found
 

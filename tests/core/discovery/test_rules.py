@@ -119,6 +119,15 @@ def test_who_is_far_ahead_need_not_have_converged(base_rmse, held_mv, named):
     assert (RULES.objection_to(found, Gap(base, base, 1e-3, 1e-3)) == "") is named
 
 
+@pytest.mark.parametrize(("converged", "rmse", "rivals"), [(True, 1.2, 0), (False, 1.2, 1), (False, 2.0, 0)])
+def test_a_fit_that_has_not_converged_is_a_rival_where_it_is_not_far_behind(converged, rmse, rivals):
+    best, other = explanation("one", None), explanation("another", None, rmse)
+    other.adequacy = Adequacy(0.0, 0.0, 1e-3, 1.0)
+    other.fit = replace(other.fit, converged=converged)
+    assert bic_difference(other, best) > CLEAR_BIC
+    assert len(RULES.rivals(best, [other])) == rivals
+
+
 def test_the_gap_is_measured_from_the_base_fit_that_comes_nearest():
     """The likelihood is blind to how far off the averages of a cell that runs empty early are."""
     likelier, nearest = explanation("base", None, rmse=10.0), explanation("base", None, rmse=12.0)
