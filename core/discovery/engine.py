@@ -87,7 +87,7 @@ class Engine:
         base, mesh_v = fitter.calibrate()
         if base.adequacy.adequate:
             return Shortlist(base, mesh_v, fitter, base, False, [])
-        self._say(f"a discrepancy of {1e3 * base.adequacy.structured_v:.2f} mV remains; nominating effects")
+        self._say(f"noise does not explain the {1e3 * base.rmse_v:.2f} mV that are left; scoring effects")
         near = fitter.near_new()
         early_fitter, refitted = near or (fitter, fitter.temper(base) if self._overfitted(base) else base)
         if near is None and refitted.rmse_v < base.rmse_v:

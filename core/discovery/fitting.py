@@ -367,7 +367,6 @@ class Fitter:
         sigmas = [problem.sigma(observed)[mask] for observed, _, mask in masks]
         adequacy = judge(
             [part / sigma for part, sigma in zip(parts, sigmas, strict=True)],
-            sigmas,
             [observed.step[mask] for observed, _, mask in masks],
             len(fit.space),
         )

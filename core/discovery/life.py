@@ -170,7 +170,7 @@ class LifeEngine:
         found = Explanation(
             effects,
             fit,
-            judge([errors / sigma], [sigma], [steps], len(fit.space)),
+            judge([errors / sigma], [steps], len(fit.space)),
             DEVIATION_V * of_cycles(all_cycles, self._changes.fitted),
             DEVIATION_V * of_cycles(all_cycles, self._changes.held),
             errors,
