@@ -163,12 +163,12 @@ class Engine:
         self, base: Explanation, screened: Sequence[Screened], early_fitter: Fitter | None = None
     ) -> list[Explanation]:
         """Fit the best of what was screened until one is settled; at least two, so that it has a rival."""
-        fits = sorted((row for row in screened if row[1].screened is not None), key=lambda row: row[1].promise)
-        fits = fits[: self.settings.confirmed]
+        rows = sorted(screened, key=lambda row: row[1].promise)[: self.settings.confirmed]
+        ahead = rows[0][1].promise + LAG if rows else 0.0
         near = [
             (effects, n.screened)
-            for k, (effects, n) in enumerate(fits)
-            if k < 2 or n.promise < fits[0][1].promise + LAG
+            for place, (effects, n) in enumerate(rows)
+            if n.screened is not None and (place < 2 or n.promise < ahead)
         ]
         running = self._fitter.taken_over((early_fitter or self._fitter).problem, near)
         return self._fitter.contest(base, running) if running else []
