@@ -180,8 +180,10 @@ class Engine:
     ) -> list[Explanation]:
         """Fit the best two single effects on with their own misfit as noise, and try a second one beside each."""
         self.problem.misfit_v = singles[0].inflated_noise_v
-        nearer = ranked([self._fitter.again(e, self.settings.refit_budget // 2) for e in singles[:2]])
-        everything = ranked([*nearer, *singles[2:]])
+        # One that is no better than the base model is nothing to add a second effect to.
+        firsts = [e for e in singles[:2] if e is singles[0] or bic_difference(base, e) > 0]
+        nearer = ranked([self._fitter.again(e, self.settings.refit_budget // 2) for e in firsts])
+        everything = ranked([*nearer, *singles[len(firsts) :]])
         if CLEAR_HELD * nearer[0].held_rmse_v >= self.problem.held_noise_v:
             # Else no pair could predict data not fitted clearly better.
             everything += self.pair(base, nearer, nominations)

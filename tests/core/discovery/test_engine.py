@@ -265,6 +265,20 @@ def test_a_pair_is_not_tried_where_none_could_predict_better(monkeypatch):
     assert [e.names for e in engine.add_second(base, [single], [])] == [("sign",)]
 
 
+def test_no_second_effect_is_added_to_one_that_is_no_better_than_the_base_model(monkeypatch):
+    problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01, "quadratic": 0.01})
+    engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE)
+    fitter = Fitter(problem, space, Settings(), print)
+    base = fitted(fitter, (), 100)
+    good, useless = fitted(fitter, (toy.HYSTERESIS,), 100), fitted(fitter, (toy.SLOW,), 100)
+    useless.errors = 2 * base.errors
+    paired = []
+    monkeypatch.setattr(engine, "pair", lambda base, singles, nominations: paired.extend(singles) or [])
+    monkeypatch.setattr(engine._fitter, "again", lambda explanation, budget: explanation)
+    engine.add_second(base, [good, useless], [])
+    assert paired == [good]
+
+
 @pytest.mark.parametrize("truth", [{}, {"sign": 0.01}, {"outside": 0.01}, {"quadratic": 0.01, "sign": 0.015}])
 def test_a_cheaper_model_changes_no_answer_and_does_most_of_the_work(truth):
     problem, space = toy.problem(np.random.default_rng(0), truth)
