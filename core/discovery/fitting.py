@@ -105,16 +105,24 @@ class Fitter:
         return self.fit(effects, fit.space, fit.u, budget, tolerance, jacobian, fresh, exact) or fit
 
     def nearest(
-        self, effects: Sequence[Effect], space: ParameterSpace, starts: Sequence[FloatArray]
+        self, effects: Sequence[Effect], space: ParameterSpace, ladder: Sequence[Sequence[FloatArray]]
     ) -> FloatArray | None:
-        """Of some starts, the one with the lowest cost; None if none can be simulated."""
-        found = self.residuals(effects)([space.at(start) for start in starts])
-        costs = [
-            (float(residual @ residual + np.sum((space.prior_weights * start) ** 2)), place)
-            for place, (start, residual) in enumerate(zip(starts, found, strict=True))
-            if residual is not None
-        ]
-        return starts[min(costs)[1]] if costs else None
+        """The start with the lowest cost; None if none can be simulated.
+
+        Each rung of the ladder has some starts, the next one those of a stronger effect; after two in a row that come
+        no nearer it ends, for what is far too strong is slow to simulate.
+        """
+        best, least, worse = None, np.inf, 0
+        for starts in ladder:
+            worse += 1
+            found = self.residuals(effects)([space.at(start) for start in starts])
+            for start, residual in zip(starts, found, strict=True):
+                cost = np.inf if residual is None else residual @ residual + np.sum((space.prior_weights * start) ** 2)
+                if cost < least:
+                    best, least, worse = start, float(cost), 0
+            if worse == 2:
+                break
+        return best
 
     def again(self, explanation: Explanation, budget: int, exact: bool = False) -> Explanation:
         """The same explanation, fitted on from where it is with the present misfit."""
@@ -212,7 +220,7 @@ class Fitter:
         # starts there does not converge: start from the best of some roomier, faster and less full ones.
         prior = self.space.prior_weights > 0
         roomier = [start + np.where(prior, ease, shift) for ease in _EASES for shift in _SOC_SHIFTS]
-        best = self.nearest((), self.space, roomier)
+        best = self.nearest((), self.space, [roomier])
         # The charge that a rested voltage tells is well known: what comes nearer elsewhere may end farther off.
         places = [] if best is None else [best] if np.array_equal(best, start) else [best, start]
         fit = partial(self.fit, (), self.space, budget=self.settings.base_budget, tolerance=2e-2)
@@ -255,7 +263,7 @@ class Fitter:
             # The strength's coordinate is -1 at its null.
             start[count] = np.clip(share * (start[count] + 1.0) - 1.0, space.lowest[count], space.highest[count])
             starts.append(start)
-        best, budget = self.nearest(effects, space, starts), self.settings.refit_budget
+        best, budget = self.nearest(effects, space, [starts]), self.settings.refit_budget
         fit = None if best is None else self.fit(effects, space, best, budget // 3)
         if fit is None or fit.cost > leader.fit.cost + LAG:
             return None

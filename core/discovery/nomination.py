@@ -110,13 +110,13 @@ def screen(
     where the base model is lost. ``as_new`` keeps the parameters, those of the cell before it aged, where they are.
     """
     sign = _wanted_sign(nomination)
-    starts = [_near(before, nomination, one, as_new) for one in ((sign, -sign) if either_sign else (sign,))]
+    ladders = [_near(before, nomination, one, as_new) for one in ((sign, -sign) if either_sign else (sign,))]
     if _is_lost(before) and not as_new:
-        starts.append(_at_priors(fitter, before, nomination, sign))
+        ladders.append(_at_priors(fitter, before, nomination, sign))
     effects = (*before.effects, nomination.effect)
     space = ParameterSpace((*before.fit.space, *nomination.effect.searched))
-    for some in starts:
-        start = fitter.nearest(effects, space, some)
+    for ladder in ladders:
+        start = fitter.nearest(effects, space, ladder)
         found = None if start is None else fitter.fit(effects, space, start, _SHORT + len(space))
         if found is not None:
             temperature_misfit = fitter.temperature_misfit(effects, found.candidate)
@@ -124,20 +124,21 @@ def screen(
                 nomination.screened, nomination.temperature_misfit = found, temperature_misfit
 
 
-def _near(before: Explanation, nomination: Nomination, sign: float, as_new: bool) -> list[FloatArray]:
+def _near(before: Explanation, nomination: Nomination, sign: float, as_new: bool) -> list[list[FloatArray]]:
     """Starts with the base parameters where they are, and moved along with the effect as a linear model predicts."""
     assert nomination.sensitivity is not None
-    fit, starts = before.fit, []
+    fit, ladder = before.fit, []
     for strength in _strengths(nomination, sign):
-        starts.append(_with_effect(nomination.effect, fit.u, strength))
+        starts = [_with_effect(nomination.effect, fit.u, strength)]
         if not as_new:
             there = fit.residual + strength * nomination.sensitivity
             step, _ = trusted_step(fit.jacobian, there, fit.space, fit.u, _REACH)
             starts.append(_with_effect(nomination.effect, fit.u + step, strength))
-    return starts
+        ladder.append(starts)
+    return ladder
 
 
-def _at_priors(fitter: Fitter, before: Explanation, nomination: Nomination, sign: float) -> list[FloatArray]:
+def _at_priors(fitter: Fitter, before: Explanation, nomination: Nomination, sign: float) -> list[list[FloatArray]]:
     """Starts with the base parameters at the means of their priors, or larger and faster.
 
     The states of charge are the fitted ones, and those that rested voltages tell.
@@ -147,7 +148,7 @@ def _at_priors(fitter: Fitter, before: Explanation, nomination: Nomination, sign
     bases = [np.where(prior, 0.0, fitted)] + [np.where(prior, ease, 0.0) for ease in _EASES]
     places = [np.concatenate([base, before.fit.u[count:]]) for base in bases]
     strengths = _strengths(nomination, sign)
-    return [_with_effect(nomination.effect, place, strength) for place in places for strength in strengths]
+    return [[_with_effect(nomination.effect, place, strength) for place in places] for strength in strengths]
 
 
 def _is_lost(explanation: Explanation) -> bool:
