@@ -23,7 +23,6 @@ class Adequacy:
 
     p_size: float  # Probability that noise alone leaves residuals this large.
     p_structure: float  # Probability that noise alone leaves neighbours agreeing this much.
-    structured_v: float  # Root mean square of what neighbouring stretches agree on, beyond noise, V.
     repetition: float  # How many neighbours say what one would: ``(1 + r) / (1 - r)`` with ``r`` their correlation.
 
     @property
@@ -36,10 +35,8 @@ class Adequacy:
         return min(self.p_size, self.p_structure) > false_alarm / 2
 
 
-def judge(
-    weighted: Sequence[FloatArray], sigma: Sequence[FloatArray], groups: Sequence[NDArray[np.intp]], fitted: int
-) -> Adequacy:
-    """Test residuals of several records, in standard deviations; with the deviations, V, and the step of each residual.
+def judge(weighted: Sequence[FloatArray], groups: Sequence[NDArray[np.intp]], fitted: int) -> Adequacy:
+    """Test residuals of several records, in standard deviations; with the step of each residual.
 
     Size: the sum of squares against chi-squared. Structure: means of blocks of neighbours within a step, scaled to
     unit variance, whose sum of squares noise alone makes chi-squared too; four neighbours that agree on half a
@@ -51,25 +48,20 @@ def judge(
     total = float(flat @ flat)
     freedom = max(len(flat) - fitted, 1)
     blocks: list[float] = []
-    excess: list[float] = []
     products: list[float] = []
-    for residual, deviation, group in zip(weighted, sigma, groups, strict=True):
+    for residual, group in zip(weighted, groups, strict=True):
         for number in np.unique(group):
             part = residual[group == number]
-            scale = deviation[group == number]
             if len(part) > 1:
                 products += list(part[1:] * part[:-1])
             for start in range(0, len(part), _BLOCK):
                 block = part[start : start + _BLOCK]
                 blocks.append(float(np.sum(block) / np.sqrt(len(block))))
-                volts = block * scale[start : start + _BLOCK]
-                excess.append(float(np.mean(volts) ** 2 - np.mean(scale[start : start + _BLOCK] ** 2) / len(block)))
     squares = float(np.sum(np.square(blocks)))
     block_freedom = max(len(blocks) - fitted, 1)
     correlation = float(np.clip(np.mean(products) / max(total / len(flat), 1e-12), 0.0, 0.95)) if products else 0.0
     return Adequacy(
         float(stats.chi2.sf(total, freedom)),
         float(stats.chi2.sf(squares, block_freedom)),
-        float(np.sqrt(max(float(np.mean(excess)), 0.0))),
         (1 + correlation) / (1 - correlation),
     )

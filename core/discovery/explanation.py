@@ -142,12 +142,6 @@ class Explanation:
                 return False
         return True
 
-    def prominence(self, effect: Effect) -> float:
-        """How many of its standard deviations an effect's strength lies from its null value."""
-        strength = self.estimates[effect.key][0]
-        low, high = strength.ci95
-        return abs(strength.value - strength.null) / max((high - low) / (2 * NORMAL_95), 1e-300)
-
 
 def clearly_nearer(ours_k: float | None, theirs_k: float | None, clear_k: float = CLEAR_K) -> bool:
     """Whether one error of a temperature is clearly below another, K; never where none was measured."""

@@ -22,7 +22,7 @@ class Settings:
     """How hard to look."""
 
     max_effects: int = 2  # Effects in one explanation at most.
-    screened: int = 6  # Effects that get a short refit.
+    screened: int = 6  # Effects that get a short fit.
     confirmed: int = 4  # Explanations that are fitted on, side by side, until one is settled.
     # base_budget, refit_budget: Simulations of the base fit and of each confirmation at most.
     base_budget: int = 110
@@ -49,7 +49,7 @@ class Nomination:
 
     @property
     def promise(self) -> float:
-        """Cost that it is ranked by after its short refit; infinite if that could not be made."""
+        """Cost that it is ranked by after its short fit; infinite if that could not be made."""
         return np.inf if self.screened is None else self.screened.cost + self.temperature_misfit
 
 

@@ -26,7 +26,7 @@ from .simulator import Prediction
 T = TypeVar("T")
 
 Fitted = tuple[tuple[Effect, ...], Refit]
-"""A fit, and the effects that it has."""
+"""Effects, and a fit with them."""
 
 _COARSE_V = 0.03
 """Misfit with which the base fit begins, V."""
@@ -34,8 +34,9 @@ _COARSE_V = 0.03
 _NEAR_V = 2e-3
 """A typical error below which a fit is near enough to be weighed against the noise, V."""
 
-_GOOD_START = 3.0
-"""Mean residual, in deviations, from which a fit finds its way."""
+_EASES, _SOC_SHIFTS = (0.0, 0.5, 1.0, 1.5), (0.0, 3.0, -4.0)
+"""Places where a base fit may start: deviations of the priors by which parameters are larger and faster, and of the
+initial states of charge."""
 
 LAG = 2 * CLEAR_BIC
 """Cost by which an explanation may lag behind the best one before it is dropped: twice a BIC that is clear."""
@@ -103,17 +104,34 @@ class Fitter:
         fresh = fit.fresh and known is not None and bool(np.all(known == 1.0)) and not exact
         return self.fit(effects, fit.space, fit.u, budget, tolerance, jacobian, fresh, exact) or fit
 
-    def again(self, explanation: Explanation, budget: int) -> Explanation:
+    def nearest(
+        self, effects: Sequence[Effect], space: ParameterSpace, ladder: Sequence[Sequence[FloatArray]]
+    ) -> FloatArray | None:
+        """The start with the lowest cost; None if none can be simulated.
+
+        Each rung of the ladder has some starts, the next one those of a stronger effect; after two in a row that come
+        no nearer it ends, for what is far too strong is slow to simulate.
+        """
+        best, least, worse = None, np.inf, 0
+        for starts in ladder:
+            worse += 1
+            found = self.residuals(effects)([space.at(start) for start in starts])
+            for start, residual in zip(starts, found, strict=True):
+                cost = np.inf if residual is None else residual @ residual + np.sum((space.prior_weights * start) ** 2)
+                if cost < least:
+                    best, least, worse = start, float(cost), 0
+            if worse == 2:
+                break
+        return best
+
+    def again(self, explanation: Explanation, budget: int, exact: bool = False) -> Explanation:
         """The same explanation, fitted on from where it is with the present misfit."""
-        fit = self.onwards(explanation.effects, explanation.fit, budget)
+        fit = self.onwards(explanation.effects, explanation.fit, budget, exact=exact)
         return self.explain(explanation.effects, fit)
 
     def exact(self, explanation: Explanation) -> Explanation:
         """The same explanation, where its fit ends on the base model's own Jacobian."""
-        if self._low is None:
-            return explanation
-        fit = self.onwards(explanation.effects, explanation.fit, self.settings.refit_budget, exact=True)
-        return self.explain(explanation.effects, fit)
+        return explanation if self._low is None else self.again(explanation, self.settings.refit_budget, exact=True)
 
     def on_low_fidelity(self, known: Explanation) -> tuple[Fitter, Explanation] | None:
         """A fitter on the cheaper model, which is shifted to agree with an explanation, and the explanation there."""
@@ -199,23 +217,14 @@ class Fitter:
 
     def _fit_from_somewhere(self, start: FloatArray) -> Refit:
         # A cell that is too small, or too slow for its current, is empty before its record ends, and a fit that
-        # starts there is soon lost: start from the best of some roomier, faster and less full ones.
-        costs: dict[tuple[float, float], float] = {}
-        for ease in (0.0, 0.5, 1.0, 1.5):
-            shifts = [(ease, soc_shift) for soc_shift in (0.0, 3.0, -4.0)]
-            found = self.residuals(())([self.space.at(self._roomier(start, *shift)) for shift in shifts])
-            costs |= {shift: float(r @ r) for shift, r in zip(shifts, found, strict=True) if r is not None}
-            if costs and min(costs.values()) < _GOOD_START**2 * len(self.problem.fitted[0]):
-                break
-        places = [min(costs, key=costs.__getitem__)] if costs else []
+        # starts there does not converge: start from the best of some roomier, faster and less full ones.
+        prior = self.space.prior_weights > 0
+        roomier = [start + np.where(prior, ease, shift) for ease in _EASES for shift in _SOC_SHIFTS]
+        best = self.nearest((), self.space, [roomier])
         # The charge that a rested voltage tells is well known: what comes nearer elsewhere may end farther off.
-        if (0.0, 0.0) in costs and (0.0, 0.0) not in places:
-            places.append((0.0, 0.0))
-        effort = self.settings.base_budget
-        tried = self._side_by_side(
-            [partial(self.fit, (), self.space, self._roomier(start, *place), effort, 2e-2) for place in places]
-        )
-        fits = [fit for fit in tried if fit is not None]
+        places = [] if best is None else [best] if np.array_equal(best, start) else [best, start]
+        fit = partial(self.fit, (), self.space, budget=self.settings.base_budget, tolerance=2e-2)
+        fits = [found for found in self._side_by_side([partial(fit, place) for place in places]) if found is not None]
         if not fits:
             raise BsaError(
                 "the base model cannot follow the record's current from any initial state of charge.",
@@ -225,10 +234,6 @@ class Fitter:
 
     def _side_by_side(self, actions: Sequence[Callable[[], T]]) -> list[T]:
         return side_by_side(actions, self.problem.simulator.at_once)
-
-    def _roomier(self, start: FloatArray, ease: float, soc_shift: float) -> FloatArray:
-        shift: FloatArray = np.array([ease if parameter.prior else soc_shift for parameter in self.space])
-        return start + shift
 
     def without(self, base: Explanation, best: Explanation) -> Explanation:
         """The base model, fitted once more from where an explanation ended with its effect taken away.
@@ -245,37 +250,21 @@ class Fitter:
             again = self.exact(again)
         return again if again.adequacy.adequate or bic_difference(base, again) > 0 else base
 
-    def pruned(self, explanation: Explanation) -> Explanation | None:
-        """The same without the effect whose strength stands out least, fitted from there; None if it cannot be."""
-        effects, fit = explanation.effects, explanation.fit
-        weakest = min(effects, key=explanation.prominence)
-        gone = {weakest.full_name(p) for p in weakest.parameters}
-        kept = [number for number, parameter in enumerate(fit.space) if parameter.name not in gone]
-        rest = tuple(effect for effect in effects if effect is not weakest)
-        space = ParameterSpace(tuple(fit.space.parameters[number] for number in kept))
-        start = replace(fit, space=space, u=fit.u[kept], jacobian=fit.jacobian[:, kept])
-        found = self.onwards(rest, start, self.settings.refit_budget)
-        return None if found is start else self.explain(rest, found)
-
     def from_neighbour(self, effects: tuple[Effect, ...], known: Refit, leader: Explanation) -> Explanation | None:
         """Effects fitted once more from the leader's base parameters; None where that leads nowhere near it.
 
-        What is true of the base model is true whatever is added to it, and effects of one kind (all that cost
-        lithium) hide behind one another: one that found its way shows the others theirs.
+        What is true of the base model is true whatever is added to it: an effect that comes near the data shows
+        where the base parameters of similar ones (all that consume lithium) are.
         """
         space, count = known.space, len(self.space)
-        lowest, highest = space.lowest[count], space.highest[count]
         starts = []
         for share in _SHARES_OF_STRENGTH:
             start = np.concatenate([leader.fit.u[:count], known.u[count:]])
             # The strength's coordinate is -1 at its null.
-            start[count] = np.clip(share * (start[count] + 1.0) - 1.0, lowest, highest)
+            start[count] = np.clip(share * (start[count] + 1.0) - 1.0, space.lowest[count], space.highest[count])
             starts.append(start)
-        found = self.residuals(effects)([space.at(start) for start in starts])
-        costs = [np.inf if residual is None else float(residual @ residual) for residual in found]
-        best = int(np.argmin(costs))
-        budget = self.settings.refit_budget
-        fit = None if np.isinf(costs[best]) else self.fit(effects, space, starts[best], budget // 3)
+        best, budget = self.nearest(effects, space, [starts]), self.settings.refit_budget
+        fit = None if best is None else self.fit(effects, space, best, budget // 3)
         if fit is None or fit.cost > leader.fit.cost + LAG:
             return None
         return self.explain(effects, fit if fit.converged else self.onwards(effects, fit, budget))
@@ -291,7 +280,7 @@ class Fitter:
         self.problem.misfit_v = base.inflated_noise_v
         refitted = self.again(base, self.settings.refit_budget // 2)
         if not refitted.fit.fresh and self._low is None:
-            # Scores and short refits stand on this Jacobian: after many updates it is no derivative any more.
+            # Scores and short fits stand on this Jacobian: after many updates it is no derivative any more.
             fit = refitted.fit
             refitted.fit = replace(fit, jacobian=slopes_at(self.residuals(base.effects), fit))
         return refitted
@@ -386,7 +375,6 @@ class Fitter:
         sigmas = [problem.sigma(observed)[mask] for observed, _, mask in masks]
         adequacy = judge(
             [part / sigma for part, sigma in zip(parts, sigmas, strict=True)],
-            sigmas,
             [observed.step[mask] for observed, _, mask in masks],
             len(fit.space),
         )

@@ -21,7 +21,7 @@ from .explanation import Explanation, estimates_of
 from .findings import Findings, Listener, Nomination
 from .progress import Progress
 from .refit import Refit, refit
-from .rules import RULES, Gap, bic
+from .rules import RULES, Gap, ranked
 from .side_by_side import side_by_side
 
 Simulate = Callable[[tuple[Effect, ...], Sequence[Candidate]], Sequence[FloatArray | None]]
@@ -90,7 +90,7 @@ class LifeEngine:
         if base.adequacy.adequate:
             return Findings("no-missing-effect", base, base, reason="noise explains what changes from cycle to cycle")
         singles = self._fits({effect.key: partial(self._single, effect, base) for effect in catalogue})
-        found = _sorted([one for one in singles.values() if one is not None])
+        found = ranked([one for one in singles.values() if one is not None])
         if found and self._max_effects > 1 and not found[0].adequacy.adequate:
             others = [one for one in found[1:] if one.names != found[0].names]
             pairs = self._fits(
@@ -98,7 +98,7 @@ class LifeEngine:
             )
             # A second mechanism also makes up for a law of the first that is not quite the cell's: only one with which
             # nothing is left is a mechanism.
-            found = _sorted([*found, *(pair for pair in pairs.values() if pair is not None and pair.adequacy.adequate)])
+            found = ranked([*found, *(pair for pair in pairs.values() if pair is not None and pair.adequacy.adequate)])
         findings = RULES.decide(Gap(base, base, DEVIATION_V, DEVIATION_V), found)
         findings.nominations = [Nomination(effect, "" if singles[effect.key] else _NO_NEARER) for effect in catalogue]
         return findings
@@ -170,7 +170,7 @@ class LifeEngine:
         found = Explanation(
             effects,
             fit,
-            judge([errors / sigma], [sigma], [steps], len(fit.space)),
+            judge([errors / sigma], [steps], len(fit.space)),
             DEVIATION_V * of_cycles(all_cycles, self._changes.fitted),
             DEVIATION_V * of_cycles(all_cycles, self._changes.held),
             errors,
@@ -182,10 +182,3 @@ class LifeEngine:
 
 def _in_words(found: Explanation) -> str:
     return f"{found.rmse_v / DEVIATION_V:.2f} deviations, later cycles {found.held_rmse_v / DEVIATION_V:.2f}"
-
-
-def _sorted(explanations: Sequence[Explanation]) -> list[Explanation]:
-    if not explanations:
-        return []
-    nearest = min(explanations, key=lambda one: one.misfit_v)
-    return sorted(explanations, key=lambda one: bic(one, nearest))

@@ -10,18 +10,25 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from ..effect import Effect
-from ..parameters import Candidate
+from ..parameters import Candidate, Parameter, ParameterSpace
 from ..robust_loss import robust
 from ..trajectory import FloatArray
 from .evidence import is_long
 from .observations import Observations, subset
+from .refit import refit
 from .simulator import MeasuredRecord, Prediction, Request, Simulator
 
 _BLOCK = 6
 """Stretches that are held out together, where no whole record is."""
 
-_HELD_STEPS = 4
-"""Steps in which the initial state of charge of a hold-out record is found at most."""
+_HELD_BUDGET = 9
+"""Simulations in which the initial state of charge of a hold-out record is found at most."""
+
+_SOC_LENGTH, _LARGEST_SOC = 0.02, 1.08
+"""Unit of that fit's steps, and how far beyond full a cell may start."""
+
+_ROOMY_SOC = 0.9
+"""Where that fit starts if it cannot from the state of charge of another record."""
 
 _LARGEST_V = 0.02
 """A larger difference between two meshes is not corrected but feared."""
@@ -263,38 +270,26 @@ class Problem:
     def _held_error(
         self, effects: Sequence[Effect], candidate: Candidate, measured_record: MeasuredRecord, observed: Observations
     ) -> FloatArray | None:
-        weight = 1 / np.sqrt(observed.sigma**2 + self.misfit_v**2)
+        """Errors (V) of a hold-out record with its initial state of charge fitted; None if it cannot be simulated."""
+        soc_name, weight = measured_record.soc_name, 1 / np.sqrt(observed.sigma**2 + self.misfit_v**2)
 
-        def error_at(soc: float) -> FloatArray | None:
-            self.simulations += 1
-            prediction = self._one(effects, {**candidate, measured_record.soc_name: soc}, measured_record, observed)
-            return None if prediction is None else observed.voltage - prediction.voltage
+        def errors(socs: Sequence[Candidate]) -> list[FloatArray | None]:
+            self.simulations += len(socs)
+            found = self._ask([(effects, {**candidate, **soc}, measured_record, observed) for soc in socs])
+            return [None if one is None else observed.voltage - one.voltage for one in found]
+
+        def residuals(socs: Sequence[Candidate]) -> list[FloatArray | None]:
+            return [None if error is None else weight * robust(error) for error in errors(socs)]
 
         key = (measured_record.name, " + ".join(effect.key for effect in effects))
-        soc = self._held_soc.get(key, self._held_soc.get((measured_record.name, ""), self._first_soc(candidate)))
-        error = error_at(soc)
-        if error is None:
-            soc = 0.9
-            error = error_at(soc)
-        for _ in range(_HELD_STEPS):
-            if error is None:
-                return None
-            nudge = 1e-3 if soc < 1.0 else -1e-3
-            moved = error_at(soc + nudge)
-            if moved is None:
-                break
-            here = weight * robust(error)
-            slope = (weight * robust(moved) - here) / nudge
-            step = -float(here @ slope) / max(float(slope @ slope), 1e-12)
-            wanted = float(np.clip(soc + np.clip(step, -0.05, 0.05), 0.0, 1.08))
-            there = error_at(wanted)
-            if there is None or np.sum((weight * robust(there)) ** 2) >= here @ here:
-                break
-            moved_by, soc, error = abs(wanted - soc), wanted, there
-            if moved_by < 5e-4:
-                break
-        self._held_soc[key] = soc
-        return error
+        known = self._held_soc.get(key, self._held_soc.get((measured_record.name, ""), self._first_soc(candidate)))
+        for start in (known, _ROOMY_SOC):
+            soc = Parameter(soc_name, start, 0.0, _LARGEST_SOC, deviation=_SOC_LENGTH)
+            fit = refit(residuals, ParameterSpace((soc,)), np.zeros(1), budget=_HELD_BUDGET)
+            if fit is not None:
+                self._held_soc[key] = fit.candidate[soc_name]
+                return errors([fit.candidate])[0]
+        return None
 
 
 def _held_turn(voltage: FloatArray, turn: NDArray[np.intp]) -> int:

@@ -10,7 +10,7 @@ from .findings import Listener, Nomination
 
 
 class Progress:
-    """Tells of candidates as their refits end; threads may share it."""
+    """Tells of candidates as their short fits end; threads may share it."""
 
     def __init__(self, say: Listener, clock: Callable[[], float] = time.monotonic) -> None:
         self._say = say
@@ -27,11 +27,11 @@ class Progress:
         self._say(f"at most {left} simulations are left{pace}")
 
     def begin(self, total: int) -> None:
-        """Begin to refit so many candidates."""
+        """Begin to fit so many candidates."""
         self._done, self._total, self._phase_began = 0, total, self._clock()
 
     def refitted(self, nomination: Nomination, base_cost: float) -> None:
-        """One of them is refitted: say what it leaves."""
+        """One of them has its short fit: say what that leaves."""
         found = nomination.screened
         left = "cannot be fitted" if found is None else f"leaves {nomination.promise / base_cost:.0%} of the misfit"
         self.ended(nomination.effect.key, left)

@@ -100,4 +100,4 @@ class RecordDiscovery(Discovery):
             return "the score test predicts no gain in the allowed direction"
         if nomination.screened is None:
             return "the score test predicts less gain than for others"
-        return "a short refit gained less than others"
+        return "a short fit gained less than others"

@@ -49,6 +49,14 @@ def bic_difference(worse: Explanation, better: Explanation, temperature_k: float
     return bic(worse, better, temperature_k) - bic(better, better, temperature_k)
 
 
+def ranked(explanations: Sequence[Explanation]) -> list[Explanation]:
+    """Best first, all on one scale: the misfit of the one that comes nearest to the data."""
+    if not explanations:
+        return []
+    nearest = min(explanations, key=lambda one: one.misfit_v)
+    return sorted(explanations, key=lambda one: bic(one, nearest))
+
+
 def closed(before_v: float, after_v: float, noise_v: float) -> float:
     """Share of the excess variance that is gone: ``1 - (after^2 - noise^2) / (before^2 - noise^2)``."""
     excess = before_v**2 - noise_v**2
@@ -130,9 +138,9 @@ class Rules:
     def rivals(self, best: Explanation, others: Sequence[Explanation]) -> list[Explanation]:
         """Explanations with other names that cannot be told from the best one.
 
-        Either their BIC is clearly no worse, or they predict the data not fitted clearly better. One that predicts a
-        measured temperature, or the data not fitted, clearly worse is no rival; nor is the best one with one effect
-        more.
+        Either their BIC is clearly no worse, or not far behind and they predict the data not fitted clearly better, or
+        their fit has not converged, which is no evidence against them. One that predicts a measured temperature, or the
+        data not fitted, clearly worse is no rival; nor is the best one with one effect more.
         """
         found = []
         for other in others:
@@ -142,7 +150,8 @@ class Rules:
             if self.predicts_temperature(best, other) or self.predicts_held(best, other):
                 continue
             predicts_better = self.predicts_held(other, best) and not self.explains_all(best)
-            if self.behind(other, best) <= (self.far_ahead if predicts_better else 1.0):
+            unfinished = len(other.effects) <= len(best.effects) and not (other.settled or self.explains_all(other))
+            if self.behind(other, best) <= (self.far_ahead if predicts_better or unfinished else 1.0):
                 found.append(other)
         return found
 
@@ -156,9 +165,9 @@ class Rules:
             for part in parts
         )
 
-    def decide(self, gap: Gap, ranked: Sequence[Explanation]) -> Findings:
+    def decide(self, gap: Gap, best_first: Sequence[Explanation]) -> Findings:
         """The verdict on explanations that are sorted, the best first."""
-        base, explanations = gap.base, list(ranked)
+        base, explanations = gap.base, list(best_first)
         if not explanations:
             return Findings("unexplained", base, base, reason="no effect of the catalogue points the right way")
         # A pair must beat each of its members clearly, on data not fitted too, or the simpler one stands.

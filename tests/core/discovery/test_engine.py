@@ -6,7 +6,7 @@ import pytest
 from bsa.core.discovery.engine import Engine
 from bsa.core.discovery.findings import Nomination, Settings
 from bsa.core.discovery.fitting import Fitter
-from bsa.core.discovery.nomination import nominate, screen, screen_from_priors
+from bsa.core.discovery.nomination import nominate, screen
 from bsa.core.discovery.rules import RULES, Gap
 from bsa.core.parameters import ParameterSpace
 
@@ -122,32 +122,13 @@ def test_two_effects_that_hide_behind_each_other_are_tried_together_whatever_a_s
     assert {pair.names for pair in engine.pair(known.base, singles, known.nominations)} == {("quadratic", "sign")}
 
 
-@pytest.mark.parametrize(("kept", "fits"), [(0.2, 2), (0.8, 1)])
-def test_a_short_refit_that_keeps_little_of_what_a_score_promises_gets_fresh_slopes(monkeypatch, kept, fits):
-    problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
-    fitter = Fitter(problem, space, Settings(), print)
-    base = fitted(fitter, (), 100)
-    (nomination,) = nominate(fitter, base, [toy.HYSTERESIS], toy.EVIDENCE, print)
-    fresh = []
-
-    def fit(effects, space, start, budget, jacobian=None):
-        fresh.append(jacobian is None)
-        found = Fitter.fit(fitter, effects, space, start, 1)
-        left = base.fit.cost - kept * nomination.gain - found.prior_cost
-        return found if fresh[-1] else replace(found, residual=np.array([np.sqrt(left)]))
-
-    monkeypatch.setattr(fitter, "fit", fit)
-    screen(fitter, base, nomination)
-    assert fresh == [False, True][:fits]
-
-
 def test_beside_a_base_model_that_is_lost_an_effect_starts_from_what_is_believed():
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.02})
     fitter = Fitter(problem, space, Settings(), print)
     lost = fitter.at((), space, np.array([3.0, 9.0, -9.0]))
     lost.fit = replace(lost.fit, jacobian=np.zeros_like(lost.fit.jacobian))  # says nothing of the way back
     (nomination,) = nominate(fitter, lost, [toy.HYSTERESIS], toy.EVIDENCE, print)
-    screen_from_priors(fitter, lost, nomination)
+    screen(fitter, lost, nomination)
     assert nomination.promise < 0.05 * lost.cost
 
 
@@ -160,7 +141,7 @@ def test_where_what_the_scores_favour_helps_little_the_others_are_fitted_whateve
     for nomination in known.nominations:
         amplitude, gain = misled[nomination.effect.name]
         nomination.score = replace(nomination.score, amplitude=amplitude, gain=gain)
-    best = engine.confirm(known)[0]
+    best = engine.single_effects(known)[0]
     assert best.names == ("sign",)
     assert best.estimates["sign"][0].value == pytest.approx(0.02, rel=0.1)
 
@@ -193,7 +174,7 @@ def test_a_pair_that_had_more_simulations_than_its_member_is_pruned():
     assert not single.adequacy.adequate
     before = decided(problem, base, [pair, single])
     assert before.verdict != "effect-found" or before.best.names != ("sign",)
-    after = decided(problem, base, engine.prune(base, [pair, single]))
+    after = decided(problem, base, engine.finish(base, [pair, single]))
     assert after.verdict == "effect-found", after.reason
     assert after.best.names == ("sign",)
     assert [e.label for e in after.explanations].count("sign") == 1
@@ -207,6 +188,20 @@ def test_the_best_fit_is_gone_on_with_until_it_has_converged():
     assert not stopped.fit.converged
     (finished,) = engine.finish(fitted(fitter, (), 100), [stopped])
     assert finished.adequacy.adequate
+
+
+def test_a_fit_that_has_not_converged_goes_on_with_the_slopes_of_the_base_model_however_far_behind_it_is():
+    problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
+    problem.simulator = toy.TwoFidelities()
+    engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE)
+    engine._fitter.calibrate()
+    problem.misfit_v = 0.0
+    leader, stopped = fitted(engine._fitter, (toy.QUADRATIC,), 60), fitted(engine._fitter, (toy.HYSTERESIS,), 5)
+    assert not stopped.settled
+    assert RULES.behind(stopped, leader) > RULES.far_ahead
+    best = engine._exact([leader, stopped])[0]
+    assert best.names == ("sign",)
+    assert best.settled
 
 
 def test_an_effect_that_lost_its_way_is_fitted_from_where_the_best_one_ended():
@@ -246,21 +241,18 @@ def test_a_pair_that_predicts_data_not_fitted_no_better_than_one_of_its_members_
     assert found.verdict == "unexplained" or found.best is single
 
 
-def test_the_better_half_of_a_pair_with_a_needless_effect_is_fitted_until_it_has_converged(monkeypatch):
+def test_the_better_half_of_a_pair_with_a_needless_effect_is_fitted_until_it_has_converged():
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
-    engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE, Settings(refit_budget=8))
+    engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE)
     fitter = Fitter(problem, space, Settings(), print)
     base = fitted(fitter, (), 100)
     single, pair = fitted(fitter, (toy.HYSTERESIS,), 5), fitted(fitter, (toy.HYSTERESIS, toy.QUADRATIC), 100)
-    single.held_rmse_v = pair.held_rmse_v = 2 * problem.held_noise_v  # so that a pair is tried, and no better
-    monkeypatch.setattr(engine._fitter, "again", lambda explanation, budget: explanation)
-    monkeypatch.setattr(engine, "pair", lambda *_: [pair])
-    monkeypatch.setattr(engine, "prune", lambda base, explanations: list(explanations))
-    monkeypatch.setattr(engine, "finish", lambda base, explanations: list(explanations))
-    went_on = []
-    monkeypatch.setattr(engine, "_converge", lambda base, explanations: went_on.append(explanations[0]) or explanations)
-    engine.add_second(base, [single], [])
-    assert went_on == [single]
+    assert not single.settled
+    pair.held_rmse_v = single.held_rmse_v  # so that it predicts no better
+    finished = engine.finish(base, [pair, single])
+    (better,) = [e for e in finished if e.label == "sign"]
+    assert better.settled
+    assert better.adequacy.adequate
 
 
 def test_a_pair_is_not_tried_where_none_could_predict_better(monkeypatch):
@@ -271,6 +263,20 @@ def test_a_pair_is_not_tried_where_none_could_predict_better(monkeypatch):
     monkeypatch.setattr(engine, "pair", lambda *_: pytest.fail("a pair was tried"))
     assert single.held_rmse_v < 1.1 * problem.held_noise_v
     assert [e.names for e in engine.add_second(base, [single], [])] == [("sign",)]
+
+
+def test_no_second_effect_is_added_to_one_that_is_no_better_than_the_base_model(monkeypatch):
+    problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01, "quadratic": 0.01})
+    engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE)
+    fitter = Fitter(problem, space, Settings(), print)
+    base = fitted(fitter, (), 100)
+    good, useless = fitted(fitter, (toy.HYSTERESIS,), 100), fitted(fitter, (toy.SLOW,), 100)
+    useless.errors = 2 * base.errors
+    paired = []
+    monkeypatch.setattr(engine, "pair", lambda base, singles, nominations: paired.extend(singles) or [])
+    monkeypatch.setattr(engine._fitter, "again", lambda explanation, budget: explanation)
+    engine.add_second(base, [good, useless], [])
+    assert paired == [good]
 
 
 @pytest.mark.parametrize("truth", [{}, {"sign": 0.01}, {"outside": 0.01}, {"quadratic": 0.01, "sign": 0.015}])

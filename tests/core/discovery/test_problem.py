@@ -56,3 +56,10 @@ def test_a_cheaper_model_is_shifted_to_agree_at_one_candidate():
         np.testing.assert_allclose(other.voltage, one.voltage)
     assert np.max(np.abs(low.predict((), there)[0].voltage - problem.predict((), there)[0].voltage)) > 1e-3
     assert low.shifted_low_fidelity((), here) is None
+
+
+def test_a_hold_out_record_that_starts_far_from_the_fitted_ones_gets_its_own_state_of_charge():
+    problem, _ = toy.problem(np.random.default_rng(0), {})
+    elsewhere = {"resistance factor": 1.2} | {one.soc_name: 0.2 for one in problem.measured_records}
+    ((_, error),) = problem.held_out((), elsewhere)
+    assert np.sqrt(np.mean(error**2)) < 2 * problem.held_noise_v

@@ -15,7 +15,7 @@ def explanation(name, kelvin, rmse=1.0):
     fit = Refit(ParameterSpace(effect.searched), np.zeros(1), np.full(80, rmse), np.ones((80, 1)), True, 1)
     errors = rmse * np.where(np.arange(80) % 2, 1e-3, -1e-3)
     sigma = np.full(80, 1e-3)
-    found = Explanation((effect,), fit, Adequacy(0.5, 0.5, 0.0, 1.0), 1e-3, 1e-3, errors, sigma, kelvin)
+    found = Explanation((effect,), fit, Adequacy(0.5, 0.5, 1.0), 1e-3, 1e-3, errors, sigma, kelvin)
     found.estimates = {effect.key: (Estimate("size", "", 1.0, (0.9, 1.1), 0.0, False),)}
     return found
 
@@ -43,7 +43,7 @@ def test_a_gap_that_bent_parameters_hide_shows_in_the_temperature():
     base.rmse_v = 1.02e-3
     blind, warm = explanation("cold", 15.0), explanation("heat", 2.0)
     for found in (blind, warm):
-        found.adequacy = Adequacy(0.0, 0.0, 1e-3, 1.0)
+        found.adequacy = Adequacy(0.0, 0.0, 1.0)
     assert "of the gap only" in RULES.objection_to(blind, Gap(base, base, 1e-4, 1e-4))
     assert RULES.objection_to(warm, Gap(base, base, 1e-4, 1e-4)) == ""
     warm.held_rmse_v = 1.05 * base.held_rmse_v
@@ -74,7 +74,7 @@ def test_data_that_was_not_fitted_decides_what_is_closed_where_it_shows_the_gap(
     fitted_mv, held_mv, base_held_mv, words
 ):
     base, found = explanation("base", None, rmse=10.0), explanation("effect", None, rmse=2.0)
-    found.adequacy = Adequacy(0.0, 0.0, 1e-3, 1.0)
+    found.adequacy = Adequacy(0.0, 0.0, 1.0)
     base.rmse_v, base.held_rmse_v = 10e-3, 1e-3 * base_held_mv
     found.rmse_v, found.held_rmse_v = 1e-3 * fitted_mv, 1e-3 * held_mv
     reason = RULES.objection_to(found, Gap(base, base, 1e-3, 1e-3))
@@ -101,7 +101,7 @@ def test_who_predicts_data_not_fitted_clearly_worse_is_no_rival():
 )
 def test_a_fit_is_settled_where_its_promise_lies_inside_its_intervals(left, repetition, promised, settled):
     base, found = explanation("base", None, rmse=1.6), explanation("effect", None)
-    found.adequacy = Adequacy(0.0, 0.0, 1e-3, repetition)
+    found.adequacy = Adequacy(0.0, 0.0, repetition)
     found.fit = replace(found.fit, residual=np.full(80, left), converged=False, promised=promised)
     assert found.settled is settled
     assert ("did not converge" in RULES.objection_to(found, Gap(base, base, 1e-4, 1e-4))) is not settled
@@ -112,11 +112,20 @@ def test_who_is_far_ahead_need_not_have_converged(base_rmse, held_mv, named):
     base, found = explanation("base", None, rmse=base_rmse), explanation("effect", None, rmse=1.5)
     base.rmse_v, base.held_rmse_v = 50e-3, 20e-3
     found.rmse_v, found.held_rmse_v = 1.5e-3, 1e-3 * held_mv
-    found.adequacy = Adequacy(0.0, 0.0, 1e-3, 1.0)
+    found.adequacy = Adequacy(0.0, 0.0, 1.0)
     found.fit = replace(found.fit, residual=np.full(80, 1.0), converged=False)
     assert not found.settled
     assert bic_difference(base, found) > CLEAR_BIC
     assert (RULES.objection_to(found, Gap(base, base, 1e-3, 1e-3)) == "") is named
+
+
+@pytest.mark.parametrize(("converged", "rmse", "rivals"), [(True, 1.2, 0), (False, 1.2, 1), (False, 2.0, 0)])
+def test_a_fit_that_has_not_converged_is_a_rival_where_it_is_not_far_behind(converged, rmse, rivals):
+    best, other = explanation("one", None), explanation("another", None, rmse)
+    other.adequacy = Adequacy(0.0, 0.0, 1.0)
+    other.fit = replace(other.fit, converged=converged)
+    assert bic_difference(other, best) > CLEAR_BIC
+    assert len(RULES.rivals(best, [other])) == rivals
 
 
 def test_the_gap_is_measured_from_the_base_fit_that_comes_nearest():
@@ -124,6 +133,6 @@ def test_the_gap_is_measured_from_the_base_fit_that_comes_nearest():
     likelier, nearest = explanation("base", None, rmse=10.0), explanation("base", None, rmse=12.0)
     likelier.rmse_v, nearest.rmse_v = 100e-3, 12e-3
     found = explanation("effect", None, rmse=2.0)
-    found.adequacy, found.rmse_v, found.held_rmse_v = Adequacy(0.0, 0.0, 1e-3, 1.0), 10e-3, 0.5e-3
+    found.adequacy, found.rmse_v, found.held_rmse_v = Adequacy(0.0, 0.0, 1.0), 10e-3, 0.5e-3
     assert RULES.objection_to(found, Gap(likelier, likelier, 1e-4, 1e-3)) == ""
     assert "of the gap only" in RULES.objection_to(found, Gap(likelier, nearest, 1e-4, 1e-3))

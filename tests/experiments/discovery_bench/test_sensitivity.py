@@ -20,7 +20,7 @@ def explanation(name, error_mv, p=0.0):
     errors = 1e-3 * error_mv * np.where(np.arange(80) % 2, 1.0, -1.0)
     fit = Refit(ParameterSpace(effect.searched), np.zeros(1), errors / 1e-3, np.ones((80, 1)), True, 1)
     v = 1e-3 * error_mv
-    found = Explanation((effect,), fit, Adequacy(p, p, 0.0, 1.0), v, v, errors, np.full(80, 1e-3))
+    found = Explanation((effect,), fit, Adequacy(p, p, 1.0), v, v, errors, np.full(80, 1e-3))
     found.estimates = {effect.key: (Estimate("size", "", 1.0, (0.9, 1.1), 0.0, False),)}
     return found
 
