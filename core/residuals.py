@@ -227,10 +227,18 @@ def _driven(task: Task, pairs: list[StepPair], experiment: Experiment) -> list[F
             # A swing would average out. Midpoints: the ends of a step are where two records agree least on the clock.
             averaged = 1 if signal.oscillates else max(_AVERAGED, math.ceil(len(pair.measured) / points))
             fractions = (np.arange(averaged * points) + 0.5) / (averaged * points)
-            mismatch = _mismatch(task, pair, signal, experiment, fractions)
-            curves.append(weight * mismatch.reshape(points, averaged).mean(axis=1))
+            mismatch = _mismatch(task, pair, signal, experiment, fractions).reshape(points, averaged)
+            curves.append(weight * mismatch.mean(axis=1) * _tells_of_the_cell(signal, pair, points))
         parts.append(np.concatenate(curves))
     return parts
+
+
+def _tells_of_the_cell(signal: Signal, pair: StepPair, points: int) -> NDArray[np.bool_]:
+    """Which of the equal parts of a step are fitted: in a long rest not those that show the surroundings alone."""
+    if signal.settles_s is None or pair.step.kind is not StepKind.REST:
+        return np.ones(points, dtype=np.bool_)
+    ends = pair.measured.duration * (np.arange(points) + 1.0) / points
+    return np.asarray(ends <= max(signal.settles_s, ends[0]))
 
 
 def _steps_a_record(task: Task) -> float:

@@ -49,6 +49,9 @@ class Signal:
     oscillates : bool
         Whether it swings about a mean within a step, so that amplitude and delay describe its mismatch
         better than a shift does.
+    settles_s : float or None
+        Seconds of a rest after which it shows the surroundings alone: a record under a measured drive is not fitted to
+        it there.
     """
 
     name: str
@@ -62,6 +65,7 @@ class Signal:
     share_of: str = ""
     observed_in: tuple[str, ...] = ()
     oscillates: bool = False
+    settles_s: float | None = None
     optional: bool = False
 
     def __post_init__(self) -> None:

@@ -179,12 +179,13 @@ class CompiledCell:
             ) from None
         return simulation.built_model
 
-    def solver(self, options: Mapping[str, Any], **how: Any) -> Any:
-        """An integrator with the cell's tolerances; ``how`` is handed on.
+    def solver(self, options: Mapping[str, Any], resolution: Resolution | None = None, **how: Any) -> Any:
+        """An integrator with the tolerances of a resolution, the cell's own if left out; ``how`` is handed on.
 
         It reports a failure to its caller, never on the screen.
         """
-        tolerances = {"rtol": self._resolution.rtol, "atol": self._resolution.atol}
+        resolution = resolution or self._resolution
+        tolerances = {"rtol": resolution.rtol, "atol": resolution.atol}
         return FreshIntegrator(**tolerances, options={"silence_sundials_errors": True, **options}, **how)
 
     def inputs(self, candidate: Candidate, soc: float | None = None) -> dict[str, float]:

@@ -30,6 +30,10 @@ _T_NO_PROGRESS_S = 10.0
 _STUCK = 3
 """Times that the limit may be reached again within one pause."""
 
+_FROM_LIMIT = Resolution(rtol=1e-4, least_atol=1e-5)
+"""Tolerances with which a cell goes on from its limit where its own are too tight: the surfaces of its particles hold
+no lithium there, and potentials consistent to 1e-7 may not be found. Voltages differ by less than 0.1 mV."""
+
 _Part = tuple[FloatArray, FloatArray, FloatArray]
 """Time, voltage and temperature of a stretch of a simulation."""
 
@@ -153,7 +157,9 @@ class DrivenCell:
         }
         if self._drive.finest_s is not None:
             options |= _options_of_drive(self._drive.finest_s)
-        self._solver = self._cell.solver(options, output_variables=list(_OUTPUTS), on_failure="ignore")
+        how: dict[str, Any] = {"output_variables": list(_OUTPUTS), "on_failure": "ignore"}
+        self._solver = self._cell.solver(options, **how)
+        self._solver_from_limit = self._cell.solver(options, _FROM_LIMIT, **how)  # compiled when it is first needed
 
     def _drive_by(self, place: int) -> None:
         self._drive, self._delay_s = self._drives[place], self._delays[place]
@@ -281,17 +287,26 @@ class DrivenCell:
         # Stops and samples closer than rounding would make steps of no length.
         stops, grid = (t[np.concatenate([[True], np.diff(t) > 1e-2 * JUMP_S])] for t in (stops, grid))
         inputs = inputs | dict(zip(PAUSE, pause, strict=True)) | {DELAY: self._delay_s}
+        found, cause = self._solve(self._solver, before, inputs, stops, grid)
+        if before is not None and cause and (found is None or found.t[-1] - start < JUMP_S):
+            return self._solve(self._solver_from_limit, before, inputs, stops, grid)
+        return found, cause
+
+    def _solve(
+        self, solver: Any, before: Any, inputs: dict[str, float], stops: FloatArray, grid: FloatArray
+    ) -> tuple[Any, str]:
+        """Solve on from a solution, or from the start; what `_advance` gives."""
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 if before is None:
-                    found = self._solver.solve(self._model, t_eval=stops, t_interp=grid, inputs=inputs)
+                    found = solver.solve(self._model, t_eval=stops, t_interp=grid, inputs=inputs)
                 else:
                     # PyBaMM does not go on from an event unless it is told that none was met.
                     state = before.last_state
                     state.termination = "final time"
-                    clock, wanted = stops - start, grid - start
-                    found = self._solver.step(
+                    clock, wanted = stops - stops[0], grid - stops[0]
+                    found = solver.step(
                         state, self._model, clock[-1], t_eval=clock, t_interp=wanted, inputs=inputs, save=False
                     )
         except SOLVER_ERRORS as error:

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -67,6 +68,33 @@ def test_a_cell_that_runs_empty_is_a_finite_error_and_says_so() -> None:
         assert 2.0 < run.trajectory.voltage[-1] < 3.5
     lasted = [np.sum(driven.solve({LITHIUM: factor}).trajectory.voltage > 0.5) for factor in (0.95, 1.0, 1.05)]
     assert len(set(lasted)) == 3
+
+
+class GivesUpAtTheLimit:
+    """An integrator that finds no consistent state to go on from, as tight tolerances do at empty particles."""
+
+    def __init__(self, own: Any) -> None:
+        self._own = own
+
+    def solve(self, *arguments: Any, **how: Any) -> Any:
+        return self._own.solve(*arguments, **how)
+
+    def step(self, *arguments: Any, **how: Any) -> Any:
+        raise pybamm.SolverError("IDAGetDky: IDA_BAD_K")
+
+
+def test_an_empty_cell_goes_on_where_its_own_tolerances_are_too_tight() -> None:
+    driven = compiled(SPM, Experiment("long", discharge(), initial_soc=0.5), {})
+    usual = driven.solve({}).trajectory
+    cell = driven._driven  # type: ignore[union-attr]
+    cell._solver = GivesUpAtTheLimit(cell._solver)
+    run = driven.solve({})
+    assert len(run.limits) == 1
+    assert "times more" not in run.limits[0]
+    assert run.trajectory is not None
+    assert usual is not None
+    assert 2.0 < run.trajectory.voltage[-1] < 3.5
+    assert np.max(np.abs(run.trajectory.voltage - usual.voltage)[722:]) < 1e-3
 
 
 def test_a_cell_that_runs_full_says_so() -> None:
