@@ -245,7 +245,7 @@ def _experiment(
     driven = request.protocol is None
     return Experiment(
         name=record.name,
-        target=from_ambient(record.trajectory, request.temperature_k) if driven else record.trajectory,
+        target=from_ambient(record.trajectory, _ambient_k(request, record)) if driven else record.trajectory,
         protocol=request.protocol_of(record),
         scored_cycle=request.scored_cycle,
         temperature_k=_ambient_k(request, record),
@@ -258,7 +258,7 @@ def _experiment(
 def _offset_note(request: RecordRequest, record: Record, role: str = "") -> list[str]:
     if request.protocol is not None:
         return []
-    return offset_note(record.name + role, record.trajectory, request.temperature_k)
+    return offset_note(record.name + role, record.trajectory, _ambient_k(request, record))
 
 
 def _as_asked(request: RecordRequest) -> Record:

@@ -1,4 +1,4 @@
-"""What a temperature sensor reads apart from the ambient temperature that was given for the record."""
+"""What a temperature sensor reads apart from the ambient temperature of the record."""
 
 from ...core.trajectory import Trajectory
 
@@ -37,5 +37,5 @@ def offset_note(name: str, record: Trajectory, ambient_k: float | None) -> list[
         return []
     return [
         f"{name}: the measured temperature starts {abs(offset):.1f} K {'above' if offset > 0 else 'below'} the ambient "
-        "temperature that was given; it is compared as a rise from its start."
+        "one; it is compared as a rise from its start."
     ]
