@@ -17,8 +17,9 @@ VOLTAGE = Signal("voltage", "V", tolerance=1e-3, shown_unit="mV", shown_scale=1e
 
 TEMPERATURE = Signal("temperature", "K", tolerance=0.2, optional=True, settles_s=3600.0)
 """Of a cell whose simulation has one. Models of measured cells end about ten tolerances off: at 10 mV, and, with one
-temperature for the whole cell against a sensor on the can, at 2 K. Cylindrical and pouch cells of some ampere hours cool
-with a time constant of 5 to 20 minutes: what they show after an hour of rest is the room, whose changes no model has."""
+temperature for the whole cell against a sensor on the can, at 2 K. Cylindrical and pouch cells of some ampere hours
+cool with a time constant of 5 to 20 minutes: what they show after an hour of rest is the room, whose changes no model
+has."""
 
 FREQUENCY = Signal("frequency", "Hz", role="driven", optional=True)
 

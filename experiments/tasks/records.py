@@ -32,6 +32,7 @@ from .cell_for_records import (
 from .lives import cracks_note, with_ageing
 from .record_request import RECOGNISED, RecordRequest
 from .record_start import jump_resistances, open_circuit_start, resting_voltage, with_room_for
+from .sensor_offset import from_ambient, offset_note
 from .spectra import ohmic_resistances, spectrum_experiment, spectrum_notes
 
 CONTACT, RESISTANCE = "contact resistance", "Contact resistance [Ohm]"
@@ -155,6 +156,7 @@ def build_task(
         if soc is not None:
             socs.append(soc)
         experiments.append(_experiment(request, record, soc))
+        notes += _offset_note(request, record)
     space = _with_initial_soc(space, experiments, socs, INITIAL_SOC in given, alone=len(asked) == 1)
     experiments += [spectrum_experiment(request) for request in spectra]
     by_current = all(request.protocol is None for request in records)
@@ -214,6 +216,11 @@ def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
     requests, spectra = _over_time([part for request in requests for part in request.parts()])
     loaded = [_as_asked(request) for request in requests]
     notes = [f"{record.name} (held out): {note}" for record in loaded for note in record.notes]
+    notes += [
+        note
+        for request, record in zip(requests, loaded, strict=True)
+        for note in _offset_note(request, record, " (held out)")
+    ]
     experiments = [_held_out(request, record) for request, record in zip(requests, loaded, strict=True)]
     notes += [
         f"{e.name} (held out): begins under load; it is started so that the fitted cell meets its first percent, or at "
@@ -235,9 +242,10 @@ def _held_out(request: RecordRequest, record: Record) -> Experiment:
 def _experiment(
     request: RecordRequest, record: Record, initial_soc: float | None, initial_voltage: float | None = None
 ) -> Experiment:
+    driven = request.protocol is None
     return Experiment(
         name=record.name,
-        target=record.trajectory,
+        target=from_ambient(record.trajectory, _ambient_k(request, record)) if driven else record.trajectory,
         protocol=request.protocol_of(record),
         scored_cycle=request.scored_cycle,
         temperature_k=_ambient_k(request, record),
@@ -245,6 +253,12 @@ def _experiment(
         initial_voltage=initial_voltage,
         detailed_cycles=() if request.detailed_cycles is None else record.trajectory.cycles,
     )
+
+
+def _offset_note(request: RecordRequest, record: Record, role: str = "") -> list[str]:
+    if request.protocol is not None:
+        return []
+    return offset_note(record.name + role, record.trajectory, _ambient_k(request, record))
 
 
 def _as_asked(request: RecordRequest) -> Record:
