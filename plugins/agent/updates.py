@@ -6,12 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from ...core.errors import BsaError, did_you_mean
-from ...core.parameters import Candidate, Parameter, ParameterSpace
+from ...core.parameters import Candidate, ParameterSpace
 from ...core.proposal import CHANGE_PATTERN, apply_change
 from ...core.reply_parsing import strip_control
-
-_FAR = 100.0
-"""Factor beyond a bound at which a value is no longer one: bounds of a search are seldom wider themselves."""
 
 
 def updates_schema(space: ParameterSpace) -> dict[str, Any]:
@@ -49,25 +46,11 @@ def apply_updates(
             value = apply_change(base[name], change)
         except BsaError as error:
             raise BsaError(f'"{name}": {error.message}', error.hint) from None
-        if _is_no_value(change, value, space[name]):
-            raise BsaError(
-                f'"{name}": {change} lies far outside {space[name].lower:g} to {space[name].upper:g}.',
-                'write the value in the unit of the parameter, or "*1.2" to multiply the present one.',
-            )
         candidate[name] = space[name].project(value)
         written[name] = str(change)
         if candidate[name] != value:
             projected.append(name)
     return candidate, written, tuple(projected)
-
-
-def _is_no_value(change: Any, value: float, parameter: Parameter) -> bool:
-    """Whether an absolute value is too far from the bounds to be meant: 1.2 for a thickness in metres.
-
-    A factor has lost its asterisk, or the unit is another one. Moved to a bound, the value would cost a simulation.
-    """
-    absolute = str(change).strip()[:1] not in "*+-"
-    return absolute and parameter.lower > 0.0 and not parameter.lower / _FAR < value < parameter.upper * _FAR
 
 
 def unknown_parameter(name: Any, space: ParameterSpace) -> BsaError:
