@@ -33,9 +33,9 @@ mismatch alone. Steps of a kind are numbered within their cycle, those of a seco
 adds wrong durations up. {_MISFIT}""",
     "driven": f"""\
 {_SCIENCE}
-The measured current is imposed, so that durations and charge are right by themselves. Mismatches are simulated minus \
-measured at equal times; parts of a step are told by percent of its duration (early 5-25 %, middle 40-60 %, late \
-75-95 %; at_30_pct: about 30 %). {_MISFIT}""",
+What drives the record is imposed as it was measured, so that durations are right by themselves. Mismatches are \
+simulated minus measured at equal times; parts of a step are told by percent of its duration (early 5-25 %, middle \
+40-60 %, late 75-95 %; at_30_pct: about 30 %). {_MISFIT}""",
     "life": METHOD,
     "number": """\
 Work like a scientist: form one hypothesis about what is off, and test it by a targeted change. Of each simulation you \
