@@ -62,6 +62,12 @@ class ReadOptions(BaseModel, extra="forbid", frozen=True):
         description="What the instrument adds to every current that is not zero, in A, positive on charge whatever the "
         "file's sign; it is taken off.",
     )
+    voltage_lag_s: float | None = Field(
+        default=None,
+        allow_inf_nan=False,
+        description="How much later than the current the instrument writes the voltage, in s; it is taken back. Left "
+        "out: what a varying current shows.",
+    )
     where: dict[str, str] = Field(
         default={}, description='Keep only the rows in which a column has this value: {"test_id": "1"}.'
     )

@@ -13,6 +13,7 @@ from .clock import with_clock, with_gaps_noted
 from .counters import with_switches_counted
 from .current_sign import with_sign
 from .joining import carried_on
+from .lag import without_lag
 from .samples import Samples
 from .values import KELVIN, check_range, check_size, check_units, without_glitches, without_missing
 
@@ -35,6 +36,7 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
     check_range(samples)
     samples = with_switches_counted(with_sign(samples, options))
     samples = _without_offset(samples, options.current_offset_a)
+    samples = without_lag(samples, options.voltage_lag_s)
     samples = with_gaps_noted(samples)
     _enough(samples)
     # `+ 0.0` turns the -0.0 of a rest into 0.0.

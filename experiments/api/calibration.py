@@ -36,6 +36,7 @@ def calibrate(
     current_sign: str = "charge-positive",
     constant_current: float | None = None,
     current_offset: float = 0.0,
+    voltage_lag: float | None = None,
     where: Mapping[str, Any] | None = None,
     cycles: str | int | None = None,
     sheet: str | None = None,
@@ -89,7 +90,7 @@ def calibrate(
         State of charge at which all fitted records, or each, start; where it is searched too, the search starts there.
     reader, reader_option, temperature, column, unit, where, cycles, sheet
         How files and DataFrames are read; see `read_record`.
-    current_sign, constant_current, current_offset
+    current_sign, constant_current, current_offset, voltage_lag
         What their current means, which is positive on charge unless ``current_sign`` says otherwise; as above.
     parameters : str
         What to start from; records need it or ``start_from``: a PyBaMM parameter set, a BPX or JSON file, the folder
@@ -163,7 +164,9 @@ def calibrate(
     else:
         if out is not None:
             check_run_folder(Path(out))
-        read = reading(column, unit, current_sign, constant_current, current_offset, where, cycles, sheet, temperature)
+        read = reading(
+            column, unit, current_sign, constant_current, current_offset, voltage_lag, where, cycles, sheet, temperature
+        )
         held = [source(one, read, number) for number, one in enumerate([] if holdout is None else listed(holdout), 1)]
         task = _named_task(data, parameters, ReadOptions() if held else read)
         given: Any = [] if task is not None else listed(data)  # type: ignore[arg-type]

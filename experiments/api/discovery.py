@@ -27,6 +27,7 @@ def discover(
     current_sign: str = "charge-positive",
     constant_current: float | None = None,
     current_offset: float = 0.0,
+    voltage_lag: float | None = None,
     cycles: str | int | None = None,
     sheet: str | None = None,
     reader: str | None = None,
@@ -62,7 +63,7 @@ def discover(
         the folder ``OUT-records`` beside the discovery's, so that it can be resumed.
     reader, reader_option, temperature, column, unit, where, cycles, sheet
         How files and DataFrames are read; see `read_record`.
-    current_sign, constant_current, current_offset
+    current_sign, constant_current, current_offset, voltage_lag
         What their current means; as above.
     life : bool
         Whether the record is a cell's whole life, and what is missing is the mechanism that ages it.
@@ -113,7 +114,9 @@ def discover(
         raise BsaError(f"{missing} is missing.", 'discover("RECORD.csv", parameters="Chen2020"), for example.')
     from ..discovery_case import discover_options
 
-    read = reading(column, unit, current_sign, constant_current, current_offset, where, cycles, sheet, temperature)
+    read = reading(
+        column, unit, current_sign, constant_current, current_offset, voltage_lag, where, cycles, sheet, temperature
+    )
     fitted = [source(one, read, number) for number, one in enumerate(listed(data), 1)]
     held = [] if holdout is None else [source(one, read, n) for n, one in enumerate(listed(holdout), len(fitted) + 1)]
     if not fitted:

@@ -32,6 +32,7 @@ def read_record(
     current_sign: str = "charge-positive",
     constant_current: float | None = None,
     current_offset: float = 0.0,
+    voltage_lag: float | None = None,
     where: Mapping[str, Any] | None = None,
     cycles: str | int | None = None,
     sheet: str | None = None,
@@ -57,6 +58,8 @@ def read_record(
         Current in A where ``data`` has none, in that sign.
     current_offset : float
         What the instrument adds to every current that is not zero, in A, positive on charge whatever the sign.
+    voltage_lag : float, optional
+        How much later than the current the instrument writes the voltage, in s; left out, what a varying current shows.
     where : mapping, optional
         Keep only the rows with these values.
     cycles : str or int, optional
@@ -79,7 +82,9 @@ def read_record(
     BsaError
         If the data cannot be read, naming the row or column at fault.
     """
-    options = reading(column, unit, current_sign, constant_current, current_offset, where, cycles, sheet, temperature)
+    options = reading(
+        column, unit, current_sign, constant_current, current_offset, voltage_lag, where, cycles, sheet, temperature
+    )
     given = data if isinstance(data, list | tuple) else [data]
     files = [Path(one) for one in given if isinstance(one, str | Path)]
     if files and len(files) == len(given):

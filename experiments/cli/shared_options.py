@@ -137,6 +137,13 @@ class Reading:
             metavar="A", help="What the instrument adds to every current that is not zero, positive on charge."
         ),
     ] = 0.0
+    voltage_lag: Annotated[
+        float | None,
+        records_option(
+            metavar="S",
+            help="How much later than the current the instrument writes the voltage; left out, what the record shows.",
+        ),
+    ] = None
     cycles: Annotated[str | None, records_option(metavar="N-M", help='Cycles of the records to use, "1" or "2-4".')] = (
         None
     )
@@ -166,6 +173,7 @@ class Reading:
             self.current_sign,
             self.constant_current,
             self.current_offset,
+            self.voltage_lag,
             key_texts(self.where, "--where"),
             self.cycles,
             self.sheet,

@@ -23,6 +23,9 @@ class Reading(BaseModel, extra="forbid"):
     )
     constant_current: float | None = Field(None, description="Current of a file without a current column, A.")
     current_offset: float = Field(0.0, description="What the instrument adds to the current, A, positive on charge.")
+    voltage_lag: float | None = Field(
+        None, description="How much later than the current the voltage is written, s; left out, what the record shows."
+    )
     where: dict[str, str] | None = Field(None, description='Keep only the rows with these values: {"test_id": "1"}.')
     cycles: str | None = Field(None, description='Cycles to use: "1" or "2-4".')
     sheet: str | None = Field(None, description="Sheet of a workbook.")

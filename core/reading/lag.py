@@ -1,0 +1,91 @@
+"""The time by which an instrument writes the voltage later than the current."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..trajectory import FloatArray
+from .samples import Samples
+
+_EVEN_SAMPLES = 20_000
+"""Samples that are looked at, at most: minutes of a drive cycle tell the lag."""
+
+_CHANGES = 100
+"""Changes of the current by a twentieth of its largest, at least: a few steps tell how they were sampled, no more."""
+
+_APART = 3
+"""Samples between the two of a difference: one interval alone shows how the instrument averages."""
+
+_TRIED = np.append(0.0, np.arange(-2.0, 3.05, 0.1))
+"""Lags that are tried, in sampling intervals; none first."""
+
+_LEFT = 0.5
+"""A lag is one where it leaves at most this share of what no lag leaves of the changes of the voltage."""
+
+
+@dataclass(frozen=True)
+class Lag:
+    """How much later than the current a record has its voltage."""
+
+    seconds: float
+    # Share of the squared changes of the voltage that is proportional to those of the current, without and with it.
+    without: float
+    explained: float
+    apart_s: float  # What the changes are over, s.
+
+
+def without_lag(samples: Samples, asked_s: float | None) -> Samples:
+    """The samples with a voltage that was written at the time of the current.
+
+    Parameters
+    ----------
+    asked_s : float or None
+        The lag that is taken back, in s; None for that which the samples show, if they show one.
+    """
+    if asked_s is not None:
+        return _taken_back(samples, asked_s).noted(f"the voltage is taken {asked_s:.3g} s later, as was asked.")
+    lag = shown_lag(samples)
+    if lag is None:
+        return samples
+    return _taken_back(samples, lag.seconds).noted(
+        f"the voltage follows the current {lag.seconds:.2g} s late, which is taken back (--voltage-lag 0 keeps it): "
+        f"{100 * lag.explained:.0f} % of its changes within {lag.apart_s:.2g} s are then proportional to those of the "
+        f"current, in place of {100 * lag.without:.0f} %."
+    )
+
+
+def _taken_back(samples: Samples, lag_s: float) -> Samples:
+    return replace(samples, voltage=np.interp(samples.time + lag_s, samples.time, samples.voltage))
+
+
+def shown_lag(samples: Samples) -> Lag | None:
+    """The lag that a varying current shows; None where there is none, or the current hardly varies.
+
+    The ohmic part of a cell's voltage follows its current at once: with the right lag changes of the voltage are
+    nearly proportional to those of the current.
+    """
+    interval = float(np.median(np.diff(samples.time)))
+    time = samples.time[0] + interval * np.arange(min(_EVEN_SAMPLES, int(np.ptp(samples.time) / interval)))
+    if len(time) <= _APART:
+        return None
+    current = _differences(time, samples.time, samples.current)
+    if np.count_nonzero(np.abs(current) > 0.05 * np.max(np.abs(samples.current))) < _CHANGES:
+        return None
+    explained = [
+        _explained(current, _differences(time + lag * interval, samples.time, samples.voltage)) for lag in _TRIED
+    ]
+    best = int(np.argmax(explained))
+    if 1.0 - explained[best] > _LEFT * (1.0 - explained[0]):
+        return None
+    return Lag(float(_TRIED[best]) * interval, explained[0], explained[best], _APART * interval)
+
+
+def _differences(at: FloatArray, time: FloatArray, values: FloatArray) -> FloatArray:
+    interpolated = np.interp(at, time, values)
+    return np.asarray(interpolated[_APART:] - interpolated[:-_APART])
+
+
+def _explained(current: FloatArray, voltage: FloatArray) -> float:
+    """Share of the squared changes of the voltage that is proportional to those of the current."""
+    whole = float(current @ current) * float(voltage @ voltage)
+    return float(current @ voltage) ** 2 / whole if whole > 0.0 else 0.0
