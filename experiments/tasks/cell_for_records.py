@@ -33,6 +33,13 @@ _WARMS_K = 2.0
 """Change of the temperature from which on the model is thermal, and transport depends on it, K: a smaller one may be
 that of the room."""
 
+VOLUME, SURFACE = "Cell volume [m3]", "Cell cooling surface area [m2]"
+
+_SHEET, _CELL = 40.0, 7.0
+"""Surface of a body over its volume to the power of two thirds: 5 for a sphere, 6 for a cylindrical cell, 10 to 40 for
+pouch cells, and more than 100 in sets whose surface is that of a single electrode sheet. A cell of many sheets is taken
+for a compact body."""
+
 _SAME_SIZE = (0.8, 1.25)
 """Ratios of measured to nominal capacity that the search bridges by itself."""
 
@@ -123,6 +130,23 @@ def hysteresis_note(records: Sequence[Record]) -> list[str]:
     return [
         f"Slow charge and discharge are {1e3 * slow.gap_v:.0f} mV apart at the same charge, more than polarisation "
         "explains: --effect ocp-hysteresis adds a hysteresis of the open-circuit voltage to the model."
+    ]
+
+
+def volume_and_surface(values: Any, factor: float) -> tuple[dict[str, float], list[str]]:
+    """Volume and surface of a cell with so many times the electrode area, and what is to be said of them.
+
+    Its shape stays, unless it is that of one electrode sheet.
+    """
+    if VOLUME not in values or SURFACE not in values:
+        return {}, []
+    volume, surface = float(values[VOLUME]) * factor, float(values[SURFACE]) * factor ** (2.0 / 3.0)
+    compact = _CELL * volume ** (2.0 / 3.0)
+    if surface < _SHEET / _CELL * compact:
+        return {VOLUME: volume, SURFACE: surface}, []
+    return {VOLUME: volume, SURFACE: compact}, [
+        f'The set\'s "{SURFACE}" is that of a single electrode sheet ({surface:.2g} m2 at this size): that of a '
+        f"compact cell of its volume is taken, {compact:.2g} m2."
     ]
 
 

@@ -24,6 +24,7 @@ from .cell_for_records import (
     hysteresis_note,
     size_factor,
     temperature_dependent,
+    volume_and_surface,
     warms_by,
     wide_window,
     with_chosen_potentials,
@@ -40,9 +41,6 @@ CONTACT, RESISTANCE = "contact resistance", "Contact resistance [Ohm]"
 
 _CONTACT_SHARE = 0.6
 """Share of the voltage jump at a current step that is put down to the contacts, to start with."""
-
-_GROWS_WITH_AREA = {"Cell volume [m3]": 1.0, "Cell cooling surface area [m2]": 2.0 / 3.0}
-"""Powers of the electrode area with which a cell's other sizes grow, where its shape stays."""
 
 _MANY_CYCLES = 50
 """Cycles from which on a record is more likely meant as a life: each simulation of so many takes minutes."""
@@ -117,12 +115,9 @@ def build_task(
         if note:
             capacity_ah *= factor
             fixed[WIDTH] = float(values[WIDTH]) * factor
-            fixed |= {
-                name: float(values[name]) * factor**power
-                for name, power in _GROWS_WITH_AREA.items()
-                if name not in given and name in values
-            }
-            notes.append(note)
+            sizes, said = volume_and_surface(values, factor)
+            fixed |= {name: size for name, size in sizes.items() if name not in given}
+            notes += [note, *said]
     if any(request.is_life for request in records):
         options, note = with_ageing(options)
         notes += [note] * bool(note)

@@ -8,7 +8,7 @@ from bsa.core.errors import BsaError
 from bsa.core.record import Record
 from bsa.core.target import CellChange
 from bsa.core.trajectory import Step, StepKind, Trajectory
-from bsa.experiments.tasks.cell_for_records import WIDTH
+from bsa.experiments.tasks.cell_for_records import WIDTH, volume_and_surface
 from bsa.experiments.tasks.record_request import RecordRequest
 from bsa.experiments.tasks.records import CONTACT, RESISTANCE, build_task
 from bsa.plugins.pybamm.parameter_sets import load
@@ -115,6 +115,14 @@ def test_a_cell_of_another_size_has_another_volume_and_surface() -> None:
     factor = twice[WIDTH] / 1.58
     assert twice["Cell volume [m3]"] == pytest.approx(2.42e-5 * factor)
     assert twice["Cell cooling surface area [m2]"] == pytest.approx(5.31e-3 * factor ** (2 / 3))
+
+
+def test_a_cell_of_many_sheets_is_not_cooled_like_one_sheet() -> None:
+    sizes, (said,) = volume_and_surface(load("NCA_Kim2011"), 5.0)
+    assert "single electrode sheet" in said
+    # A cylindrical cell of 18 mm times 65 mm has 0.0042 m2 for 1.65e-5 m3.
+    assert sizes["Cell cooling surface area [m2]"] / sizes["Cell volume [m3]"] ** (2 / 3) == pytest.approx(7.0)
+    assert volume_and_surface(load("Ai2020"), 5.0)[1] == []
 
 
 def test_a_written_start_widens_the_bounds_of_a_preset() -> None:
