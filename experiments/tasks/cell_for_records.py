@@ -7,7 +7,7 @@ import numpy as np
 
 from ...core.recognised_protocol import with_switches
 from ...core.record import Record
-from ...core.task import NEAREST, ParameterSource
+from ...core.task import NEAREST, ParameterFile, ParameterSource
 from .record_request import RecordRequest
 
 WIDTH = "Electrode width [m]"
@@ -117,7 +117,24 @@ def with_chosen_potentials(
     words.append(f"{'those' if words else 'The potentials'} of {taken} {left}{1e3 * taken.rms_v:.1f} mV{rest}")
     said = f"{', '.join(words)}: they are taken, with electrodes balanced for them, and all else from {base}."
     others = "; ".join(f"{other}: {1e3 * other.rms_v:.1f} mV" for other in found[1:4])
-    return with_potentials(base, taken), [said + f" The next: {others}." * bool(others)]
+    chosen, said_of_rates = with_potentials(base, taken), list[str]()
+    if parameter_set == NEAREST:  # chosen for its potentials: the cell's rates are those of any other set as likely
+        chosen, said_of_rates = _with_usual_rates(chosen, base)
+    return chosen, [said + f" The next: {others}." * bool(others), *said_of_rates]
+
+
+def _with_usual_rates(parameter_set: ParameterFile, base: str) -> tuple[ParameterFile, list[str]]:
+    """The parameter set without rates that lie far from all other published ones, and what is to be said of it."""
+    from ...plugins.pybamm.usual_rates import unusual_rates, with_usual_rates
+
+    unusual = unusual_rates(parameter_set)
+    if not unusual:
+        return parameter_set, []
+    factors = ", ".join(f"{rate.name.split(' [')[0].lower()} times {rate.factor:.2g}" for rate in unusual)
+    return with_usual_rates(parameter_set, unusual), [
+        f"Rates of {base} that lie far from those of all other installed sets are replaced by the nearest of those: "
+        f"{factors}."
+    ]
 
 
 def hysteresis_note(records: Sequence[Record]) -> list[str]:

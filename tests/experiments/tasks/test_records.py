@@ -8,7 +8,7 @@ from bsa.core.errors import BsaError
 from bsa.core.record import Record
 from bsa.core.target import CellChange
 from bsa.core.trajectory import Step, StepKind, Trajectory
-from bsa.experiments.tasks.cell_for_records import WIDTH, volume_and_surface
+from bsa.experiments.tasks.cell_for_records import WIDTH, volume_and_surface, with_chosen_potentials
 from bsa.experiments.tasks.record_request import RecordRequest
 from bsa.experiments.tasks.records import CONTACT, RESISTANCE, build_task
 from bsa.plugins.pybamm.parameter_sets import load
@@ -191,8 +191,17 @@ def test_the_nearest_set_is_that_of_the_positive_electrode() -> None:
     task = build_task("t", "nearest", [RecordRequest(slow_discharge())], model="SPM")
     assert str(task.cell.parameter_set) == "Ecker2015 with the potentials of Ecker2015"
     assert any("all else from Ecker2015" in note for note in task.notes)
+    assert not any("Rates of" in note for note in task.notes)
     with pytest.raises(BsaError, match="C/10"):
         build_task("t", "nearest", [RecordRequest(record())], model="SPM")
+
+
+def test_rates_of_the_nearest_set_that_are_far_from_all_others_are_replaced_and_those_of_a_named_set_kept() -> None:
+    nearest = with_chosen_potentials("nearest", "NCA_Kim2011", [slow_discharge()])
+    assert str(nearest[0]).endswith("with usual rates")
+    assert any("negative particle diffusivity times 0.0016" in note for note in nearest[1])
+    named = with_chosen_potentials("NCA_Kim2011", "NCA_Kim2011", [slow_discharge()])
+    assert not str(named[0]).endswith("with usual rates")
 
 
 def test_nothing_is_said_of_potentials_that_are_near_or_without_a_slow_record() -> None:
