@@ -25,7 +25,12 @@ _KNOTS = 50
 """Knots that stand for a smoothly varying current, as during a voltage hold."""
 
 EMPTY_V, FULL_V = 0.5, 6.0
-"""What an empty and an overfull cell show until a measured current changes, in place of the set's cut-offs."""
+"""Voltages at which a simulated cell is empty or overfull until a measured current changes, in place of the set's
+cut-offs."""
+
+_BEYOND_V = 0.5
+"""How far beyond its cut-offs and the measured voltages a simulated cell is shown at most: far enough to be the worst
+error of a record."""
 
 DELAY = "Record begins later by [s]"
 """Input that says which of several records drives a cell that is compiled for all of them."""
@@ -89,6 +94,16 @@ def _parse(text: str) -> Any:
             f'PyBaMM cannot read the step "{text}": {reason}',
             'write for example "Discharge at 1C until 2.5 V" or "Rest for 1 hour".',
         ) from None
+
+
+def shown_range(window_v: tuple[float, float], measured_v: FloatArray) -> tuple[float, float]:
+    """Between which voltages a simulation under a measured current is shown, V.
+
+    Where a cell is empty its voltage falls by volts within seconds, and by how many says nothing of it: no instrument
+    lets a cell go far beyond its cut-offs.
+    """
+    lowest, highest = window_v
+    return min(lowest, float(np.min(measured_v))) - _BEYOND_V, max(highest, float(np.max(measured_v))) + _BEYOND_V
 
 
 def widen_cut_offs(values: Any) -> None:

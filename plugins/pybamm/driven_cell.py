@@ -18,7 +18,7 @@ from ...core.target import CellChange, Target
 from ...core.task import CellModel
 from ...core.trajectory import FloatArray, Trajectory
 from .compiled_cell import PAUSE, SOLVER_ERRORS, CompiledCell, Start, first_line
-from .drive import DELAY, EMPTY_V, FULL_V, JUMP_S, current_function, one_after_another
+from .drive import DELAY, EMPTY_V, FULL_V, JUMP_S, current_function, one_after_another, shown_range
 from .resolution import Resolution
 
 _NEVER = (1e12, 1e12)
@@ -94,11 +94,6 @@ class Curve:
     temperature: FloatArray  # Volume-averaged temperature, kelvin. Shape (n,).
 
 
-def within_limits(voltage: FloatArray) -> NDArray[np.bool_]:
-    """Which samples show a cell that neither ran empty nor overfull."""
-    return np.asarray((voltage > EMPTY_V) & (voltage < FULL_V), dtype=np.bool_)
-
-
 class DrivenCell:
     """One record on one cell model, with or without effects.
 
@@ -134,9 +129,9 @@ class DrivenCell:
         others: Sequence[Trajectory] = (),
     ) -> None:
         self._effects = tuple(effects)
-        self._drives = [current_function(one) for one in (record, *others)]
+        self._records = (record, *others)
+        self._drives = [current_function(one) for one in self._records]
         joined, self._delays = one_after_another(self._drives)
-        self._drive_by(0)
         self._cell = CompiledCell(
             cell,
             targets,
@@ -147,6 +142,7 @@ class DrivenCell:
             joined,
             any_start=start is None,
         )
+        self._drive_by(0)
         self.heats = self._cell.heats
         self._model = self._cell.built_model()
         # A near-singular candidate can spin for minutes and fill the memory with its steps: one that crawls has failed.
@@ -164,7 +160,13 @@ class DrivenCell:
     def _drive_by(self, place: int) -> None:
         self._drive, self._delay_s = self._drives[place], self._delays[place]
         self._stops = self._drive.stops
+        self._shown_v = shown_range(self._cell.window_v, self._records[place].voltage)
         self._restarts = np.union1d(self._stops, self._drive.varying)
+
+    def within_limits(self, voltage: FloatArray) -> NDArray[np.bool_]:
+        """Which samples show a cell that neither ran empty nor overfull."""
+        lowest, highest = self._shown_v
+        return np.asarray((voltage > lowest) & (voltage < highest), dtype=np.bool_)
 
     def on_other(self, place: int) -> DrivenCell:
         """The same compiled cell, driven by the current of one of the other records."""
@@ -234,6 +236,7 @@ class DrivenCell:
         voltage, kelvin = np.interp(times, clock, voltage), np.interp(times, clock, kelvin)
         for shown in pauses:
             voltage[shown.holds(times)] = EMPTY_V if shown.empty else FULL_V
+        voltage = np.clip(voltage, *self._shown_v)
         return Response(voltage, kelvin, tuple(pauses), float(clock[-1]), cause)
 
     def _go_through(self, inputs: dict[str, float], times: FloatArray, parts: list[_Part], pauses: list[Pause]) -> str:

@@ -15,7 +15,7 @@ from ...core.task import Task
 from ...core.trajectory import SECONDS_PER_HOUR
 from .augmentation import effects_in, part_of
 from .compiled_cell import start_of
-from .drive import EMPTY_V, FULL_V
+from .drive import shown_range
 from .ocp_shape import keeping_ocp_falling
 from .parameter_sets import load
 from .state_of_charge import InitialState
@@ -42,6 +42,7 @@ class EquilibriumCell:
         self._falling = keeping_ocp_falling(values, self._targets)
         self._state = InitialState(values)
         self._area = {name: float(values[name]) for name in _AREA}
+        self._window_v = (float(values["Lower voltage cut-off [V]"]), float(values["Upper voltage cut-off [V]"]))
         self._records = [experiment.target for experiment in task.experiments]
         self._drawn_ah = [
             None if experiment.is_spectrum else experiment.target.discharge_capacity for experiment in task.experiments
@@ -66,7 +67,8 @@ class EquilibriumCell:
         change = self._falling(self._task.space.change(candidate))
         drawn = drawn_ah * SECONDS_PER_HOUR / _FARADAY / self._area_of(change)
         # Beyond these an empty or overfull cell is simulated as such; published potentials reach to -100 V there.
-        voltage = np.clip(self._state.voltages(change, self._soc(place, change), drawn), EMPTY_V, FULL_V)
+        shown_v = shown_range(self._window_v, record.voltage)
+        voltage = np.clip(self._state.voltages(change, self._soc(place, change), drawn), *shown_v)
         for effect, added in self._at_rest:
             with border(f"effect {effect.key}", "at_rest"):
                 voltage = voltage + added(record.current, drawn_ah, self._capacity_ah, effect.values(candidate))

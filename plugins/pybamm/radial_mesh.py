@@ -17,7 +17,7 @@ from ...core.discovery.observations import after_jumps, evenly
 from ...core.discovery.simulator import MeasuredRecord
 from ...core.task import CellModel
 from ...core.trajectory import FloatArray
-from .driven_cell import SEARCH, DrivenCell, within_limits
+from .driven_cell import SEARCH, DrivenCell
 from .resolution import FINE, Resolution
 
 _POINTS = (20, 40, 80, 160)
@@ -67,10 +67,11 @@ def radial_mesh(
     start = (soc or {}).get(hardest.name, _UNKNOWN_SOC)
 
     def voltage(points: int) -> FloatArray | None:
+        """NaN where the cell was empty or overfull."""
         resolution = replace(SEARCH, radial_points=points)
         driven = DrivenCell(cell, (), hardest.record, {}, hardest.ambient_k, resolution)
         curve = driven.solve({}, times, current, start)
-        return None if curve is None else curve.voltage
+        return None if curve is None else np.where(driven.within_limits(curve.voltage), curve.voltage, np.nan)
 
     chosen, coarse = _POINTS[0], voltage(_POINTS[0])
     shifts: list[float] = []
@@ -78,7 +79,7 @@ def radial_mesh(
         fine = voltage(finer)
         if coarse is None or fine is None:
             break
-        both = within_limits(coarse) & within_limits(fine)
+        both = np.isfinite(coarse) & np.isfinite(fine)
         shifts.append(float(np.sqrt(np.mean((fine - coarse)[both] ** 2))) if both.any() else np.inf)
         if shifts[-1] < _SHIFT_V:
             break

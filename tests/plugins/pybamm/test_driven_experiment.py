@@ -63,10 +63,10 @@ def test_a_cell_that_runs_empty_is_a_finite_error_and_says_so() -> None:
         assert limit.endswith(" s of 7,800 s")
         assert run.trajectory is not None
         assert run.trajectory.steps == record.steps
-        assert np.all(run.trajectory.voltage[400:721] == 0.5)
+        assert np.all(run.trajectory.voltage[400:721] == 2.0)  # half a volt below the cut-off
         assert np.all(run.trajectory.current[400:721] == 0.0)
         assert 2.0 < run.trajectory.voltage[-1] < 3.5
-    lasted = [np.sum(driven.solve({LITHIUM: factor}).trajectory.voltage > 0.5) for factor in (0.95, 1.0, 1.05)]
+    lasted = [np.sum(driven.solve({LITHIUM: factor}).trajectory.voltage > 2.0) for factor in (0.95, 1.0, 1.05)]
     assert len(set(lasted)) == 3
 
 
@@ -103,7 +103,7 @@ def test_a_cell_that_runs_full_says_so() -> None:
     assert run.failure is None
     assert run.limits[0].startswith("the simulated cell was full at ")
     assert run.trajectory is not None
-    assert run.trajectory.voltage[600] == 6.0
+    assert run.trajectory.voltage[600] == pytest.approx(4.7)
 
 
 def test_a_candidate_that_cannot_start_is_a_failure_with_its_reason() -> None:
