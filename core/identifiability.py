@@ -241,6 +241,18 @@ def with_sample(found: Identifiability, draws: FloatArray, space: ParameterSpace
     )
 
 
+def not_narrower(found: Identifiability, other: Identifiability, space: ParameterSpace) -> Identifiability:
+    """The same with intervals that contain those of another analysis too."""
+    intervals = {}
+    for parameter in space:
+        one, two = found.intervals[parameter.name], other.intervals[parameter.name]
+        places = [parameter.to_unit(end) for end in (one.lower, one.upper, two.lower, two.upper)]
+        half = max(0.5 * (max(places) - min(places)), one.share_of_range)
+        lower, upper = parameter.from_unit(min(places)), parameter.from_unit(max(places))
+        intervals[parameter.name] = Interval(one.value, lower, upper, half, _verdict(half))
+    return replace(found, intervals=intervals)
+
+
 def _about(space: ParameterSpace, candidate: Candidate, half: FloatArray) -> dict[str, Interval]:
     """Intervals of so many units of the box to either side of a candidate, cut at the bounds."""
     return {

@@ -18,6 +18,7 @@ from .forecast import Forecast, what_to_measure_next
 from .identifiability import (
     Identifiability,
     identify,
+    not_narrower,
     open_directions,
     unsettled,
     with_sample,
@@ -26,7 +27,7 @@ from .parameters import Candidate
 from .prior import Prior
 from .residuals import capacity_rows, noise_of_residuals, residuals, rms, rows_of
 from .shape import shaped
-from .simulated_posterior import Errors, simulated_posterior
+from .simulated_posterior import Errors, SimulatedPosterior, simulated_posterior
 from .simulation import Outcome
 from .task import Experiment, Task
 from .task import Protocol as StepProtocol
@@ -110,6 +111,10 @@ class PostFitAnalysis:
     reused: int = 0  # Derivatives that trials of the search had shown already.
     seconds: float = 0.0  # Wall time of these simulations, those that ran side by side added up.
     fade: tuple[FadeBand, ...] = ()  # Of each whole life the band of its capacity by cycle.
+    budget: int = 0  # Simulations that it might take: as many as the search.
+    # By what factor the noise was raised since the budget ended before draws came out as predicted; 1 if they did.
+    widened: float = 1.0
+    forgone: int = 0  # Simulations by which the budget does not suffice for further records; those are not looked for.
 
     def as_json(self) -> dict[str, Any]:
         """Plain dicts, lists, strings and numbers; what the records fix stands at the top level."""
@@ -136,6 +141,9 @@ class PostFitAnalysis:
             "reused": self.reused,
             "seconds": self.seconds,
             "fade": [asdict(band) for band in self.fade],
+            "budget": self.budget,
+            "widened": self.widened,
+            "forgone": self.forgone,
         }
 
     @classmethod
@@ -161,6 +169,9 @@ class PostFitAnalysis:
             content["reused"],
             content["seconds"],
             shaped(tuple[FadeBand, ...], content.get("fade", [])),
+            content.get("budget", 0),
+            content.get("widened", 1.0),
+            content.get("forgone", 0),
         )
 
 
@@ -168,8 +179,14 @@ class PostFitAnalysis:
 class _Spent:
     """Counts simulations as they finish."""
 
+    budget: int
     simulations: int = 0
     seconds: float = 0.0
+
+    @property
+    def left(self) -> int:
+        """Simulations that may still be made."""
+        return self.budget - self.simulations
 
     def counted(self, outcomes: Iterator[tuple[int, Outcome]], records: int) -> list[Outcome]:
         """The outcomes in the order of their candidates, each counted as so many simulations.
@@ -205,21 +222,36 @@ def analyse(
     """
     if best.residuals is None:
         return None
-    spent = _Spent()
+    spent = _Spent(len(trials))
     jacobian, reused, unknown, looked = _jacobian(task, trials, best, plugins, spent)
     errors = _errors(task, best, plugins, spent)
     residual = best.residuals + errors.shift
     prior, centre = Prior.of(task.space, priors), task.space.to_unit(best.candidate)
-    draws, noise = _posterior(task, trials, best, looked, jacobian, errors, prior, plugins, spent)
+    sampled, noise = _posterior(task, trials, best, looked, jacobian, errors, prior, plugins, spent)
     informed = prior.jacobian(jacobian, noise)
     straight = identify(informed, residual, task.space, best.candidate, noise=noise)
-    found = with_sample(straight, draws, task.space)
-    suggestions = _suggestions(task, best, informed, noise, plugins, spent)
+    found = with_sample(straight, sampled.draws, task.space)
+    if sampled.widened > 1.0:
+        # A sample that was cut short may not have seen the ends of a valley.
+        found = not_narrower(found, straight, task.space)
+    suggestions, forgone = _suggestions(task, best, informed, noise, plugins, spent)
     worst = max(found.intervals, key=lambda name: found.intervals[name].share_of_range)
     moving = unsettled(informed, prior.residuals(residual, centre, noise), noise, task.space.names)
     fade = _fade_bands(task, residual, jacobian, found.covariance)
     return PostFitAnalysis(
-        best.index, found, unknown, moving, worst, suggestions, spent.simulations, reused, spent.seconds, fade
+        best.index,
+        found,
+        unknown,
+        moving,
+        worst,
+        suggestions,
+        spent.simulations,
+        reused,
+        spent.seconds,
+        fade,
+        spent.budget,
+        sampled.widened,
+        forgone,
     )
 
 
@@ -286,8 +318,8 @@ def _posterior(
     prior: Prior,
     plugins: Simulating,
     spent: _Spent,
-) -> tuple[FloatArray, float]:
-    """Draws from the posterior in the unit box, and the noise that they stand on, in tolerances."""
+) -> tuple[SimulatedPosterior, float]:
+    """A sample of the posterior in the unit box, and the noise that it stands on, in tolerances."""
     assert best.residuals is not None
     space = task.space
     slopes = jacobian / errors.deviation[:, None]
@@ -300,15 +332,16 @@ def _posterior(
 
     known = [(space.to_unit(trial.candidate), trial.residuals) for trial in trials if trial.residuals is not None]
     known = [(space.to_unit(best.candidate), best.residuals), *known, *looked]
-    draws, excess = simulated_posterior(
+    sampled = simulated_posterior(
         [point for point, _ in known],
         [errors.whitened(residual) for _, residual in known],
         slopes,
         simulate,
         prior,
+        most=spent.left,
         **(_OF_A_LIFE if task.long else {}),
     )
-    return draws, excess * overall
+    return sampled, sampled.excess * overall
 
 
 def _jacobian(
@@ -346,8 +379,8 @@ def _jacobian(
 
 def _suggestions(
     task: Task, best: Trial, jacobian: FloatArray, noise: float, plugins: Simulating, spent: _Spent
-) -> tuple[Suggestion, ...]:
-    """Forecasts for the simulator's other protocols.
+) -> tuple[tuple[Suggestion, ...], int]:
+    """Forecasts for the simulator's other protocols, or how many simulations the budget lacks for them.
 
     What the records fix already is taken as known: a protocol is simulated only along the directions that
     they leave open, which needs a few simulations instead of one for every parameter.
@@ -355,7 +388,10 @@ def _suggestions(
     directions = open_directions(jacobian, noise)[:_MOST_DIRECTIONS]
     protocols = plugins.next_protocols() if len(directions) else {}
     if not protocols:
-        return ()
+        return (), 0
+    wanted = (1 + len(directions)) * len(protocols)
+    if wanted > spent.left:
+        return (), wanted - max(spent.left, 0)
     temperature = task.experiments[0].temperature_k
     nothing = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
     experiments = tuple(
@@ -366,7 +402,7 @@ def _suggestions(
     candidates = [dict(best.candidate), *(space.from_unit(point) for point in points)]
     outcomes = plugins.simulate_variant(candidates, experiments)
     if outcomes is None:
-        return ()
+        return (), 0
     here, *around = spent.counted(outcomes, len(experiments))
     moved = np.array(points) - space.to_unit(best.candidate)
     rows: dict[str, FloatArray] = {}
@@ -383,7 +419,8 @@ def _suggestions(
         rows[experiment.name] = np.array(changes).T @ np.linalg.pinv(moved.T)
         hours[experiment.name] = run.trajectory.duration / 3600.0
     forecasts = what_to_measure_next(jacobian, rows, space.names, noise)
-    return tuple(
+    found = (
         Suggestion(forecast.protocol, protocols[forecast.protocol], hours[forecast.protocol], forecast)
         for forecast in forecasts
     )
+    return tuple(found), 0

@@ -67,6 +67,16 @@ class Errors:
         return np.asarray(scaled - (1.0 - 1.0 / np.sqrt(1.0 + power)) * doubt * float(doubt @ scaled) / power)
 
 
+@dataclass(frozen=True, eq=False)
+class SimulatedPosterior:
+    """A sample, and what it stands on."""
+
+    draws: FloatArray  # In the unit box. Shape (n, p).
+    excess: float  # By what factor residuals are larger than their deviations.
+    # By what factor the sample was widened since simulations ended before draws came out as predicted; 1 if they did.
+    widened: float = 1.0
+
+
 def simulated_posterior(
     points: Sequence[FloatArray],
     residuals: Sequence[FloatArray],
@@ -75,8 +85,9 @@ def simulated_posterior(
     prior: Prior,
     rounds: int = _ROUNDS,
     at_once: int | None = None,
-) -> tuple[FloatArray, float]:
-    """Draws in the unit box, shape (n, p), and by what factor residuals are larger than their deviations.
+    most: int | None = None,
+) -> SimulatedPosterior:
+    """A sample of the posterior.
 
     Parameters
     ----------
@@ -90,15 +101,19 @@ def simulated_posterior(
         Residuals at points of shape (k, p), likewise; None for one that fails.
     rounds, at_once : int, optional
         How often draws are simulated and learnt from, and how many; by default the more, the more parameters.
+    most : int, optional
+        Simulations that all rounds may take together, a pair in each at least. Where fewer a round than ``at_once``
+        do not suffice for draws to come out as predicted, what the last ones are off counts as further noise.
     """
     seen, found = np.array(points), np.array(residuals)
     scale = effective_noise(found[0], seen.shape[1], 1.0)
     found = _reduced(found, scale)
     at_once = at_once or max(_AT_ONCE, _FOR_EACH * seen.shape[1])
+    affordable = at_once if most is None else max(min(most // rounds, at_once), 2)
     rng = np.random.default_rng(0)
     emulator: Emulator | None = None
     walkers = draws = np.zeros((0, 0))
-    off = np.inf
+    off, typical = np.inf, 0.0
     for number in range(rounds + 1):
         usable = _usable(seen, found)
         emulator = learn(prior.as_wide_as_the_box(seen[usable]), found[usable], emulator)
@@ -113,16 +128,22 @@ def simulated_posterior(
         draws = sample(costs, walkers, _LOOKING)
         if number == rounds or off < _SETTLED:
             break
-        wanted = prior.unit(_wanted(emulator, draws, at_once, prior, rng))
+        wanted = prior.unit(_wanted(emulator, draws, affordable, prior, rng))
         more = simulate(wanted)
         done = [place for place, residual in enumerate(more) if residual is not None]
         if done:
             made = _reduced(np.array([more[place] for place in done]), scale)
             places = prior.as_wide_as_the_box(wanted[done])
             missed = np.sum((emulator.residuals(places) - made) ** 2, axis=1)
-            off = float(np.quantile(missed, 0.9)) / excess**2
+            off, typical = (float(np.quantile(missed, share)) / excess**2 for share in (0.9, 0.5))
             seen, found = np.vstack([seen, wanted[done]]), np.vstack([found, made])
-    return prior.unit(sample(costs, going_on(draws, costs), MOVES)), excess
+    widened = 1.0
+    if affordable < at_once and off >= _SETTLED:
+        assert emulator is not None
+        # The cost of draws is about the number of parameters: an error as large doubles the variance.
+        widened = float(np.sqrt(1.0 + typical / seen.shape[1]))
+        costs = _posterior_cost(emulator, widened * excess, prior)
+    return SimulatedPosterior(prior.unit(sample(costs, going_on(draws, costs), MOVES)), excess, widened)
 
 
 def _reduced(residuals: FloatArray, scale: float) -> FloatArray:

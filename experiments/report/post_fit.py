@@ -40,13 +40,20 @@ def verdict_line(analysis: PostFitAnalysis) -> str:
 
 
 def caution_line(analysis: PostFitAnalysis) -> str:
-    """Why the intervals are not to be trusted; empty if nothing speaks against them."""
-    if not analysis.unsettled:
-        return ""
-    return (
-        f"The fit has not settled: {named(analysis.unsettled)} would move by more than the interval with another "
-        "step, so the intervals are too narrow. More simulations would tell."
-    )
+    """Why the intervals are not to be trusted, or are wider than they need be; empty if nothing speaks against them."""
+    sentences = []
+    if analysis.unsettled:
+        sentences.append(
+            f"The fit has not settled: {named(analysis.unsettled)} would move by more than the interval with another "
+            "step, so the intervals are too narrow. More simulations would tell."
+        )
+    if analysis.widened > 1.0:
+        sentences.append(
+            f"The analysis stopped after {analysis.simulations} simulations, for the search had {analysis.budget}: the "
+            f"sample of the parameters was not settled, so its noise was raised {number(analysis.widened, 2)} times "
+            "and no interval is narrower than that of a linear response. A longer search allows a longer analysis."
+        )
+    return " ".join(sentences)
 
 
 def groups_line(analysis: PostFitAnalysis) -> str:
@@ -57,6 +64,11 @@ def groups_line(analysis: PostFitAnalysis) -> str:
 
 def next_line(analysis: PostFitAnalysis, domain: Domain) -> str:
     """What to measure next and what it would do; empty if nothing was found that helps."""
+    if analysis.forgone:
+        return (
+            f"What to measure next was not looked for: it takes {analysis.forgone} simulations more than the budget, "
+            f"the {analysis.budget} of the search. A longer search allows a longer analysis."
+        )
     if not analysis.measure_next:
         return ""
     first = analysis.measure_next[0]

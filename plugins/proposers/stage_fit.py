@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from ...core.fit_settings import Box, Settings
-from ...core.identifiability import effective_noise
+from ...core.identifiability import residual_noise
 from ...core.least_squares import LeastSquares
 from ...core.parameters import Candidate
 from ...core.task import Task
@@ -34,12 +34,10 @@ the former a linear picture of a cell is a guess, and a gain of one of the latte
 _SHARE_OF_RANGE = 0.007
 """Finite difference of a parameter that has no deviation, as a share of its range."""
 
-_SETTLED = 0.7
-"""Share of the assumed noise below which a fit has left it behind: the priors then weigh too much."""
-
 _TOLD = 0.25
 """Information of the data on a parameter, in that of its prior, below which the parameter stays where it is: the data
-would narrow its prior by a tenth at most, for a simulation with every Jacobian."""
+would narrow its prior by a tenth at most, for a simulation with every Jacobian. It is that of data fitted to the least
+noise: what a misfit hides at first, the end of the fit may depend on."""
 
 _DATA: dict[Data, str] = {
     "open-circuit": "rests and currents up to C/10",
@@ -136,9 +134,14 @@ class Stage(ABC):
         return "finite differences" if self.takes_slopes else "a least-squares step"
 
     def _misfit_noise(self) -> float:
+        """The standard deviation that is likeliest given the misfit, its residuals taken as independent.
+
+        Neighbours are alike while a fit has not come to its end, as they are where the model lacks something: widened
+        by their correlation, the misfit of a fit on its way would end it there.
+        """
         seen = self._seen(self._here)
         assert seen is not None
-        return min(effective_noise(seen, int(np.count_nonzero(self._free)), _NOISE_FLOOR), _USUAL_NOISE)
+        return min(residual_noise(seen, int(np.count_nonzero(self._free)), _NOISE_FLOOR), _USUAL_NOISE)
 
     def _weighed(self, trial: Trial) -> FloatArray | None:
         """The view's residuals in standard deviations."""
@@ -208,8 +211,8 @@ class StageFit(Stage):
         )
 
     def _told(self, jacobian: FloatArray) -> NDArray[np.bool_]:
-        """Of which parameters the data say something beside their priors; all of those without one."""
-        information = np.sum(jacobian**2, axis=0)
+        """Of which parameters the data can say something beside their priors; all of those without one."""
+        information = np.sum((self._noise / _NOISE_FLOOR * jacobian) ** 2, axis=0)
         return np.asarray((information >= _TOLD) | (self._space.prior_weights == 0.0), dtype=np.bool_)
 
     @property
@@ -241,8 +244,11 @@ class StageFit(Stage):
         return f"{len(self._scan)} values over the ranges of those without a prior" if self._scan else super()._method
 
     def _improved(self) -> bool:
-        """Whether the misfit is now so much smaller than was assumed that the priors weigh too much."""
-        return self._misfit_noise() < _SETTLED * self._noise
+        """Whether the misfit has fallen below the assumed noise by more than the standard error of its estimate."""
+        seen = self._seen(self._here)
+        assert seen is not None
+        freedom = max(len(seen) - int(np.count_nonzero(self._free)), 1)
+        return self._misfit_noise() < (1.0 - (2.0 * freedom) ** -0.5) * self._noise
 
     def tell(self, trials: Sequence[Trial]) -> Trial:
         """Take in the trials of the candidates asked for, in order; the trial of the best point."""

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 from bsa.core.forecast import what_to_measure_next
-from bsa.core.identifiability import identify, residual_noise
+from bsa.core.identifiability import identify, not_narrower, residual_noise
 from bsa.core.least_squares import LeastSquares, solve
 from bsa.core.parameters import Parameter, ParameterSpace
 
@@ -65,6 +65,17 @@ def test_the_floor_keeps_a_noiseless_record_from_claiming_perfection() -> None:
     assert sharp.intervals["porosity"].share_of_range == pytest.approx(0.0)
     assert honest.intervals["porosity"].share_of_range > 0.05
     assert residual_noise(np.zeros(4), 1, floor=0.2) == 0.2
+
+
+def test_intervals_of_two_analyses_are_taken_together() -> None:
+    matrix = np.random.default_rng(3).normal(size=(30, 3)) * 10.0
+    sharp, wide = (identify(matrix, np.zeros(30), SPACE, SPACE.initial, noise=noise) for noise in (0.1, 1.0))
+    both = not_narrower(sharp, wide, SPACE).intervals
+    for name, interval in wide.intervals.items():
+        assert both[name].lower == pytest.approx(interval.lower)
+        assert both[name].upper == pytest.approx(interval.upper)
+        assert both[name].verdict == interval.verdict
+    assert not_narrower(wide, sharp, SPACE).intervals["radius [m]"].upper == pytest.approx(both["radius [m]"].upper)
 
 
 def test_the_report_is_json() -> None:

@@ -223,6 +223,10 @@ def test_a_fit_that_stopped_short_says_so(run_toy: RunToy, tmp_path: Path) -> No
     assert result.analysis is not None
     assert CAPACITY in result.analysis.unsettled
     report = (tmp_path / "report.html").read_text()
+    # Further records would take more simulations than the search had.
+    assert result.analysis.budget == 5
+    assert result.analysis.forgone > 0
+    assert "What to measure next was not looked for" in report
     assert "The fit has not settled" in report
 
 

@@ -22,10 +22,11 @@ def test_draws_follow_a_bent_valley_to_its_ends() -> None:
     centre = np.array([0.5, 0.5])
     start = [centre, *(centre + step for step in ([0.007, 0.0], [0.0, 0.007], [0.2, 0.0], [0.0, -0.2]))]
     slope = 200.0 * 0.7 / 0.49
-    draws, excess = simulated_posterior(
+    found = simulated_posterior(
         start, list(residuals(np.array(start))), np.array([[slope, slope], [0.0, 0.0]]), simulate, NO_PRIOR
     )
-    assert excess == 1.0
+    draws = found.draws
+    assert found.excess == found.widened == 1.0
     assert sum(asked) <= 64
     # A straight interval would leave the valley at once: at its ends the product is 40 % off along the tangent.
     low, high = np.quantile(draws, [0.025, 0.975], axis=0)
@@ -48,7 +49,7 @@ def test_a_valley_that_is_straight_takes_one_round() -> None:
 
     rng = np.random.default_rng(1)
     start = [np.full(2, 0.5), *rng.uniform(0.4, 0.6, size=(12, 2))]
-    draws, _ = simulated_posterior(start, list(line(np.array(start))), slopes, simulate, NO_PRIOR)
+    draws = simulated_posterior(start, list(line(np.array(start))), slopes, simulate, NO_PRIOR).draws
     deviation = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
     assert len(asked) == 1
     assert np.std(draws, axis=0) == pytest.approx(deviation, rel=0.12)
@@ -77,7 +78,7 @@ def test_many_parameters_with_priors_of_their_own_are_drawn_about_as_wide_as_the
         return list((points - 0.5) @ slopes.T)
 
     start = [np.full(18, 0.5), *(np.full(18, 0.5) + 0.01 * np.eye(18))]
-    draws, _ = simulated_posterior(start, respond(np.array(start)), slopes, respond, prior)
+    draws = simulated_posterior(start, respond(np.array(start)), slopes, respond, prior).draws
     expected = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes + np.diag(width**-2.0))))
     assert np.std(draws, axis=0) == pytest.approx(expected, rel=0.25)
 
@@ -92,6 +93,27 @@ def test_a_cell_that_runs_empty_early_does_not_spoil_what_is_learnt() -> None:
 
     rng = np.random.default_rng(1)
     start = [np.full(2, 0.5), *rng.uniform(0.4, 0.7, size=(12, 2))]
-    draws, _ = simulated_posterior(start, respond(np.array(start)), slopes, respond, NO_PRIOR)
+    draws = simulated_posterior(start, respond(np.array(start)), slopes, respond, NO_PRIOR).draws
     deviation = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
     assert np.std(draws, axis=0) == pytest.approx(deviation, rel=0.25)
+
+
+def test_a_budget_bounds_the_simulations_and_what_it_leaves_unknown_widens_the_sample() -> None:
+    """Draws of a bent valley that two simulations a round do not settle."""
+    asked = []
+
+    def simulate(points: np.ndarray) -> list[np.ndarray | None]:
+        asked.append(len(points))
+        return list(residuals(points))
+
+    centre = np.array([0.5, 0.5])
+    start = np.array([centre, *(centre + step for step in ([0.007, 0.0], [0.0, 0.007]))])
+    slope = 200.0 * 0.7 / 0.49
+    slopes = np.array([[slope, slope], [0.0, 0.0]])
+    found = simulated_posterior(start, list(residuals(start)), slopes, simulate, NO_PRIOR, rounds=2, most=5)
+    assert asked == [2, 2]
+    assert found.excess == 1.0
+    assert found.widened > 1.0
+    low, high = np.quantile(found.draws, [0.025, 0.975], axis=0)
+    assert np.all(low < 0.3)
+    assert np.all(high > 0.9)

@@ -9,7 +9,7 @@ from bsa.core.identifiability import Identifiability, Interval
 from bsa.core.journal import read_events
 from bsa.core.post_fit_analysis import PostFitAnalysis, Suggestion
 from bsa.experiments.cli.run import discover_command
-from bsa.experiments.report.identifiability import next_line
+from bsa.experiments.report.identifiability import caution_line, next_line
 from bsa_toy_cell import toy_scaffold, toy_task
 
 WIDE = "Contact resistance [Ohm]"
@@ -53,3 +53,11 @@ def test_advice_is_given_only_where_it_helps() -> None:
     line = next_line(analysis(0.48), CELL)
     assert line.startswith("None of the 1 protocols considered would narrow the widest interval (± 50 %")
     assert next_line(replace(analysis(0.3), measure_next=()), CELL) == ""
+
+
+def test_an_analysis_that_its_budget_ended_says_what_was_dropped() -> None:
+    assert caution_line(analysis(0.3)) == ""
+    ended = replace(analysis(0.3), measure_next=(), simulations=81, budget=92, widened=6.4, forgone=24)
+    assert "after 81 simulations, for the search had 92" in caution_line(ended)
+    assert "raised 6.4 times" in caution_line(ended)
+    assert "24 simulations more than the budget, the 92 of the search" in next_line(ended, CELL)

@@ -335,3 +335,57 @@ def test_a_first_cycle_whose_life_fails_is_given_up() -> None:
     failed = replace(start, residuals=None, failure=SimulationFailure("empty"), candidate=candidates[0])
     assert stage.tell([failed]) is start
     assert stage.ask(40) == []
+
+
+def stage_of(task: Task, residual: np.ndarray, budget: int = 40) -> StageFit:
+    """A stage that fits everything to everything, from a start with these residuals."""
+    choice = StageChoice(name="all", data="everything")
+    start = Trial(0, "initial", 0, task.space.initial, None, None, residual, Feedback(), (), 0.0)
+    free = np.ones(len(task.space), dtype=bool)
+    return StageFit(task, choice, view_of(task, "everything"), free, start, budget)
+
+
+def test_a_misfit_of_one_sign_is_weighed_by_its_size(task: Task) -> None:
+    """A fit on its way leaves neighbours alike: widened by their correlation, its misfit ended fits at 3 of 0.4 mV."""
+    count = len(rows_of(task).record)
+    expected = 3.0 * np.sqrt(count / (count - len(task.space)))
+    assert stage_of(task, np.full(count, 3.0)).numbers()["noise_tolerances"] == pytest.approx(expected)
+    assert stage_of(task, np.full(count, 0.1)).numbers()["noise_tolerances"] == 1.0
+    assert stage_of(task, np.full(count, 50.0)).numbers()["noise_tolerances"] == 10.0
+
+
+def test_the_noise_is_estimated_again_where_a_fit_leaves_less_than_was_assumed(task: Task) -> None:
+    """A straight model far from its priors: at the start's noise they hold it, at the noise it leaves they do not."""
+    count = len(rows_of(task).record)
+    slopes = np.random.default_rng(0).normal(size=(count, len(task.space)))
+    known = [replace(parameter, deviation=0.1, prior=True) for parameter in task.space]
+    task = replace(task, space=ParameterSpace(tuple(known)))
+    start = np.array([parameter.coordinate(task.space.initial[parameter.name]) for parameter in task.space])
+    goal = start + 2.0
+
+    def residual(candidate: Any) -> np.ndarray:
+        here = np.array([parameter.coordinate(candidate[parameter.name]) for parameter in task.space])
+        return 2.0 * slopes @ (here - goal)
+
+    stage = stage_of(task, residual(task.space.initial))
+    here, noise = None, []
+    while candidates := stage.ask(40):
+        noise.append(stage.numbers()["noise_tolerances"])
+        here = stage.tell([replace(stage._here, candidate=one, residuals=residual(one)) for one in candidates])
+    assert here is not None
+    assert noise[0] > 5.0
+    assert noise[-1] == 1.0
+    assert here.residuals is not None
+    assert float(here.residuals @ here.residuals) < 1.0
+
+
+def test_what_the_misfit_of_a_start_hides_is_fitted(task: Task) -> None:
+    """Information on a parameter is that at the end of a fit: at ten tolerances of noise a tenth of it shows."""
+    count = len(rows_of(task).record)
+    known = [replace(parameter, deviation=1.0, prior=True) for parameter in task.space]
+    task = replace(task, space=ParameterSpace(tuple(known)))
+    stage = stage_of(task, np.full(count, 50.0))
+    weak = np.zeros((count, len(task.space)))
+    weak[:, 0] = 0.1 / np.sqrt(count)  # a tolerance for each standard deviation of the prior
+    weak[:, 1] = 0.01 / np.sqrt(count)
+    assert stage._told(weak).tolist() == [True] + [False] * (len(task.space) - 1)
