@@ -3,8 +3,6 @@
 Both read the schema alone, never the task, so they serve any proposer that asks for changes or actions.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Carries every request to a server: bounded in time and size while it is read, and never on to another address."""
 
-from __future__ import annotations
-
 import re
 import ssl
 import time

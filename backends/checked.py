@@ -1,7 +1,5 @@
 """Routes and backends whose answers are checked before anything is built on them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

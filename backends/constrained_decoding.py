@@ -1,7 +1,5 @@
 """Holds a model in this process to a JSON Schema, token by token, whatever it would rather say."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """A person, a chat window or another program as the model: at the terminal, or by files in a folder."""
 
-from __future__ import annotations
-
 import json
 import sys
 import time

@@ -1,7 +1,5 @@
 """From what is written behind ``--backend`` to a backend."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

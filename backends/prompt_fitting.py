@@ -1,7 +1,5 @@
 """Shortens a prompt that does not fit into a model's context: memories go first, from the top."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Why a server cannot be reached, and what to do about it: one message for each cause."""
 
-from __future__ import annotations
-
 import errno
 import socket
 import ssl

@@ -1,7 +1,5 @@
 """The replies of an earlier run, given again without a model."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Tries again what may pass by itself: time-outs, rate limits, server errors, cut connections."""
 
-from __future__ import annotations
-
 import random
 import time
 from collections.abc import Callable, Mapping

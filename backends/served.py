@@ -1,7 +1,5 @@
 """What all models behind a server share: the order in which a call is tried, shortened, repeated and given up."""
 
-from __future__ import annotations
-
 import itertools
 import random
 import time

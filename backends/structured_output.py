@@ -1,7 +1,5 @@
 """Gets one JSON object out of any server: by tools or a schema, else by JSON mode, else by asking nicely."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace

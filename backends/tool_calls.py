@@ -1,7 +1,5 @@
 """A reply as the call of a tool: one tool for each alternative of the schema, and the call as one object again."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

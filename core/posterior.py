@@ -9,8 +9,6 @@ Goodman & Weare, Commun. Appl. Math. Comput. Sci. 5 (2010) 65 (stretch moves). t
 (differential evolution moves).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Ranks effects that a model may lack by what their signatures share with a discrepancy told in words."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

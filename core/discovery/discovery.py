@@ -1,7 +1,5 @@
 """The answer of a discovery, ready for ``discovery.json``."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field

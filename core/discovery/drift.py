@@ -3,8 +3,6 @@
 What is off in the first window is off in all of them, and no drift: windows are compared by what has changed since.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 

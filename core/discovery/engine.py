@@ -4,8 +4,6 @@ Fit the base model; score every effect on what it leaves; give the best ones a s
 side by side; fit what has not converged from where the best one ended; try pairs where it leaves more than noise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial

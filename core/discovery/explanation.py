@@ -1,7 +1,5 @@
 """An explanation that was tried: a set of effects with its refit and its judgement."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, field
 from typing import Any
 

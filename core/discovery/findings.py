@@ -1,7 +1,5 @@
 """How hard a discovery looks, and what it found."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """A cell that is cycled many times is calibrated on its first cycle, before it has aged, and looked at from there."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 

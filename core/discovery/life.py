@@ -4,8 +4,6 @@ What the fitted cycles have in common is taken out of the residuals (`Changes`),
 right stands for no mechanism. Later cycles are never fitted.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """The answer of a discovery over a life."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 
 from ..parameters import Candidate

@@ -1,7 +1,5 @@
 """Where the model is wrong: the residual by segment, rate, state of charge, time since the last step, and cycle."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

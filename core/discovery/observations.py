@@ -1,7 +1,5 @@
 """A record condensed to what a fit needs: a few hundred averages, each with its uncertainty."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The answer of a discovery on measured records."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, field
 
 from ..effect import Effect

@@ -1,7 +1,5 @@
 """A simulator that writes every answer into the journal, and on resume answers from it first."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import threading

@@ -1,7 +1,5 @@
 """The rules by which an explanation is accepted, and two are called indistinguishable; and the verdict they give."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

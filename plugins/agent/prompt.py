@@ -1,7 +1,5 @@
 """What the agent is told: Markdown sections with JSON blocks, then what it may answer."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 

@@ -1,7 +1,5 @@
 """The agent proposer: a round is one action, after as many free questions as it likes to ask, up to a few."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Effects that change the cell from cycle to cycle, and the leak that empties it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Effects on transport in the particles and in the electrolyte."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

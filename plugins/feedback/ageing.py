@@ -1,7 +1,5 @@
 """What a simulation of a long record shows: its fade beside the measured one, and the cycles that matter most."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

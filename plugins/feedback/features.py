@@ -1,7 +1,5 @@
 """Features a person would read off an overlay: how long each step took, and where its curve lies."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

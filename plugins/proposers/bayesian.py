@@ -1,7 +1,5 @@
 """Bayesian optimisation through Ax: one error, or the errors of charge, current and voltage at once."""
 
-from __future__ import annotations
-
 import logging
 import math
 import warnings

@@ -1,7 +1,5 @@
 """CMA-ES, asked and told through pycma."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ Continuation, as in Allgower & Georg, Introduction to Numerical Continuation Met
 that can be solved is led over into the hard one. Every reduced simulation is one of the run's.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """A numerical fit over the trials of a run: feasible first, then downhill, then from elsewhere if it is stuck."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Literal
 

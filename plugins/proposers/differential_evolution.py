@@ -1,7 +1,5 @@
 """Differential evolution by SciPy, on one number or on a weighted sum of the errors of each signal."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

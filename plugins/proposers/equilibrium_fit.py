@@ -11,8 +11,6 @@ Alexandrov & Lewis, Optim. Eng. 2 (2001) 413 (a cheaper model with an additive c
 Trans. Microw. Theory Tech. 52 (2004) 337 (space mapping).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

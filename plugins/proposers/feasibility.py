@@ -4,8 +4,6 @@ First what is gentle by rule, since it is cheap and mostly works; then continuat
 around the trial that got farthest.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Least squares on the step-aligned residuals: the numerical baseline, and the hybrid's engine."""
 
-from __future__ import annotations
-
 from ...core.hooks import ProposeContext, RunContext, hookimpl
 from ...core.proposal import Proposal
 from .descent import Descent, DescentOptions

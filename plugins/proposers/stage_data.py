@@ -1,7 +1,5 @@
 """The part of the records that informs a stage of a calibration, as a view on the residuals."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

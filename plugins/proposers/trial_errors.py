@@ -1,7 +1,5 @@
 """What blind optimisers are told of past trials: finite numbers, failed simulations included."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How an effect enters a PyBaMM model: options, parameter values, the current, and terms of the terminal voltage."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any

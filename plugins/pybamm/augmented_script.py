@@ -1,7 +1,5 @@
 """The augmented model as a script that needs pybamm alone."""
 
-from __future__ import annotations
-
 import pprint
 from collections.abc import Mapping, Sequence
 from pathlib import Path

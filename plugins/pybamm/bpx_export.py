@@ -5,8 +5,6 @@ References
 Battery Parameter eXchange, version 1.1, https://bpxstandard.com; PyBaMM reads it in ``pybamm.parameters.bpx``.
 """
 
-from __future__ import annotations
-
 import json
 import warnings
 from collections.abc import Callable, Mapping

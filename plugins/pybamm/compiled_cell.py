@@ -1,7 +1,5 @@
 """A cell model whose searched parameters are inputs: one compilation serves every candidate."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

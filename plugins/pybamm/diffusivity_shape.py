@@ -1,7 +1,5 @@
 """Diffusivities in particles that change with the stoichiometry, as factors near some of them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

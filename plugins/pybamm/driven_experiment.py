@@ -1,7 +1,5 @@
 """A record that is calibrated by its measured current: simulated at its own samples."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 

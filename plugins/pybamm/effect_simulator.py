@@ -1,7 +1,5 @@
 """The simulator of a discovery, run by PyBaMM."""
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The simulator of a discovery on records in worker processes."""
 
-from __future__ import annotations
-
 import pickle
 import tempfile
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """A cell at equilibrium under a measured current: the open-circuit voltage that belongs to the charge drawn so far."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

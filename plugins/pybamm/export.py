@@ -1,7 +1,5 @@
 """The calibrated cell as a Python script that needs pybamm alone."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

@@ -4,8 +4,6 @@ PyBaMM throws away the step in which the integrator gives up. Solved again for s
 where it began, it shows its last moments, and whether a concentration has run out in them.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 from typing import Any

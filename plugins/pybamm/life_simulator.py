@@ -1,7 +1,5 @@
 """The simulator of a discovery over a life: the whole of it, or one of its cycles alone."""
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """An experiment of hundreds of cycles: compiled once, run with nothing kept but the last state and a few curves."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate

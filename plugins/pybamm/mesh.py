@@ -1,7 +1,5 @@
 """Meshes whose lengths are symbols, so that geometry can be searched without a rebuild."""
 
-from __future__ import annotations
-
 from typing import Any, Literal
 
 import numpy as np

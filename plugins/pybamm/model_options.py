@@ -1,7 +1,5 @@
 """Model options as a person writes them, in PyBaMM's own spelling."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cache
 from typing import Any

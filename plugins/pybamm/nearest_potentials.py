@@ -1,7 +1,5 @@
 """Which published open-circuit potentials describe a cell: those of every installed set, fitted to slow records."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What a laboratory could run next on a cell: a short list that shows different things."""
 
-from __future__ import annotations
-
 from ...core.task import CellModel, Protocol
 from .parameter_sets import load
 

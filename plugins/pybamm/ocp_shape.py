@@ -1,7 +1,5 @@
 """Smooth corrections of the electrodes' open-circuit potentials, held to curves that fall with stoichiometry."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any

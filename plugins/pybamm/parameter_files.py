@@ -5,8 +5,6 @@ source file that the ``bpx`` package would write and import, and the nodes of Py
 only, for PyBaMM imports whatever they name.
 """
 
-from __future__ import annotations
-
 import ast
 import json
 import operator

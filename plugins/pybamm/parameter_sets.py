@@ -1,7 +1,5 @@
 """PyBaMM parameter sets: loading, filling gaps, and opening parameters to the search."""
 
-from __future__ import annotations
-
 import inspect
 import os
 from collections.abc import Iterable, Mapping

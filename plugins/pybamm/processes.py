@@ -1,7 +1,5 @@
 """Long-lived worker processes and the watch over them: a hang or a crash costs one job, not the run."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import queue

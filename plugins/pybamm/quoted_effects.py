@@ -1,7 +1,5 @@
 """Effects as source text, for scripts that need pybamm alone."""
 
-from __future__ import annotations
-
 import inspect
 import textwrap
 from collections.abc import Callable

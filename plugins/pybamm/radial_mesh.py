@@ -6,8 +6,6 @@ half a volt and a third of its capacity short on 20 points. No correction of a f
 is settled before anything is fitted.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """A discovery's simulator in worker processes: what does not depend on one another is simulated side by side."""
 
-from __future__ import annotations
-
 import pickle
 import threading
 from abc import ABC, abstractmethod

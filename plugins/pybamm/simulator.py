@@ -1,7 +1,5 @@
 """The PyBaMM simulator plugin."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 

@@ -1,7 +1,5 @@
 """An impedance spectrum as an experiment: the cell at rest, asked at the frequencies of the measured one."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any

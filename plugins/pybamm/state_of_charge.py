@@ -1,7 +1,5 @@
 """Where on its open-circuit curve a cell starts, and how much charge lies between its cut-offs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """From PyBaMM's solution of an experiment to a trajectory with steps."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """What is usually uncertain about a cell whose design is known: the default parameters of a discovery's base fit."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 from ...core.discovery.simulator import MeasuredRecord

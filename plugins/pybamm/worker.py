@@ -1,7 +1,5 @@
 """A task's candidates, simulated in worker processes that keep its compiled models warm."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

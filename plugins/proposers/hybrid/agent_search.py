@@ -1,7 +1,5 @@
 """A small fit at the agent's request, which leaves the main fit unchanged."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

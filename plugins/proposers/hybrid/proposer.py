@@ -7,8 +7,6 @@ agent that finds nothing better leaves the fit as it would be alone with a fifth
 saves it the way.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
