@@ -16,10 +16,7 @@ _ONLY = "answer"
 def tools(schema: JsonSchema, strictly: bool) -> list[dict[str, Any]]:
     """The tools that a model may call, as OpenAI's interface describes them.
 
-    Parameters
-    ----------
-    strictly : bool
-        Whether parameters are told in the subset that hosted models enforce.
+    ``strictly`` tells parameters in the subset that hosted models enforce.
     """
     return [_tool(own, strictly) for own in schema.get(ALTERNATIVES, (schema,))]
 

@@ -26,12 +26,8 @@ _TOPICS = {
 def rank(messages: Sequence[Message], most: int) -> dict[str, Any]:
     """A ranking of the effects that the last message lists, ``most`` at most.
 
-    A topic counts the more, the fewer signatures speak of it. Where nothing is shared the order of the list stays.
-
-    Parameters
-    ----------
-    messages : sequence of Message
-        The last one is JSON with ``discrepancy``, sentences, and ``effects``, each with ``name`` and ``signature``.
+    That message is JSON with ``discrepancy``, sentences, and ``effects``, each with ``name`` and ``signature``. A topic
+    counts the more, the fewer signatures speak of it. Where nothing is shared the order of the list stays.
     """
     prompt: Mapping[str, Any] = json.loads(messages[-1].text)
     seen = _topics(" ".join(prompt["discrepancy"]))

@@ -55,16 +55,7 @@ DEVIATION_V = 1e-3
 class LifeEngine:
     """Fits mechanisms to a life and judges them.
 
-    Parameters
-    ----------
-    simulate : callable
-        Simulates the whole life.
-    changes : Changes
-        What is compared.
-    max_effects : int
-        Mechanisms in one explanation at most.
-    at_once : int
-        Fits side by side: as many as there are simulations at a time.
+    ``at_once`` is how many fits run side by side: as many as there are simulations at a time.
     """
 
     def __init__(

@@ -83,17 +83,8 @@ def cycles_in_detail(
 ) -> list[dict[str, Any]]:
     """The simulated fade, and the steps of the cycles that matter most in a trial, for each record.
 
-    Parameters
-    ----------
-    curves : sequence of Trajectory or None
-        What was simulated of each record, or a thinned copy of it.
-    asked : sequence of int
-        Cycles that the proposer asked for.
-
-    Returns
-    -------
-    list of dict
-        JSON-ready, of the same size for any number of cycles.
+    ``curves`` are what was simulated of each record, or a thinned copy of it; ``asked`` the cycles that the proposer
+    asked for. JSON-ready, of the same size for any number of cycles.
     """
     found = []
     for experiment, curve in zip(task.experiments, curves, strict=True):

@@ -115,8 +115,6 @@ class BayesianProposer:
 class MultiObjectiveProposer(BayesianProposer):
     """The three errors as objectives of their own: Ax chooses qNEHVI for them (paper, Sec. 4.4).
 
-    References
-    ----------
     Daulton, Balandat & Bakshy, NeurIPS 2021, arXiv:2105.08195.
     """
 

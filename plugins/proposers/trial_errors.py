@@ -20,12 +20,8 @@ def total_error(trial: Trial) -> float:
 def finite_errors(trials: Sequence[Trial], error: Callable[[Trial], float] = total_error) -> FloatArray:
     """The errors of trials, shape (n,); a failed one counts as twice the worst that did not fail.
 
-    An infinite error would stop a surrogate or a ranking; an enormous one would flatten everything else.
-
-    Parameters
-    ----------
-    error : callable
-        What is minimised; infinite for a failed trial.
+    An infinite error would stop a surrogate or a ranking; an enormous one would flatten everything else. ``error`` is
+    what is minimised, infinite for a failed trial.
     """
     values = np.array([error(trial) if trial.ok else np.inf for trial in trials])
     known = values[np.isfinite(values)]

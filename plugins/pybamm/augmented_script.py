@@ -37,20 +37,10 @@ def augmented_script(
 ) -> str:
     """Source text of ``augmented_model.py``.
 
-    Parameters
-    ----------
-    targets : mapping of str to Target
-        What the base parameters act on, by their names.
-    measured_records : sequence of MeasuredRecord
-        The fitted records; their currents are written into the script.
-    resolution : Resolution
-        Mesh and tolerance: those that the discovery measured its discretisation with, so that the script's curve is
-        the report's.
-
-    Returns
-    -------
-    str
-        Runs without arguments: simulates each record and says how far it is from what was measured.
+    The script runs without arguments: it simulates each of the fitted records, whose currents are written into it, and
+    says how far it is from what was measured. ``targets`` are what the base parameters act on, by their names.
+    ``resolution`` is that with which the discovery measured its discretisation, so that the script's curve is the
+    report's.
     """
     augmented = augmented_cell(cell, effects)
     state = InitialState(load(cell.parameter_set, cell.overrides))

@@ -1,7 +1,5 @@
 """A calibrated cell as a BPX file, and what of it BPX cannot say.
 
-References
-----------
 Battery Parameter eXchange, version 1.1, https://bpxstandard.com; PyBaMM reads it in ``pybamm.parameters.bpx``.
 """
 
@@ -56,19 +54,9 @@ class BpxExport:
 def to_bpx(cell: CellModel, change: CellChange, experiment: Experiment, title: str) -> BpxExport:
     """A changed cell as BPX, checked by the ``bpx`` package.
 
-    Functions are tabulated at the temperature of the experiment, which becomes the reference temperature.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        Gives temperature and state of charge at the start.
-    title : str
-        The file's title. Untrusted.
-
-    Raises
-    ------
-    BsaError
-        If ``bpx`` is not installed, or the cell is not of the kind that BPX describes.
+    Functions are tabulated at the temperature of the experiment, which becomes the reference temperature; the
+    experiment gives the state of charge at the start too. The title is untrusted. Raises `BsaError` if ``bpx`` is not
+    installed, or the cell is not of the kind that BPX describes.
     """
     bpx = require("bpx", "bpx", "a BPX file")
     values = load(cell.parameter_set, cell.overrides)
@@ -91,13 +79,7 @@ def to_bpx(cell: CellModel, change: CellChange, experiment: Experiment, title: s
 
 
 class _Writer:
-    """Writes one cell.
-
-    Parameters
-    ----------
-    lithium : float
-        What the lithium that both electrodes share is multiplied by.
-    """
+    """Writes one cell; ``lithium`` is what the lithium that both electrodes share is multiplied by."""
 
     def __init__(self, values: Any, lithium: float) -> None:
         self._values, self._lithium = values, lithium

@@ -18,13 +18,7 @@ from .resolution import SEARCH, Resolution
 
 
 class DrivenExperiment:
-    """An experiment that is driven by its measured current, ready to be simulated for many candidates.
-
-    Parameters
-    ----------
-    cell, targets, resolution, baked
-        As for `CompiledExperiment`.
-    """
+    """An experiment that is driven by its measured current, ready to be simulated; see `CompiledExperiment`."""
 
     def __init__(
         self,

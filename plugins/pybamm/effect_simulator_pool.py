@@ -23,13 +23,7 @@ _LARGE = ("measured_record", "moments")
 
 
 class EffectService(RequestService):
-    """What each worker does.
-
-    Parameters
-    ----------
-    cell, targets, usual, fine
-        As for `EffectSimulator`.
-    """
+    """What each worker does; see `EffectSimulator`."""
 
     def __init__(
         self,
@@ -59,13 +53,7 @@ class EffectService(RequestService):
 
 
 class EffectSimulatorPool(RequestPool[Request, Prediction]):
-    """Predicts measured records; see `Simulator`.
-
-    Parameters
-    ----------
-    cell, targets, usual, fine
-        As for `EffectSimulator`.
-    """
+    """Predicts measured records in worker processes; see `Simulator` and `EffectSimulator`."""
 
     def __init__(
         self,

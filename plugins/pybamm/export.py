@@ -40,23 +40,9 @@ def script(
 ) -> str:
     """Python source that simulates a candidate as the final score does, without this package.
 
-    Names and protocol strings come from files and models: they enter as literals only, never as code or comments.
-
-    Parameters
-    ----------
-    task : Task
-        The cell model and the records.
-    candidate : Candidate
-        A value for every searched parameter, and for the effects' parameters.
-    effects : sequence of Effect
-        What is added to the cell model.
-    file_name : str
-        What the script will be called.
-
-    Returns
-    -------
-    str
-        A script that runs by itself, and a module that offers ``parameter_values()``, ``model()`` and ``simulate()``.
+    A script that runs by itself, and a module that offers ``parameter_values()``, ``model()`` and ``simulate()``; it
+    will be called ``file_name``. Names and protocol strings come from files and models: they enter as literals only,
+    never as code or comments. ``candidate`` has a value for every searched parameter and for the effects' parameters.
     """
     import jinja2
 

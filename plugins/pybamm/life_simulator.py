@@ -24,10 +24,7 @@ _KEPT = 3
 class LifeSimulator:
     """Simulates one request after the other; see `Answering`.
 
-    Parameters
-    ----------
-    task : Task
-        One life, whose space names the cell's own parameters.
+    The task is one life, whose space names the cell's own parameters.
     """
 
     at_once = 1
@@ -101,15 +98,7 @@ class LifeService(RequestService):
 
 
 class LifeSimulatorPool(RequestPool[LifeRequest, LifeResiduals]):
-    """Simulates a life in worker processes; see `Answering`.
-
-    Parameters
-    ----------
-    task : Task
-        As for `LifeSimulator`.
-    workers : int
-        How many processes at most.
-    """
+    """Simulates a life in worker processes; see `Answering` and `LifeSimulator`."""
 
     def __init__(self, task: Task, workers: int) -> None:
         cycles = len(task.experiments[0].protocol or ())

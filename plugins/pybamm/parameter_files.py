@@ -91,19 +91,10 @@ _INFORMATION = ("citations", "chemistry")
 
 
 def parsed(name: str, text: str) -> ParameterFile:
-    """A file's text as a parameter set that has been checked.
+    """A file's text as a parameter set that has been checked; ``name`` is the file's, for people.
 
-    Parameters
-    ----------
-    name : str
-        The file's, for people.
-    text : str
-        BPX, or what ``pybamm.ParameterValues.to_json`` writes. Untrusted.
-
-    Raises
-    ------
-    BsaError
-        If it is neither, or not valid.
+    The text is BPX, or what ``pybamm.ParameterValues.to_json`` writes, and untrusted. Raises `BsaError` if it is
+    neither, or not valid.
     """
     content = _json(name, text)
     is_bpx = {"Header", "Parameterisation"} <= set(content)
@@ -181,15 +172,8 @@ def _expressions_computed_here(kind: Any) -> Iterator[None]:
 def expression(text: str) -> Callable[[Any], Any]:
     """A BPX expression in ``x`` as a function of a number, an array or a PyBaMM symbol.
 
-    Parameters
-    ----------
-    text : str
-        Numbers, ``x``, ``+ - * / **``, ``exp``, ``tanh`` and ``cosh``. Untrusted; it is parsed and never run.
-
-    Raises
-    ------
-    BsaError
-        If it holds anything else.
+    Numbers, ``x``, ``+ - * / **``, ``exp``, ``tanh`` and ``cosh``; raises `BsaError` if it holds anything else. It is
+    untrusted: it is parsed and never run.
     """
     if len(text) > _LONGEST_EXPRESSION:
         raise BsaError(f"an expression has {len(text)} characters.", f"give a table beyond {_LONGEST_EXPRESSION}.")

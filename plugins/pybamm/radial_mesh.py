@@ -52,12 +52,8 @@ def radial_mesh(
     """Measure how many points the particles need.
 
     The record with the strongest current is driven on the base model as it is believed, with twice as many radial
-    points each time until the voltage moves by less than 10 mV (root mean square).
-
-    Parameters
-    ----------
-    soc : mapping of str to float, optional
-        By record, its initial state of charge; 0.9 for those not named.
+    points each time until the voltage moves by less than 10 mV (root mean square). ``soc`` is, by record, its initial
+    state of charge; 0.9 for those not named.
     """
     hardest = max(measured_records, key=lambda measured_record: float(np.max(np.abs(measured_record.record.current))))
     kept = evenly(len(hardest.record.time), _SAMPLES)

@@ -16,15 +16,8 @@ from .parameter_sets import load, pybamm
 def soc_at_voltage(cell: CellModel, voltage: float) -> float:
     """The state of charge at which the cell's open-circuit voltage is ``voltage``, kept within 0 to 1.
 
-    Found from the electrode stoichiometry limits of the cell (PyBaMM's electrode state-of-health model)
-    between its voltage cut-offs.
-
-    Parameters
-    ----------
-    cell : CellModel
-        The cell; only its parameter values matter.
-    voltage : float
-        Open-circuit voltage, V.
+    Found from the electrode stoichiometry limits of the cell (PyBaMM's electrode state-of-health model) between its
+    voltage cut-offs; only its parameter values matter.
     """
     values = load(cell.parameter_set, cell.overrides)
     lowest, highest = float(values["Lower voltage cut-off [V]"]), float(values["Upper voltage cut-off [V]"])
@@ -73,17 +66,12 @@ class _Start:
 class InitialState:
     """Initial concentrations at a state of charge, for any candidate, without touching the compiled model.
 
-    The electrodes hold :math:`Q_n` and :math:`Q_p` and share the lithium :math:`Q_{Li} = Q_n x + Q_p y` that
-    their initial concentrations in the parameter set amount to. The cell is full where
-    :math:`U_p(y) - U_n(x)` is the open-circuit voltage at 100 % and empty where it is that at 0 %; the state
-    of charge is linear in between (Mohtat et al., J. Power Sources 427 (2019) 101). PyBaMM's own route
-    through ``initial_soc`` changes the initial conditions behind a solver that has already been set up: of
-    several candidates in a row only the first is right.
-
-    Parameters
-    ----------
-    values : pybamm.ParameterValues
-        The cell's values, before anything is opened to the search.
+    The electrodes hold :math:`Q_n` and :math:`Q_p` and share the lithium :math:`Q_{Li} = Q_n x + Q_p y` that their
+    initial concentrations in the parameter set amount to. The cell is full where :math:`U_p(y) - U_n(x)` is the
+    open-circuit voltage at 100 % and empty where it is that at 0 %; the state of charge is linear in between (Mohtat et
+    al., J. Power Sources 427 (2019) 101). PyBaMM's own route through ``initial_soc`` changes the initial conditions
+    behind a solver that has already been set up: of several candidates in a row only the first is right. The set's
+    values are taken before anything is opened to the search.
     """
 
     def __init__(self, values: Any) -> None:
@@ -104,19 +92,10 @@ class InitialState:
         )
 
     def concentrations(self, change: CellChange, soc: float | None) -> dict[str, float]:
-        """Initial concentration of both electrodes by PyBaMM's names, mol/m3.
+        """Initial concentration of both electrodes by PyBaMM's names, mol/m3, of a changed cell.
 
-        Parameters
-        ----------
-        change : CellChange
-            What a candidate changes about the cell.
-        soc : float or None
-            State of charge, 0 to 1; None keeps the set's own negative electrode.
-
-        Raises
-        ------
-        ValueError
-            If the electrodes cannot hold the lithium at this state of charge.
+        Without a state of charge the negative electrode is the set's own. Raises `ValueError` if the electrodes cannot
+        hold the lithium at this state of charge.
         """
         start = self._start(change, soc)
         return {initial_concentration(which): start.stoichiometry[which] * start.highest[which] for which in ELECTRODES}
@@ -127,20 +106,10 @@ class InitialState:
         return {"lithium": lithium, **held}
 
     def voltages(self, change: CellChange, soc: float | None, drawn: FloatArray) -> FloatArray:
-        """Open-circuit voltage after charge was drawn, V, shape (n,).
+        """Open-circuit voltage after charge was drawn, V, shape (n,); see `concentrations`.
 
-        Parameters
-        ----------
-        change, soc
-            As for `concentrations`.
-        drawn : ndarray of shape (n,)
-            Lithium that has left the negative electrode since the start, mol per m2 of electrode. Beyond what an
-            electrode holds its potential stays at its last value.
-
-        Raises
-        ------
-        ValueError
-            As `concentrations`.
+        ``drawn``, shape (n,), is the lithium that has left the negative electrode since the start, mol per m2 of
+        electrode. Beyond what an electrode holds its potential stays at its last value.
         """
         start = self._start(change, soc)
         potentials = {
