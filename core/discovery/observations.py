@@ -151,11 +151,6 @@ def _steepness(charge: FloatArray, voltage: FloatArray, steps: NDArray[np.intp])
     return np.maximum(slope - 3 * float(np.median(usual)), 0.0) if usual else slope
 
 
-def evenly(count: int, most: int) -> NDArray[np.intp]:
-    """Indices of at most so many of ``count`` samples, evenly spread, both ends among them."""
-    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.intp))
-
-
 def after_jumps(record: Trajectory) -> FloatArray:
     """The samples' times, with each step's samples after the jump that begins it."""
     time = record.time.copy()

@@ -11,6 +11,7 @@ from ...core.ageing.residuals import CAPACITY_TOLERANCE, RESISTANCE_TOLERANCE
 from ...core.alignment import StepPair, pair_steps
 from ...core.simulation import ExperimentRun
 from ...core.task import Experiment, Task
+from ...core.thinning import evenly
 from ...core.trajectory import FloatArray, StepKind, Trajectory
 
 _SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -68,8 +69,7 @@ def measured_life(experiment: Experiment) -> dict[str, Any]:
 
 
 def _curve(table: CycleTable, measured: CycleTable) -> dict[str, Any]:
-    picks = np.unique(np.linspace(0, len(measured) - 1, min(len(measured), _CURVE_POINTS)).round().astype(np.intp))
-    cycles = measured.cycle[picks]
+    cycles = measured.cycle[evenly(len(measured), _CURVE_POINTS)]
     content: dict[str, Any] = {"at_cycles": [int(cycle) for cycle in cycles]}
     for column in ("capacity_ah", "resistance_ohm", "rested_voltage_v"):
         values = table.at(cycles, column)

@@ -7,13 +7,14 @@ from typing import Any
 
 import jinja2
 
-from ...core.discovery.observations import after_jumps, evenly
+from ...core.discovery.observations import after_jumps
 from ...core.discovery.simulator import MeasuredRecord
 from ...core.effect import Effect
 from ...core.parameters import Candidate
 from ...core.printable import shown
 from ...core.target import CellChange, Target, change_of
 from ...core.task import CellModel, ParameterFile
+from ...core.thinning import evenly
 from .augmentation import augmented_cell
 from .drive import current_function
 from .export import parameter_values_json

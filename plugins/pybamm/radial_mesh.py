@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...core.discovery.observations import after_jumps, evenly
+from ...core.discovery.observations import after_jumps
 from ...core.discovery.simulator import MeasuredRecord
 from ...core.task import CellModel
+from ...core.thinning import evenly
 from ...core.trajectory import FloatArray
 from .driven_cell import SEARCH, DrivenCell, within_limits
 from .resolution import FINE, Resolution
