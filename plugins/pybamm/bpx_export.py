@@ -18,7 +18,7 @@ from ...core.task import CellModel, Experiment
 from ...core.trajectory import FloatArray
 from .ocp_shape import GRID
 from .parameter_sets import arguments_of, bake, load, pybamm
-from .state_of_charge import InitialState, initial_concentration
+from .state_of_charge import InitialState, initial_concentration, maximum_concentration
 
 VERSION = "1.1.0"
 
@@ -173,7 +173,7 @@ class _Writer:
 
     def _electrode(self, side: str, empty: Mapping[str, float], full: Mapping[str, float]) -> dict[str, Any]:
         layer = self._layer(f"{side} electrode")
-        highest = self._number(f"Maximum concentration in {side.lower()} electrode [mol.m-3]")
+        highest = self._number(maximum_concentration(side))
         limits = sorted(state[initial_concentration(side)] / highest for state in (empty, full))
         radius = self._number(f"{side} particle radius [m]")
         entropic = self._course(f"{side} electrode OCP entropic change [V.K-1]", _STOICHIOMETRIES)

@@ -18,7 +18,7 @@ from .parameter_sets import bake, input_values, load, open_to_search, pybamm
 from .resolution import SEARCH, Resolution
 from .state_of_charge import InitialState, initial_concentration
 
-MODELS = {"SPM": "SPM", "SPMe": "SPMe", "DFN": "DFN"}
+MODELS = ("SPM", "SPMe", "DFN")
 
 PAUSE = ("Pause begins [s]", "Pause ends [s]")
 """Inputs of a cell that is driven by a measured current: no current passes between these two times."""
@@ -51,7 +51,7 @@ def make_model(cell: CellModel) -> Any:
         )
     options = {key: tuple(value) if isinstance(value, list) else value for key, value in cell.options.items()}
     try:
-        return getattr(pybamm.lithium_ion, MODELS[cell.model])(options)
+        return getattr(pybamm.lithium_ion, cell.model)(options)
     except pybamm.OptionError as error:
         raise BsaError(
             f"PyBaMM refuses the model options {options}: {' '.join(str(error).split())}",

@@ -17,14 +17,13 @@ from ...core.task import CellModel, Experiment, ParameterFile, Task
 from ...core.trajectory import StepKind
 from . import drive
 from .augmentation import augmented_cell
-from .compiled_cell import MODELS
 from .diffusivity_shape import by_diffusivity
 from .ocp_shape import BUMP_WIDTH, OcpCurves
 from .parameter_sets import FILL_FROM, bake, load, pybamm
 from .quoted_effects import quoted
 from .resolution import REFERENCE
 from .spectrum_experiment import DOUBLE_LAYERS
-from .state_of_charge import InitialState
+from .state_of_charge import InitialState, changed_values
 from .step_solutions import step_kind
 
 _TEMPLATE = "best_parameters.py.j2"
@@ -68,7 +67,7 @@ def script(
         parameter_set=str(task.cell.parameter_set),
         embedded=parameter_values_json(task.cell, change) if from_file else "",
         file_name=file_name,
-        model=MODELS.get(cell.model, cell.model),
+        model=cell.model,
         options={key: tuple(value) if isinstance(value, list) else value for key, value in cell.options.items()},
         effects=[quoted(number, effect, candidate) for number, effect in enumerate(effects, start=1)],
         overrides={name: float(value) for name, value in task.cell.overrides.items()},
@@ -90,11 +89,7 @@ def script(
 
 def parameter_values_json(cell: CellModel, change: CellChange) -> str:
     """The changed cell's whole parameter set as JSON that ``pybamm.ParameterValues.from_json`` reads."""
-    values = load(cell.parameter_set, cell.overrides)
-    bake(values, change)
-    if change.cyclable_lithium != 1.0:
-        values.update(InitialState(values).concentrations(CellChange(cyclable_lithium=change.cyclable_lithium), None))
-    return as_json(values)
+    return as_json(changed_values(cell, change))
 
 
 def as_json(values: Any) -> str:

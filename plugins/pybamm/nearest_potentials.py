@@ -17,6 +17,7 @@ from ...core.trajectory import SECONDS_PER_HOUR, FloatArray, StepKind, Trajector
 from .export import as_json
 from .ocp_shape import ELECTRODES, GRID, OcpCurves
 from .parameter_sets import load, pybamm, set_names
+from .state_of_charge import initial_concentration, maximum_concentration
 
 _POINTS = 200
 """Points of a slow step, at equal charges."""
@@ -208,11 +209,11 @@ def with_potentials(base: ParameterSource, found: Potentials) -> ParameterFile:
     fractions = {which: f"{which} electrode active material volume fraction" for which in ELECTRODES}
     larger: dict[str, float] = {}
     for which, fraction in fractions.items():
-        highest = float(values[f"Maximum concentration in {which.lower()} electrode [mol.m-3]"])
+        highest = float(values[maximum_concentration(which)])
         full, empty = found.stoichiometry[which]
         own = float(values[fraction]) * float(values[f"{which} electrode thickness [m]"]) * highest
         larger[which] = 1.0 / (abs(full - empty) * own)
-        values.update({f"Initial concentration in {which.lower()} electrode [mol.m-3]": full * highest})
+        values.update({initial_concentration(which): full * highest})
         values.update({ocp_name(which): load(found.sets[which])[ocp_name(which)]})
     mean = math.sqrt(math.prod(larger.values()))
     wanted = {fraction: float(values[fraction]) * larger[which] / mean for which, fraction in fractions.items()}

@@ -21,7 +21,6 @@ from ...core.extras import require
 from ...core.parameters import ParameterSpace
 from ...core.printable import listed, shown
 from ...core.shape import shaped
-from ...core.target import CellChange
 from ...core.task import CellModel, ParameterFile
 
 _LONGEST_EXPRESSION = 10_000
@@ -47,22 +46,8 @@ _NODES = {
     ),
     "unary_operators": ("Negate", "AbsoluteValue", "Sign", "Floor", "Ceiling"),
     "functions": (
-        *(
-            "Exp",
-            "Tanh",
-            "Cosh",
-            "Sinh",
-            "Sqrt",
-            "Log",
-            "Log10",
-            "Arcsinh",
-            "Arctan",
-            "Sin",
-            "Cos",
-            "Erf",
-            "Max",
-            "Min",
-        ),
+        *("Exp", "Tanh", "Cosh", "Sinh", "Sqrt", "Log", "Log10"),
+        *("Arcsinh", "Arctan", "Sin", "Cos", "Erf", "Max", "Min"),
     ),
     "interpolant": ("Interpolant",),
     "parameter": ("Parameter", "FunctionParameter"),
@@ -288,16 +273,10 @@ def _substituted(symbol: Any, arguments: Mapping[str, Any]) -> Any:
 
 def _calibrated(file: ParameterFile) -> dict[str, Any]:
     """A calibrated cell as a set of its own: the base set with everything that was found put in."""
-    from .parameter_sets import bake, load
-    from .state_of_charge import InitialState
+    from .state_of_charge import changed_values
 
     content = json.loads(file.text)
     cell: CellModel = shaped(CellModel, content["cell"])
     space = ParameterSpace(tuple(decode_parameter(parameter) for parameter in content["space"]))
     change = space.change(shaped(dict[str, float], content["candidate"]))
-    values = load(cell.parameter_set, cell.overrides)
-    bake(values, change)
-    if change.cyclable_lithium != 1.0:
-        lithium = CellChange(cyclable_lithium=change.cyclable_lithium)
-        values.update(InitialState(values).concentrations(lithium, None))
-    return dict(values)
+    return dict(changed_values(cell, change))

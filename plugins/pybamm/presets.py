@@ -180,18 +180,17 @@ def _from_person(
             parameter = replace(parameter, deviation=entry.deviation, prior=True)
         return parameter if entry.initial is None else _started(parameter, entry.initial)
     initial, target = initial_value(parameter_set, name, overrides), _target(parameter_set, name, overrides)
+    scale: Scale
     if entry.factors is not None:
         initial = initial if entry.initial is None else entry.initial
         lower, upper = sorted(initial * factor for factor in entry.factors)
         scale = entry.scale or ("log" if lower > 0 else "linear")
-        return Parameter(name, initial, lower, upper, scale, target, entry.deviation, entry.deviation is not None)
-    assert entry.lower is not None
-    assert entry.upper is not None
-    initial = min(max(initial, entry.lower), entry.upper) if entry.initial is None else entry.initial
-    scale = entry.scale or "linear"
-    return Parameter(
-        name, initial, entry.lower, entry.upper, scale, target, entry.deviation, entry.deviation is not None
-    )
+    else:
+        assert entry.lower is not None
+        assert entry.upper is not None
+        lower, upper, scale = entry.lower, entry.upper, entry.scale or "linear"
+        initial = min(max(initial, lower), upper) if entry.initial is None else entry.initial
+    return Parameter(name, initial, lower, upper, scale, target, entry.deviation, entry.deviation is not None)
 
 
 def _started(parameter: Parameter, initial: float) -> Parameter:

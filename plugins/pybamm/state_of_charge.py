@@ -10,7 +10,7 @@ from ...core.target import CellChange
 from ...core.task import CellModel, ParameterSource
 from ...core.trajectory import FloatArray
 from .ocp_shape import ELECTRODES, GRID, OcpCurves
-from .parameter_sets import load, pybamm
+from .parameter_sets import bake, load, pybamm
 
 
 def soc_at_voltage(cell: CellModel, voltage: float) -> float:
@@ -45,7 +45,8 @@ def equilibrium_capacity_ah(parameter_set: ParameterSource, overrides: Mapping[s
     return float(negative_ah * (full - empty))
 
 
-def _maximum(which: str) -> str:
+def maximum_concentration(which: str) -> str:
+    """PyBaMM's name for the lithium concentration that an electrode can hold."""
     return f"Maximum concentration in {which.lower()} electrode [mol.m-3]"
 
 
@@ -81,7 +82,7 @@ class InitialState:
             for name in (
                 f"{which} electrode active material volume fraction",
                 f"{which} electrode thickness [m]",
-                _maximum(which),
+                maximum_concentration(which),
                 initial_concentration(which),
             )
         }
@@ -153,7 +154,7 @@ class InitialState:
             fraction, thickness, c_max, initial = (
                 change.values.get(name, value) * change.factors.get(name, 1.0)
                 for name, value in self._base.items()
-                if self._is_of(name, which)
+                if which.lower() in name.lower()
             )
             highest[which] = c_max
             held[which] = fraction * thickness * c_max
@@ -169,8 +170,14 @@ class InitialState:
         voltage = np.maximum.accumulate(np.interp(y, GRID, positive_v) - negative_v[possible])
         return x, voltage, lithium, held, highest
 
-    def _is_of(self, name: str, which: str) -> bool:
-        return which.lower() in name.lower()
+
+def changed_values(cell: CellModel, change: CellChange) -> pybamm.ParameterValues:
+    """The whole parameter set of a changed cell, with the lithium that its electrodes then share."""
+    values = load(cell.parameter_set, cell.overrides)
+    bake(values, change)
+    if change.cyclable_lithium != 1.0:
+        values.update(InitialState(values).concentrations(CellChange(cyclable_lithium=change.cyclable_lithium), None))
+    return values
 
 
 def _number(values: Any, *names: str) -> float:
