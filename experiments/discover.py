@@ -120,14 +120,12 @@ def discover_on(
         return [r.key for r in asked[-1].ranked[:3]]
 
     findings = setup.engine(options.settings, listener, preferred).run()
-    before = problem.errors(_predicted(problem, findings.nearest_base))
+    before = problem.errors(_predicted(problem, findings.gap.nearest))
     predictions = _predicted(problem, findings.best)
-    noise = problem.noise_v
+    noise = findings.gap.noise_v
     places = localise(problem.observations, before, setup.capacity_ah)
     discovery = RecordDiscovery(
         findings,
-        noise,
-        problem.held_noise_v,
         places,
         localise(problem.observations, problem.errors(predictions), setup.capacity_ah),
         in_words(places, noise),

@@ -16,10 +16,10 @@ from ..parameters import Candidate, ParameterSpace
 from ..trajectory import FloatArray
 from .adequacy import judge
 from .explanation import Explanation, estimates_of
-from .findings import Findings, Listener, Nomination
+from .findings import Findings, Gap, Listener, Nomination
 from .progress import Progress
 from .refit import Refit, refit
-from .rules import RULES, Gap, ranked
+from .rules import RULES, ranked
 from .side_by_side import side_by_side
 
 Simulate = Callable[[tuple[Effect, ...], Sequence[Candidate]], Sequence[FloatArray | None]]
@@ -76,8 +76,9 @@ class LifeEngine:
         assert nothing is not None, "the cell without ageing runs: its first cycle was fitted"
         base = self._explanation((), self._unchanged(nothing))
         self._say(f"without ageing: {_in_words(base)}")
+        gap = Gap(base, base, DEVIATION_V, DEVIATION_V)
         if base.adequacy.adequate:
-            return Findings("no-missing-effect", base, base, reason="noise explains what changes from cycle to cycle")
+            return Findings("no-missing-effect", gap, base, reason="noise explains what changes from cycle to cycle")
         singles = self._fits({effect.key: partial(self._single, effect, base) for effect in catalogue})
         found = ranked([one for one in singles.values() if one is not None])
         if found and self._max_effects > 1 and not found[0].adequacy.adequate:
@@ -88,7 +89,7 @@ class LifeEngine:
             # A second mechanism also makes up for a law of the first that is not quite the cell's: only one with which
             # nothing is left is a mechanism.
             found = ranked([*found, *(pair for pair in pairs.values() if pair is not None and pair.adequacy.adequate)])
-        findings = RULES.decide(Gap(base, base, DEVIATION_V, DEVIATION_V), found)
+        findings = RULES.decide(gap, found)
         findings.nominations = [Nomination(effect, "" if singles[effect.key] else _NO_NEARER) for effect in catalogue]
         return findings
 

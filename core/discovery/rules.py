@@ -7,7 +7,7 @@ import numpy as np
 
 from .adequacy import FALSE_ALARM
 from .explanation import CLEAR_K, TEMPERATURE_DEVIATION_K, Explanation, clearly_nearer, temperature_misfit
-from .findings import Findings
+from .findings import Findings, Gap
 
 CLEAR_BIC = 10.0
 """Difference in BIC from which one explanation is clearly better than another (Kass and Raftery 1995)."""
@@ -59,17 +59,6 @@ def closed(before_v: float, after_v: float, noise_v: float) -> float:
     """Share of the excess variance that is gone: ``1 - (after^2 - noise^2) / (before^2 - noise^2)``."""
     excess = before_v**2 - noise_v**2
     return 1.0 if excess <= 0 else 1.0 - max(after_v**2 - noise_v**2, 0.0) / excess
-
-
-@dataclass(frozen=True)
-class Gap:
-    """What is to be closed."""
-
-    base: Explanation  # The base model, by its better likelihood.
-    nearest: Explanation  # The fit of the base model by which the gap is measured.
-    # noise_v, held_noise_v: Measurement noise of the fitted records and of the data not fitted, V.
-    noise_v: float
-    held_noise_v: float
 
 
 @dataclass(frozen=True)
@@ -167,14 +156,14 @@ class Rules:
         """The verdict on explanations that are sorted, the best first."""
         base, explanations = gap.base, list(best_first)
         if not explanations:
-            return Findings("unexplained", base, base, reason="no effect of the catalogue points the right way")
+            return Findings("unexplained", gap, base, reason="no effect of the catalogue points the right way")
         # A pair must beat each of its members clearly, on data not fitted too, or the simpler one stands.
         needed = [e for e in explanations if not self.needless(e, explanations)]
         accepted = [e for e in needed if not self.objection_to(e, gap)]
         if not accepted:
             first = needed[0]
             reason = f"{first.label}: {self.objection_to(first, gap)}"
-            return Findings("unexplained", base, first, explanations=explanations, reason=reason)
+            return Findings("unexplained", gap, first, explanations=explanations, reason=reason)
         best = accepted[0]
         for other in accepted[1:]:
             # Within what BIC can tell, the temperature that no fit was shown decides.
@@ -186,7 +175,7 @@ class Rules:
             reason += "; its fit did not converge, and its intervals may be too narrow"
         if equal:
             reason += f"; not to be told from {', '.join(e.label for e in equal)}"
-        return Findings("ambiguous" if equal else "effect-found", base, best, equal, explanations, reason=reason)
+        return Findings("ambiguous" if equal else "effect-found", gap, best, equal, explanations, reason=reason)
 
 
 RULES = Rules()

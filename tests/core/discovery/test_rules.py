@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from bsa.core.discovery.adequacy import Adequacy
 from bsa.core.discovery.explanation import TEMPERATURE_DEVIATION_K, Estimate, Explanation
+from bsa.core.discovery.findings import Gap
 from bsa.core.discovery.refit import Refit
-from bsa.core.discovery.rules import CLEAR_BIC, RULES, Gap, bic_difference
+from bsa.core.discovery.rules import CLEAR_BIC, RULES, bic_difference
 from bsa.core.effect import Effect, EffectParameter
 from bsa.core.parameters import Parameter, ParameterSpace
 
