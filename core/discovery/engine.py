@@ -16,7 +16,7 @@ from .fitting import LAG, Fitter
 from .nomination import most_simulations, nominate, nominate_second, screen
 from .problem import Problem
 from .progress import Progress
-from .rules import CLEAR_HELD, CLOSED_FITTED, RULES, bic_difference, closed, ranked
+from .rules import RULES, bic_difference, closed, ranked
 
 Screened = tuple[tuple[Effect, ...], Nomination]
 """Effects, and the nomination of the last of them with its short fit."""
@@ -27,7 +27,7 @@ _SECOND_EFFECTS = 4
 _MORE = 2
 """Times that the best explanation's fit is gone on with, where it has not converged."""
 
-_WORTHWHILE = CLEAR_HELD**2
+_WORTHWHILE = (1.0 - RULES.held_margin) ** 2
 """Share of a single effect's cost that a pair has to come down to in a short fit, to be fitted on: squares of errors
 that are clearly smaller. True second effects come to less than half; needless ones take a few percent."""
 
@@ -155,7 +155,7 @@ class Engine:
 
     def _explains(self, base: Explanation, best: Explanation) -> bool:
         share = closed(base.rmse_v, best.rmse_v, self.problem.noise_v)
-        return best.adequacy.adequate or share >= CLOSED_FITTED
+        return best.adequacy.adequate or share >= 1.0 - RULES.left_fitted
 
     def _race(
         self, base: Explanation, screened: Sequence[Screened], early_fitter: Fitter | None = None
@@ -182,7 +182,7 @@ class Engine:
         firsts = [e for e in singles[:2] if e is singles[0] or bic_difference(base, e) > 0]
         nearer = ranked([self._fitter.again(e, self.settings.refit_budget // 2) for e in firsts])
         everything = ranked([*nearer, *singles[len(firsts) :]])
-        if CLEAR_HELD * nearer[0].held_rmse_v >= self.problem.held_noise_v:
+        if (1.0 - RULES.held_margin) * nearer[0].held_rmse_v >= self.problem.held_noise_v:
             # Else no pair could predict data not fitted clearly better.
             everything += self.pair(base, nearer, nominations)
         return self.finish(base, ranked(everything))

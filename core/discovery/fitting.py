@@ -18,7 +18,7 @@ from .findings import Listener, Settings
 from .first_cycles import first_cycle, longer, near_cycles
 from .problem import Problem
 from .refit import Refit, Residuals, refit, slopes_at
-from .rules import CLEAR_BIC, bic_difference
+from .rules import RULES, bic_difference
 from .simulator import Prediction
 
 Fitted = tuple[tuple[Effect, ...], Refit]
@@ -34,7 +34,7 @@ _EASES, _SOC_SHIFTS = (0.0, 0.5, 1.0, 1.5), (0.0, 3.0, -4.0)
 """Places where a base fit may start: deviations of the priors by which parameters are larger and faster, and of the
 initial states of charge."""
 
-LAG = 2 * CLEAR_BIC
+LAG = 2 * RULES.clear_bic
 """Cost by which an explanation may lag behind the best one before it is dropped: twice a BIC that is clear."""
 
 _SHARES_OF_STRENGTH = (1.0, 0.7, 1.4, 0.5, 2.0, 0.25, 4.0)

@@ -9,7 +9,7 @@ from .explanation import Explanation
 from .findings import Nomination
 from .localisation import Place
 from .next_experiment import NextExperiment
-from .rules import bic, closed
+from .rules import RULES, bic, closed
 
 
 @dataclass(eq=False)
@@ -60,7 +60,7 @@ class RecordDiscovery(Discovery):
             "backend_ranking": None if self.ranking is None else asdict(self.ranking),
             "temperature_rms_k": self.temperature_rms_k,
             "mesh_correction_mv": 1e3 * self.findings.mesh_v,
-            "false_alarm_rate": 0.01,
+            "false_alarm_rate": RULES.false_alarm,
         }
 
     def _rationale(self, effect: Effect) -> str:

@@ -9,20 +9,6 @@ from .adequacy import FALSE_ALARM
 from .explanation import CLEAR_K, TEMPERATURE_DEVIATION_K, Explanation, clearly_nearer, temperature_misfit
 from .findings import Findings, Gap
 
-CLEAR_BIC = 10.0
-"""Difference in BIC from which one explanation is clearly better than another (Kass and Raftery 1995)."""
-
-CLEAR_HELD = 0.9
-"""An explanation predicts data not fitted clearly better where its error is below this share of the other's."""
-
-CLOSED_ENOUGH = 0.75
-"""Share of the excess variance that a named explanation must close: the error beyond noise is halved, as that of a
-temperature must be. Below it is a partial explanation."""
-
-CLOSED_FITTED = 0.5
-"""The same on fitted data, where data that was not fitted shows the gap too. A base model moves its parameters to fit
-what it is fitted to and hides part of its gap there, so that what an effect closes of it is understated."""
-
 
 def bic(explanation: Explanation, scale: Explanation, temperature_k: float = TEMPERATURE_DEVIATION_K) -> float:
     r"""BIC of an explanation by quasi-likelihood, on the scale that another one sets.
@@ -66,14 +52,18 @@ class Rules:
     """The rules with their constants, all that decide between the verdicts."""
 
     false_alarm: float = FALSE_ALARM  # Probability that noise alone is taken for a discrepancy.
-    clear_bic: float = CLEAR_BIC  # Difference in BIC from which one explanation is clearly better than another.
+    # Difference in BIC from which one explanation is clearly better than another (Kass and Raftery 1995).
+    clear_bic: float = 10.0
     # Times that difference which no further gain of an unfinished fit, and no prediction of other data, outweighs.
     far_ahead: float = 10.0
     # Share by which an error on data not fitted must be smaller to be clearly smaller.
-    held_margin: float = 1.0 - CLEAR_HELD
-    left_over: float = 1.0 - CLOSED_ENOUGH  # Share of the excess variance that a named explanation may leave.
-    # The same on fitted data, where data that was not fitted shows the gap too.
-    left_fitted: float = 1.0 - CLOSED_FITTED
+    held_margin: float = 0.1
+    # Share of the excess variance that a named explanation may leave: the error beyond noise is halved, as that of a
+    # temperature must be. One that leaves more is a partial explanation.
+    left_over: float = 0.25
+    # The same on fitted data, where data that was not fitted shows the gap too. A base model moves its parameters to
+    # fit what it is fitted to and hides part of its gap there, so that what an effect closes of it is understated.
+    left_fitted: float = 0.5
     # How well a model's temperature can be expected to agree with a sensor, K.
     temperature_k: float = TEMPERATURE_DEVIATION_K
     # What a temperature's error must be smaller by, besides being half as large, to be clearly smaller, K.

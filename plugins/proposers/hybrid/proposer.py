@@ -122,7 +122,7 @@ class HybridProposer:
             self._agent_search.tell(trials)
             if self._agent_search.over:
                 self._agent_search = None
-        # An reduced simulation is no attempt at the task.
+        # A reduced simulation is no attempt at the task.
         trials = [trial for trial in trials if trial.reduction is None]
         if not trials:
             return
