@@ -1,4 +1,4 @@
-"""What blind optimisers are told of past trials: finite numbers, failed simulations included."""
+"""What optimisers are told of past trials: numbers, failed simulations included."""
 
 from collections.abc import Callable, Sequence
 
@@ -15,6 +15,11 @@ ALL_WRONG = 300.0
 def total_error(trial: Trial) -> float:
     """The trial's objective; infinite after a failure."""
     return trial.objective
+
+
+def sum_of_squares(trial: Trial) -> float:
+    """What least squares minimise; infinite where the trial has no residuals."""
+    return float("inf") if trial.residuals is None else float(trial.residuals @ trial.residuals)
 
 
 def finite_errors(trials: Sequence[Trial], error: Callable[[Trial], float] = total_error) -> FloatArray:
