@@ -22,6 +22,8 @@ from ...core.parameters import ParameterSpace
 from ...core.printable import listed, shown
 from ...core.shape import shaped
 from ...core.task import CellModel, ParameterFile
+from .parameter_sets import pybamm, take_arguments
+from .state_of_charge import changed_values
 
 _LONGEST_EXPRESSION = 10_000
 _DEEPEST_EXPRESSION = 100
@@ -121,8 +123,6 @@ def _json(name: str, text: str) -> dict[str, Any]:
 
 
 def _bpx(file: ParameterFile) -> dict[str, Any]:
-    from .parameter_sets import pybamm
-
     bpx = require("bpx", "bpx", "a BPX file")
     content = json.loads(file.text)
     for text in _texts(content.get("Parameterisation")):
@@ -194,8 +194,6 @@ def _check(node: ast.AST, text: str, depth: int) -> None:
 
 
 def _computed(node: ast.AST, x: Any) -> Any:
-    from .parameter_sets import pybamm
-
     match node:
         case ast.BinOp(left, kind, right):
             return _OPERATORS[type(kind)](_computed(left, x), _computed(right, x))
@@ -220,8 +218,6 @@ def _parameter_values(file: ParameterFile) -> dict[str, Any]:
 
 
 def _value(name: str, value: Any) -> Any:
-    from .parameter_sets import pybamm
-
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return value
     if not isinstance(value, dict):
@@ -249,8 +245,6 @@ def _check_nodes(name: str, node: Any) -> None:
 
 def _as_function(symbol: Any) -> Callable[..., Any]:
     """A function of its arguments, as parameter sets have them, of an expression in their names."""
-    from .parameter_sets import take_arguments
-
     names = [str(name) for name in symbol.func_args]
 
     def function(*arguments: Any, **keywords: Any) -> Any:
@@ -261,8 +255,6 @@ def _as_function(symbol: Any) -> Callable[..., Any]:
 
 
 def _substituted(symbol: Any, arguments: Mapping[str, Any]) -> Any:
-    from .parameter_sets import pybamm
-
     if isinstance(symbol, pybamm.Parameter) and symbol.name in arguments:
         given = arguments[symbol.name]
         return given if isinstance(given, pybamm.Symbol) else pybamm.Scalar(given)
@@ -273,8 +265,6 @@ def _substituted(symbol: Any, arguments: Mapping[str, Any]) -> Any:
 
 def _calibrated(file: ParameterFile) -> dict[str, Any]:
     """A calibrated cell as a set of its own: the base set with everything that was found put in."""
-    from .state_of_charge import changed_values
-
     content = json.loads(file.text)
     cell: CellModel = shaped(CellModel, content["cell"])
     space = ParameterSpace(tuple(decode_parameter(parameter) for parameter in content["space"]))
