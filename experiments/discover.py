@@ -143,11 +143,10 @@ def discover_on(
         discovery.next_experiment = propose(setup.simulator, findings.best, rival, setup.capacity_ah, noise, ambient)
     if findings.verdict == "unexplained":
         discovery.closure = fit_closure(problem.observations, before, setup.capacity_ah)
-    found = findings.best
     errors = problem.temperature_errors(predictions)
     discovery.temperature_rms_k = {name: float(np.sqrt(np.mean(error**2))) for name, error in errors.items()}
     discovery.script = augmented_script(
-        case.cell, found.effects, found.fit.candidate, setup.space.targets, case.measured_records, setup.mesh.fine
+        case.cell, best.effects, best.fit.candidate, setup.space.targets, case.measured_records, setup.mesh.fine
     )
     discovery.simulations = setup.simulator.simulations
     discovery.wall_s = time.perf_counter() - setup.began
