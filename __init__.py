@@ -1,7 +1,5 @@
 """battery-sim-agent: parameterise physics-based battery models by reasoning."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:

@@ -1,7 +1,5 @@
 """Addresses of servers: where they are looked for, how they are shown, and who could read what is sent there."""
 
-from __future__ import annotations
-
 import ipaddress
 import os
 from urllib.parse import SplitResult, urlsplit

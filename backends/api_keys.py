@@ -1,7 +1,5 @@
 """Which environment variables hold keys, and which server each may go to. The keys themselves are never kept."""
 
-from __future__ import annotations
-
 import os
 
 from .addresses import is_private, ollama_address, origin

@@ -3,8 +3,6 @@
 Both read the schema alone, never the task, so they serve any proposer that asks for changes or actions.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -18,32 +16,33 @@ _SPREAD = 0.4
 """Standard deviation of the logarithm of a random change."""
 
 
-class RandomAdvice:
-    """Answers every question at random, in the form that was asked for."""
+class _Advice:
+    """What both have in common."""
 
-    name = "random-advice"
     sees_images = False
 
     def __init__(self, options: NoOptions | None = None) -> None:
         pass
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+
+class RandomAdvice(_Advice):
+    """Answers every question at random, in the form that was asked for."""
+
+    name = "random-advice"
 
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
         """See `Backend.complete`."""
         rng = np.random.default_rng(seed)
         return Reply(json.dumps(_fill(schema, rng, lambda: f"*{np.exp(_SPREAD * rng.standard_normal()):.4g}")))
 
-    def close(self) -> None:
-        """Nothing to release."""
 
-
-class AdversarialAdvice:
+class AdversarialAdvice(_Advice):
     """Sends the search into corners, always with the largest allowance, and never says that all is well."""
 
     name = "adversarial-advice"
-    sees_images = False
-
-    def __init__(self, options: NoOptions | None = None) -> None:
-        pass
 
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
         """See `Backend.complete`."""
@@ -54,9 +53,6 @@ class AdversarialAdvice:
         if "simulations" in answer:
             answer["simulations"] = schema["properties"]["simulations"]["maximum"]
         return Reply(json.dumps(answer))
-
-    def close(self) -> None:
-        """Nothing to release."""
 
 
 def _fill(

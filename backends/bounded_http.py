@@ -1,7 +1,5 @@
 """Carries every request to a server: bounded in time and size while it is read, and never on to another address."""
 
-from __future__ import annotations
-
 import re
 import ssl
 import time
@@ -101,12 +99,8 @@ class BoundedTransport(httpx.BaseTransport):
 class OwnServerTransport(BoundedTransport):
     """The same for a server of one's own, which gets the request, the one key meant for it, and nothing else.
 
-    Client libraries add headers from the environment that are meant for a provider: keys, organisation, project.
-
-    Parameters
-    ----------
-    key : str, optional
-        The server's key; a user name and password in its address go before it.
+    Client libraries add headers from the environment that are meant for a provider: keys, organisation, project. A user
+    name and password in the server's address go before ``key``.
     """
 
     def __init__(self, key: str | None) -> None:

@@ -1,7 +1,5 @@
 """The built-in backends. Factories import their libraries when called, so that listing stays fast."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from functools import partial
 

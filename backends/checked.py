@@ -1,7 +1,5 @@
 """Routes and backends whose answers are checked before anything is built on them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -14,13 +12,7 @@ from .route import NotReady, Route
 
 
 class CheckedBackend:
-    """Stands before a backend, and names it in whatever goes wrong there.
-
-    Raises
-    ------
-    BsaError
-        If it is no backend.
-    """
+    """Stands before a backend, and names it in whatever goes wrong there; raises `BsaError` if it is no backend."""
 
     def __init__(self, inner: Backend, who: str, made_by: str = "its factory") -> None:
         self._inner, self._who = inner, who
@@ -49,17 +41,8 @@ class CheckedBackend:
 class CheckedRoute:
     """Stands before a route, and names it in whatever goes wrong there.
 
-    Parameters
-    ----------
-    options : mapping
-        Its options, only what is to be set.
-    registry : Registry, optional
-        Where to look the name up; the installed one if unset.
-
-    Raises
-    ------
-    BsaError
-        If there is no such route, or it cannot be used, or it has no such option.
+    Of its ``options`` only those are given that are to be set; ``registry`` is by default that of what is installed.
+    Raises `BsaError` if there is no such route, or it cannot be used, or it has no such option.
     """
 
     def __init__(self, name: str, options: Mapping[str, Any], registry: Registry | None = None) -> None:

@@ -1,7 +1,5 @@
 """Holds a model in this process to a JSON Schema, token by token, whatever it would rather say."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from typing import Any
@@ -35,18 +33,9 @@ def closed(schema: JsonSchema) -> dict[str, Any]:
 class SchemaProcessor:
     """A logits processor that allows only what the schema allows, and ends in time.
 
-    When the tokens run out it takes the shortest way to the end of the object: a reply is never cut in
-    the middle.
-
-    Parameters
-    ----------
-    loaded : LoadedModel
-        The model; its `grammar_tokenizer` must not be None.
-
-    Raises
-    ------
-    ValueError
-        If the schema holds something that cannot be enforced.
+    When the tokens run out it takes the shortest way to the end of the object: a reply is never cut in the middle. The
+    model's `grammar_tokenizer` must not be None. Raises `ValueError` if the schema holds something that cannot be
+    enforced.
     """
 
     def __init__(self, loaded: LoadedModel, schema: JsonSchema, prompt_tokens: int, reply_tokens: int) -> None:

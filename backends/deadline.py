@@ -1,7 +1,5 @@
 """Ends the wait for a call that does not end by itself."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from typing import Generic, TypeVar

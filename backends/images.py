@@ -1,7 +1,5 @@
 """Overlay images for models that can see."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Sequence
 from dataclasses import replace

@@ -69,14 +69,8 @@ def _litellm() -> Any:
 class LiteLLMBackend(ServedBackend):
     """A model that litellm can reach.
 
-    Parameters
-    ----------
-    model : str
-        litellm's name, ``PROVIDER/MODEL``; with ``base_url`` the name that the server uses.
-    options : BackendOptions
-        What is to be sent along.
-    key_variable : str, optional
-        Environment variable with the key for that server.
+    ``model`` is litellm's name, ``PROVIDER/MODEL``; with ``base_url`` the name that the server uses. ``key_variable``
+    is the environment variable with the key for that server.
     """
 
     def __init__(

@@ -1,7 +1,5 @@
 """A short look at a server: whether it answers, and what it lists."""
 
-from __future__ import annotations
-
 import os
 from functools import cache
 from typing import Any

@@ -1,7 +1,5 @@
 """A person, a chat window or another program as the model: at the terminal, or by files in a folder."""
 
-from __future__ import annotations
-
 import json
 import sys
 import time
@@ -21,10 +19,7 @@ _END_MARK = "."
 class TerminalBackend:
     """Shows each prompt and reads the reply, up to the end of a JSON object or a line with a single dot.
 
-    Parameters
-    ----------
-    source, target : text stream, optional
-        Where to read and write; standard input and standard error.
+    Standard input and standard error, unless another ``source`` and ``target`` are given.
     """
 
     name = "manual"
@@ -74,15 +69,9 @@ def _is_whole(text: str) -> bool:
 class ExchangeBackend:
     """Leaves each prompt as ``prompt-NNN.json`` in a folder and waits for ``reply-NNN.txt``.
 
-    A prompt appears whole or not at all. A reply counts once it holds a JSON object, or has not grown
-    for two looks; whoever writes it elsewhere and renames it is on the safe side.
-
-    Parameters
-    ----------
-    folder : Path
-        The folder; made if missing.
-    timeout_s : float, optional
-        Longest wait for a reply in seconds; none if unset.
+    A prompt appears whole or not at all. A reply counts once it holds a JSON object, or has not grown for two looks;
+    whoever writes it elsewhere and renames it is on the safe side. The folder is made if missing; without ``timeout_s``
+    there is no end to the wait.
     """
 
     name = "manual"

@@ -1,7 +1,5 @@
 """Where the files of a Hugging Face model lie on this machine, found without importing anything heavy."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -58,19 +58,10 @@ class OllamaRoute(Route):
 
 
 class OllamaBackend(ServedBackend):
-    """A model that an Ollama server holds.
+    """A model that an Ollama server holds, by Ollama's name: ``qwen2.5:14b``.
 
-    Parameters
-    ----------
-    model : str
-        Ollama's name, ``qwen2.5:14b``.
-    options : BackendOptions
-        ``base_url`` is the server's address; without it ``OLLAMA_HOST`` or this machine.
-
-    Raises
-    ------
-    BsaError
-        If no server listens, or it does not hold the model.
+    The server's address is ``base_url``; without it ``OLLAMA_HOST`` or this machine. Raises `BsaError` if no server
+    listens, or it does not hold the model.
     """
 
     def __init__(self, model: str, options: BackendOptions, name: str) -> None:

@@ -1,7 +1,5 @@
 """Any OpenAI-compatible server by its address: vLLM, llama.cpp, ``transformers serve``."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from ..core.errors import BsaError

@@ -1,7 +1,5 @@
 """From what is written behind ``--backend`` to a backend."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -25,27 +23,14 @@ Given = Mapping[str, Any] | BackendOptions
 def open_backend(spec: str, options: Given | None = None, registry: Registry | None = None) -> Backend:
     """Open a language model.
 
-    Parameters
-    ----------
-    spec : str
-        ``NAME`` or ``NAME:MODEL``: a preset (``qwen2.5-14b``), a route and its model
-        (``litellm:openai/o3``, ``openai:my-model``, ``ollama:qwen2.5:14b``, ``transformers:PATH``,
-        ``replay:RUN``), ``manual``, ``rules``, or what a third party offers.
-    options : mapping or BackendOptions, optional
-        Options of the backend, only what is to be set. They are checked against its ``config_type``; ``votes`` and
-        ``review`` go with any backend.
-    registry : Registry, optional
-        Where to look the name up; the installed one if unset.
+    ``spec`` is ``NAME`` or ``NAME:MODEL``: a preset (``qwen2.5-14b``), a route and its model (``litellm:openai/o3``,
+    ``openai:my-model``, ``ollama:qwen2.5:14b``, ``transformers:PATH``, ``replay:RUN``), ``manual``, ``rules``, or what
+    a third party offers. Of its options only those are given that are to be set, and they are checked against its
+    ``config_type``; ``votes`` and ``review`` go with any backend, which is wrapped for them. ``registry`` is by default
+    that of what is installed.
 
-    Returns
-    -------
-    Backend
-        Checked, and wrapped for votes and review where asked for.
-
-    Raises
-    ------
-    BsaError
-        If there is no such backend, it has no such option, or it is not ready; the hint says what would make it so.
+    Raises `BsaError` if there is no such backend, it has no such option, or it is not ready; the hint says what would
+    make it so.
     """
     registry = registry or installed()
     name, own, around = _parted(spec, options, registry)

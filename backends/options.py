@@ -1,7 +1,5 @@
 """What can be set for a language model, whichever it is."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Literal
 from urllib.parse import urlsplit

@@ -1,7 +1,5 @@
 """Models by short name, and their names under each route: the file ``presets.yaml`` and the user's own."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Shortens a prompt that does not fit into a model's context: memories go first, from the top."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -16,10 +14,7 @@ class ContextTooSmallError(Exception):
 def drop_memory(messages: Sequence[Message]) -> tuple[list[Message], str] | None:
     """Drop the first section headed `MEMORY`, which is the oldest or least important.
 
-    Returns
-    -------
-    tuple of list of Message and str, or None
-        The shorter conversation and the heading dropped; None if nothing may be dropped.
+    Returns the shorter conversation and the heading dropped; None if nothing may be dropped.
     """
     messages = list(messages)
     for place, message in enumerate(messages):

@@ -1,7 +1,5 @@
 """Why a server cannot be reached, and what to do about it: one message for each cause."""
 
-from __future__ import annotations
-
 import errno
 import socket
 import ssl
@@ -74,18 +72,10 @@ _RULES = (
 
 
 def connection_failure(error: BaseException) -> TransientError | TimeoutError | None:
-    """What went wrong between here and a server; None if it answered.
+    """What went wrong between here and a server, by what a client library raised; None if it answered.
 
-    Parameters
-    ----------
-    error : Exception
-        What a client library raised, with its causes.
-
-    Returns
-    -------
-    TransientError, TimeoutError or None
-        `UnreachableError` if there was no connection, `TimeoutError` if the answer did not end in time, another
-        `TransientError` if it was cut or too long.
+    `UnreachableError` if there was no connection, `TimeoutError` if the answer did not end in time, another
+    `TransientError` if it was cut or too long.
     """
     causes = _causes(error)
     broken = next((cause for cause in causes if isinstance(cause, httpx.RequestError)), None)

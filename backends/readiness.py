@@ -1,7 +1,5 @@
 """Which models can be asked on this machine, and the one command that would make each of the others ready."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ..core.errors import BsaError

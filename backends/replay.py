@@ -1,7 +1,5 @@
 """The replies of an earlier run, given again without a model."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -78,17 +76,9 @@ def _reply(event: Mapping[str, Any], text: str) -> Reply:
 
 
 def replay(run: str) -> ReplayBackend:
-    """The replies of a run's journal.
+    """The replies of a run's journal, by its folder, the journal itself, or its name below ``runs/``.
 
-    Parameters
-    ----------
-    run : str
-        The run's folder, its journal, or its name below ``runs/``.
-
-    Raises
-    ------
-    BsaError
-        If there is no such run, or it asked no model.
+    Raises `BsaError` if there is no such run, or it asked no model.
     """
     given = Path(run)
     folder = given.parent if given.name == FILE_NAME else given

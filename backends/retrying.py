@@ -1,7 +1,5 @@
 """Tries again what may pass by itself: time-outs, rate limits, server errors, cut connections."""
 
-from __future__ import annotations
-
 import random
 import time
 from collections.abc import Callable, Mapping
@@ -25,12 +23,8 @@ _LONGEST_WAIT_S = 60.0
 class TransientError(Exception):
     """A failure that may pass by itself.
 
-    Parameters
-    ----------
-    retry_after_s : float, optional
-        When the server asked to be tried again.
-    server_fault : bool
-        Whether the server itself failed over the request (HTTP 500), rather than being busy or out of reach.
+    ``retry_after_s`` is when the server asked to be tried again; ``server_fault`` whether the server itself failed over
+    the request (HTTP 500), rather than being busy or out of reach.
     """
 
     def __init__(self, reason: str, retry_after_s: float | None = None, server_fault: bool = False) -> None:
@@ -43,12 +37,7 @@ class TransientError(Exception):
 class UnreachableError(TransientError):
     """There is no connection to the server, or none that makes sense.
 
-    Parameters
-    ----------
-    reason : str
-        What is wrong, with the address.
-    may_pass : bool
-        Whether it can pass by itself: a server may be starting, but a wrong scheme stays wrong.
+    ``may_pass`` is whether that can pass by itself: a server may be starting, but a wrong scheme stays wrong.
     """
 
     def __init__(self, reason: str, hint: str, may_pass: bool = False) -> None:
@@ -69,14 +58,8 @@ class Patience:
 class Persistence:
     """Attempts a call until it works; one for each reply, however many forms its request takes.
 
-    Parameters
-    ----------
-    patience : Patience
-        The limits, counted from now.
-    notes : list of str
-        Is told of every further attempt.
-    jitter : random.Random
-        Spreads the waits, so that many runs do not come back at the same moment.
+    The limits of ``patience`` are counted from now; ``notes`` get every further attempt, and ``jitter`` spreads the
+    waits, so that many runs do not come back at the same moment.
     """
 
     def __init__(self, patience: Patience, notes: list[str], jitter: random.Random) -> None:
@@ -93,17 +76,8 @@ class Persistence:
     def call(self, attempt: Callable[[float], T]) -> T:
         """Attempt until it works.
 
-        Parameters
-        ----------
-        attempt : callable
-            Is given the seconds it may take; raises `TransientError` for what is worth another try.
-
-        Raises
-        ------
-        BackendUnreachable
-            When there is no connection to the server.
-        BackendFailure
-            When a limit is reached.
+        ``attempt`` is given the seconds it may take, and raises `TransientError` for what is worth another try. Raises
+        `BackendUnreachable` when there is no connection to the server, and `BackendFailure` when a limit is reached.
         """
         for number in range(1, _MAX_ATTEMPTS + 1):
             # The first attempt is not cut short by the limit, which is on trying again.

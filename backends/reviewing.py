@@ -40,12 +40,8 @@ Reviewer = Callable[[str], Verdict]
 class ReviewingBackend(BackendAround):
     """Asks another backend, and a person about its reply.
 
-    Parameters
-    ----------
-    reviewer : callable, optional
-        Decides; a person at the terminal if unset.
-    recorder : Recorder, optional
-        Where the verdicts are written down; a resumed run does not ask for them again.
+    ``reviewer`` decides, by default a person at the terminal. What the recorder has of an interrupted run is not asked
+    for again.
     """
 
     def __init__(self, inner: Backend, reviewer: Reviewer | None = None, recorder: Recorder | None = None) -> None:
@@ -82,13 +78,7 @@ def _shown(text: str, schema: JsonSchema) -> str:
 
 
 class TerminalReviewer:
-    """A person at the terminal.
-
-    Parameters
-    ----------
-    source, target : text stream, optional
-        Where to read and write; standard input and standard error.
-    """
+    """A person at the terminal: standard input and standard error, unless ``source`` and ``target`` are given."""
 
     def __init__(self, source: TextIO | None = None, target: TextIO | None = None) -> None:
         self._source = source

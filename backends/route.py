@@ -1,7 +1,5 @@
 """What a route to language models is: a kind of server, a service or a library, by which models are asked by name."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What all models behind a server share: the order in which a call is tried, shortened, repeated and given up."""
 
-from __future__ import annotations
-
 import itertools
 import random
 import time
@@ -58,13 +56,7 @@ class Request:
 
 
 class ServedBackend(ABC):
-    """A model behind a server.
-
-    Parameters
-    ----------
-    server : str
-        What refusals are remembered by: route, address and model.
-    """
+    """A model behind a server; refusals are remembered by ``server``: route, address and model."""
 
     sees_images: bool
     strictest: StructuredBy = "schema"
@@ -78,18 +70,9 @@ class ServedBackend(ABC):
     def ask(self, request: Request, notes: list[str]) -> Answer:
         """Ask once.
 
-        Raises
-        ------
-        TransientError
-            If another attempt may work.
-        TimeoutError
-            If the answer did not end in time.
-        FormRefusedError
-            If the server does not take this form of request.
-        ContextTooSmallError
-            If the prompt is too long.
-        BsaError
-            If no attempt can work.
+        Raises `TransientError` if another attempt may work, `TimeoutError` if the answer did not end in time,
+        `FormRefusedError` if the server does not take this form of request, `ContextTooSmallError` if the prompt is too
+        long, and `BsaError` if no attempt can work.
         """
 
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:

@@ -1,7 +1,5 @@
 """Rewrites a schema into the subset that hosted models enforce strictly."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Gets one JSON object out of any server: by tools or a schema, else by JSON mode, else by asking nicely."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -19,10 +17,7 @@ _accepted: dict[str, StructuredBy] = {}
 class FormRefusedError(Exception):
     """The server does not take this form of request.
 
-    Parameters
-    ----------
-    certain : bool
-        Whether it said so, rather than failing over it; only then is it remembered.
+    Only where it said so, rather than failing over it, is that ``certain`` and remembered.
     """
 
     def __init__(self, reason: str, certain: bool = True) -> None:
@@ -33,21 +28,11 @@ class FormRefusedError(Exception):
 def descend(
     server: str, ask: Callable[[StructuredBy], T], notes: list[str], first: StructuredBy = "schema"
 ) -> tuple[T, StructuredBy]:
-    """Ask in the strictest form that the server takes.
+    """Ask in the strictest form that the server takes, ``first`` being the strictest one worth trying.
 
-    Parameters
-    ----------
-    server : str
-        What the memory of refusals goes by: route, address and model.
-    ask : callable
-        Asks in the given form; raises `FormRefusedError`.
-    first : {'tools', 'schema', 'json', 'text'}
-        The strictest form worth trying.
-
-    Raises
-    ------
-    FormRefusedError
-        If even plain text is refused: then the form was not the reason, and nothing is remembered.
+    Refusals are remembered by ``server``: route, address and model. ``ask`` asks in the given form; raises
+    `FormRefusedError`, as this does if even plain text is refused: then the form was not the reason, and nothing is
+    remembered.
     """
     start = max(LADDER.index(first), LADDER.index(_accepted.get(server, first)))
     refusals: list[str] = []

@@ -1,7 +1,5 @@
 """A reply as the call of a tool: one tool for each alternative of the schema, and the call as one object again."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 
@@ -18,10 +16,7 @@ _ONLY = "answer"
 def tools(schema: JsonSchema, strictly: bool) -> list[dict[str, Any]]:
     """The tools that a model may call, as OpenAI's interface describes them.
 
-    Parameters
-    ----------
-    strictly : bool
-        Whether parameters are told in the subset that hosted models enforce.
+    ``strictly`` tells parameters in the subset that hosted models enforce.
     """
     return [_tool(own, strictly) for own in schema.get(ALTERNATIVES, (schema,))]
 

@@ -45,13 +45,7 @@ class TransformersRoute(Route):
 
 
 class TransformersBackend:
-    """A model in this process.
-
-    Parameters
-    ----------
-    model : str
-        A folder in Hugging Face format, or a name on the hub.
-    """
+    """A model in this process: a folder in Hugging Face format, or a name on the hub."""
 
     sees_images = False
 

@@ -95,15 +95,7 @@ class Ballot:
 
 
 class VotingBackend(BackendAround):
-    """Asks another backend several times and merges the replies.
-
-    Parameters
-    ----------
-    inner : Backend
-        Is asked with a different seed for each vote.
-    recorder : Recorder, optional
-        Where the votes are written down.
-    """
+    """Asks another backend several times, with a different seed for each vote, and merges the replies."""
 
     def __init__(self, inner: Backend, votes: int, recorder: Recorder | None = None) -> None:
         super().__init__(inner)

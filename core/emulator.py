@@ -6,8 +6,6 @@ Kennedy & O'Hagan, J. R. Stat. Soc. B 63 (2001) 425. Rasmussen & Williams, Gauss
 (2006), Ch. 2 and 5.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -9,8 +9,6 @@ Goodman & Weare, Commun. Appl. Math. Comput. Sci. 5 (2010) 65 (stretch moves). t
 (differential evolution moves).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -25,7 +23,7 @@ _ALONG = 0.5
 
 _JUMP, _SCALES = 2.38, (0.3, 1.1)
 """Length of such a move over the root of twice the parameters, as its author has it, and of which shares are drawn: a
-bent valley wants shorter ones."""
+curved valley wants shorter ones."""
 
 _WHOLE = 0.1
 """Share of these moves that go the whole difference: from one valley to another."""

@@ -4,8 +4,6 @@ Along weakly determined directions no linear or quadratic model of the residuals
 of times what it says. So an emulator learns the residuals, its draws are simulated, and it learns from these.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

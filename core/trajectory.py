@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from .ageing.cycle_table import CycleTable
 from .errors import BsaError
+from .thinning import evenly
 
 FloatArray = NDArray[np.float64]
 
@@ -246,7 +247,7 @@ class Trajectory:
         count = 0
         for step in steps:
             size = step.stop - step.start
-            picks = np.unique(np.linspace(0, size - 1, min(size, samples_per_step)).round().astype(np.intp))
+            picks = evenly(size, samples_per_step)
             kept.append(step.start + picks)
             new_steps.append(replace(step, start=count, stop=count + len(picks)))
             count += len(picks)

@@ -120,14 +120,12 @@ def discover_on(
         return [r.key for r in asked[-1].ranked[:3]]
 
     findings = setup.engine(options.settings, listener, preferred).run()
-    before = problem.errors(_predicted(problem, findings.nearest_base))
+    before = problem.errors(_predicted(problem, findings.gap.nearest))
     predictions = _predicted(problem, findings.best)
-    noise = problem.noise_v
+    noise = findings.gap.noise_v
     places = localise(problem.observations, before, setup.capacity_ah)
     discovery = RecordDiscovery(
         findings,
-        noise,
-        problem.held_noise_v,
         places,
         localise(problem.observations, problem.errors(predictions), setup.capacity_ah),
         in_words(places, noise),
@@ -145,11 +143,10 @@ def discover_on(
         discovery.next_experiment = propose(setup.simulator, findings.best, rival, setup.capacity_ah, noise, ambient)
     if findings.verdict == "unexplained":
         discovery.closure = fit_closure(problem.observations, before, setup.capacity_ah)
-    found = findings.best
     errors = problem.temperature_errors(predictions)
     discovery.temperature_rms_k = {name: float(np.sqrt(np.mean(error**2))) for name, error in errors.items()}
     discovery.script = augmented_script(
-        case.cell, found.effects, found.fit.candidate, setup.space.targets, case.measured_records, setup.mesh.fine
+        case.cell, best.effects, best.fit.candidate, setup.space.targets, case.measured_records, setup.mesh.fine
     )
     discovery.simulations = setup.simulator.simulations
     discovery.wall_s = time.perf_counter() - setup.began

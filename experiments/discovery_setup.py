@@ -89,10 +89,8 @@ def set_up(
     floor = 1e-3 * options.floor_mv
     problem = Problem(
         simulator,
-        case.measured_records,
-        [observe(s.name, s.record, s.ambient_k, options.points, floor) for s in case.measured_records],
-        case.held,
-        [observe(s.name, s.record, s.ambient_k, options.points, floor) for s in case.held],
+        [observe(one, options.points, floor) for one in case.measured_records],
+        [observe(one, options.points, floor) for one in case.held],
     )
     capacity = float(load(cell.parameter_set, cell.overrides)["Nominal cell capacity [A.h]"])
     passed_over: list[str] = []

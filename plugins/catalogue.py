@@ -1,7 +1,5 @@
 """The built-in plugins. Imports stand inside the hooks and factories, so that listing stays fast."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from ..core.cell import CELL

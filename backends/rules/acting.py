@@ -1,7 +1,5 @@
 """Which action to take beside a numerical fit: leave it alone while it gets on, step in where it is stuck."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from .reading import Prompt

@@ -1,7 +1,5 @@
 """The backend that needs nothing: a fresh machine uses it, and says so."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Sequence

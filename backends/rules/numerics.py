@@ -33,10 +33,7 @@ class Numerics:
     def read(cls, content: object, parameters: Sequence[str] = ()) -> Numerics:
         """From the content of a section; whatever is not of its form is left out.
 
-        Parameters
-        ----------
-        parameters : sequence of str
-            In the order of the prompt's table, by whose numbers the record may name them.
+        ``parameters`` are in the order of the prompt's table, by whose numbers the record may name them.
         """
         if not isinstance(content, Mapping):
             return cls()

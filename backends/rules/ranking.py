@@ -1,7 +1,5 @@
 """Ranks effects that a model may lack by what their signatures share with a discrepancy told in words."""
 
-from __future__ import annotations
-
 import json
 import math
 import re
@@ -28,12 +26,8 @@ _TOPICS = {
 def rank(messages: Sequence[Message], most: int) -> dict[str, Any]:
     """A ranking of the effects that the last message lists, ``most`` at most.
 
-    A topic counts the more, the fewer signatures speak of it. Where nothing is shared the order of the list stays.
-
-    Parameters
-    ----------
-    messages : sequence of Message
-        The last one is JSON with ``discrepancy``, sentences, and ``effects``, each with ``name`` and ``signature``.
+    That message is JSON with ``discrepancy``, sentences, and ``effects``, each with ``name`` and ``signature``. A topic
+    counts the more, the fewer signatures speak of it. Where nothing is shared the order of the list stays.
     """
     prompt: Mapping[str, Any] = json.loads(messages[-1].text)
     seen = _topics(" ".join(prompt["discrepancy"]))

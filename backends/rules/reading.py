@@ -3,8 +3,6 @@
 Any plugin may write any section, so whatever does not have a section's form is left out.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """From what was read to a change: the smallest one that the inferred slopes say removes the mismatch."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What the prompt lets one infer about how each parameter moves each feature."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from ..thinning import evenly
 from ..trajectory import FloatArray, Trajectory
 from .cycle_table import CycleTable
 
@@ -18,8 +19,7 @@ _LINES = 24
 
 def compared_cycles(measured: CycleTable) -> NDArray[np.intp]:
     """Places of the lines of a table that give residuals."""
-    picks = np.linspace(0, len(measured) - 1, min(len(measured), _LINES)).round().astype(np.intp)
-    return np.asarray(np.unique(picks))
+    return evenly(len(measured), _LINES)
 
 
 def table_residuals(simulated: Trajectory | None, measured: CycleTable) -> FloatArray:

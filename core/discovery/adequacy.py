@@ -1,7 +1,5 @@
 """Whether what is left is noise: tests of size and of structure."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """An empirical correction for what no effect explains; it describes, it does not explain."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

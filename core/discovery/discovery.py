@@ -1,7 +1,5 @@
 """The answer of a discovery, ready for ``discovery.json``."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
@@ -13,7 +11,7 @@ from ..effect import Effect
 from .explanation import Explanation
 from .findings import Findings, Nomination
 from .ranking import Ranking
-from .rules import RULES, Gap, bic_difference
+from .rules import RULES, bic_difference
 
 Json = dict[str, Any]
 
@@ -84,10 +82,6 @@ class Discovery(ABC):
         """What this kind of discovery has besides."""
 
     @abstractmethod
-    def _limits(self) -> Gap:
-        """What explanations are judged by."""
-
-    @abstractmethod
     def _seen(self, explanation: Explanation | None, nomination: Nomination | None) -> Json:
         """What a candidate's row says in this kind of discovery's own units."""
 
@@ -143,7 +137,7 @@ class Discovery(ABC):
             return ""
         if explanation in self.findings.rivals:
             return "cannot be told from the best"
-        reason = RULES.objection_to(explanation, self._limits())
+        reason = RULES.objection_to(explanation, self.findings.gap)
         return reason or "explains the data less well than the best, or needs more effects for the same"
 
 

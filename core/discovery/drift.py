@@ -3,8 +3,6 @@
 What is off in the first window is off in all of them, and no drift: windows are compared by what has changed since.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -47,14 +45,8 @@ class Drift:
 def drifts(simulate: Simulate, cycles: Sequence[int], space: ParameterSpace, quantities: Quantities) -> list[Drift]:
     """Fit the windows one after the other, each from where the one before it ended.
 
-    Parameters
-    ----------
-    cycles : sequence of int
-        The windows; the first one is what the others are compared with, at the initial values.
-    space : ParameterSpace
-        What drifts.
-    quantities : callable
-        What is told of a window, for values of the parameters.
+    The windows are ``cycles``, of which the first one, at the initial values, is what the others are compared with;
+    ``space`` is what drifts, and ``quantities`` what is told of a window's values.
     """
     (first,) = simulate(cycles[0], [space.initial])
     assert first is not None, "the first window is that of a cell that was fitted"

@@ -4,25 +4,19 @@ Fit the base model; score every effect on what it leaves; give the best ones a s
 side by side; fit what has not converged from where the best one ended; try pairs where it leaves more than noise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeVar
 
 from ..effect import Effect, Evidence
 from ..parameters import ParameterSpace
 from .explanation import Explanation
-from .findings import Findings, Listener, Nomination, Settings
+from .findings import Findings, Gap, Listener, Nomination, Settings
 from .fitting import LAG, Fitter
 from .nomination import most_simulations, nominate, nominate_second, screen
 from .problem import Problem
 from .progress import Progress
-from .rules import CLEAR_HELD, CLOSED_FITTED, RULES, Gap, bic_difference, closed, ranked
-from .side_by_side import side_by_side
-
-T = TypeVar("T")
+from .rules import RULES, bic_difference, closed, ranked
 
 Screened = tuple[tuple[Effect, ...], Nomination]
 """Effects, and the nomination of the last of them with its short fit."""
@@ -33,7 +27,7 @@ _SECOND_EFFECTS = 4
 _MORE = 2
 """Times that the best explanation's fit is gone on with, where it has not converged."""
 
-_WORTHWHILE = CLEAR_HELD**2
+_WORTHWHILE = (1.0 - RULES.held_margin) ** 2
 """Share of a single effect's cost that a pair has to come down to in a short fit, to be fitted on: squares of errors
 that are clearly smaller. True second effects come to less than half; needless ones take a few percent."""
 
@@ -105,17 +99,21 @@ class Engine:
         if explanations and fitter.as_new is None:
             base = fitter.without(base, explanations[0])
         if base.adequacy.adequate:
-            why = _why_adequate(base)
-            return Findings("no-missing-effect", base, base, [], explanations, known.nominations, why, known.mesh_v)
+            of, gap = base.adequacy, self._gap(base, base)
+            why = f"noise explains the residual (size p = {of.p_size:.2g}, structure p = {of.p_structure:.2g})"
+            return Findings("no-missing-effect", gap, base, [], explanations, known.nominations, why, known.mesh_v)
         unfinished = bool(explanations) and not explanations[0].adequacy.adequate
         # Over many cycles a little charge lost on the way fits what sampling hides of the current: no second effect.
         if unfinished and self.settings.max_effects > 1 and fitter.as_new is None:
             explanations = self.add_second(base, explanations, known.nominations)
         explanations = self._exact(explanations)
         nearest = min(calibrated, base, key=lambda fit: fit.rmse_v)
-        findings = RULES.decide(Gap(base, nearest, self.problem.noise_v, self.problem.held_noise_v), explanations)
-        findings.nominations, findings.mesh_v, findings.nearest_base = known.nominations, known.mesh_v, nearest
+        findings = RULES.decide(self._gap(base, nearest), explanations)
+        findings.nominations, findings.mesh_v = known.nominations, known.mesh_v
         return findings
+
+    def _gap(self, base: Explanation, nearest: Explanation) -> Gap:
+        return Gap(base, nearest, self.problem.noise_v, self.problem.held_noise_v)
 
     # --- single effects -------------------------------------------------------------------------------------
 
@@ -153,11 +151,11 @@ class Engine:
             short_fit(nomination)
             self._progress.refitted(nomination, cost)
 
-        self._side_by_side([partial(one, nomination) for nomination in nominations])
+        self.problem.side_by_side([partial(one, nomination) for nomination in nominations])
 
     def _explains(self, base: Explanation, best: Explanation) -> bool:
         share = closed(base.rmse_v, best.rmse_v, self.problem.noise_v)
-        return best.adequacy.adequate or share >= CLOSED_FITTED
+        return best.adequacy.adequate or share >= 1.0 - RULES.left_fitted
 
     def _race(
         self, base: Explanation, screened: Sequence[Screened], early_fitter: Fitter | None = None
@@ -184,7 +182,7 @@ class Engine:
         firsts = [e for e in singles[:2] if e is singles[0] or bic_difference(base, e) > 0]
         nearer = ranked([self._fitter.again(e, self.settings.refit_budget // 2) for e in firsts])
         everything = ranked([*nearer, *singles[len(firsts) :]])
-        if CLEAR_HELD * nearer[0].held_rmse_v >= self.problem.held_noise_v:
+        if (1.0 - RULES.held_margin) * nearer[0].held_rmse_v >= self.problem.held_noise_v:
             # Else no pair could predict data not fitted clearly better.
             everything += self.pair(base, nearer, nominations)
         return self.finish(base, ranked(everything))
@@ -230,7 +228,7 @@ class Engine:
                 for n in screened
                 if n.screened is not None and n.effect.key not in known
             }
-        again = self._side_by_side([partial(self._fitter.from_neighbour, *fit, leader) for fit in fits.values()])
+        again = self.problem.side_by_side([partial(self._fitter.from_neighbour, *fit, leader) for fit in fits.values()])
         for found in again:
             known_one = next((e for e in result if found is not None and e.label == found.label), None)
             if found is not None and (known_one is None or bic_difference(known_one, found) > 0):
@@ -259,11 +257,8 @@ class Engine:
         One that has not converged might be a rival whatever its distance.
         """
         near = [e for e in explanations if RULES.behind(e, explanations[0]) <= RULES.far_ahead or not e.settled]
-        exact = self._side_by_side([partial(self._fitter.exact, explanation) for explanation in near])
+        exact = self.problem.side_by_side([partial(self._fitter.exact, explanation) for explanation in near])
         return ranked([*exact, *(e for e in explanations if e not in near)])
-
-    def _side_by_side(self, actions: Sequence[Callable[[], T]]) -> list[T]:
-        return side_by_side(actions, self.problem.simulator.at_once)
 
     def _overfitted(self, base: Explanation) -> bool:
         """Whether the base model was fitted with less counted as noise than what it leaves."""
@@ -273,8 +268,3 @@ class Engine:
 def _is_open(single: Explanation, leader: Explanation) -> bool:
     """Whether a single effect may not have shown all it explains."""
     return not single.settled or single.effects[0] in leader.effects
-
-
-def _why_adequate(base: Explanation) -> str:
-    found = base.adequacy
-    return f"noise explains the residual (size p = {found.p_size:.2g}, structure p = {found.p_structure:.2g})"

@@ -1,7 +1,5 @@
 """What the records can show at all."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

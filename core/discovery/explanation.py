@@ -1,7 +1,5 @@
 """An explanation that was tried: a set of effects with its refit and its judgement."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -110,14 +108,9 @@ class Explanation:
         return self.misfit_v * float(np.sqrt(self.adequacy.repetition))
 
     @property
-    def temperature_misfit(self) -> float:
-        """Squared error of the temperature, which no fit is shown, in units of `TEMPERATURE_DEVIATION_K`."""
-        return temperature_misfit(self.temperature_rms_k)
-
-    @property
     def cost(self) -> float:
         """What its fit left, with the temperature: by this explanations that are fitted side by side are compared."""
-        return self.fit.cost + self.temperature_misfit
+        return self.fit.cost + temperature_misfit(self.temperature_rms_k)
 
     @property
     def names(self) -> tuple[str, ...]:

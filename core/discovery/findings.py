@@ -1,7 +1,5 @@
 """How hard a discovery looks, and what it found."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -53,22 +51,33 @@ class Nomination:
         return np.inf if self.screened is None else self.screened.cost + self.temperature_misfit
 
 
+@dataclass(frozen=True)
+class Gap:
+    """What is to be closed."""
+
+    base: Explanation  # The base model, by its better likelihood.
+    # The fit of the base model that comes nearest in root mean square, by which the gap is measured. The likelihood
+    # by which ``base`` is the better one is blind to how far off the few averages are that are far off.
+    nearest: Explanation
+    # noise_v, held_noise_v: Measurement noise of the fitted records and of the data not fitted, V.
+    noise_v: float
+    held_noise_v: float
+
+
 @dataclass(eq=False)
 class Findings:
     """What the engine found."""
 
     verdict: str  # ``"no-missing-effect"``, ``"effect-found"``, ``"ambiguous"`` or ``"unexplained"``.
-    # base, best: The base model and the best explanation (the base model itself if nothing is missing).
-    base: Explanation
-    best: Explanation
+    gap: Gap
+    best: Explanation  # The best explanation; the base model itself if nothing is missing.
     rivals: list[Explanation] = field(default_factory=list)  # What cannot be told from the best.
     explanations: list[Explanation] = field(default_factory=list)  # All that were fitted until converged, best first.
     nominations: list[Nomination] = field(default_factory=list)  # Every effect of the catalogue.
     reason: str = ""  # Why the verdict is what it is.
     mesh_v: float = 0.0  # Size of the mesh correction, V.
-    # The fit of the base model that comes nearest in root mean square, by which the gap is measured. The likelihood
-    # by which ``base`` is the better one is blind to how far off the few averages are that are far off.
-    nearest_base: Explanation = field(init=False)
 
-    def __post_init__(self) -> None:
-        self.nearest_base = self.base
+    @property
+    def base(self) -> Explanation:
+        """The base model."""
+        return self.gap.base

@@ -1,7 +1,5 @@
 """A cell that is cycled many times is calibrated on its first cycle, before it has aged, and looked at from there."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -11,7 +9,6 @@ from ..trajectory import FloatArray
 from .evidence import is_long
 from .observations import Observations, subset
 from .problem import Problem
-from .simulator import MeasuredRecord
 
 _NEW = 1
 """Cycles in which a cell is as good as new: a strong SEI costs a percent in each."""
@@ -30,7 +27,7 @@ def first_cycle(problem: Problem) -> Problem | None:
     cell is still the cell that the base model describes, and it is simulated in a fraction of the time. Parameters
     found there are where a fit of the whole record starts, and what ageing is added to.
     """
-    long = [is_long(measured_record) for measured_record in problem.measured_records]
+    long = [is_long(observed.measured_record) for observed in problem.observations]
     return _cut(problem, [_NEW if there else None for there in long]) if any(long) else None
 
 
@@ -48,8 +45,10 @@ def longer(problem: Problem, near: Problem) -> Iterator[Problem]:
 
     A fit that is right to a twentieth on three cycles is off by a knee on twenty, and near enough on six.
     """
-    whole = [len(measured_record.record.cycles) for measured_record in problem.measured_records]
-    counts = [2 * len(measured_record.record.cycles) for measured_record in near.measured_records]
+    whole, counts = (
+        [len(observed.measured_record.record.cycles) for observed in one.observations] for one in (problem, near)
+    )
+    counts = [2 * count for count in counts]
     while any(count < total for count, total in zip(counts, whole, strict=True)):
         yield _cut(problem, counts)
         counts = [2 * count for count in counts]
@@ -63,14 +62,11 @@ def _undrifted(observed: Observations, error: FloatArray) -> int | None:
 
 
 def _cut(problem: Problem, counts: Sequence[int | None]) -> Problem:
-    pairs = zip(problem.measured_records, problem.observations, counts, strict=True)
-    measured_records, observations = zip(*(_first(*pair) for pair in pairs), strict=True)
+    observations = [_first(*pair) for pair in zip(problem.observations, counts, strict=True)]
     sizes = {observed.name: len(observed) for observed in (*observations, *problem.held_observations)}
     return Problem(
         problem.simulator,
-        measured_records,
         observations,
-        problem.held_records,
         problem.held_observations,
         {name: change[: sizes[name]] for name, change in problem.corrections.items()},
         {name: sigma[: sizes[name]] for name, sigma in problem.mesh_sigma.items()},
@@ -78,13 +74,12 @@ def _cut(problem: Problem, counts: Sequence[int | None]) -> Problem:
     )
 
 
-def _first(
-    measured_record: MeasuredRecord, observed: Observations, count: int | None
-) -> tuple[MeasuredRecord, Observations]:
-    """One record and its averages, cut after so many cycles."""
-    record = measured_record.record
+def _first(observed: Observations, count: int | None) -> Observations:
+    """One record's averages, cut after so many cycles, with the record."""
+    record = observed.measured_record.record
     if count is None or count >= len(record.cycles):
-        return measured_record, observed
+        return observed
     last = record.cycles[count - 1]
     stop = max(step.stop for step in record.steps if step.cycle <= last)
-    return replace(measured_record, record=record.slice(0, stop)), subset(observed, observed.cycle <= last)
+    cut = replace(observed.measured_record, record=record.slice(0, stop))
+    return replace(subset(observed, observed.cycle <= last), measured_record=cut)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TypeVar
 
 import numpy as np
 
@@ -19,11 +18,8 @@ from .findings import Listener, Settings
 from .first_cycles import first_cycle, longer, near_cycles
 from .problem import Problem
 from .refit import Refit, Residuals, refit, slopes_at
-from .rules import CLEAR_BIC, bic_difference
-from .side_by_side import side_by_side
+from .rules import RULES, bic_difference
 from .simulator import Prediction
-
-T = TypeVar("T")
 
 Fitted = tuple[tuple[Effect, ...], Refit]
 """Effects, and a fit with them."""
@@ -38,7 +34,7 @@ _EASES, _SOC_SHIFTS = (0.0, 0.5, 1.0, 1.5), (0.0, 3.0, -4.0)
 """Places where a base fit may start: deviations of the priors by which parameters are larger and faster, and of the
 initial states of charge."""
 
-LAG = 2 * CLEAR_BIC
+LAG = 2 * RULES.clear_bic
 """Cost by which an explanation may lag behind the best one before it is dropped: twice a BIC that is clear."""
 
 _SHARES_OF_STRENGTH = (1.0, 0.7, 1.4, 0.5, 2.0, 0.25, 4.0)
@@ -224,16 +220,14 @@ class Fitter:
         # The charge that a rested voltage tells is well known: what comes nearer elsewhere may end farther off.
         places = [] if best is None else [best] if np.array_equal(best, start) else [best, start]
         fit = partial(self.fit, (), self.space, budget=self.settings.base_budget, tolerance=2e-2)
-        fits = [found for found in self._side_by_side([partial(fit, place) for place in places]) if found is not None]
+        found = self.problem.side_by_side([partial(fit, place) for place in places])
+        fits = [one for one in found if one is not None]
         if not fits:
             raise BsaError(
                 "the base model cannot follow the record's current from any initial state of charge.",
                 "check the sign of the current and the capacity of the parameter set.",
             )
         return min(fits, key=lambda fit: fit.cost)
-
-    def _side_by_side(self, actions: Sequence[Callable[[], T]]) -> list[T]:
-        return side_by_side(actions, self.problem.simulator.at_once)
 
     def without(self, base: Explanation, best: Explanation) -> Explanation:
         """The base model, fitted once more from where an explanation ended with its effect taken away.
@@ -352,7 +346,7 @@ class Fitter:
             self.problem.misfit_v = min(left, before)
             fitted: list[Explanation] = []
             effort = budget if last else budget // 3
-            for again in self._side_by_side([partial(self.again, explanation, effort) for explanation in running]):
+            for again in self.problem.side_by_side([partial(self.again, one, effort) for one in running]):
                 ahead = min((other.cost for other in fitted), default=np.inf)
                 if again.cost > ahead + LAG:
                     dropped.append(again)

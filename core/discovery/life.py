@@ -4,8 +4,6 @@ What the fitted cycles have in common is taken out of the residuals (`Changes`),
 right stands for no mechanism. Later cycles are never fitted.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -18,10 +16,10 @@ from ..parameters import Candidate, ParameterSpace
 from ..trajectory import FloatArray
 from .adequacy import judge
 from .explanation import Explanation, estimates_of
-from .findings import Findings, Listener, Nomination
+from .findings import Findings, Gap, Listener, Nomination
 from .progress import Progress
 from .refit import Refit, refit
-from .rules import RULES, Gap, ranked
+from .rules import RULES, ranked
 from .side_by_side import side_by_side
 
 Simulate = Callable[[tuple[Effect, ...], Sequence[Candidate]], Sequence[FloatArray | None]]
@@ -57,16 +55,7 @@ DEVIATION_V = 1e-3
 class LifeEngine:
     """Fits mechanisms to a life and judges them.
 
-    Parameters
-    ----------
-    simulate : callable
-        Simulates the whole life.
-    changes : Changes
-        What is compared.
-    max_effects : int
-        Mechanisms in one explanation at most.
-    at_once : int
-        Fits side by side: as many as there are simulations at a time.
+    ``at_once`` is how many fits run side by side: as many as there are simulations at a time.
     """
 
     def __init__(
@@ -87,8 +76,9 @@ class LifeEngine:
         assert nothing is not None, "the cell without ageing runs: its first cycle was fitted"
         base = self._explanation((), self._unchanged(nothing))
         self._say(f"without ageing: {_in_words(base)}")
+        gap = Gap(base, base, DEVIATION_V, DEVIATION_V)
         if base.adequacy.adequate:
-            return Findings("no-missing-effect", base, base, reason="noise explains what changes from cycle to cycle")
+            return Findings("no-missing-effect", gap, base, reason="noise explains what changes from cycle to cycle")
         singles = self._fits({effect.key: partial(self._single, effect, base) for effect in catalogue})
         found = ranked([one for one in singles.values() if one is not None])
         if found and self._max_effects > 1 and not found[0].adequacy.adequate:
@@ -99,7 +89,7 @@ class LifeEngine:
             # A second mechanism also makes up for a law of the first that is not quite the cell's: only one with which
             # nothing is left is a mechanism.
             found = ranked([*found, *(pair for pair in pairs.values() if pair is not None and pair.adequacy.adequate)])
-        findings = RULES.decide(Gap(base, base, DEVIATION_V, DEVIATION_V), found)
+        findings = RULES.decide(gap, found)
         findings.nominations = [Nomination(effect, "" if singles[effect.key] else _NO_NEARER) for effect in catalogue]
         return findings
 

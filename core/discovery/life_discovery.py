@@ -1,7 +1,5 @@
 """The answer of a discovery over a life."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 
 from ..parameters import Candidate
@@ -10,7 +8,7 @@ from .drift import Drift
 from .explanation import Explanation
 from .findings import Nomination
 from .life import DEVIATION_V
-from .rules import Gap, closed
+from .rules import closed
 
 
 @dataclass(eq=False)
@@ -49,9 +47,6 @@ class LifeDiscovery(Discovery):
 
     def _evidence(self) -> Json:
         return {"fit_cycles": self.fit_cycles, "modes": [asdict(mode) for mode in self.modes]}
-
-    def _limits(self) -> Gap:
-        return Gap(self.findings.base, self.findings.base, DEVIATION_V, DEVIATION_V)
 
     def _seen(self, explanation: Explanation | None, nomination: Nomination | None) -> Json:
         if explanation is None:

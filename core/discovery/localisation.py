@@ -1,8 +1,6 @@
 """Where the model is wrong: the residual by segment, rate, state of charge, time since the last step, and cycle."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +11,10 @@ from .observations import Observations
 
 _SINCE_EDGES_S = (0.0, 2.0, 30.0, 300.0, 1200.0, np.inf)
 _SINCE_NAMES = ("0-2 s", "2-30 s", "30 s-5 min", "5-20 min", "over 20 min")
+
+
+_Names = Callable[[Observations, float], NDArray[np.str_]]
+"""The place of each stretch, from a record's averages and the capacity, A.h."""
 
 
 @dataclass(frozen=True)
@@ -41,13 +43,13 @@ def localise(
     capacity = capacity_ah or drawn or 1.0
     whole = sum(float(np.sum(_excess(e, o) * o.count)) for e, o in zip(errors, observations, strict=True))
     places: list[Place] = []
-    several = len({int(c) for o in observations for c in o.cycle}) > 1
-    for by, key in (("segment", _segment), ("rate", _rate), ("charge", _charge), ("since step", _since)):
-        places += _lay_out(by, key, observations, errors, capacity, whole)
-    if any(o.temperature is not None or o.ambient_k is not None for o in observations):
-        places += _lay_out("temperature", _temperature, observations, errors, capacity, whole)
-    if several:
-        places += _lay_out("cycle", _cycle, observations, errors, capacity, whole)
+    maps: dict[str, _Names] = {"segment": _segment, "rate": _rate, "charge": _charge, "since step": _since}
+    if any(o.temperature is not None or o.measured_record.ambient_k is not None for o in observations):
+        maps["temperature"] = _temperature
+    if len({int(c) for o in observations for c in o.cycle}) > 1:
+        maps["cycle"] = _cycle
+    for by, names in maps.items():
+        places += _lay_out(by, names, observations, errors, capacity, whole)
     return places
 
 
@@ -57,7 +59,7 @@ def _excess(error: FloatArray, observed: Observations) -> FloatArray:
 
 def _lay_out(
     by: str,
-    key: object,
+    names_of: _Names,
     observations: Sequence[Observations],
     errors: Sequence[FloatArray],
     capacity: float,
@@ -65,7 +67,7 @@ def _lay_out(
 ) -> Iterator[Place]:
     labels: dict[str, list[tuple[Observations, FloatArray, NDArray[np.bool_]]]] = {}
     for observed, error in zip(observations, errors, strict=True):
-        names = key(observed, capacity)  # type: ignore[operator]
+        names = names_of(observed, capacity)
         for name in dict.fromkeys(names.tolist()):
             labels.setdefault(name, []).append((observed, error, names == name))
     for name, parts in labels.items():
@@ -93,7 +95,7 @@ def _lay_out(
 
 def _segment(observed: Observations, capacity: float) -> NDArray[np.str_]:
     names = []
-    for number, kind in enumerate(observed.kinds):
+    for number, kind in enumerate(step.kind for step in observed.measured_record.record.steps):
         here = observed.step == number
         rate = abs(float(np.mean(observed.current[here]))) / capacity if np.any(here) else 0.0
         after = " after current" if kind is StepKind.REST and number > 0 else ""
@@ -130,7 +132,7 @@ def _temperature(observed: Observations, capacity: float) -> NDArray[np.str_]:
     if observed.temperature is not None:
         celsius = observed.temperature - 273.15
     else:
-        celsius = np.full(len(observed), (observed.ambient_k or 298.15) - 273.15)
+        celsius = np.full(len(observed), (observed.measured_record.ambient_k or 298.15) - 273.15)
     low = 10 * np.floor(celsius / 10)
     return np.array([f"{value:.0f} to {value + 10:.0f} degC" for value in low])
 

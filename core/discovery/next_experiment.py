@@ -1,7 +1,5 @@
 """The experiment that would tell two explanations apart."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

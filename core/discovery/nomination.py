@@ -1,7 +1,5 @@
 """Which effects of a catalogue are worth a fit: score tests, and short fits from several starts."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,16 +1,14 @@
 """A record condensed to what a fit needs: a few hundred averages, each with its uncertainty."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..noise import noise_of, resolution
 from ..trajectory import FloatArray, StepKind, Trajectory
-from .simulator import Moments
+from .simulator import MeasuredRecord, Moments
 
 FLOOR_V = 3e-4
 """Voltage differences below this are not physics: discretisation, interpolation of the current, the converter."""
@@ -33,12 +31,15 @@ _MOMENTS = 8
 _SINGLE = 5
 """Samples after a current step that stand alone: what happens there happens fast."""
 
+_BY_STRETCH = ("time", "current", "voltage", "sigma", "count", "step", "cycle", "since", "charge")
+"""Fields of `Observations` that have an entry for each stretch; the temperature, where it was measured, has too."""
+
 
 @dataclass(frozen=True, eq=False)
 class Observations:
     """Averages over short stretches of one record; shapes are (n,)."""
 
-    name: str
+    measured_record: MeasuredRecord  # What they are averages of.
     # time, current, voltage: Mean time (s), current (A, positive on discharge) and voltage (V) of each stretch.
     time: FloatArray
     current: FloatArray
@@ -47,23 +48,25 @@ class Observations:
     sigma: FloatArray
     count: FloatArray  # Samples in each stretch.
     step: NDArray[np.intp]  # Index of the step each stretch lies in.
-    kinds: tuple[str, ...]  # Kind of each step of the record.
     cycle: NDArray[np.intp]  # Cycle of each stretch.
     since: FloatArray  # Seconds since the current last stepped.
     charge: FloatArray  # Charge drawn since the start of the record, A.h.
     temperature: FloatArray | None  # Measured temperature, K.
-    ambient_k: float | None
     noise: float  # Standard deviation of one sample, V.
     moments: Moments  # When a simulation is looked at to be compared.
 
     def __len__(self) -> int:
         return len(self.time)
 
+    @property
+    def name(self) -> str:
+        """The record's name."""
+        return self.measured_record.name
 
-def observe(
-    name: str, record: Trajectory, ambient_k: float | None = None, points: int = 500, floor_v: float = FLOOR_V
-) -> Observations:
+
+def observe(measured_record: MeasuredRecord, points: int = 500, floor_v: float = FLOOR_V) -> Observations:
     """Condense a record to about so many stretches of its steps; voltages closer than ``floor_v`` count as equal."""
+    record = measured_record.record
     noise = voltage_noise(record)
     groups: list[NDArray[np.intp]] = []
     steps: list[int] = []
@@ -95,19 +98,17 @@ def observe(
     clocked = after_jumps(record)
     time = np.minimum(mean(clocked), record.time[-1])
     return Observations(
-        name,
+        measured_record,
         time,
         mean(record.current),
         voltage,
         np.sqrt(noise**2 / count + floor_v**2 + clock**2 + knee**2),
         count,
         index,
-        tuple(step.kind for step in record.steps),
         np.array([record.steps[number].cycle for number in steps], dtype=np.intp),
         time - starts[index],
         charge,
         None if record.temperature is None else mean(record.temperature),
-        ambient_k,
         noise,
         _moments(record, clocked, groups),
     )
@@ -153,11 +154,6 @@ def _steepness(charge: FloatArray, voltage: FloatArray, steps: NDArray[np.intp])
     return np.maximum(slope - 3 * float(np.median(usual)), 0.0) if usual else slope
 
 
-def evenly(count: int, most: int) -> NDArray[np.intp]:
-    """Indices of at most so many of ``count`` samples, evenly spread, both ends among them."""
-    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.intp))
-
-
 def after_jumps(record: Trajectory) -> FloatArray:
     """The samples' times, with each step's samples after the jump that begins it."""
     time = record.time.copy()
@@ -188,24 +184,16 @@ def _neighbour_change(voltage: FloatArray) -> FloatArray:
 
 def subset(observed: Observations, mask: NDArray[np.bool_]) -> Observations:
     """The stretches that a mask of shape (n,) picks."""
-    picked = {
-        name: getattr(observed, name)[mask]
-        for name in ("time", "current", "voltage", "sigma", "count", "step", "cycle", "since", "charge")
-    }
-    temperature = None if observed.temperature is None else observed.temperature[mask]
     moments = observed.moments
     kept = mask[moments.stretch]
-    return Observations(
-        name=observed.name,
-        kinds=observed.kinds,
-        temperature=temperature,
-        ambient_k=observed.ambient_k,
-        noise=observed.noise,
+    return replace(
+        observed,
+        **{name: getattr(observed, name)[mask] for name in _BY_STRETCH},
+        temperature=None if observed.temperature is None else observed.temperature[mask],
         moments=Moments(
             moments.time[kept],
             moments.current[kept],
             moments.share[kept],
             (np.cumsum(mask) - 1)[moments.stretch[kept]],
         ),
-        **picked,
     )

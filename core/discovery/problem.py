@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,10 @@ from ..trajectory import FloatArray
 from .evidence import is_long
 from .observations import Observations, subset
 from .refit import refit
-from .simulator import MeasuredRecord, Prediction, Request, Simulator
+from .side_by_side import side_by_side
+from .simulator import Prediction, Request, Simulator
+
+T = TypeVar("T")
 
 _BLOCK = 6
 """Stretches that are held out together, where no whole record is."""
@@ -52,11 +56,8 @@ class Problem:
     """What is to be explained."""
 
     simulator: Simulator
-    measured_records: Sequence[MeasuredRecord]  # The fitted records.
-    observations: Sequence[Observations]  # Their averages, in the same order.
-    # held_records, held_observations: The hold-out records, never fitted but for their initial state of charge.
-    held_records: Sequence[MeasuredRecord] = ()
-    held_observations: Sequence[Observations] = ()
+    observations: Sequence[Observations]  # Averages of the fitted records.
+    held_observations: Sequence[Observations] = ()  # Of hold-out records, of which the initial charge alone is fitted.
     # By record: what the finer mesh adds to the prediction, V. Applied to every prediction.
     corrections: dict[str, FloatArray] = field(default_factory=dict)
     mesh_sigma: dict[str, FloatArray] = field(default_factory=dict)
@@ -70,13 +71,12 @@ class Problem:
     parameters, and the flat parts of a record beside its steep ones, must count against the misfit, not the noise."""
 
     def __post_init__(self) -> None:
-        pairs = zip(self.measured_records, self.observations, strict=True)
-        self.fitted = list(self.masks) if self.masks is not None else [self._fitted_mask(*pair) for pair in pairs]
+        self.fitted = [self._fitted_mask(one) for one in self.observations] if self.masks is None else list(self.masks)
         """By record: which stretches are fitted."""
         self._held_soc: dict[tuple[str, str], float] = {}
 
-    def _fitted_mask(self, measured_record: MeasuredRecord, observed: Observations) -> NDArray[np.bool_]:
-        if self.held_records and not is_long(measured_record):
+    def _fitted_mask(self, observed: Observations) -> NDArray[np.bool_]:
+        if self.held_observations and not is_long(observed.measured_record):
             return np.ones(len(observed), dtype=bool)
         turn = np.arange(len(observed)) // _BLOCK % _EVERY
         return np.asarray(turn != _held_turn(observed.voltage, turn), dtype=np.bool_)
@@ -92,6 +92,10 @@ class Problem:
         kept_back = [o for o, mask in zip(self.observations, self.fitted, strict=True) if not np.all(mask)]
         return _together([*kept_back, *self.held_observations])
 
+    def side_by_side(self, actions: Sequence[Callable[[], T]]) -> list[T]:
+        """What several actions return that wait for simulations of this problem; see `side_by_side`."""
+        return side_by_side(actions, self.simulator.at_once)
+
     @property
     def simulated(self) -> float:
         """How many of the simulations were made in this process; a journal answered the others."""
@@ -105,44 +109,40 @@ class Problem:
     def predict_all(self, wanted: Sequence[tuple[Sequence[Effect], Candidate]]) -> list[list[Prediction] | None]:
         """Predictions as by `predict` for several candidates, each with its effects, side by side."""
         self.simulations += len(wanted)
-        rows = list(zip(self.measured_records, self.observations, strict=True))
-        found = iter(self._ask([(*one, *row) for one in wanted for row in rows]))
-        results = [[next(found) for _ in rows] for _ in wanted]
+        found = iter(self._ask([(*one, observed) for one in wanted for observed in self.observations]))
+        results = [[next(found) for _ in self.observations] for _ in wanted]
         return [None if None in result else [p for p in result if p is not None] for result in results]
 
-    def _one(
-        self,
-        effects: Sequence[Effect],
-        candidate: Candidate,
-        measured_record: MeasuredRecord,
-        observed: Observations,
-        fine: bool = False,
+    def _at_first_soc(
+        self, effects: Sequence[Effect], candidate: Candidate, observed: Observations, fine: bool = False
     ) -> Prediction | None:
-        return self._ask([(effects, candidate, measured_record, observed)], fine)[0]
+        """A prediction of any record; where its initial charge was not fitted, with that of the first fitted one."""
+        own = {observed.measured_record.soc_name: self._first_soc(candidate), **candidate}
+        return self._ask([(effects, own, observed)], fine)[0]
 
     def _ask(
-        self, wanted: Sequence[tuple[Sequence[Effect], Candidate, MeasuredRecord, Observations]], fine: bool = False
+        self, wanted: Sequence[tuple[Sequence[Effect], Candidate, Observations]], fine: bool = False
     ) -> list[Prediction | None]:
         found = self.simulator.predict(
             [
                 Request(
                     tuple(effects),
                     candidate,
-                    measured_record,
+                    observed.measured_record,
                     observed.moments,
                     fine,
-                    candidate.get(measured_record.soc_name),
+                    candidate.get(observed.measured_record.soc_name),
                     self.low_fidelity,
                 )
-                for effects, candidate, measured_record, observed in wanted
+                for effects, candidate, observed in wanted
             ]
         )
         if fine:
             return found
         return [self._corrected(one[2], prediction) for one, prediction in zip(wanted, found, strict=True)]
 
-    def _corrected(self, measured_record: MeasuredRecord, prediction: Prediction | None) -> Prediction | None:
-        correction = self.corrections.get(measured_record.name)
+    def _corrected(self, observed: Observations, prediction: Prediction | None) -> Prediction | None:
+        correction = self.corrections.get(observed.name)
         if prediction is None or correction is None:
             return prediction
         return Prediction(prediction.voltage + correction, prediction.temperature)
@@ -191,27 +191,24 @@ class Problem:
         Returns its root mean square, V.
         """
         usual_all: list[FloatArray] = []
-        measured_records = [*self.measured_records, *self.held_records]
-        observations = [*self.observations, *self.held_observations]
-        for measured_record, observed in zip(measured_records, observations, strict=True):
-            known = self.corrections.pop(measured_record.name, None)
-            own = {measured_record.soc_name: self._first_soc(candidate), **candidate}
-            usual = self._one(effects, own, measured_record, observed)
-            fine = self._one(effects, own, measured_record, observed, fine=True)
+        for observed in (*self.observations, *self.held_observations):
+            known = self.corrections.pop(observed.name, None)
+            usual = self._at_first_soc(effects, candidate, observed)
+            fine = self._at_first_soc(effects, candidate, observed, fine=True)
             self.simulations += 2
             if usual is None or fine is None:
                 if known is not None:
-                    self.corrections[measured_record.name] = known
+                    self.corrections[observed.name] = known
                 continue
             change = fine.voltage - usual.voltage
             # Where cells of a mesh are emptied one by one the voltage falls in stairs, those of two meshes cross, and
             # a difference that is small by chance says nothing: what counts is the largest one near.
             near = maximum_filter1d(np.abs(change), _NEAR)
             # Where the two meshes disagree on when the cell is empty, the difference is no correction.
-            self.mesh_sigma[measured_record.name] = np.where(near > _LARGEST_V, near, 0.25 * near)
+            self.mesh_sigma[observed.name] = np.where(near > _LARGEST_V, near, 0.25 * near)
             change = np.where(near > _LARGEST_V, 0.0, change)
             # Around a knee the difference is a shift in time; there it is an uncertainty more than a correction.
-            self.corrections[measured_record.name] = change
+            self.corrections[observed.name] = change
             usual_all.append(change)
         return float(np.sqrt(np.mean(np.concatenate(usual_all) ** 2))) if usual_all else 0.0
 
@@ -223,20 +220,16 @@ class Problem:
         if self.low_fidelity or not self.simulator.has_low_fidelity:
             return None
         low = replace(self, masks=self.fitted, low_fidelity=True, corrections={}, simulations=0)
-        rows = zip(
-            (*self.measured_records, *self.held_records), (*self.observations, *self.held_observations), strict=True
-        )
-        for measured_record, observed in rows:
-            own = {measured_record.soc_name: self._first_soc(candidate), **candidate}
-            ours, theirs = (problem._one(effects, own, measured_record, observed) for problem in (self, low))
+        for observed in (*self.observations, *self.held_observations):
+            ours, theirs = (one._at_first_soc(effects, candidate, observed) for one in (self, low))
             self.simulations += 2
             if ours is None or theirs is None:
                 return None
-            low.corrections[measured_record.name] = ours.voltage - theirs.voltage
+            low.corrections[observed.name] = ours.voltage - theirs.voltage
         return low
 
     def _first_soc(self, candidate: Candidate) -> float:
-        names = [measured_record.soc_name for measured_record in self.measured_records]
+        names = [observed.measured_record.soc_name for observed in self.observations]
         return next((candidate[name] for name in names if name in candidate), _UNKNOWN_SOC)
 
     def held_out(self, effects: Sequence[Effect], candidate: Candidate) -> list[tuple[Observations, FloatArray]] | None:
@@ -248,8 +241,8 @@ class Problem:
         result = self._kept_back(effects, candidate)
         if result is None:
             return None
-        for measured_record, observed in zip(self.held_records, self.held_observations, strict=True):
-            error = self._held_error(effects, candidate, measured_record, observed)
+        for observed in self.held_observations:
+            error = self._held_error(effects, candidate, observed)
             if error is None:
                 return None
             result.append((observed, error))
@@ -267,22 +260,20 @@ class Problem:
         rows = zip(self.observations, self.fitted, self.errors(predictions), strict=True)
         return [(subset(observed, ~mask), error[~mask]) for observed, mask, error in rows if not np.all(mask)]
 
-    def _held_error(
-        self, effects: Sequence[Effect], candidate: Candidate, measured_record: MeasuredRecord, observed: Observations
-    ) -> FloatArray | None:
+    def _held_error(self, effects: Sequence[Effect], candidate: Candidate, observed: Observations) -> FloatArray | None:
         """Errors (V) of a hold-out record with its initial state of charge fitted; None if it cannot be simulated."""
-        soc_name, weight = measured_record.soc_name, 1 / np.sqrt(observed.sigma**2 + self.misfit_v**2)
+        soc_name, weight = observed.measured_record.soc_name, 1 / np.sqrt(observed.sigma**2 + self.misfit_v**2)
 
         def errors(socs: Sequence[Candidate]) -> list[FloatArray | None]:
             self.simulations += len(socs)
-            found = self._ask([(effects, {**candidate, **soc}, measured_record, observed) for soc in socs])
+            found = self._ask([(effects, {**candidate, **soc}, observed) for soc in socs])
             return [None if one is None else observed.voltage - one.voltage for one in found]
 
         def residuals(socs: Sequence[Candidate]) -> list[FloatArray | None]:
             return [None if error is None else weight * robust(error) for error in errors(socs)]
 
-        key = (measured_record.name, " + ".join(effect.key for effect in effects))
-        known = self._held_soc.get(key, self._held_soc.get((measured_record.name, ""), self._first_soc(candidate)))
+        key = (observed.name, " + ".join(effect.key for effect in effects))
+        known = self._held_soc.get(key, self._held_soc.get((observed.name, ""), self._first_soc(candidate)))
         for start in (known, _ROOMY_SOC):
             soc = Parameter(soc_name, start, 0.0, _LARGEST_SOC, deviation=_SOC_LENGTH)
             fit = refit(residuals, ParameterSpace((soc,)), np.zeros(1), budget=_HELD_BUDGET)

@@ -1,7 +1,5 @@
 """How far a discovery has come: a line for each candidate effect, and the time that is left at most."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable

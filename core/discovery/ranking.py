@@ -1,7 +1,5 @@
 """A language model reads the discrepancy and ranks effects; its words are untrusted, the statistics decide."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The answer of a discovery on measured records."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, field
 
 from ..effect import Effect
@@ -11,16 +9,13 @@ from .explanation import Explanation
 from .findings import Nomination
 from .localisation import Place
 from .next_experiment import NextExperiment
-from .rules import Gap, bic, closed
+from .rules import RULES, bic, closed
 
 
 @dataclass(eq=False)
 class RecordDiscovery(Discovery):
     """What was found to be missing in a model of records."""
 
-    # noise_v, held_noise_v: Measurement noise of the fitted records and of the data not fitted, V.
-    noise_v: float
-    held_noise_v: float
     # places_before, places_after: Residual maps of the base model and of the best explanation.
     places_before: list[Place]
     places_after: list[Place]
@@ -33,15 +28,16 @@ class RecordDiscovery(Discovery):
     @property
     def gap(self) -> dict[str, float]:
         """See `Discovery.gap`; in mV."""
-        base, best = self.findings.nearest_base, self.findings.best
+        gap, best = self.findings.gap, self.findings.best
+        base = gap.nearest
         return {
-            "noise_mv": 1e3 * self.noise_v,
+            "noise_mv": 1e3 * gap.noise_v,
             "base_rmse_mv": 1e3 * base.rmse_v,
             "final_rmse_mv": 1e3 * best.rmse_v,
             "holdout_base_rmse_mv": 1e3 * base.held_rmse_v,
             "holdout_final_rmse_mv": 1e3 * best.held_rmse_v,
-            "closed": closed(base.rmse_v, best.rmse_v, self.noise_v),
-            "holdout_closed": closed(base.held_rmse_v, best.held_rmse_v, self.held_noise_v),
+            "closed": closed(base.rmse_v, best.rmse_v, gap.noise_v),
+            "holdout_closed": closed(base.held_rmse_v, best.held_rmse_v, gap.held_noise_v),
         }
 
     @property
@@ -64,11 +60,8 @@ class RecordDiscovery(Discovery):
             "backend_ranking": None if self.ranking is None else asdict(self.ranking),
             "temperature_rms_k": self.temperature_rms_k,
             "mesh_correction_mv": 1e3 * self.findings.mesh_v,
-            "false_alarm_rate": 0.01,
+            "false_alarm_rate": RULES.false_alarm,
         }
-
-    def _limits(self) -> Gap:
-        return Gap(self.findings.base, self.findings.nearest_base, self.noise_v, self.held_noise_v)
 
     def _rationale(self, effect: Effect) -> str:
         text = super()._rationale(effect)

@@ -1,7 +1,5 @@
 """A simulator that writes every answer into the journal, and on resume answers from it first."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import threading
@@ -29,13 +27,9 @@ Given = TypeVar("Given")
 class RecordedSimulator(Generic[Asked, Given]):
     """Stands between a discovery and what simulates for it; see `Answering`.
 
-    A discovery is a function of its simulations. One that is carried out anew with those of the journal comes to
-    the place where it was stopped without a simulation, and goes on from there.
-
-    Parameters
-    ----------
-    answer : type
-        Dataclass of the answers: its fields are arrays, of which only later ones may be None.
+    A discovery is a function of its simulations. One that is carried out anew with those of the journal comes to the
+    place where it was stopped without a simulation, and goes on from there. ``answer`` is the dataclass of the answers:
+    its fields are arrays, of which only later ones may be None.
     """
 
     def __init__(

@@ -1,7 +1,5 @@
 """Weighted least squares with bounds and priors, from a Jacobian that may be known already."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """The rules by which an explanation is accepted, and two are called indistinguishable; and the verdict they give."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,21 +7,7 @@ import numpy as np
 
 from .adequacy import FALSE_ALARM
 from .explanation import CLEAR_K, TEMPERATURE_DEVIATION_K, Explanation, clearly_nearer, temperature_misfit
-from .findings import Findings
-
-CLEAR_BIC = 10.0
-"""Difference in BIC from which one explanation is clearly better than another (Kass and Raftery 1995)."""
-
-CLEAR_HELD = 0.9
-"""An explanation predicts data not fitted clearly better where its error is below this share of the other's."""
-
-CLOSED_ENOUGH = 0.75
-"""Share of the excess variance that a named explanation must close: the error beyond noise is halved, as that of a
-temperature must be. Below it is a partial explanation."""
-
-CLOSED_FITTED = 0.5
-"""The same on fitted data, where data that was not fitted shows the gap too. A base model moves its parameters to fit
-what it is fitted to and hides part of its gap there, so that what an effect closes of it is understated."""
+from .findings import Findings, Gap
 
 
 def bic(explanation: Explanation, scale: Explanation, temperature_k: float = TEMPERATURE_DEVIATION_K) -> float:
@@ -64,29 +48,22 @@ def closed(before_v: float, after_v: float, noise_v: float) -> float:
 
 
 @dataclass(frozen=True)
-class Gap:
-    """What is to be closed."""
-
-    base: Explanation  # The base model, by its better likelihood.
-    nearest: Explanation  # The fit of the base model by which the gap is measured.
-    # noise_v, held_noise_v: Measurement noise of the fitted records and of the data not fitted, V.
-    noise_v: float
-    held_noise_v: float
-
-
-@dataclass(frozen=True)
 class Rules:
     """The rules with their constants, all that decide between the verdicts."""
 
     false_alarm: float = FALSE_ALARM  # Probability that noise alone is taken for a discrepancy.
-    clear_bic: float = CLEAR_BIC  # Difference in BIC from which one explanation is clearly better than another.
+    # Difference in BIC from which one explanation is clearly better than another (Kass and Raftery 1995).
+    clear_bic: float = 10.0
     # Times that difference which no further gain of an unfinished fit, and no prediction of other data, outweighs.
     far_ahead: float = 10.0
     # Share by which an error on data not fitted must be smaller to be clearly smaller.
-    held_margin: float = 1.0 - CLEAR_HELD
-    left_over: float = 1.0 - CLOSED_ENOUGH  # Share of the excess variance that a named explanation may leave.
-    # The same on fitted data, where data that was not fitted shows the gap too.
-    left_fitted: float = 1.0 - CLOSED_FITTED
+    held_margin: float = 0.1
+    # Share of the excess variance that a named explanation may leave: the error beyond noise is halved, as that of a
+    # temperature must be. One that leaves more is a partial explanation.
+    left_over: float = 0.25
+    # The same on fitted data, where data that was not fitted shows the gap too. A base model moves its parameters to
+    # fit what it is fitted to and hides part of its gap there, so that what an effect closes of it is understated.
+    left_fitted: float = 0.5
     # How well a model's temperature can be expected to agree with a sensor, K.
     temperature_k: float = TEMPERATURE_DEVIATION_K
     # What a temperature's error must be smaller by, besides being half as large, to be clearly smaller, K.
@@ -169,14 +146,14 @@ class Rules:
         """The verdict on explanations that are sorted, the best first."""
         base, explanations = gap.base, list(best_first)
         if not explanations:
-            return Findings("unexplained", base, base, reason="no effect of the catalogue points the right way")
+            return Findings("unexplained", gap, base, reason="no effect of the catalogue points the right way")
         # A pair must beat each of its members clearly, on data not fitted too, or the simpler one stands.
         needed = [e for e in explanations if not self.needless(e, explanations)]
         accepted = [e for e in needed if not self.objection_to(e, gap)]
         if not accepted:
             first = needed[0]
             reason = f"{first.label}: {self.objection_to(first, gap)}"
-            return Findings("unexplained", base, first, explanations=explanations, reason=reason)
+            return Findings("unexplained", gap, first, explanations=explanations, reason=reason)
         best = accepted[0]
         for other in accepted[1:]:
             # Within what BIC can tell, the temperature that no fit was shown decides.
@@ -188,7 +165,7 @@ class Rules:
             reason += "; its fit did not converge, and its intervals may be too narrow"
         if equal:
             reason += f"; not to be told from {', '.join(e.label for e in equal)}"
-        return Findings("ambiguous" if equal else "effect-found", base, best, equal, explanations, reason=reason)
+        return Findings("ambiguous" if equal else "effect-found", gap, best, equal, explanations, reason=reason)
 
 
 RULES = Rules()

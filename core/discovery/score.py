@@ -1,7 +1,5 @@
 """The score test: whether a little of an effect would take the residual in the right direction."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Actions that do not depend on one another, each waiting for simulations of its own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar

@@ -1,7 +1,5 @@
 """The scripts that a run exports, as PyBaMM objects: what a notebook gets is what the file says."""
 
-from __future__ import annotations
-
 from typing import Any
 
 

@@ -39,7 +39,7 @@ def _discovered(options: DiscoverOptions) -> dict[str, Any]:
     discovery = discover(options)
     if discovery.ranking is not None and discovery.ranking.lost:
         raise Outage(discovery.ranking.note)
-    content, base = discovery.to_json(), discovery.findings.nearest_base
+    content, base = discovery.to_json(), discovery.findings.gap.nearest
     return {
         "summary": f"{discovery.verdict} {', '.join(discovery.names)}",
         "verdict": discovery.verdict,

@@ -12,6 +12,7 @@ import numpy as np
 import pybamm
 
 from ...core.discovery.observations import observe
+from ...core.discovery.simulator import MeasuredRecord
 from ...core.errors import BsaError
 from ...core.files import entries, foreign, write_json, write_text
 from ...core.segmentation import segment
@@ -149,8 +150,10 @@ def _noise_cost(record: Trajectory, exact: FloatArray, ambient_c: float) -> tupl
     """Sum of squares that the true model leaves at the true parameters, as a discovery weighs it, and of how many."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        seen = observe("record", record, ambient_c + 273.15, POINTS)
-        true = observe("record", record.changed(voltage=exact), ambient_c + 273.15, POINTS)
+        measured, exactly = (
+            MeasuredRecord("record", one, ambient_c + 273.15) for one in (record, record.changed(voltage=exact))
+        )
+        seen, true = observe(measured, POINTS), observe(exactly, POINTS)
     return float(np.sum(((seen.voltage - true.voltage) / seen.sigma) ** 2)), len(seen)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from ...core.discovery.findings import Findings
 from ...core.discovery.recorded import RecordedSimulator
-from ...core.discovery.rules import RULES, Gap, Rules
+from ...core.discovery.rules import RULES, Rules
 from ...core.discovery.simulator import Prediction, Simulator
 from ...core.parameters import ParameterSpace
 from ...core.task import CellModel
@@ -34,9 +34,9 @@ def sensitivity_rows(folder: Path, name: str) -> Iterator[dict[str, Any]]:
     of the blind cases are opened.
     """
     for task, cell, answer in finished_cases(folder, name):
-        found, gap = _replayed(cell)
+        found = _replayed(cell)
         for constant, factor, rules in _variants():
-            verdict = verdict_by(rules, found, gap)
+            verdict = verdict_by(rules, found)
             named = verdict["names"]
             yield {
                 "task": task,
@@ -56,18 +56,18 @@ def _variants() -> Iterator[tuple[str, float, Rules]]:
             yield constant.name, factor, replace(RULES, **{constant.name: factor * getattr(RULES, constant.name)})
 
 
-def verdict_by(rules: Rules, found: Findings, gap: Gap) -> dict[str, Any]:
+def verdict_by(rules: Rules, found: Findings) -> dict[str, Any]:
     """The verdict that some rules give on what was fitted, its names and its rivals' names."""
     if rules.explains_all(found.base):
         return {"verdict": "no-missing-effect", "names": (), "rivals": ()}
     if found.verdict == "no-missing-effect":
         return {"verdict": NOT_SEARCHED, "names": (), "rivals": ()}
-    decided = rules.decide(gap, found.explanations)
+    decided = rules.decide(found.gap, found.explanations)
     named = decided.best.names if decided.verdict in ("effect-found", "ambiguous") else ()
     return {"verdict": decided.verdict, "names": named, "rivals": [rival.names for rival in decided.rivals]}
 
 
-def _replayed(cell: Path) -> tuple[Findings, Gap]:
+def _replayed(cell: Path) -> Findings:
     """What a discovery found, from its journal; what this version asks besides is simulated."""
     options = read_options(cell)
     with opened(options) as journal:
@@ -76,9 +76,7 @@ def _replayed(cell: Path) -> tuple[Findings, Gap]:
             return RecordedSimulator(in_this_process(model, space, mesh), Prediction, journal.file, journal.earlier)
 
         setup = set_up(read_case(options), options, make_simulator=make)
-        found = setup.engine(options.settings).run()
-    problem = setup.problem
-    return found, Gap(found.base, found.nearest_base, problem.noise_v, problem.held_noise_v)
+        return setup.engine(options.settings).run()
 
 
 def sensitivity_table(rows: Sequence[Row]) -> str:

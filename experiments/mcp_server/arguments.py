@@ -1,7 +1,5 @@
 """What an assistant says about records and cells: the options of the Python functions, described for its reading."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from pydantic import BaseModel, Field

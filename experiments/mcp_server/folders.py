@@ -1,7 +1,5 @@
 """Which files an assistant may name: those inside the folders that the server was given."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

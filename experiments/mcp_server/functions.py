@@ -1,7 +1,5 @@
 """What the tools do, as JSON in and out; each function runs in a process of its own."""
 
-from __future__ import annotations
-
 import json
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Long work in a process of its own, which reports how far it is and ends when it is cancelled."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

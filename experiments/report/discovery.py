@@ -40,7 +40,7 @@ def render(discovery: RecordDiscovery, problem: Problem) -> str:
 
 def _figures(discovery: RecordDiscovery, problem: Problem) -> list[_Figure]:
     found = discovery.findings
-    before = problem.predict((), found.nearest_base.fit.candidate)
+    before = problem.predict((), found.gap.nearest.fit.candidate)
     after = problem.predict(found.best.effects, found.best.fit.candidate) if found.best.effects else None
     if before is None:
         return []

@@ -151,7 +151,7 @@ def build_task(
         if soc is not None:
             socs.append(soc)
         experiments.append(_experiment(request, record, soc))
-        notes += _offset_note(request, record)
+        notes += offset_note(record.name, record.trajectory, experiments[-1].target)
     space = _with_initial_soc(space, experiments, socs, INITIAL_SOC in given, alone=len(asked) == 1)
     experiments += [spectrum_experiment(request) for request in spectra]
     by_current = all(request.protocol is None for request in records)
@@ -211,12 +211,9 @@ def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
     requests, spectra = _over_time([part for request in requests for part in request.parts()])
     loaded = [_as_asked(request) for request in requests]
     notes = [f"{record.name} (held out): {note}" for record in loaded for note in record.notes]
-    notes += [
-        note
-        for request, record in zip(requests, loaded, strict=True)
-        for note in _offset_note(request, record, " (held out)")
-    ]
     experiments = [_held_out(request, record) for request, record in zip(requests, loaded, strict=True)]
+    for record, experiment in zip(loaded, experiments, strict=True):
+        notes += offset_note(f"{record.name} (held out)", record.trajectory, experiment.target)
     notes += [
         f"{e.name} (held out): begins under load; it is started so that the fitted cell meets its first percent, or at "
         "its first sample if that turns out to be from before the load."
@@ -248,12 +245,6 @@ def _experiment(
         initial_voltage=initial_voltage,
         detailed_cycles=() if request.detailed_cycles is None else record.trajectory.cycles,
     )
-
-
-def _offset_note(request: RecordRequest, record: Record, role: str = "") -> list[str]:
-    if request.protocol is not None:
-        return []
-    return offset_note(record.name + role, record.trajectory, _ambient_k(request, record))
 
 
 def _as_asked(request: RecordRequest) -> Record:

@@ -30,9 +30,11 @@ def from_ambient(record: Trajectory, ambient_k: float | None) -> Trajectory:
     return record.changed(temperature=record.temperature - offset)
 
 
-def offset_note(name: str, record: Trajectory, ambient_k: float | None) -> list[str]:
-    """What is to be said of the shift."""
-    offset = sensor_offset_k(record, ambient_k)
+def offset_note(name: str, record: Trajectory, compared: Trajectory) -> list[str]:
+    """What is to be said of the shift of a record that is compared as `from_ambient` has it."""
+    if record.temperature is None or compared.temperature is None:
+        return []
+    offset = float(record.temperature[0] - compared.temperature[0])
     if offset == 0.0:
         return []
     return [

@@ -1,7 +1,5 @@
 """What the agent may ask for: one flat object, checked against the task and the trials so far."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, cast

@@ -1,7 +1,5 @@
 """Asking a model for an object until it passes a check, a few times at most."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Answers to what the agent may ask without a simulation: a linear prediction, a step's curve."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What the measured effects promise if all acts linearly: the outcome of a change, the best change, a digest."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

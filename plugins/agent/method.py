@@ -1,7 +1,5 @@
 """How the agent is told to work, by the kind of its task."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from ...core.messages import Message

@@ -1,7 +1,5 @@
 """What the agent is told: Markdown sections with JSON blocks, then what it may answer."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 
@@ -56,10 +54,7 @@ def build_messages(situation: Situation, offer: Offer) -> list[Message]:
 def build_digest(situation: Situation, offer: Offer, change: Mapping[str, str]) -> list[Message]:
     """The conversation for a small model: where the parameters stand, a digest, and a reply that can be copied.
 
-    Parameters
-    ----------
-    change : mapping of str to str
-        The suggested change; empty where effects are to be measured.
+    ``change`` is the suggested change; empty where effects are to be measured.
     """
     copied = {"action": "set", "updated_params": dict(change)} if change else {"action": "jacobian"}
     reasons = {"analysis": "...", "hypothesis": "...", "rationale": "..."} if offer.analysis_chars else {}

@@ -1,7 +1,5 @@
 """The agent proposer: a round is one action, after as many free questions as it likes to ask, up to a few."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -125,15 +123,7 @@ def offered_free(situation: Situation, most: int) -> list[Kind]:
 def converse(
     backend: Backend, situation: Situation, offer: Offer, messages: list[Message], most_free: int
 ) -> tuple[Answer[Action], list[str]]:
-    """Ask until there is an action that is not free.
-
-    Returns
-    -------
-    answer : Answer of Action
-        What came of it.
-    free : list of str
-        The free actions on the way.
-    """
+    """Ask until there is an action that is not free; gives what came of it, and the free actions on the way."""
     context, base = situation.context, situation.base.candidate
     free: list[str] = []
     while True:

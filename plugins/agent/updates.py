@@ -1,7 +1,5 @@
 """Changes of parameters as a model writes them: their schema, and the candidate that they lead to."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,8 +1,7 @@
 """Effects that change the cell from cycle to cycle, and the leak that empties it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from ...core.effect import Effect, EffectParameter, Evidence
@@ -19,10 +18,14 @@ def _needs_cycles(option: str) -> Callable[[Evidence], str]:
         present = str(evidence.options.get(option, "none"))
         if present not in ("none", "false"):
             return f'the base model has the option "{option}" already'
-        few = evidence.cycles < FEWEST_CYCLES
-        return f"no record has {FEWEST_CYCLES} cycles, so that nothing can be seen to age" * few
+        return _too_few(evidence)
 
     return lacks
+
+
+def _too_few(evidence: Evidence) -> str:
+    few = evidence.cycles < FEWEST_CYCLES
+    return f"no record has {FEWEST_CYCLES} cycles, so that nothing can be seen to age" * few
 
 
 def _needs_a_life(option: str = "") -> Callable[[Evidence], str]:
@@ -33,29 +36,17 @@ def _needs_a_life(option: str = "") -> Callable[[Evidence], str]:
     return lacks
 
 
-def _sei_reaction(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
-    return {"SEI reaction exchange current density [A.m-2]": 1.5e-7 * p["rate"]}
-
-
-def _sei_diffusion(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
-    return {"SEI solvent diffusivity [m2.s-1]": 2.5e-22 * p["rate"]}
-
-
-def _sei_electrons(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
-    return {"SEI electron conductivity [S.m-1]": 8.95e-14 * p["rate"]}
-
-
-def _sei_interstitials(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
-    return {"SEI lithium interstitial diffusivity [m2.s-1]": 1e-20 * p["rate"]}
+def _rate(name: str, unit: float, known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: unit * p["rate"]}
 
 
 def _sei_on_cracks(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
-    usual, name = known["Negative electrode cracking rate"], "Negative electrode cracking rate"
+    usual = known["Negative electrode cracking rate"]
 
     def cracking(temperature: Any) -> Any:
         return p["cracking"] * (usual(temperature) if callable(usual) else usual)
 
-    return {**_sei_diffusion(known, p), name: cracking}
+    return {"SEI solvent diffusivity [m2.s-1]": 2.5e-22 * p["rate"], "Negative electrode cracking rate": cracking}
 
 
 def _cracks_lack(evidence: Evidence) -> str:
@@ -73,7 +64,10 @@ sei_reaction = Effect(
     parameters=(EffectParameter("rate", "", 0.0, 0.0, 500.0, 2.0, of=(1.5e-7, "A.m-2")),),
     signature="capacity lost at a constant pace per hour, most at high state of charge; resistance grows with it",
     citation=_SEI_CITATION,
-    physics=PyBaMMPart(options={"SEI": "reaction limited"}, values=_sei_reaction),
+    physics=PyBaMMPart(
+        options={"SEI": "reaction limited"},
+        values=partial(_rate, "SEI reaction exchange current density [A.m-2]", 1.5e-7),
+    ),
     lacks=_needs_cycles("SEI"),
     ages=True,
 )
@@ -86,7 +80,9 @@ sei_diffusion = Effect(
     parameters=(EffectParameter("rate", "", 0.0, 0.0, 1e5, 30.0, of=(2.5e-22, "m2.s-1")),),
     signature="capacity lost with the square root of time, at any state of charge; resistance grows with it",
     citation=_SEI_CITATION,
-    physics=PyBaMMPart(options={"SEI": "solvent-diffusion limited"}, values=_sei_diffusion),
+    physics=PyBaMMPart(
+        options={"SEI": "solvent-diffusion limited"}, values=partial(_rate, "SEI solvent diffusivity [m2.s-1]", 2.5e-22)
+    ),
     lacks=_needs_cycles("SEI"),
     ages=True,
 )
@@ -99,7 +95,10 @@ sei_electrons = Effect(
     parameters=(EffectParameter("rate", "", 0.0, 0.0, 1e5, 30.0, of=(8.95e-14, "S.m-1")),),
     signature="capacity lost with the square root of time, more at high state of charge; resistance grows with it",
     citation=_SEI_CITATION,
-    physics=PyBaMMPart(options={"SEI": "electron-migration limited"}, values=_sei_electrons),
+    physics=PyBaMMPart(
+        options={"SEI": "electron-migration limited"},
+        values=partial(_rate, "SEI electron conductivity [S.m-1]", 8.95e-14),
+    ),
     lacks=_needs_a_life("SEI"),
     ages=True,
 )
@@ -112,7 +111,10 @@ sei_interstitials = Effect(
     parameters=(EffectParameter("rate", "", 0.0, 0.0, 1e6, 300.0, of=(1e-20, "m2.s-1")),),
     signature="capacity lost with the square root of time, far more at high state of charge; resistance grows with it",
     citation=_SEI_CITATION,
-    physics=PyBaMMPart(options={"SEI": "interstitial-diffusion limited"}, values=_sei_interstitials),
+    physics=PyBaMMPart(
+        options={"SEI": "interstitial-diffusion limited"},
+        values=partial(_rate, "SEI lithium interstitial diffusivity [m2.s-1]", 1e-20),
+    ),
     lacks=_needs_a_life("SEI"),
     ages=True,
 )
@@ -174,31 +176,19 @@ lithium_plating = Effect(
 )
 
 
-def _lam_negative(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+def _lam_rate(losing: str, other: str, known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
     area = known["Electrode width [m]"] * known["Electrode height [m]"]
     parallel = known["Number of electrodes connected in parallel to make a cell"]
-    full = known["Negative electrode active material volume fraction"]
+    full = known[f"{losing} electrode active material volume fraction"]
     charge = 3600 * known["Nominal cell capacity [A.h]"]
 
     def rate(current_density: Any, temperature: Any) -> Any:
         return -p["loss"] * full * abs(current_density) * area * parallel / charge
 
-    return {"Negative electrode current-driven LAM rate": rate, "Positive electrode current-driven LAM rate": 0.0}
+    return {f"{losing} electrode current-driven LAM rate": rate, f"{other} electrode current-driven LAM rate": 0.0}
 
 
-def _lam_positive(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
-    area = known["Electrode width [m]"] * known["Electrode height [m]"]
-    parallel = known["Number of electrodes connected in parallel to make a cell"]
-    full = known["Positive electrode active material volume fraction"]
-    charge = 3600 * known["Nominal cell capacity [A.h]"]
-
-    def rate(current_density: Any, temperature: Any) -> Any:
-        return -p["loss"] * full * abs(current_density) * area * parallel / charge
-
-    return {"Positive electrode current-driven LAM rate": rate, "Negative electrode current-driven LAM rate": 0.0}
-
-
-def _lam(which: str, physics: Any) -> Effect:
+def _lam(which: str, other: str) -> Effect:
     return Effect(
         name="loss-of-active-material",
         variant=f"{which} electrode",
@@ -207,21 +197,16 @@ def _lam(which: str, physics: Any) -> Effect:
         parameters=(EffectParameter("loss", "", 0.0, 0.0, 0.05, 5e-4, of=(100.0, "% per nominal capacity passed")),),
         signature="capacity and the place of one electrode's steps shift cycle by cycle; its polarisation grows",
         citation="Reniers et al., J. Electrochem. Soc. 166 (2019) A3189, doi:10.1149/2.0281914jes",
-        physics=PyBaMMPart(options={"loss of active material": "current-driven"}, values=physics),
+        physics=PyBaMMPart(
+            options={"loss of active material": "current-driven"},
+            values=partial(_lam_rate, which.capitalize(), other.capitalize()),
+        ),
         lacks=_needs_cycles("loss of active material"),
         ages=True,
     )
 
 
-def _stress_negative(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
-    return {"Negative electrode LAM constant proportional term [s-1]": 2.7778e-7 * p["rate"]}
-
-
-def _stress_positive(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
-    return {"Positive electrode LAM constant proportional term [s-1]": 2.7778e-7 * p["rate"]}
-
-
-def _stressed(which: str, losing: tuple[str, str], physics: Any) -> Effect:
+def _stressed(which: str, losing: tuple[str, str]) -> Effect:
     return Effect(
         name="loss-of-active-material",
         variant=f"{which} electrode by stress",
@@ -237,7 +222,7 @@ def _stressed(which: str, losing: tuple[str, str], physics: Any) -> Effect:
                 # Else the stress would change the new cell's diffusion too.
                 "stress-induced diffusion": "false",
             },
-            values=physics,
+            values=partial(_rate, f"{which.capitalize()} electrode LAM constant proportional term [s-1]", 2.7778e-7),
         ),
         lacks=_needs_a_life("loss of active material"),
         ages=True,
@@ -266,9 +251,7 @@ def _clogging(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
 def _porosity_lacks(evidence: Evidence) -> str:
     if evidence.model == "SPM":
         return "SPM has no electrolyte"
-    return f"no record has {FEWEST_CYCLES} cycles, so that nothing can be seen to age" * (
-        evidence.cycles < FEWEST_CYCLES
-    )
+    return _too_few(evidence)
 
 
 porosity_change = Effect(
@@ -331,10 +314,10 @@ EFFECTS = (
     sei_interstitials,
     sei_on_cracks,
     lithium_plating,
-    _lam("negative", _lam_negative),
-    _lam("positive", _lam_positive),
-    _stressed("negative", ("stress-driven", "none"), _stress_negative),
-    _stressed("positive", ("none", "stress-driven"), _stress_positive),
+    _lam("negative", "positive"),
+    _lam("positive", "negative"),
+    _stressed("negative", ("stress-driven", "none")),
+    _stressed("positive", ("none", "stress-driven")),
     porosity_change,
     resistance_growth,
     self_discharge,

@@ -1,7 +1,5 @@
 """All built-in effects, as entries of the catalogue."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import partial
 

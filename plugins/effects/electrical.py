@@ -1,7 +1,5 @@
 """Effects of the circuit around and inside the cell."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Effects on the rate of the intercalation reaction."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Effects of the instrument: real records have them, and they pass for physics."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Heat, and what temperature does to transport and reaction."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,8 +1,7 @@
 """Effects on the open-circuit potential."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -57,24 +56,15 @@ ocp_hysteresis = Effect(
 )
 
 
-def _negative_shape(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
-    potential = known["Negative electrode OCP [V]"]
+def _shape(which: str, known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    name = f"{which} electrode OCP [V]"
+    potential = known[name]
 
     def corrected(x: Any) -> Any:
         distance = np.log(x / (1 - x)) - np.log(p["stoichiometry"] / (1 - p["stoichiometry"]))
         return potential(x) + p["height"] * np.exp(-0.5 * (distance / 0.9) ** 2)
 
-    return {"Negative electrode OCP [V]": corrected}
-
-
-def _positive_shape(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
-    potential = known["Positive electrode OCP [V]"]
-
-    def corrected(x: Any) -> Any:
-        distance = np.log(x / (1 - x)) - np.log(p["stoichiometry"] / (1 - p["stoichiometry"]))
-        return potential(x) + p["height"] * np.exp(-0.5 * (distance / 0.9) ** 2)
-
-    return {"Positive electrode OCP [V]": corrected}
+    return {name: corrected}
 
 
 ocp_shapes = tuple(
@@ -89,10 +79,10 @@ ocp_shapes = tuple(
         ),
         signature="an offset over part of the charge, the same at every rate and at rest, on charge and on discharge",
         citation="Chen et al., J. Electrochem. Soc. 167 (2020) 080534, doi:10.1149/1945-7111/ab9050",
-        physics=PyBaMMPart(values=values),
+        physics=PyBaMMPart(values=partial(_shape, electrode.capitalize())),
         on_request=True,
     )
-    for electrode, values in (("negative", _negative_shape), ("positive", _positive_shape))
+    for electrode in ("negative", "positive")
 )
 
 EFFECTS = (ocp_hysteresis, *ocp_shapes)

@@ -1,8 +1,7 @@
 """Effects on transport in the particles and in the electrolyte."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 from ...core.effect import Effect, EffectParameter, Evidence
@@ -39,10 +38,10 @@ electrolyte_transport = Effect(
 )
 
 
-def _diffusivity_slope_negative(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+def _diffusivity_slope(which: str, known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
     import pybamm
 
-    name = "Negative particle diffusivity [m2.s-1]"
+    name = f"{which} particle diffusivity [m2.s-1]"
     value = known[name]
 
     def function(sto: Any, temperature: Any) -> Any:
@@ -52,20 +51,7 @@ def _diffusivity_slope_negative(known: Mapping[str, Any], p: Mapping[str, Any]) 
     return {name: function}
 
 
-def _diffusivity_slope_positive(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
-    import pybamm
-
-    name = "Positive particle diffusivity [m2.s-1]"
-    value = known[name]
-
-    def function(sto: Any, temperature: Any) -> Any:
-        base = value(sto, temperature) if callable(value) else value
-        return base * pybamm.exp(p["log_slope"] * (sto - 0.5))
-
-    return {name: function}
-
-
-def _solid_diffusivity(which: str, physics: Any) -> Effect:
+def _solid_diffusivity(which: str) -> Effect:
     return Effect(
         name="solid-diffusivity-variation",
         variant=f"{which} electrode",
@@ -75,12 +61,12 @@ def _solid_diffusivity(which: str, physics: Any) -> Effect:
         signature="diffusion polarisation too large at one end of the state of charge and too small at the other, "
         "growing over minutes of a step",
         citation="Kang and Chung, J. Electrochem. Soc. 168 (2021); Ecker et al. 2015, doi:10.1149/2.0551509jes",
-        physics=PyBaMMPart(values=physics),
+        physics=PyBaMMPart(values=partial(_diffusivity_slope, which.capitalize())),
     )
 
 
-def _stress_negative(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
-    name = "Negative particle diffusivity [m2.s-1]"
+def _coupled(which: str, known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
+    name = f"{which} particle diffusivity [m2.s-1]"
     value = known[name]
 
     def function(sto: Any, temperature: Any) -> Any:
@@ -89,17 +75,7 @@ def _stress_negative(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str
     return {name: function}
 
 
-def _stress_positive(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
-    name = "Positive particle diffusivity [m2.s-1]"
-    value = known[name]
-
-    def function(sto: Any, temperature: Any) -> Any:
-        return (value(sto, temperature) if callable(value) else value) * (1 + p["coupling"] * sto)
-
-    return {name: function}
-
-
-def _stress(which: str, physics: Any) -> Effect:
+def _stress(which: str) -> Effect:
     return Effect(
         name="stress-induced-diffusion",
         variant=f"{which} electrode",
@@ -108,7 +84,7 @@ def _stress(which: str, physics: Any) -> Effect:
         parameters=(EffectParameter("coupling", "", 0.0, 0.0, 12.0, 0.3),),
         signature="faster diffusion the fuller the particle: as a diffusivity that rises with stoichiometry",
         citation="Zhang et al., J. Electrochem. Soc. 154 (2007) A910, doi:10.1149/1.2759840",
-        physics=PyBaMMPart(values=physics),
+        physics=PyBaMMPart(values=partial(_coupled, which.capitalize())),
         lacks=_stress_lacks,
     )
 
@@ -163,8 +139,8 @@ particle_size_distribution = Effect(
 EFFECTS = (
     electrolyte_transport,
     particle_size_distribution,
-    _solid_diffusivity("negative", _diffusivity_slope_negative),
-    _solid_diffusivity("positive", _diffusivity_slope_positive),
-    _stress("negative", _stress_negative),
-    _stress("positive", _stress_positive),
+    _solid_diffusivity("negative"),
+    _solid_diffusivity("positive"),
+    _stress("negative"),
+    _stress("positive"),
 )

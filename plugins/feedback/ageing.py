@@ -1,7 +1,5 @@
 """What a simulation of a long record shows: its fade beside the measured one, and the cycles that matter most."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,6 +11,7 @@ from ...core.ageing.residuals import CAPACITY_TOLERANCE, RESISTANCE_TOLERANCE
 from ...core.alignment import StepPair, pair_steps
 from ...core.simulation import ExperimentRun
 from ...core.task import Experiment, Task
+from ...core.thinning import evenly
 from ...core.trajectory import FloatArray, StepKind, Trajectory
 
 _SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -70,8 +69,7 @@ def measured_life(experiment: Experiment) -> dict[str, Any]:
 
 
 def _curve(table: CycleTable, measured: CycleTable) -> dict[str, Any]:
-    picks = np.unique(np.linspace(0, len(measured) - 1, min(len(measured), _CURVE_POINTS)).round().astype(np.intp))
-    cycles = measured.cycle[picks]
+    cycles = measured.cycle[evenly(len(measured), _CURVE_POINTS)]
     content: dict[str, Any] = {"at_cycles": [int(cycle) for cycle in cycles]}
     for column in ("capacity_ah", "resistance_ohm", "rested_voltage_v"):
         values = table.at(cycles, column)
@@ -85,17 +83,8 @@ def cycles_in_detail(
 ) -> list[dict[str, Any]]:
     """The simulated fade, and the steps of the cycles that matter most in a trial, for each record.
 
-    Parameters
-    ----------
-    curves : sequence of Trajectory or None
-        What was simulated of each record, or a thinned copy of it.
-    asked : sequence of int
-        Cycles that the proposer asked for.
-
-    Returns
-    -------
-    list of dict
-        JSON-ready, of the same size for any number of cycles.
+    ``curves`` are what was simulated of each record, or a thinned copy of it; ``asked`` the cycles that the proposer
+    asked for. JSON-ready, of the same size for any number of cycles.
     """
     found = []
     for experiment, curve in zip(task.experiments, curves, strict=True):

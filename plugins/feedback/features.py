@@ -1,7 +1,5 @@
 """Features a person would read off an overlay: how long each step took, and where its curve lies."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -62,14 +60,10 @@ def mismatches(task: Task, outcome: Outcome) -> dict[str, Mismatch]:
     Names end in their unit: ``cc_charge_time_mismatch_s``, ``cc_discharge_middle_shift_mv``,
     ``cv_hold_middle_current_shift_pct``. Where several signals are observed, their names stand in between:
     ``free_decay_late_displacement_shift_mm``. Where `are_fine` the parts of a step are nine:
-    ``cc_discharge_at_30_pct_shift_mv``. A signal that oscillates has, for a shift, the mismatch of its
-    amplitude and its delay: ``..._amplitude_shift_mm``, ``..._lag_s``, positive where the simulation is late.
-    The names depend on the task alone, except that steps a failed simulation never reached are missing.
-    Tolerances are those of the residuals, so that each feature weighs as it does in the misfit.
-
-    Returns
-    -------
-    dict of str to Mismatch
+    ``cc_discharge_at_30_pct_shift_mv``. A signal that oscillates has, for a shift, the mismatch of its amplitude and
+    its delay: ``..._amplitude_shift_mm``, ``..._lag_s``, positive where the simulation is late. The names depend on the
+    task alone, except that steps a failed simulation never reached are missing. Tolerances are those of the residuals,
+    so that each feature weighs as it does in the misfit.
     """
     result: dict[str, Mismatch] = {}
     parts = _FINE_PARTS if are_fine(task) else _PARTS

@@ -1,7 +1,5 @@
 """Structured feedback with a picture: simulated over measured, for models that see."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

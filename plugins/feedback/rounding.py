@@ -1,7 +1,5 @@
 """Numbers as they go into a prompt."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What the score sees, step by step: durations, the clock, each step's share of the misfit, residuals along it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

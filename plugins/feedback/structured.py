@@ -1,7 +1,5 @@
 """Feedback as a number, or as the paper's structured package (Sec. 3.2, step 1)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from ...core.feedback import Feedback

@@ -1,7 +1,5 @@
 """The per-round memory: what was tried, why, and what came of it."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

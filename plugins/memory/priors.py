@@ -1,7 +1,5 @@
 """Expert knowledge given before the first simulation: bounds and rules of thumb."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from typing import Any

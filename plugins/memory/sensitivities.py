@@ -1,7 +1,5 @@
 """What each parameter does to each feature, from every simulation so far: the warm-up's, and each of the search's."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass

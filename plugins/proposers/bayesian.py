@@ -1,7 +1,5 @@
 """Bayesian optimisation through Ax: one error, or the errors of charge, current and voltage at once."""
 
-from __future__ import annotations
-
 import logging
 import math
 import warnings
@@ -117,8 +115,6 @@ class BayesianProposer:
 class MultiObjectiveProposer(BayesianProposer):
     """The three errors as objectives of their own: Ax chooses qNEHVI for them (paper, Sec. 4.4).
 
-    References
-    ----------
     Daulton, Balandat & Bakshy, NeurIPS 2021, arXiv:2105.08195.
     """
 

@@ -1,7 +1,5 @@
 """CMA-ES, asked and told through pycma."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -24,14 +22,10 @@ class CmaEsOptions(BaseModel, extra="forbid"):
 
 
 class CmaEsProposer:
-    """One generation a round, in the unit box.
+    """One generation a round, in the unit box (Hansen, "The CMA Evolution Strategy: A Tutorial", arXiv:1604.00772).
 
-    A strategy is rebuilt from the history at every round: with the same random numbers and the same
-    errors it stands where the last round left it, so a resumed run asks for the same candidates.
-
-    References
-    ----------
-    Hansen, "The CMA Evolution Strategy: A Tutorial", arXiv:1604.00772.
+    A strategy is rebuilt from the history at every round: with the same random numbers and the same errors it stands
+    where the last round left it, so a resumed run asks for the same candidates.
     """
 
     def __init__(self, options: CmaEsOptions, context: RunContext) -> None:

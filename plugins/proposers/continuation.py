@@ -4,8 +4,6 @@ Continuation, as in Allgower & Georg, Introduction to Numerical Continuation Met
 that can be solved is led over into the hard one. Every reduced simulation is one of the run's.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
@@ -40,22 +38,12 @@ _ONSET_POINTS = 20
 
 
 class Continuation(ABC):
-    """Asks for candidates, some of them reduced, until one runs as the task is.
-
-    Attributes
-    ----------
-    reductions : tuple of TaskReduction or None
-        How the task is reduced for each of the candidates just asked for.
-    found : Trial or None
-        A trial of the task as it is that ran to its end.
-    over : bool
-        Whether nothing more is to come.
-    """
+    """Asks for candidates, some of them reduced, until one runs as the task is."""
 
     def __init__(self) -> None:
-        self.reductions: Reductions = ()
-        self.found: Trial | None = None
-        self.over = False
+        self.reductions: Reductions = ()  # How the task is reduced for each of the candidates just asked for.
+        self.found: Trial | None = None  # A trial of the task as it is that ran to its end.
+        self.over = False  # Whether nothing more is to come.
 
     @property
     @abstractmethod
@@ -74,17 +62,10 @@ class Continuation(ABC):
 class CurrentRateContinuation(Continuation):
     """Lowers the currents until the cell runs, finds out there what eases it, and climbs back to the full rate.
 
-    What eases the cell is measured at the rate at which it runs: the direction in which the voltage moves least
-    when a constant current sets in, so that the cell is polarised least.
-
-    Parameters
-    ----------
-    start : ndarray of shape (p,)
-        The point that fails, in the unit box.
-    gentle : ndarray of shape (p,)
-        A direction to take where none can be measured.
-    rates : tuple of float
-        Shares of the currents to try, largest first.
+    What eases the cell is measured at the rate at which it runs: the direction in which the voltage moves least when a
+    constant current sets in, so that the cell is polarised least. ``start``, shape (p,), is the point that fails, in
+    the unit box; ``gentle``, shape (p,), a direction to take where none can be measured; ``rates`` are shares of the
+    currents to try, largest first.
     """
 
     def __init__(
@@ -224,12 +205,8 @@ def _voltage_moved(curve: Trajectory, step: Step, horizon_s: float) -> float:
 class FirstCycleContinuation(Continuation):
     """Fits the record's first cycles alone, which run, and tries the whole task from every better point.
 
-    Parameters
-    ----------
-    start : ndarray of shape (p,)
-        Where from, in the unit box.
-    allowance : int, optional
-        Simulations at most; by default what a Jacobian and some steps take.
+    It begins at ``start``, shape (p,), in the unit box; by default as many simulations are allowed as a Jacobian and
+    some steps take.
     """
 
     def __init__(self, space: ParameterSpace, start: FloatArray, cycles: int, allowance: int | None = None) -> None:

@@ -1,7 +1,5 @@
 """No fit at all: the parameter set as published, the row every table begins with."""
 
-from __future__ import annotations
-
 from ...core.hooks import NoOptions, ProposeContext, RunContext, hookimpl
 from ...core.proposal import Proposal
 

@@ -1,7 +1,5 @@
 """A numerical fit over the trials of a run: feasible first, then downhill, then from elsewhere if it is stuck."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Literal
 
@@ -76,12 +74,8 @@ class DescentOptions(BaseModel, extra="forbid"):
 class Descent:
     """Asks for candidates and is told their trials.
 
-    Parameters
-    ----------
-    seed : int
-        For what is random: where to look for a feasible start, where to begin again.
-    start : Trial
-        The trial to begin with; it may have failed.
+    It begins with the trial ``start``, which may have failed; ``seed`` is for what is random: where to look for a
+    feasible start, where to begin again.
     """
 
     def __init__(self, task: Task, options: DescentOptions, seed: int, start: Trial) -> None:
@@ -176,12 +170,8 @@ class Descent:
     def ask(self, limit: int, planning_budget: int | None = None) -> list[Candidate]:
         """What to simulate next, at most ``limit`` candidates; empty when done.
 
-        Parameters
-        ----------
-        limit : int
-            How many can still be simulated.
-        planning_budget : int, optional
-            How many to reckon with when the next Jacobian is weighed against more steps; ``limit`` by default.
+        ``planning_budget`` is how many simulations to reckon with when the next Jacobian is weighed against more steps;
+        ``limit`` by default.
         """
         points = self._points(limit, limit if planning_budget is None else min(planning_budget, limit))
         return [self._task.space.from_unit(point) for point in points]
@@ -234,10 +224,7 @@ class Descent:
     def adopt(self, trial: Trial, trials: Sequence[Trial]) -> None:
         """Go on from a better point that somebody else found.
 
-        Parameters
-        ----------
-        trials : sequence of Trial
-            All so far: those near it tell of the derivatives there.
+        Of all ``trials`` so far those near it tell of the derivatives there.
         """
         self._best = self.best
         self._told.append(trial)

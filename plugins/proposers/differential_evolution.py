@@ -1,7 +1,5 @@
 """Differential evolution by SciPy, on one number or on a weighted sum of the errors of each signal."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -47,15 +45,11 @@ class _Question(Exception):
 
 
 class DifferentialEvolutionProposer:
-    """One generation a round, in the unit box.
+    """One generation a round, in the unit box (Storn & Price, J. Global Optim. 11 (1997) 341).
 
-    SciPy offers no ask and tell. It is therefore run again from the start at every round with the
-    same seed, is given the errors it has already asked for, and is stopped at its next question. This
-    costs milliseconds, needs no thread, and makes the answer a function of the history.
-
-    References
-    ----------
-    Storn & Price, J. Global Optim. 11 (1997) 341.
+    SciPy offers no ask and tell. It is therefore run again from the start at every round with the same seed, is given
+    the errors it has already asked for, and is stopped at its next question. This costs milliseconds, needs no thread,
+    and makes the answer a function of the history.
     """
 
     def __init__(self, options: DifferentialEvolutionOptions, context: RunContext) -> None:

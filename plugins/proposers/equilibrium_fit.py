@@ -2,16 +2,10 @@
 
 The parameters of the open-circuit curve act on a slow record nearly as they do on a cell at equilibrium, whose voltage
 takes milliseconds. What the two differ by, a polarisation that hardly depends on these parameters, is taken from the
-simulation of the best point and held while the cell at equilibrium is fitted. The simulation of what was found
-corrects it anew.
-
-References
-----------
-Alexandrov & Lewis, Optim. Eng. 2 (2001) 413 (a cheaper model with an additive correction). Bandler et al., IEEE
-Trans. Microw. Theory Tech. 52 (2004) 337 (space mapping).
+simulation of the best point and held while the cell at equilibrium is fitted. The simulation of what was found corrects
+it anew. Alexandrov & Lewis, Optim. Eng. 2 (2001) 413 (a cheaper model with an additive correction); Bandler et al.,
+IEEE Trans. Microw. Theory Tech. 52 (2004) 337 (space mapping).
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
@@ -46,15 +40,7 @@ promises is not worth a simulation."""
 
 
 class EquilibriumFit(Stage):
-    """A stage that simulates only the ends of fits to a cell at equilibrium.
-
-    Parameters
-    ----------
-    task, choice, view, free, start, budget
-        As for `Stage`.
-    equilibrium : callable
-        As `ProposeContext.equilibrium`.
-    """
+    """A stage that simulates only the ends of fits to a cell at equilibrium, ``equilibrium`` of `ProposeContext`."""
 
     def __init__(
         self,

@@ -4,8 +4,6 @@ First what is gentle by rule, since it is cheap and mostly works; then continuat
 around the trial that got farthest.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -16,6 +14,7 @@ from ...core.task import Task
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial
 from .continuation import Continuation, CurrentRateContinuation, FirstCycleContinuation, Reductions
+from .trial_errors import sum_of_squares
 
 _STRIDES = (0.1, 0.25, 0.45, 0.7)
 """How far along the gentle direction, in units of the box."""
@@ -168,7 +167,7 @@ class Feasibility:
                 self._continuation = None
         good = [trial for trial in trials if trial.residuals is not None]
         if good:
-            return min(good, key=lambda trial: _misfit(trial))
+            return min(good, key=sum_of_squares)
         whole = [trial for trial in trials if trial.reduction is None]
         self._farthest = max([self._farthest, *whole], key=lambda trial: progress(self._task, trial))
         return None
@@ -177,7 +176,3 @@ class Feasibility:
 def can_be_reduced(task: Task) -> bool:
     """Whether a protocol, which may be reduced, drives every record; a measured current has no cut-offs."""
     return bool(task.domain.drives) and all(experiment.protocol is not None for experiment in task.experiments)
-
-
-def _misfit(trial: Trial) -> float:
-    return float("inf") if trial.residuals is None else float(trial.residuals @ trial.residuals)

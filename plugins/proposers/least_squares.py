@@ -1,7 +1,5 @@
 """Least squares on the step-aligned residuals: the numerical baseline, and the hybrid's engine."""
 
-from __future__ import annotations
-
 from ...core.hooks import ProposeContext, RunContext, hookimpl
 from ...core.proposal import Proposal
 from .descent import Descent, DescentOptions
@@ -27,16 +25,21 @@ class LeastSquaresProposer:
         else:
             self._descent.tell(context.trials[self._seen :])
         self._seen = len(context.trials)
-        candidates = self._descent.ask(context.simulations_left)
-        return Proposal(
-            tuple(candidates),
-            rationale=words(self._descent),
-            action=action(self._descent),
-            details=numbers(self._descent),
-            finished=not candidates,
-            by_simulations=True,
-            reductions=self._descent.reductions[: len(candidates)],
-        )
+        return next_proposal(self._descent, context.simulations_left)
+
+
+def next_proposal(descent: Descent, limit: int) -> Proposal:
+    """What a fit asks for next, with its reasons; at most ``limit`` candidates."""
+    candidates = descent.ask(limit)
+    return Proposal(
+        tuple(candidates),
+        rationale=words(descent),
+        action=action(descent),
+        details=numbers(descent),
+        finished=not candidates,
+        by_simulations=True,
+        reductions=descent.reductions[: len(candidates)],
+    )
 
 
 def action(descent: Descent) -> str:

@@ -1,7 +1,5 @@
 """Random search: candidates drawn evenly from the search space."""
 
-from __future__ import annotations
-
 import numpy as np
 from pydantic import BaseModel, Field
 

@@ -1,7 +1,5 @@
 """The part of the records that informs a stage of a calibration, as a view on the residuals."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 
@@ -36,23 +34,15 @@ _VOLTAGE, _TEMPERATURE = "voltage", "temperature"
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Some of the residuals, or differences between them.
+    """Some of the residuals, or differences between them."""
 
-    Attributes
-    ----------
-    rows, less : ndarray of int, shape (k,)
-        Places of the residuals, and of those that are taken off them; -1 for none.
-    weights, less_weights : ndarray of shape (k,)
-        What both are multiplied by.
-    lacking : str
-        Why there are none; empty where there are.
-    """
-
+    # rows, less: Places of the residuals, and of those that are taken off them, shape (k,).
+    # weights, less_weights: What both are multiplied by.
     rows: NDArray[np.intp]
     weights: FloatArray
     less: NDArray[np.intp] | None = None
     less_weights: FloatArray | None = None
-    lacking: str = ""
+    lacking: str = ""  # Why there are none; empty where there are.
 
     def __call__(self, residual: FloatArray) -> FloatArray:
         """The residuals of the view, from those of the task."""
@@ -65,16 +55,11 @@ class View:
 def view_of(task: Task, data: Data) -> View:
     """What a stage looks at.
 
-    Parameters
-    ----------
-    task : Task
-        The records.
-    data : str
-        ``"open-circuit"`` for rests after ten minutes and currents up to C/10; ``"current-steps"`` for the first
-        minute after each step of the current, against the voltage before it, and for spectra above 1 Hz; ``"rates"``
-        for higher currents;
-        ``"temperature"`` for the measured temperature; ``"first-cycle"`` for a record's first cycle, in which a cell
-        has not aged; ``"life"`` for the cycles after it, those of a table of cycles among them; ``"everything"``.
+    ``"open-circuit"`` stands for rests after ten minutes and currents up to C/10; ``"current-steps"`` for the first
+    minute after each step of the current, against the voltage before it, and for spectra above 1 Hz; ``"rates"`` for
+    higher currents; ``"temperature"`` for the measured temperature; ``"first-cycle"`` for a record's first cycle, in
+    which a cell has not aged; ``"life"`` for the cycles after it, those of a table of cycles among them;
+    ``"everything"``.
     """
     rows = rows_of(task)
     if data == "everything":

@@ -14,7 +14,7 @@ from ...core.proposal import Proposal
 from ...core.trial import Trial
 from .descent import Descent, DescentOptions
 from .equilibrium_fit import EquilibriumFit
-from .least_squares import words as search_words
+from .least_squares import next_proposal
 from .stage_data import view_of
 from .stage_fit import Stage, StageChoice, StageFit
 
@@ -104,15 +104,7 @@ class StagedProposer:
         if self._descent.status != "infeasible":
             self._here = self._descent.base
             return None
-        candidates = tuple(self._descent.ask(context.simulations_left))
-        return Proposal(
-            candidates,
-            rationale=search_words(self._descent),
-            action="reduce",
-            finished=not candidates,
-            by_simulations=True,
-            reductions=self._descent.reductions[: len(candidates)],
-        )
+        return next_proposal(self._descent, context.simulations_left)
 
     def _next_stage(self, context: ProposeContext) -> Stage | None:
         """The next stage that has something to do; why others are skipped is noted."""

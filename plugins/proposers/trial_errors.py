@@ -1,6 +1,4 @@
-"""What blind optimisers are told of past trials: finite numbers, failed simulations included."""
-
-from __future__ import annotations
+"""What optimisers are told of past trials: numbers, failed simulations included."""
 
 from collections.abc import Callable, Sequence
 
@@ -19,15 +17,16 @@ def total_error(trial: Trial) -> float:
     return trial.objective
 
 
+def sum_of_squares(trial: Trial) -> float:
+    """What least squares minimise; infinite where the trial has no residuals."""
+    return float("inf") if trial.residuals is None else float(trial.residuals @ trial.residuals)
+
+
 def finite_errors(trials: Sequence[Trial], error: Callable[[Trial], float] = total_error) -> FloatArray:
     """The errors of trials, shape (n,); a failed one counts as twice the worst that did not fail.
 
-    An infinite error would stop a surrogate or a ranking; an enormous one would flatten everything else.
-
-    Parameters
-    ----------
-    error : callable
-        What is minimised; infinite for a failed trial.
+    An infinite error would stop a surrogate or a ranking; an enormous one would flatten everything else. ``error`` is
+    what is minimised, infinite for a failed trial.
     """
     values = np.array([error(trial) if trial.ok else np.inf for trial in trials])
     known = values[np.isfinite(values)]

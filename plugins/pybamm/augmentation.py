@@ -1,7 +1,5 @@
 """How an effect enters a PyBaMM model: options, parameter values, the current, and terms of the terminal voltage."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -19,8 +17,9 @@ Symbols = Mapping[str, Any]
 class PyBaMMPart:
     """What an effect changes in a PyBaMM model. Every field is optional; all that are given apply.
 
-    The functions must be importable (no lambdas), since models are also built in other processes, and should
-    use nothing but `pybamm`, `np` and their arguments: ``augmented_model.py`` quotes their source.
+    The functions must be importable (no lambdas), since models are also built in other processes, and should use
+    nothing but `pybamm`, `np` and their arguments: ``augmented_model.py`` quotes their source. Of a
+    `functools.partial` the arguments that it gives are numbers or text.
     """
 
     # Model options to add, ``{"contact resistance": "true"}``.

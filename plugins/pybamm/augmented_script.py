@@ -1,7 +1,5 @@
 """The augmented model as a script that needs pybamm alone."""
 
-from __future__ import annotations
-
 import pprint
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -9,13 +7,14 @@ from typing import Any
 
 import jinja2
 
-from ...core.discovery.observations import after_jumps, evenly
+from ...core.discovery.observations import after_jumps
 from ...core.discovery.simulator import MeasuredRecord
 from ...core.effect import Effect
 from ...core.parameters import Candidate
 from ...core.printable import shown
 from ...core.target import CellChange, Target, change_of
 from ...core.task import CellModel, ParameterFile
+from ...core.thinning import evenly
 from .augmentation import augmented_cell
 from .drive import current_function
 from .export import parameter_values_json
@@ -39,20 +38,10 @@ def augmented_script(
 ) -> str:
     """Source text of ``augmented_model.py``.
 
-    Parameters
-    ----------
-    targets : mapping of str to Target
-        What the base parameters act on, by their names.
-    measured_records : sequence of MeasuredRecord
-        The fitted records; their currents are written into the script.
-    resolution : Resolution
-        Mesh and tolerance: those that the discovery measured its discretisation with, so that the script's curve is
-        the report's.
-
-    Returns
-    -------
-    str
-        Runs without arguments: simulates each record and says how far it is from what was measured.
+    The script runs without arguments: it simulates each of the fitted records, whose currents are written into it, and
+    says how far it is from what was measured. ``targets`` are what the base parameters act on, by their names.
+    ``resolution`` is that with which the discovery measured its discretisation, so that the script's curve is the
+    report's.
     """
     augmented = augmented_cell(cell, effects)
     state = InitialState(load(cell.parameter_set, cell.overrides))

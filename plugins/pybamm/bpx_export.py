@@ -1,11 +1,7 @@
 """A calibrated cell as a BPX file, and what of it BPX cannot say.
 
-References
-----------
 Battery Parameter eXchange, version 1.1, https://bpxstandard.com; PyBaMM reads it in ``pybamm.parameters.bpx``.
 """
-
-from __future__ import annotations
 
 import json
 import warnings
@@ -22,7 +18,7 @@ from ...core.task import CellModel, Experiment
 from ...core.trajectory import FloatArray
 from .ocp_shape import GRID
 from .parameter_sets import arguments_of, bake, load, pybamm
-from .state_of_charge import InitialState, initial_concentration
+from .state_of_charge import InitialState, initial_concentration, maximum_concentration
 
 VERSION = "1.1.0"
 
@@ -58,19 +54,9 @@ class BpxExport:
 def to_bpx(cell: CellModel, change: CellChange, experiment: Experiment, title: str) -> BpxExport:
     """A changed cell as BPX, checked by the ``bpx`` package.
 
-    Functions are tabulated at the temperature of the experiment, which becomes the reference temperature.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        Gives temperature and state of charge at the start.
-    title : str
-        The file's title. Untrusted.
-
-    Raises
-    ------
-    BsaError
-        If ``bpx`` is not installed, or the cell is not of the kind that BPX describes.
+    Functions are tabulated at the temperature of the experiment, which becomes the reference temperature; the
+    experiment gives the state of charge at the start too. The title is untrusted. Raises `BsaError` if ``bpx`` is not
+    installed, or the cell is not of the kind that BPX describes.
     """
     bpx = require("bpx", "bpx", "a BPX file")
     values = load(cell.parameter_set, cell.overrides)
@@ -93,13 +79,7 @@ def to_bpx(cell: CellModel, change: CellChange, experiment: Experiment, title: s
 
 
 class _Writer:
-    """Writes one cell.
-
-    Parameters
-    ----------
-    lithium : float
-        What the lithium that both electrodes share is multiplied by.
-    """
+    """Writes one cell; ``lithium`` is what the lithium that both electrodes share is multiplied by."""
 
     def __init__(self, values: Any, lithium: float) -> None:
         self._values, self._lithium = values, lithium
@@ -193,7 +173,7 @@ class _Writer:
 
     def _electrode(self, side: str, empty: Mapping[str, float], full: Mapping[str, float]) -> dict[str, Any]:
         layer = self._layer(f"{side} electrode")
-        highest = self._number(f"Maximum concentration in {side.lower()} electrode [mol.m-3]")
+        highest = self._number(maximum_concentration(side))
         limits = sorted(state[initial_concentration(side)] / highest for state in (empty, full))
         radius = self._number(f"{side} particle radius [m]")
         entropic = self._course(f"{side} electrode OCP entropic change [V.K-1]", _STOICHIOMETRIES)

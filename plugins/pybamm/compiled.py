@@ -21,25 +21,9 @@ from .step_solutions import Unfinished, keep_solver_steps_of_holds, to_trajector
 class CompiledExperiment:
     """A protocol, ready to be simulated for many candidates without a rebuild.
 
-    Parameters
-    ----------
-    experiment : Experiment
-        What to simulate; one with a protocol.
-    targets : mapping of str to Target
-        What is searched, by the names that candidates use; all become inputs.
-    baked : CellChange, optional
-        Values built into the model; needed for geometry on the standard mesh.
-    effects : sequence of Effect
-        What is added to the model; their parameters become inputs too.
-
-    Attributes
-    ----------
-    cell : CompiledCell
-        The cell itself.
-    simulation : pybamm.Simulation
-        The compiled simulation.
-    steps : sequence of sequence of pybamm steps
-        The experiment's cycles, each with its steps.
+    ``targets`` are what is searched, by the names that candidates use, and ``effects`` what is added to the model: the
+    parameters of both become inputs. ``baked`` are values built into the model, which geometry on the standard mesh
+    needs.
     """
 
     def __init__(
@@ -65,20 +49,10 @@ class CompiledExperiment:
         keep_solver_steps_of_holds(self.simulation.experiment)
 
     def solve(self, candidate: Candidate, on_step: Callable[[str, int], None] | None = None) -> ExperimentRun:
-        """Simulate one candidate.
+        """Simulate one candidate; with the partial trajectory and the failed step if it did not finish.
 
-        Parameters
-        ----------
-        candidate : Candidate
-            A value for every searched parameter.
-        on_step : callable, optional
-            Called with the step's words and its cycle before each step, so that a watcher knows where a
-            hang began.
-
-        Returns
-        -------
-        ExperimentRun
-            With the partial trajectory and the failed step if it did not finish.
+        ``on_step`` is called with the step's words and its cycle before each step, so that a watcher knows where a hang
+        began.
         """
         watcher = _Watcher(on_step)
         cause = ""

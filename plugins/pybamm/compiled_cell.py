@@ -1,7 +1,5 @@
 """A cell model whose searched parameters are inputs: one compilation serves every candidate."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -20,7 +18,7 @@ from .parameter_sets import bake, input_values, load, open_to_search, pybamm
 from .resolution import SEARCH, Resolution
 from .state_of_charge import InitialState, initial_concentration
 
-MODELS = {"SPM": "SPM", "SPMe": "SPMe", "DFN": "DFN"}
+MODELS = ("SPM", "SPMe", "DFN")
 
 PAUSE = ("Pause begins [s]", "Pause ends [s]")
 """Inputs of a cell that is driven by a measured current: no current passes between these two times."""
@@ -53,7 +51,7 @@ def make_model(cell: CellModel) -> Any:
         )
     options = {key: tuple(value) if isinstance(value, list) else value for key, value in cell.options.items()}
     try:
-        return getattr(pybamm.lithium_ion, MODELS[cell.model])(options)
+        return getattr(pybamm.lithium_ion, cell.model)(options)
     except pybamm.OptionError as error:
         raise BsaError(
             f"PyBaMM refuses the model options {options}: {' '.join(str(error).split())}",
@@ -64,25 +62,10 @@ def make_model(cell: CellModel) -> Any:
 class CompiledCell:
     """A cell with or without effects, at a resolution; its parameters, start and mesh are ready to be simulated.
 
-    Parameters
-    ----------
-    targets : mapping of str to Target
-        What is searched, by the names that candidates use; all become inputs.
-    baked : CellChange, optional
-        Values built into the model; needed for geometry on the standard mesh.
-    effects : sequence of Effect
-        What is added to the model beside the cell's own effects; their parameters become inputs too.
-    measured_current : CurrentFunction, optional
-        Drives the cell, with the voltage cut-offs widened; without it an experiment does.
-    any_start : bool
-        Whether `inputs` may be asked for any state of charge.
-
-    Attributes
-    ----------
-    heats : bool
-        Whether the temperature changes.
-    window_v : tuple of float
-        Lower and upper voltage cut-off, V, of the parameter set.
+    ``targets`` are what is searched, by the names that candidates use, and ``effects`` what is added to the model
+    beside the cell's own effects: the parameters of both become inputs. ``baked`` are values built into the model,
+    which geometry on the standard mesh needs. ``measured_current`` drives the cell, with the voltage cut-offs widened;
+    without it an experiment does. With ``any_start``, `inputs` may be asked for any state of charge.
     """
 
     def __init__(
@@ -123,6 +106,7 @@ class CompiledCell:
         )
         self._state = InitialState(values) if by_state else None
         open_to_search(values, self._targets)
+        # Lower and upper voltage cut-off of the parameter set.
         self.window_v = (float(values["Lower voltage cut-off [V]"]), float(values["Upper voltage cut-off [V]"]))
         self._add_effects(values, measured_current)
         if by_state:
@@ -191,17 +175,8 @@ class CompiledCell:
     def inputs(self, candidate: Candidate, soc: float | None = None) -> dict[str, float]:
         """What PyBaMM's solve is given for a candidate.
 
-        Parameters
-        ----------
-        candidate : Candidate
-            A value for every searched parameter and for the effects' parameters.
-        soc : float or None
-            State of charge at the start; None leaves it to the candidate, then to the `Start`.
-
-        Raises
-        ------
-        ValueError
-            If the electrodes cannot start at the wanted state of charge.
+        That has a value for every searched parameter and for the effects' parameters. Without a state of charge at the
+        start the candidate says it, then the `Start`. Raises `ValueError` if the electrodes cannot start there.
         """
         change = self._feasible(change_of(self._targets, candidate))
         inputs = input_values(self._targets, change)

@@ -92,10 +92,7 @@ Restate = Callable[[Any, FloatArray], Any]
 class CycleRunner:
     """Runs equal cycles one after the other, those that are not needed left out where that is safe.
 
-    Parameters
-    ----------
-    tolerance : float or None
-        See `TOLERANCE`; None simulates every cycle.
+    See `TOLERANCE`; with None every cycle is simulated.
     """
 
     def __init__(self, restate: Restate, state: Any, tolerance: float | None = TOLERANCE) -> None:

@@ -1,7 +1,5 @@
 """Diffusivities in particles that change with the stoichiometry, as factors near some of them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 
@@ -14,12 +12,8 @@ from .ocp_shape import bump
 def shaped(diffusivity: Any, factors: Mapping[float, Any]) -> Any:
     """A diffusivity whose logarithm has bumps added to it.
 
-    Parameters
-    ----------
-    diffusivity : float, pybamm.Symbol or callable
-        A number, or a function of stoichiometry and temperature, m2.s-1.
-    factors : mapping of float to float or pybamm.Symbol
-        What it is multiplied by, by the stoichiometry at which all of the factor applies.
+    It is a number, or a function of stoichiometry and temperature, m2.s-1. ``factors`` are what it is multiplied by, by
+    the stoichiometry at which all of the factor applies.
     """
 
     def function(stoichiometry: Any, temperature: Any) -> Any:

@@ -1,7 +1,5 @@
 """A record that is calibrated by its measured current: simulated at its own samples."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
@@ -20,13 +18,7 @@ from .resolution import SEARCH, Resolution
 
 
 class DrivenExperiment:
-    """An experiment that is driven by its measured current, ready to be simulated for many candidates.
-
-    Parameters
-    ----------
-    cell, targets, resolution, baked
-        As for `CompiledExperiment`.
-    """
+    """An experiment that is driven by its measured current, ready to be simulated; see `CompiledExperiment`."""
 
     def __init__(
         self,

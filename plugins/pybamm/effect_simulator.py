@@ -1,7 +1,5 @@
 """The simulator of a discovery, run by PyBaMM."""
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -43,14 +41,9 @@ _Key = tuple[tuple[str, ...], int, bool, bool]
 class EffectSimulator:
     """Keeps compiled models of a cell with its effects and solves them.
 
-    Parameters
-    ----------
-    targets : mapping of str to Target
-        What candidates set of the base parameters, by the names that they use.
-    usual, fine : Resolution
-        Mesh and tolerances of the search and of the check on it.
-    together : sequence of MeasuredRecord
-        Records that will all be asked for: a model is compiled once for those that go together.
+    ``targets`` are what candidates set of the base parameters, by the names that they use; ``usual`` and ``fine`` mesh
+    and tolerances of the search and of the check on it. A model is compiled once for the records of ``together``, which
+    will all be asked for.
     """
 
     at_once = 1

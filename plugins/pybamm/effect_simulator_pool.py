@@ -1,7 +1,5 @@
 """The simulator of a discovery on records in worker processes."""
 
-from __future__ import annotations
-
 import pickle
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -25,13 +23,7 @@ _LARGE = ("measured_record", "moments")
 
 
 class EffectService(RequestService):
-    """What each worker does.
-
-    Parameters
-    ----------
-    cell, targets, usual, fine
-        As for `EffectSimulator`.
-    """
+    """What each worker does; see `EffectSimulator`."""
 
     def __init__(
         self,
@@ -61,13 +53,7 @@ class EffectService(RequestService):
 
 
 class EffectSimulatorPool(RequestPool[Request, Prediction]):
-    """Predicts measured records; see `Simulator`.
-
-    Parameters
-    ----------
-    cell, targets, usual, fine
-        As for `EffectSimulator`.
-    """
+    """Predicts measured records in worker processes; see `Simulator` and `EffectSimulator`."""
 
     def __init__(
         self,

@@ -1,7 +1,5 @@
 """A cell at equilibrium under a measured current: the open-circuit voltage that belongs to the charge drawn so far."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -28,12 +26,8 @@ class EquilibriumCell:
     """The open-circuit voltage of a task's cell along its measured currents, without a solver.
 
     Both electrodes are homogeneous: :math:`V = U_p(y_0 + q / Q_p) - U_n(x_0 - q / Q_n)` with the charge :math:`q` drawn
-    since the start and the electrodes' capacities :math:`Q`. Temperature, resistances and the time that diffusion takes
-    have no part in it.
-
-    References
-    ----------
-    Mohtat et al., J. Power Sources 427 (2019) 101, Eqs. 1 to 5.
+    since the start and the electrodes' capacities :math:`Q` (Mohtat et al., J. Power Sources 427 (2019) 101, Eqs. 1 to
+    5). Temperature, resistances and the time that diffusion takes have no part in it.
     """
 
     def __init__(self, task: Task) -> None:

@@ -1,7 +1,5 @@
 """The calibrated cell as a Python script that needs pybamm alone."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,14 +17,13 @@ from ...core.task import CellModel, Experiment, ParameterFile, Task
 from ...core.trajectory import StepKind
 from . import drive
 from .augmentation import augmented_cell
-from .compiled_cell import MODELS
 from .diffusivity_shape import by_diffusivity
 from .ocp_shape import BUMP_WIDTH, OcpCurves
 from .parameter_sets import FILL_FROM, bake, load, pybamm
 from .quoted_effects import quoted
 from .resolution import REFERENCE
 from .spectrum_experiment import DOUBLE_LAYERS
-from .state_of_charge import InitialState
+from .state_of_charge import InitialState, changed_values
 from .step_solutions import step_kind
 
 _TEMPLATE = "best_parameters.py.j2"
@@ -42,23 +39,9 @@ def script(
 ) -> str:
     """Python source that simulates a candidate as the final score does, without this package.
 
-    Names and protocol strings come from files and models: they enter as literals only, never as code or comments.
-
-    Parameters
-    ----------
-    task : Task
-        The cell model and the records.
-    candidate : Candidate
-        A value for every searched parameter, and for the effects' parameters.
-    effects : sequence of Effect
-        What is added to the cell model.
-    file_name : str
-        What the script will be called.
-
-    Returns
-    -------
-    str
-        A script that runs by itself, and a module that offers ``parameter_values()``, ``model()`` and ``simulate()``.
+    A script that runs by itself, and a module that offers ``parameter_values()``, ``model()`` and ``simulate()``; it
+    will be called ``file_name``. Names and protocol strings come from files and models: they enter as literals only,
+    never as code or comments. ``candidate`` has a value for every searched parameter and for the effects' parameters.
     """
     import jinja2
 
@@ -84,7 +67,7 @@ def script(
         parameter_set=str(task.cell.parameter_set),
         embedded=parameter_values_json(task.cell, change) if from_file else "",
         file_name=file_name,
-        model=MODELS.get(cell.model, cell.model),
+        model=cell.model,
         options={key: tuple(value) if isinstance(value, list) else value for key, value in cell.options.items()},
         effects=[quoted(number, effect, candidate) for number, effect in enumerate(effects, start=1)],
         overrides={name: float(value) for name, value in task.cell.overrides.items()},
@@ -106,11 +89,7 @@ def script(
 
 def parameter_values_json(cell: CellModel, change: CellChange) -> str:
     """The changed cell's whole parameter set as JSON that ``pybamm.ParameterValues.from_json`` reads."""
-    values = load(cell.parameter_set, cell.overrides)
-    bake(values, change)
-    if change.cyclable_lithium != 1.0:
-        values.update(InitialState(values).concentrations(CellChange(cyclable_lithium=change.cyclable_lithium), None))
-    return as_json(values)
+    return as_json(changed_values(cell, change))
 
 
 def as_json(values: Any) -> str:

@@ -1,7 +1,5 @@
 """PyBaMM's integrator, whose answers do not depend on what it solved before."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -4,8 +4,6 @@ PyBaMM throws away the step in which the integrator gives up. Solved again for s
 where it began, it shows its last moments, and whether a concentration has run out in them.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 from typing import Any
@@ -44,16 +42,8 @@ class LastMoments:
 def last_moments(simulation: Any, step: Any, inputs: dict[str, float], window_v: Window) -> LastMoments:
     """Look at the step in which a simulation of an experiment died.
 
-    Parameters
-    ----------
-    simulation : pybamm.Simulation
-        After the failed solve; built with one model for each step.
-    step : pybamm step
-        The step that could not be solved.
-    inputs : dict of str to float
-        As for the failed solve.
-    window_v : tuple of float
-        Lower and upper voltage cut-off, V.
+    ``simulation`` is as the failed solve left it, built with one model for each step, and ``inputs`` are those of that
+    solve. ``window_v`` is the lower and upper voltage cut-off, V.
     """
     solution = simulation._solution
     if solution is None:
@@ -102,15 +92,8 @@ def _advance(simulation: Any, state: Any, step: Any, length_s: float, inputs: di
 def nearest_limit(solution: Any, window_v: Window) -> str:
     """Which concentration or voltage limit the last state of a solution is at, in plain words.
 
-    Parameters
-    ----------
-    window_v : tuple of float
-        Lower and upper voltage cut-off, V.
-
-    Returns
-    -------
-    str
-        Several joined by semicolons; how far the concentrations are from theirs where none is near.
+    Several are joined by semicolons; where none is near, how far the concentrations are from theirs. ``window_v`` is
+    the lower and upper voltage cut-off, V.
     """
     try:
         return _limit(solution, window_v)

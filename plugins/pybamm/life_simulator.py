@@ -1,7 +1,5 @@
 """The simulator of a discovery over a life: the whole of it, or one of its cycles alone."""
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import replace
@@ -26,10 +24,7 @@ _KEPT = 3
 class LifeSimulator:
     """Simulates one request after the other; see `Answering`.
 
-    Parameters
-    ----------
-    task : Task
-        One life, whose space names the cell's own parameters.
+    The task is one life, whose space names the cell's own parameters.
     """
 
     at_once = 1
@@ -103,15 +98,7 @@ class LifeService(RequestService):
 
 
 class LifeSimulatorPool(RequestPool[LifeRequest, LifeResiduals]):
-    """Simulates a life in worker processes; see `Answering`.
-
-    Parameters
-    ----------
-    task : Task
-        As for `LifeSimulator`.
-    workers : int
-        How many processes at most.
-    """
+    """Simulates a life in worker processes; see `Answering` and `LifeSimulator`."""
 
     def __init__(self, task: Task, workers: int) -> None:
         cycles = len(task.experiments[0].protocol or ())

@@ -1,7 +1,5 @@
 """An experiment of hundreds of cycles: compiled once, run with nothing kept but the last state and a few curves."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
@@ -60,16 +58,10 @@ class _Failed(CycleFailed):
 
 
 class LongExperiment:
-    """A long experiment, ready to be simulated for many candidates without a rebuild.
+    """A long experiment, ready to be simulated for many candidates without a rebuild; see `CompiledExperiment`.
 
-    Parameters
-    ----------
-    cell, targets, resolution, baked, effects
-        As for `CompiledExperiment`.
-    experiment : Experiment
-        A long one. The curves of its detailed cycles are kept.
-    leave_out : bool
-        Whether cycles in which the cell changes steadily are left out (`CycleRunner`).
+    The curves of the experiment's detailed cycles are kept. With ``leave_out``, cycles in which the cell changes
+    steadily are left out (`CycleRunner`).
     """
 
     def __init__(

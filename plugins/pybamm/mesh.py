@@ -1,7 +1,5 @@
 """Meshes whose lengths are symbols, so that geometry can be searched without a rebuild."""
 
-from __future__ import annotations
-
 from typing import Any, Literal
 
 import numpy as np
@@ -43,20 +41,7 @@ class SymbolicFiniteVolume(pybamm.FiniteVolume):  # type: ignore[misc]
         shift_key: Literal["node to edge", "edge to node"],
         method: Literal["arithmetic", "harmonic"],
     ) -> pybamm.Symbol:
-        """Move a discretised symbol between nodes and edges.
-
-        Parameters
-        ----------
-        shift_key : {"node to edge", "edge to node"}
-            The direction.
-        method : {"arithmetic", "harmonic"}
-            The mean.
-
-        Returns
-        -------
-        pybamm.Symbol
-            The symbol on the other set of points.
-        """
+        """Move a discretised symbol between nodes and edges; see ``pybamm.FiniteVolume.shift``."""
         domain = discretised_symbol.domain
         if (
             discretised_symbol.size == 1
@@ -70,18 +55,7 @@ class SymbolicFiniteVolume(pybamm.FiniteVolume):  # type: ignore[misc]
         return self._arithmetic_mean_on_edges(discretised_symbol)
 
     def _arithmetic_mean_on_edges(self, nodal: pybamm.Symbol) -> pybamm.Symbol:
-        """Interpolate linearly to the edges of a mesh of several symbolic submeshes.
-
-        Parameters
-        ----------
-        nodal : pybamm.Symbol
-            The discretised symbol on the nodes.
-
-        Returns
-        -------
-        pybamm.Symbol
-            The discretised symbol on the edges.
-        """
+        """Interpolate a symbol on the nodes linearly to the edges of a mesh of several symbolic submeshes."""
         submesh = self.mesh[nodal.domain]
         n = submesh.npts
         repeats = self._get_auxiliary_domain_repeats(nodal.domains)

@@ -1,7 +1,5 @@
 """Model options as a person writes them, in PyBaMM's own spelling."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cache
 from typing import Any
@@ -12,12 +10,8 @@ from .parameter_sets import pybamm
 def in_pybamm_spelling(options: Mapping[str, Any]) -> dict[str, Any]:
     """Options with names and values as PyBaMM has them, whatever their case; true and false as words.
 
-    What PyBaMM does not know stays as it is: PyBaMM names the nearest option when the model is built.
-
-    Parameters
-    ----------
-    options : mapping
-        ``{"Contact resistance": True, "sei": "Reaction Limited"}``; a pair is one value for each electrode.
+    ``{"Contact resistance": True, "sei": "Reaction Limited"}``; a pair is one value for each electrode. What PyBaMM
+    does not know stays as it is: PyBaMM names the nearest option when the model is built.
     """
     known = _known()
     result: dict[str, Any] = {}

@@ -1,7 +1,5 @@
 """Which published open-circuit potentials describe a cell: those of every installed set, fitted to slow records."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -19,6 +17,7 @@ from ...core.trajectory import SECONDS_PER_HOUR, FloatArray, StepKind, Trajector
 from .export import as_json
 from .ocp_shape import ELECTRODES, GRID, OcpCurves
 from .parameter_sets import load, pybamm, set_names
+from .state_of_charge import initial_concentration, maximum_concentration
 
 _POINTS = 200
 """Points of a slow step, at equal charges."""
@@ -47,46 +46,25 @@ _MOST = 0.95
 
 @dataclass(frozen=True, eq=False)
 class SlowCurve:
-    """What a record's slow charges and discharges show of the open-circuit voltage.
+    """What a record's slow charges and discharges show of the open-circuit voltage; shapes are (n,)."""
 
-    Attributes
-    ----------
-    share : ndarray of shape (n,)
-        Charge drawn since the fullest point, from 0 to 1 at the emptiest.
-    voltage : ndarray of shape (n,)
-        Halfway between charge and discharge where both were measured, V.
-    charge_ah : float
-        Charge between these points.
-    polarised : int
-        1 or -1 where the voltage is that of discharges or of charges alone, 0 where it is that of both.
-    gap_v : float
-        By how much the charge lies above the discharge at the same charge, median, V; NaN where one was not measured.
-    """
-
-    share: FloatArray
-    voltage: FloatArray
-    charge_ah: float
-    polarised: int
+    share: FloatArray  # Charge drawn since the fullest point, from 0 to 1 at the emptiest.
+    voltage: FloatArray  # Halfway between charge and discharge where both were measured, V.
+    charge_ah: float  # Charge between these points.
+    polarised: int  # 1 or -1 where the voltage is that of discharges or of charges alone, 0 where it is that of both.
+    # By how much the charge lies above the discharge at the same charge, median, V; NaN where one was not measured.
     gap_v: float
 
 
 @dataclass(frozen=True)
 class Potentials:
-    """Open-circuit potentials of two published electrodes, balanced as a measured cell shows them.
+    """Open-circuit potentials of two published electrodes, balanced as a measured cell shows them."""
 
-    Attributes
-    ----------
-    negative, positive : str
-        The sets that they are from.
-    rms_v : float
-        What they leave of the slow record, V.
-    stoichiometry : mapping of str to tuple of float
-        Of each electrode, at the fullest and at the emptiest point of the slow record.
-    """
-
+    # negative, positive: The sets that they are from.
     negative: str
     positive: str
-    rms_v: float
+    rms_v: float  # What they leave of the slow record, V.
+    # Of each electrode, at the fullest and at the emptiest point of the slow record.
     stoichiometry: Mapping[str, tuple[float, float]]
 
     @property
@@ -142,18 +120,9 @@ def _halfway(at: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
 def chosen_potentials(wanted: str, records: Iterable[Trajectory]) -> list[Potentials]:
     """Published potentials, those that describe the slow records best first.
 
-    Parameters
-    ----------
-    wanted : str
-        ``"nearest"`` for the potentials of all installed sets, or the set, or two with a slash between them:
-        ``"Mohtat2020/NCA_Kim2011"`` for the negative and the positive electrode.
-    records : iterable of Trajectory
-        Measured.
-
-    Raises
-    ------
-    BsaError
-        If there is no such set, or no slow record.
+    ``wanted`` is ``"nearest"`` for the potentials of all installed sets, or the set, or two with a slash between them:
+    ``"Mohtat2020/NCA_Kim2011"`` for the negative and the positive electrode. Raises `BsaError` if there is no such set,
+    or no slow record.
     """
     slow = slow_curve(records)
     if slow is None:
@@ -234,24 +203,17 @@ def with_potentials(base: ParameterSource, found: Potentials) -> ParameterFile:
 
     The volume fractions of active material get the ratio of capacities that the slow record shows, their product
     unchanged as far as there is room; the initial concentrations are those of its fullest point. The size of the cell
-    is not touched.
-
-    Parameters
-    ----------
-    base : str or ParameterFile
-        What all else is taken from.
-    found : Potentials
-        Which ones.
+    is not touched, and all else is that of ``base``.
     """
     values = load(base)
     fractions = {which: f"{which} electrode active material volume fraction" for which in ELECTRODES}
     larger: dict[str, float] = {}
     for which, fraction in fractions.items():
-        highest = float(values[f"Maximum concentration in {which.lower()} electrode [mol.m-3]"])
+        highest = float(values[maximum_concentration(which)])
         full, empty = found.stoichiometry[which]
         own = float(values[fraction]) * float(values[f"{which} electrode thickness [m]"]) * highest
         larger[which] = 1.0 / (abs(full - empty) * own)
-        values.update({f"Initial concentration in {which.lower()} electrode [mol.m-3]": full * highest})
+        values.update({initial_concentration(which): full * highest})
         values.update({ocp_name(which): load(found.sets[which])[ocp_name(which)]})
     mean = math.sqrt(math.prod(larger.values()))
     wanted = {fraction: float(values[fraction]) * larger[which] / mean for which, fraction in fractions.items()}

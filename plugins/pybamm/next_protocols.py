@@ -1,7 +1,5 @@
 """What a laboratory could run next on a cell: a short list that shows different things."""
 
-from __future__ import annotations
-
 from ...core.task import CellModel, Protocol
 from .parameter_sets import load
 
@@ -11,20 +9,10 @@ _PULSES = 8
 def next_protocols(cell: CellModel) -> dict[str, Protocol]:
     """Candidate protocols by name, from a fully charged cell, between the cell's own voltage cut-offs.
 
-    A slow discharge shows the balance of the electrodes; pulses with rests (as in the galvanostatic
-    intermittent titration of Weppner & Huggins, J. Electrochem. Soc. 124 (1977) 1569) show diffusion apart from
-    resistance; a fast discharge shows the electrolyte; a rest after it shows how concentrations even out; a
-    constant-current, constant-voltage charge shows the other direction and the hold.
-
-    Parameters
-    ----------
-    cell : CellModel
-        The cell; C-rates refer to its nominal capacity.
-
-    Returns
-    -------
-    dict of str to Protocol
-        Steps as PyBaMM reads them.
+    A slow discharge shows the balance of the electrodes; pulses with rests (as in the galvanostatic intermittent
+    titration of Weppner & Huggins, J. Electrochem. Soc. 124 (1977) 1569) show diffusion apart from resistance; a fast
+    discharge shows the electrolyte; a rest after it shows how concentrations even out; a constant-current,
+    constant-voltage charge shows the other direction and the hold. C-rates refer to the cell's nominal capacity.
     """
     values = load(cell.parameter_set, cell.overrides)
     lowest = f"{float(values['Lower voltage cut-off [V]']):g} V"

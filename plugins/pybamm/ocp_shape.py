@@ -1,7 +1,5 @@
 """Smooth corrections of the electrodes' open-circuit potentials, held to curves that fall with stoichiometry."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -39,12 +37,7 @@ def bump(stoichiometry: Any, centre: Any) -> Any:
 def corrected(potential: Callable[..., Any], heights: Mapping[float, Any]) -> Callable[..., Any]:
     """An open-circuit potential with bumps added to it.
 
-    Parameters
-    ----------
-    potential : callable
-        Of the stoichiometry, V.
-    heights : mapping of float to float or pybamm.Symbol
-        By the stoichiometry of each bump, V.
+    The potential is a function of the stoichiometry, V; ``heights``, V, are by the stoichiometry of each bump.
     """
 
     def ocp(stoichiometry: Any) -> Any:
@@ -65,13 +58,7 @@ def correct(values: Any, heights: Mapping[OcpShape, Any]) -> None:
 
 
 class OcpCurves:
-    """Open-circuit potentials of a parameter set as numbers.
-
-    Parameters
-    ----------
-    values : pybamm.ParameterValues
-        The cell's values, before anything is opened to the search.
-    """
+    """Open-circuit potentials of a parameter set as numbers, before anything of it is opened to the search."""
 
     def __init__(self, values: Any) -> None:
         from .parameter_sets import pybamm  # which builds on this module
@@ -90,12 +77,9 @@ class OcpCurves:
     def falling(self, change: CellChange) -> CellChange:
         """The change with the nearest heights that leave both potentials falling.
 
-        Nearest in the sum of squares of all heights; heights that already do are left as they are. Where the set's
-        own potential rises, the correction may not raise it further.
-
-        References
-        ----------
-        Lawson & Hanson, Solving Least Squares Problems (1974), Ch. 23: least distance programming.
+        Nearest in the sum of squares of all heights; heights that already do are left as they are (least distance
+        programming: Lawson & Hanson, Solving Least Squares Problems (1974), Ch. 23). Where the set's own potential
+        rises, the correction may not raise it further.
         """
         heights = dict(change.ocp_shape)
         for which in ELECTRODES:

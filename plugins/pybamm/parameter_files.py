@@ -5,8 +5,6 @@ source file that the ``bpx`` package would write and import, and the nodes of Py
 only, for PyBaMM imports whatever they name.
 """
 
-from __future__ import annotations
-
 import ast
 import json
 import operator
@@ -23,8 +21,9 @@ from ...core.extras import require
 from ...core.parameters import ParameterSpace
 from ...core.printable import listed, shown
 from ...core.shape import shaped
-from ...core.target import CellChange
 from ...core.task import CellModel, ParameterFile
+from .parameter_sets import pybamm, take_arguments
+from .state_of_charge import changed_values
 
 _LONGEST_EXPRESSION = 10_000
 _DEEPEST_EXPRESSION = 100
@@ -49,22 +48,8 @@ _NODES = {
     ),
     "unary_operators": ("Negate", "AbsoluteValue", "Sign", "Floor", "Ceiling"),
     "functions": (
-        *(
-            "Exp",
-            "Tanh",
-            "Cosh",
-            "Sinh",
-            "Sqrt",
-            "Log",
-            "Log10",
-            "Arcsinh",
-            "Arctan",
-            "Sin",
-            "Cos",
-            "Erf",
-            "Max",
-            "Min",
-        ),
+        *("Exp", "Tanh", "Cosh", "Sinh", "Sqrt", "Log", "Log10"),
+        *("Arcsinh", "Arctan", "Sin", "Cos", "Erf", "Max", "Min"),
     ),
     "interpolant": ("Interpolant",),
     "parameter": ("Parameter", "FunctionParameter"),
@@ -93,19 +78,10 @@ _INFORMATION = ("citations", "chemistry")
 
 
 def parsed(name: str, text: str) -> ParameterFile:
-    """A file's text as a parameter set that has been checked.
+    """A file's text as a parameter set that has been checked; ``name`` is the file's, for people.
 
-    Parameters
-    ----------
-    name : str
-        The file's, for people.
-    text : str
-        BPX, or what ``pybamm.ParameterValues.to_json`` writes. Untrusted.
-
-    Raises
-    ------
-    BsaError
-        If it is neither, or not valid.
+    The text is BPX, or what ``pybamm.ParameterValues.to_json`` writes, and untrusted. Raises `BsaError` if it is
+    neither, or not valid.
     """
     content = _json(name, text)
     is_bpx = {"Header", "Parameterisation"} <= set(content)
@@ -147,8 +123,6 @@ def _json(name: str, text: str) -> dict[str, Any]:
 
 
 def _bpx(file: ParameterFile) -> dict[str, Any]:
-    from .parameter_sets import pybamm
-
     bpx = require("bpx", "bpx", "a BPX file")
     content = json.loads(file.text)
     for text in _texts(content.get("Parameterisation")):
@@ -183,15 +157,8 @@ def _expressions_computed_here(kind: Any) -> Iterator[None]:
 def expression(text: str) -> Callable[[Any], Any]:
     """A BPX expression in ``x`` as a function of a number, an array or a PyBaMM symbol.
 
-    Parameters
-    ----------
-    text : str
-        Numbers, ``x``, ``+ - * / **``, ``exp``, ``tanh`` and ``cosh``. Untrusted; it is parsed and never run.
-
-    Raises
-    ------
-    BsaError
-        If it holds anything else.
+    Numbers, ``x``, ``+ - * / **``, ``exp``, ``tanh`` and ``cosh``; raises `BsaError` if it holds anything else. It is
+    untrusted: it is parsed and never run.
     """
     if len(text) > _LONGEST_EXPRESSION:
         raise BsaError(f"an expression has {len(text)} characters.", f"give a table beyond {_LONGEST_EXPRESSION}.")
@@ -227,8 +194,6 @@ def _check(node: ast.AST, text: str, depth: int) -> None:
 
 
 def _computed(node: ast.AST, x: Any) -> Any:
-    from .parameter_sets import pybamm
-
     match node:
         case ast.BinOp(left, kind, right):
             return _OPERATORS[type(kind)](_computed(left, x), _computed(right, x))
@@ -253,8 +218,6 @@ def _parameter_values(file: ParameterFile) -> dict[str, Any]:
 
 
 def _value(name: str, value: Any) -> Any:
-    from .parameter_sets import pybamm
-
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return value
     if not isinstance(value, dict):
@@ -282,8 +245,6 @@ def _check_nodes(name: str, node: Any) -> None:
 
 def _as_function(symbol: Any) -> Callable[..., Any]:
     """A function of its arguments, as parameter sets have them, of an expression in their names."""
-    from .parameter_sets import take_arguments
-
     names = [str(name) for name in symbol.func_args]
 
     def function(*arguments: Any, **keywords: Any) -> Any:
@@ -294,8 +255,6 @@ def _as_function(symbol: Any) -> Callable[..., Any]:
 
 
 def _substituted(symbol: Any, arguments: Mapping[str, Any]) -> Any:
-    from .parameter_sets import pybamm
-
     if isinstance(symbol, pybamm.Parameter) and symbol.name in arguments:
         given = arguments[symbol.name]
         return given if isinstance(given, pybamm.Symbol) else pybamm.Scalar(given)
@@ -306,16 +265,8 @@ def _substituted(symbol: Any, arguments: Mapping[str, Any]) -> Any:
 
 def _calibrated(file: ParameterFile) -> dict[str, Any]:
     """A calibrated cell as a set of its own: the base set with everything that was found put in."""
-    from .parameter_sets import bake, load
-    from .state_of_charge import InitialState
-
     content = json.loads(file.text)
     cell: CellModel = shaped(CellModel, content["cell"])
     space = ParameterSpace(tuple(decode_parameter(parameter) for parameter in content["space"]))
     change = space.change(shaped(dict[str, float], content["candidate"]))
-    values = load(cell.parameter_set, cell.overrides)
-    bake(values, change)
-    if change.cyclable_lithium != 1.0:
-        lithium = CellChange(cyclable_lithium=change.cyclable_lithium)
-        values.update(InitialState(values).concentrations(lithium, None))
-    return dict(values)
+    return dict(changed_values(cell, change))

@@ -1,7 +1,5 @@
 """PyBaMM parameter sets: loading, filling gaps, and opening parameters to the search."""
 
-from __future__ import annotations
-
 import inspect
 import os
 from collections.abc import Iterable, Mapping
@@ -131,14 +129,10 @@ def initial_value(set_name: ParameterSource, name: str, overrides: Mapping[str, 
 
 
 def open_to_search(values: pybamm.ParameterValues, targets: Mapping[str, Target]) -> None:
-    """Turn what is searched into inputs of the compiled model, in place.
+    """Turn what is searched, by the names of the inputs, into inputs of the compiled model, in place.
 
-    Parameters
-    ----------
-    targets : mapping of str to Target
-        What is searched, by the names of the inputs. Numbers become ``"[input]"``, numbers and functions with a
-        factor are multiplied by an input, open-circuit potentials get bumps whose heights are inputs. Initial states
-        need no input: they set the initial conditions.
+    Numbers become ``"[input]"``, numbers and functions with a factor are multiplied by an input, open-circuit
+    potentials get bumps whose heights are inputs. Initial states need no input: they set the initial conditions.
     """
     for name, target in targets.items():
         if isinstance(target, Value):

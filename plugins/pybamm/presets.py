@@ -92,21 +92,9 @@ def preset_space(
 ) -> ParameterSpace:
     """The search space of a preset around a parameter set.
 
-    Parameters
-    ----------
-    parameter_set : str or ParameterFile
-        A PyBaMM parameter set.
-    preset_name : str
-        ``"geometry"``, ``"cell"``, ``"sei"``, ``"ageing"`` or ``"life"``.
-    overrides : mapping of str to float, optional
-        Values that replace those of the set; the search starts from them.
-    options : mapping, optional
-        PyBaMM model options: parameters that take no part with them are left out.
-
-    Raises
-    ------
-    BsaError
-        If there is no such preset or parameter set, or none of the preset's parameters takes part.
+    The preset is ``"geometry"``, ``"cell"``, ``"sei"``, ``"ageing"`` or ``"life"``. ``overrides`` replace values of the
+    set, and the search starts from them; parameters that take no part with PyBaMM's model ``options`` are left out.
+    Raises `BsaError` if there is no such preset or parameter set, or none of the preset's parameters takes part.
     """
     known = presets()
     if preset_name not in known:
@@ -134,21 +122,10 @@ def resolve_space(
 ) -> ParameterSpace:
     """The search space that a person asked for.
 
-    Parameters
-    ----------
-    parameter_set : str or ParameterFile
-        A PyBaMM parameter set.
-    search : str or mapping
-        The name of a preset, the path of a YAML file, or what such a file holds: for each parameter
-        ``{initial, lower, upper, scale}``, ``{factors: [0.5, 2]}``, ``[lower, upper]``, or nothing where a
-        preset knows its range.
-    overrides, options : mapping, optional
-        As in `preset_space`.
-
-    Raises
-    ------
-    BsaError
-        Naming the parameter or key at fault and the nearest valid one.
+    ``search`` is the name of a preset, the path of a YAML file, or what such a file holds: for each parameter
+    ``{initial, lower, upper, scale}``, ``{factors: [0.5, 2]}``, ``[lower, upper]``, or nothing where a preset knows its
+    range. ``overrides`` and ``options`` are as in `preset_space`. Raises `BsaError` naming the parameter or key at
+    fault and the nearest valid one.
     """
     if not isinstance(search, str):
         return _own_space(parameter_set, search, "search", overrides or {})
@@ -203,18 +180,17 @@ def _from_person(
             parameter = replace(parameter, deviation=entry.deviation, prior=True)
         return parameter if entry.initial is None else _started(parameter, entry.initial)
     initial, target = initial_value(parameter_set, name, overrides), _target(parameter_set, name, overrides)
+    scale: Scale
     if entry.factors is not None:
         initial = initial if entry.initial is None else entry.initial
         lower, upper = sorted(initial * factor for factor in entry.factors)
         scale = entry.scale or ("log" if lower > 0 else "linear")
-        return Parameter(name, initial, lower, upper, scale, target, entry.deviation, entry.deviation is not None)
-    assert entry.lower is not None
-    assert entry.upper is not None
-    initial = min(max(initial, entry.lower), entry.upper) if entry.initial is None else entry.initial
-    scale = entry.scale or "linear"
-    return Parameter(
-        name, initial, entry.lower, entry.upper, scale, target, entry.deviation, entry.deviation is not None
-    )
+    else:
+        assert entry.lower is not None
+        assert entry.upper is not None
+        lower, upper, scale = entry.lower, entry.upper, entry.scale or "linear"
+        initial = min(max(initial, lower), upper) if entry.initial is None else entry.initial
+    return Parameter(name, initial, lower, upper, scale, target, entry.deviation, entry.deviation is not None)
 
 
 def _started(parameter: Parameter, initial: float) -> Parameter:

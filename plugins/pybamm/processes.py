@@ -1,7 +1,5 @@
 """Long-lived worker processes and the watch over them: a hang or a crash costs one job, not the run."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import queue
@@ -45,14 +43,9 @@ class Service(Protocol[Job, Answer]):
         ...
 
     def lost(self, cause: str, seconds: float, reported: Any) -> Answer:
-        """The answer for a job whose worker died, hung or raised; called in the parent.
+        """The answer for a job whose worker died, hung or raised, called in the parent.
 
-        Parameters
-        ----------
-        cause : str
-            What became of it, in a line.
-        reported : object
-            What it reported last; None if it never did.
+        ``cause`` is what became of it, in a line, and ``reported`` what it reported last; None if it never did.
         """
         ...
 
@@ -178,13 +171,7 @@ class Worker(Generic[Job, Answer]):
 
 
 class Pool(Generic[Job, Answer]):
-    """Several workers side by side; threads may share it.
-
-    Parameters
-    ----------
-    size : int
-        How many processes at most; each starts when first needed.
-    """
+    """At most ``size`` workers side by side, each started when first needed; threads may share it."""
 
     def __init__(self, service: Service[Job, Answer], size: int, time_limit_s: float) -> None:
         self.workers = [Worker(service, time_limit_s) for _ in range(max(size, 1))]

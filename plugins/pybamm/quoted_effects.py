@@ -1,10 +1,9 @@
 """Effects as source text, for scripts that need pybamm alone."""
 
-from __future__ import annotations
-
 import inspect
 import textwrap
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from ...core.effect import Effect
@@ -38,5 +37,10 @@ def quoted(number: int, effect: Effect, candidate: Candidate) -> dict[str, Any]:
 
 
 def _source(function: Callable[..., Any], name: str) -> str:
+    if isinstance(function, partial):
+        given = "".join(f"{value!a}, " for value in function.args)
+        named = "".join(f", {key}={value!a}" for key, value in function.keywords.items())
+        call = f"def {name}(*arguments):\n    return {name}_for({given}*arguments{named})"
+        return f"{_source(function.func, f'{name}_for')}\n\n\n{call}"
     text = textwrap.dedent(inspect.getsource(function))
     return text.replace(f"def {function.__name__}(", f"def {name}(", 1).rstrip()

@@ -6,16 +6,15 @@ half a volt and a third of its capacity short on 20 points. No correction of a f
 is settled before anything is fitted.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...core.discovery.observations import after_jumps, evenly
+from ...core.discovery.observations import after_jumps
 from ...core.discovery.simulator import MeasuredRecord
 from ...core.task import CellModel
+from ...core.thinning import evenly
 from ...core.trajectory import FloatArray
 from .driven_cell import SEARCH, DrivenCell
 from .resolution import FINE, Resolution
@@ -54,12 +53,8 @@ def radial_mesh(
     """Measure how many points the particles need.
 
     The record with the strongest current is driven on the base model as it is believed, with twice as many radial
-    points each time until the voltage moves by less than 10 mV (root mean square).
-
-    Parameters
-    ----------
-    soc : mapping of str to float, optional
-        By record, its initial state of charge; 0.9 for those not named.
+    points each time until the voltage moves by less than 10 mV (root mean square). ``soc`` is, by record, its initial
+    state of charge; 0.9 for those not named.
     """
     hardest = max(measured_records, key=lambda measured_record: float(np.max(np.abs(measured_record.record.current))))
     kept = evenly(len(hardest.record.time), _SAMPLES)

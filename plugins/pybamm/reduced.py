@@ -1,7 +1,5 @@
 """Reduced protocols: the same steps at lower currents, in PyBaMM's words."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

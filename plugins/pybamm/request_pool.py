@@ -1,7 +1,5 @@
 """A discovery's simulator in worker processes: what does not depend on one another is simulated side by side."""
 
-from __future__ import annotations
-
 import pickle
 import threading
 from abc import ABC, abstractmethod
@@ -66,35 +64,16 @@ class RequestService(ABC):
 
 
 class RequestPool(Generic[Asked, Given]):
-    """Simulates in worker processes with a time limit; see `Answering`.
-
-    Parameters
-    ----------
-    service : RequestService
-        What each worker does.
-    time_limit_s : float
-        Longest time for one request, s.
-
-    Attributes
-    ----------
-    refused : dict of str to str
-        Effects that PyBaMM could not build, and why.
-    simulations : int
-        Requests that were simulated.
-    at_once : int
-        The number of workers.
-    recalled : int
-        0: every request is simulated.
-    """
+    """Simulates in worker processes, each request with a time limit, s; see `Answering`."""
 
     has_low_fidelity = False
-    recalled = 0
+    recalled = 0  # Every request is simulated.
 
     def __init__(self, service: RequestService, workers: int, time_limit_s: float) -> None:
         self._lock = threading.Lock()
         self._pool: Pool[Any, _Answer[Given]] = Pool(service, workers, time_limit_s)
         self.at_once = workers
-        self.refused: dict[str, str] = {}
+        self.refused: dict[str, str] = {}  # Effects that PyBaMM could not build, and why.
         self.simulations = 0
 
     def predict(self, requests: Sequence[Asked]) -> list[Given | None]:

@@ -1,7 +1,5 @@
 """The PyBaMM simulator plugin."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -42,13 +40,7 @@ class PyBaMMOptions(BaseModel, extra="forbid"):
 
 
 class PyBaMMSimulator:
-    """Simulates a task's candidates in worker processes.
-
-    Parameters
-    ----------
-    context : RunContext
-        The task, and how many workers to use.
-    """
+    """Simulates a task's candidates in worker processes."""
 
     def __init__(self, options: PyBaMMOptions, context: RunContext) -> None:
         task = context.task

@@ -1,7 +1,5 @@
 """Which way an experiment is simulated: by its protocol, as a life, by its measured current, or as a spectrum."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from ...core.simulation import ExperimentRun

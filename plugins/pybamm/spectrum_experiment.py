@@ -1,7 +1,5 @@
 """An impedance spectrum as an experiment: the cell at rest, asked at the frequencies of the measured one."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -23,20 +21,11 @@ DOUBLE_LAYERS = {"surface form": "differential"}
 
 
 class SpectrumExperiment:
-    """A spectrum, ready to be simulated for many candidates without a rebuild.
+    """A spectrum, ready to be simulated for many candidates without a rebuild; see `CompiledExperiment`.
 
-    Parameters
-    ----------
-    cell, targets, resolution, baked
-        As for `CompiledExperiment`.
-    experiment : Experiment
-        Whose target is a spectrum. It is that of the cell at rest at the experiment's state of charge, or at that at
-        which the candidate's own cell shows the experiment's voltage.
-
-    Notes
-    -----
-    The double layers are in this model alone: they are charged within milliseconds, which a record over time does not
-    resolve and its integrator would have to.
+    It is that of the cell at rest at the experiment's state of charge, or at that at which the candidate's own cell
+    shows the experiment's voltage. The double layers are in this model alone: they are charged within milliseconds,
+    which a record over time does not resolve and its integrator would have to.
     """
 
     def __init__(

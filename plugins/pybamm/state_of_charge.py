@@ -1,7 +1,5 @@
 """Where on its open-circuit curve a cell starts, and how much charge lies between its cut-offs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -12,21 +10,14 @@ from ...core.target import CellChange
 from ...core.task import CellModel, ParameterSource
 from ...core.trajectory import FloatArray
 from .ocp_shape import ELECTRODES, GRID, OcpCurves
-from .parameter_sets import load, pybamm
+from .parameter_sets import bake, load, pybamm
 
 
 def soc_at_voltage(cell: CellModel, voltage: float) -> float:
     """The state of charge at which the cell's open-circuit voltage is ``voltage``, kept within 0 to 1.
 
-    Found from the electrode stoichiometry limits of the cell (PyBaMM's electrode state-of-health model)
-    between its voltage cut-offs.
-
-    Parameters
-    ----------
-    cell : CellModel
-        The cell; only its parameter values matter.
-    voltage : float
-        Open-circuit voltage, V.
+    Found from the electrode stoichiometry limits of the cell (PyBaMM's electrode state-of-health model) between its
+    voltage cut-offs; only its parameter values matter.
     """
     values = load(cell.parameter_set, cell.overrides)
     lowest, highest = float(values["Lower voltage cut-off [V]"]), float(values["Upper voltage cut-off [V]"])
@@ -54,7 +45,8 @@ def equilibrium_capacity_ah(parameter_set: ParameterSource, overrides: Mapping[s
     return float(negative_ah * (full - empty))
 
 
-def _maximum(which: str) -> str:
+def maximum_concentration(which: str) -> str:
+    """PyBaMM's name for the lithium concentration that an electrode can hold."""
     return f"Maximum concentration in {which.lower()} electrode [mol.m-3]"
 
 
@@ -75,17 +67,12 @@ class _Start:
 class InitialState:
     """Initial concentrations at a state of charge, for any candidate, without touching the compiled model.
 
-    The electrodes hold :math:`Q_n` and :math:`Q_p` and share the lithium :math:`Q_{Li} = Q_n x + Q_p y` that
-    their initial concentrations in the parameter set amount to. The cell is full where
-    :math:`U_p(y) - U_n(x)` is the open-circuit voltage at 100 % and empty where it is that at 0 %; the state
-    of charge is linear in between (Mohtat et al., J. Power Sources 427 (2019) 101). PyBaMM's own route
-    through ``initial_soc`` changes the initial conditions behind a solver that has already been set up: of
-    several candidates in a row only the first is right.
-
-    Parameters
-    ----------
-    values : pybamm.ParameterValues
-        The cell's values, before anything is opened to the search.
+    The electrodes hold :math:`Q_n` and :math:`Q_p` and share the lithium :math:`Q_{Li} = Q_n x + Q_p y` that their
+    initial concentrations in the parameter set amount to. The cell is full where :math:`U_p(y) - U_n(x)` is the
+    open-circuit voltage at 100 % and empty where it is that at 0 %; the state of charge is linear in between (Mohtat et
+    al., J. Power Sources 427 (2019) 101). PyBaMM's own route through ``initial_soc`` changes the initial conditions
+    behind a solver that has already been set up: of several candidates in a row only the first is right. The set's
+    values are taken before anything is opened to the search.
     """
 
     def __init__(self, values: Any) -> None:
@@ -95,7 +82,7 @@ class InitialState:
             for name in (
                 f"{which} electrode active material volume fraction",
                 f"{which} electrode thickness [m]",
-                _maximum(which),
+                maximum_concentration(which),
                 initial_concentration(which),
             )
         }
@@ -106,19 +93,10 @@ class InitialState:
         )
 
     def concentrations(self, change: CellChange, soc: float | None) -> dict[str, float]:
-        """Initial concentration of both electrodes by PyBaMM's names, mol/m3.
+        """Initial concentration of both electrodes by PyBaMM's names, mol/m3, of a changed cell.
 
-        Parameters
-        ----------
-        change : CellChange
-            What a candidate changes about the cell.
-        soc : float or None
-            State of charge, 0 to 1; None keeps the set's own negative electrode.
-
-        Raises
-        ------
-        ValueError
-            If the electrodes cannot hold the lithium at this state of charge.
+        Without a state of charge the negative electrode is the set's own. Raises `ValueError` if the electrodes cannot
+        hold the lithium at this state of charge.
         """
         start = self._start(change, soc)
         return {initial_concentration(which): start.stoichiometry[which] * start.highest[which] for which in ELECTRODES}
@@ -129,20 +107,10 @@ class InitialState:
         return {"lithium": lithium, **held}
 
     def voltages(self, change: CellChange, soc: float | None, drawn: FloatArray) -> FloatArray:
-        """Open-circuit voltage after charge was drawn, V, shape (n,).
+        """Open-circuit voltage after charge was drawn, V, shape (n,); see `concentrations`.
 
-        Parameters
-        ----------
-        change, soc
-            As for `concentrations`.
-        drawn : ndarray of shape (n,)
-            Lithium that has left the negative electrode since the start, mol per m2 of electrode. Beyond what an
-            electrode holds its potential stays at its last value.
-
-        Raises
-        ------
-        ValueError
-            As `concentrations`.
+        ``drawn``, shape (n,), is the lithium that has left the negative electrode since the start, mol per m2 of
+        electrode. Beyond what an electrode holds its potential stays at its last value.
         """
         start = self._start(change, soc)
         potentials = {
@@ -186,7 +154,7 @@ class InitialState:
             fraction, thickness, c_max, initial = (
                 change.values.get(name, value) * change.factors.get(name, 1.0)
                 for name, value in self._base.items()
-                if self._is_of(name, which)
+                if which.lower() in name.lower()
             )
             highest[which] = c_max
             held[which] = fraction * thickness * c_max
@@ -202,8 +170,14 @@ class InitialState:
         voltage = np.maximum.accumulate(np.interp(y, GRID, positive_v) - negative_v[possible])
         return x, voltage, lithium, held, highest
 
-    def _is_of(self, name: str, which: str) -> bool:
-        return which.lower() in name.lower()
+
+def changed_values(cell: CellModel, change: CellChange) -> pybamm.ParameterValues:
+    """The whole parameter set of a changed cell, with the lithium that its electrodes then share."""
+    values = load(cell.parameter_set, cell.overrides)
+    bake(values, change)
+    if change.cyclable_lithium != 1.0:
+        values.update(InitialState(values).concentrations(CellChange(cyclable_lithium=change.cyclable_lithium), None))
+    return values
 
 
 def _number(values: Any, *names: str) -> float:

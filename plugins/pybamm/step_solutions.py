@@ -1,7 +1,5 @@
 """From PyBaMM's solution of an experiment to a trajectory with steps."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -68,23 +66,12 @@ def to_trajectory(
     with_temperature: bool = True,
     unfinished: Unfinished | None = None,
 ) -> Trajectory | None:
-    """Join the solved steps of an experiment.
+    """Join the solved steps of an experiment; None if not one step was solved.
 
-    Parameters
-    ----------
-    protocol_steps : sequence of sequence of pybamm steps
-        The experiment's cycles, each with its steps.
-    with_temperature : bool
-        Whether to read the temperature; of an isothermal cell it says nothing, and reading a variable costs
-        a few per cent of a solve.
-    unfinished : Unfinished, optional
-        Comes last, as a step cut short.
-
-    Returns
-    -------
-    Trajectory or None
-        None if not one step was solved. A step that the protocol skips (its end was already reached)
-        has no samples and does not appear; ``position`` tells which one is missing.
+    ``protocol_steps`` are the experiment's cycles, each with its steps. One that the protocol skips (its end was
+    already reached) has no samples and does not appear; ``position`` tells which one is missing. The temperature of an
+    isothermal cell says nothing, and reading a variable costs a few per cent of a solve. ``unfinished`` comes last, as
+    a step cut short.
     """
     if solution is None or not getattr(solution, "cycles", None):
         return None

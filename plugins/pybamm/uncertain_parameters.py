@@ -1,7 +1,5 @@
 """What is usually uncertain about a cell whose design is known: the default parameters of a discovery's base fit."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 from ...core.discovery.simulator import MeasuredRecord
@@ -66,14 +64,9 @@ def uncertain_parameters(
 ) -> ParameterSpace:
     """What the base fit moves: factors of 1 and each record's initial charge.
 
-    Parameters
-    ----------
-    model : {'SPM', 'SPMe', 'DFN'}
-        SPM has no electrolyte to be uncertain about.
-    soc : mapping of str to float, optional
-        By record, where the search for its initial state of charge starts; 0.9 for those not named.
-    spreads : mapping of str to tuple, optional
-        Deviation of the logarithm, lower and upper bound of each factor; the nine defaults if left out.
+    An SPM has no electrolyte to be uncertain about. ``soc`` is, by record, where the search for its initial state of
+    charge starts; 0.9 for those not named. ``spreads`` are the deviation of the logarithm, lower and upper bound of
+    each factor; the nine defaults if left out.
     """
     factors = [
         Parameter(

@@ -1,7 +1,5 @@
 """A task's candidates, simulated in worker processes that keep its compiled models warm."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -78,13 +76,7 @@ class CandidateService:
 
 
 class WorkerPool:
-    """Simulates candidates side by side.
-
-    Parameters
-    ----------
-    size : int
-        How many processes at most; each starts when first needed.
-    """
+    """Simulates candidates side by side, in at most ``size`` processes; each starts when first needed."""
 
     def __init__(self, assignment: Assignment, size: int, time_limit_s: float) -> None:
         self.processes = Pool(CandidateService(assignment), size, time_limit_s)

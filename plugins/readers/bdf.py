@@ -15,14 +15,14 @@ from ...core.record import ReadOptions, Record
 from ...core.trajectory import FloatArray, Trajectory
 from .arrays import ArrayTable
 from .assembly import read_table
-from .generic_csv import first_lines, is_text_table, read_text_table
+from .generic_csv import GenericCsv, first_lines, is_text_table
 from .source import MAX_BYTES, decoding
 
 _LABELS = re.compile(r"^(test time|voltage|current) / \S+$")
 _MACHINE = re.compile(r"^(test_time_(second|hour|minute)|voltage_(milli)?volt|current_(milli)?ampere)$")
 
 
-class BdfCsv:
+class BdfCsv(GenericCsv):
     """Reads Battery Data Format: ``Test Time / s``, ``Voltage / V``, ``Current / A`` (positive on charge)."""
 
     def matches(self, path: Path) -> bool:
@@ -33,10 +33,6 @@ class BdfCsv:
             name.strip().strip('"').casefold() for line in first_lines(path, 1) for name in re.split("[,;\t]", line)
         ]
         return sum(bool(_LABELS.match(name) or _MACHINE.match(name)) for name in names) >= 3
-
-    def read(self, path: Path, options: ReadOptions) -> Samples:
-        """Read the file; see `Reader.read`."""
-        return read_text_table(path, options)
 
 
 class BdfParquet:

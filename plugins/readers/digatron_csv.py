@@ -2,12 +2,10 @@
 
 from pathlib import Path
 
-from ...core.reading.samples import Samples
-from ...core.record import ReadOptions
-from .generic_csv import first_lines, is_text_table, read_text_table
+from .generic_csv import GenericCsv, first_lines, is_text_table
 
 
-class DigatronCsv:
+class DigatronCsv(GenericCsv):
     """Reads ``Prog Time``, ``Voltage``, ``Current`` and the first logged temperature; ``[ss.xxx]`` are seconds."""
 
     def matches(self, path: Path) -> bool:
@@ -18,7 +16,3 @@ class DigatronCsv:
             {"Step", "Status", "Prog Time", "Voltage", "Current"} <= {name.strip() for name in line.split(",")}
             for line in first_lines(path, 60)
         )
-
-    def read(self, path: Path, options: ReadOptions) -> Samples:
-        """Read the file; see `Reader.read`."""
-        return read_text_table(path, options)

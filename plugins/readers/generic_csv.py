@@ -25,20 +25,15 @@ class GenericCsv:
         return is_text_table(path)
 
     def read(self, path: Path, options: ReadOptions) -> Samples:
-        """Read the file; see `Reader.read`."""
-        return read_text_table(path, options)
-
-
-def read_text_table(path: Path, options: ReadOptions) -> Samples:
-    """Read the table in a text file. Raises `BsaError` naming the file, the row or column at fault and its value."""
-    source = shown(path.name)
-    if options.sheet is not None:
-        raise BsaError(
-            f'{source} is a text file; it has no sheet "{shown(options.sheet)}".',
-            "leave out --sheet; --where COLUMN=VALUE chooses rows.",
-        )
-    text, notes = load_text(path)
-    return read_table(find_table(text, source), options, notes)
+        """Read the table; see `Reader.read`."""
+        source = shown(path.name)
+        if options.sheet is not None:
+            raise BsaError(
+                f'{source} is a text file; it has no sheet "{shown(options.sheet)}".',
+                "leave out --sheet; --where COLUMN=VALUE chooses rows.",
+            )
+        text, notes = load_text(path)
+        return read_table(find_table(text, source), options, notes)
 
 
 def is_text_table(path: Path) -> bool:

@@ -1,7 +1,5 @@
 """Each parameter alone: what a model need not be asked for."""
 
-from __future__ import annotations
-
 from ...core.hooks import NoOptions, ProposeContext, RunContext, hookimpl
 from ...core.parameters import Parameter
 from ...core.proposal import Proposal

@@ -1,7 +1,5 @@
 """Perturbations that the model proposes (paper, Appendix: warm-up strategies)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

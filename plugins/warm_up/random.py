@@ -1,7 +1,5 @@
 """Random perturbations around the starting point."""
 
-from __future__ import annotations
-
 import numpy as np
 from pydantic import BaseModel, Field
 

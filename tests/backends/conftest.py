@@ -174,9 +174,9 @@ def _chat_completion() -> Callable[..., bytes]:
 @pytest.fixture(scope="session")
 def tiny_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A two-layer Qwen2 with random weights and a byte-level tokenizer, in Hugging Face format."""
-    torch = pytest.importorskip("torch")
-    transformers = pytest.importorskip("transformers")
-    pytest.importorskip("llguidance")
+    torch = pytest.importorskip("torch", reason='pip install "battery-sim-agent[local]"')
+    transformers = pytest.importorskip("transformers", reason='pip install "battery-sim-agent[local]"')
+    pytest.importorskip("llguidance", reason='pip install "battery-sim-agent[local]"')
     from tokenizers import Tokenizer, decoders, models, pre_tokenizers, trainers
 
     # Its layers take microseconds: on a busy machine threads spend minutes in waiting for one another.

@@ -114,7 +114,7 @@ def test_a_key_makes_the_hosted_route_ready(monkeypatch, tmp_path):
 
 
 def test_downloaded_weights_make_the_in_process_route_ready(monkeypatch, tmp_path):
-    pytest.importorskip("transformers")
+    pytest.importorskip("transformers", reason='pip install "battery-sim-agent[local]"')
     snapshot = tmp_path / "hub" / "models--Qwen--Qwen2.5-14B-Instruct" / "snapshots" / "abc"
     snapshot.mkdir(parents=True)
     (snapshot / "config.json").write_text("{}")

@@ -35,8 +35,8 @@ sys.stdin.read()
 @pytest.fixture(scope="module")
 def tiny_gguf(tiny_model, tmp_path_factory):
     """The tiny model in llama.cpp's format."""
-    gguf = pytest.importorskip("gguf")
-    pytest.importorskip("xllamacpp")
+    gguf = pytest.importorskip("gguf", reason='pip install "battery-sim-agent[servers]"')
+    pytest.importorskip("xllamacpp", reason='pip install "battery-sim-agent[servers]"')
     import transformers
 
     tokenizer = transformers.AutoTokenizer.from_pretrained(tiny_model)
@@ -93,8 +93,8 @@ def llama_server(tiny_gguf):
 
 @pytest.fixture(scope="module")
 def transformers_server(tiny_model):
-    pytest.importorskip("uvicorn")
-    pytest.importorskip("fastapi")
+    pytest.importorskip("uvicorn", reason='pip install "battery-sim-agent[servers]"')
+    pytest.importorskip("fastapi", reason='pip install "battery-sim-agent[servers]"')
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]

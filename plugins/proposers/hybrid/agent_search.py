@@ -1,7 +1,5 @@
 """A small fit at the agent's request, which leaves the main fit unchanged."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -21,18 +19,9 @@ _ROBUST_ABOVE = 30.0
 class AgentSearch:
     """Simulates at most ``allowance`` candidates.
 
-    Parameters
-    ----------
-    start : ndarray of shape (p,)
-        Where from, in the unit box.
-    residual : ndarray of shape (m,), optional
-        The residuals there, if known.
-    jacobian : ndarray of shape (m, p), optional
-        Derivatives believed there.
-    free : ndarray of bool, shape (p,), optional
-        What may move.
-    robust : bool
-        Whether to flatten large residuals: a step that has vanished then no longer drowns the rest.
+    It begins at ``start``, shape (p,), in the unit box, with the residuals, shape (m,), and derivatives, shape (m, p),
+    that are known or believed there; ``free``, shape (p,), is what may move. ``robust`` flattens large residuals: a
+    step that has vanished then no longer drowns the rest.
     """
 
     def __init__(

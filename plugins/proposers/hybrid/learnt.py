@@ -1,7 +1,5 @@
 """What the records say where the numerical fit stands: what they do not fix, and what cannot be told apart."""
 
-from __future__ import annotations
-
 from ....core.identifiability import effective_noise, identify
 from ....core.parameters import Candidate, ParameterSpace
 from ....core.post_fit_analysis import NOISE_FLOOR

@@ -1,7 +1,5 @@
 """What the hybrid's agent is told: as the agent is, and what the numerical fit is doing."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

@@ -7,8 +7,6 @@ agent that finds nothing better leaves the fit as it would be alone with a fifth
 saves it the way.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
@@ -30,6 +28,7 @@ from ..descent import Descent, DescentOptions
 from ..feasibility import gentle_direction, progress
 from ..least_squares import action as main_action
 from ..least_squares import numbers, words
+from ..trial_errors import sum_of_squares
 from .agent_search import AgentSearch
 from .learnt import settled_questions
 from .prompt import build_messages
@@ -110,7 +109,7 @@ class HybridProposer:
         self._main_spent += len(ours)
         self._hold -= len(ours)
         self._take_own(theirs)
-        if self._agent_best is not None and _cost(self._agent_best) < _BETTER * self._main.cost:
+        if self._agent_best is not None and sum_of_squares(self._agent_best) < _BETTER * self._main.cost:
             self._main.adopt(self._agent_best, context.trials)
             # It stands for a step of the fit, so that an agent that leads can go on.
             self._main_spent += 1
@@ -124,12 +123,12 @@ class HybridProposer:
             self._agent_search.tell(trials)
             if self._agent_search.over:
                 self._agent_search = None
-        # An reduced simulation is no attempt at the task.
+        # A reduced simulation is no attempt at the task.
         trials = [trial for trial in trials if trial.reduction is None]
         if not trials:
             return
-        found = min(trials, key=_cost)
-        if self._agent_best is None or _cost(found) < _cost(self._agent_best):
+        found = min(trials, key=sum_of_squares)
+        if self._agent_best is None or sum_of_squares(found) < sum_of_squares(self._agent_best):
             self._agent_best = found
         self._last_attempt = found
         if self._log:
@@ -278,10 +277,6 @@ class HybridProposer:
             advancing=bool(main),
             reductions=reductions if any(reductions) else (),
         )
-
-
-def _cost(trial: Trial) -> float:
-    return float("inf") if trial.residuals is None else float(trial.residuals @ trial.residuals)
 
 
 def _jacobian(main_fit: Descent) -> Any:

@@ -4,10 +4,10 @@ import discovery_toy as toy
 import numpy as np
 import pytest
 from bsa.core.discovery.engine import Engine
-from bsa.core.discovery.findings import Nomination, Settings
+from bsa.core.discovery.findings import Gap, Nomination, Settings
 from bsa.core.discovery.fitting import Fitter
 from bsa.core.discovery.nomination import nominate, screen
-from bsa.core.discovery.rules import RULES, Gap
+from bsa.core.discovery.rules import RULES
 from bsa.core.parameters import ParameterSpace
 
 CATALOGUE = (toy.QUADRATIC, toy.HYSTERESIS, toy.SLOW)

@@ -19,10 +19,10 @@ def test_a_long_record_is_cut_after_its_first_cycle():
     problem, _ = cycled({})
     new = first_cycle(problem)
     assert set(new.observations[0].cycle) == {1}
-    assert new.measured_records[0].record.cycles == (1,)
-    assert new.measured_records[0].soc_name == problem.measured_records[0].soc_name
+    assert new.observations[0].measured_record.record.cycles == (1,)
+    assert new.observations[0].measured_record.soc_name == problem.observations[0].measured_record.soc_name
     assert np.array_equal(new.observations[0].voltage, problem.observations[0].voltage[: len(new.observations[0])])
-    assert new.held_records == problem.held_records
+    assert new.held_observations == problem.held_observations
 
 
 @pytest.mark.parametrize("held", [True, False])
@@ -35,7 +35,7 @@ def test_the_same_stretches_are_kept_back(held):
 
 def test_data_not_fitted_can_show_ageing_that_a_hold_out_record_of_one_cycle_cannot():
     problem, _ = cycled({"fade": 0.02})
-    as_new = {"resistance factor": 1.2, problem.measured_records[0].soc_name: 0.9}
+    as_new = {"resistance factor": 1.2, problem.observations[0].measured_record.soc_name: 0.9}
     (kept_back, drifted), (held, flat) = problem.held_out((), as_new)
     assert (kept_back.name, held.name) == ("cycled", "held")
     assert len(kept_back) == np.sum(~problem.fitted[0])
@@ -101,7 +101,7 @@ def test_a_cell_that_does_not_age_lacks_nothing():
 def test_a_horizon_is_doubled_until_the_whole_is_reached():
     problem, _ = cycled({}, cycles=20)
     near = near_cycles(problem, [np.where(problem.observations[0].cycle > 3, 1.0, 0.0)])
-    assert [len(stage.measured_records[0].record.cycles) for stage in longer(problem, near)] == [6, 12]
+    assert [len(stage.observations[0].measured_record.record.cycles) for stage in longer(problem, near)] == [6, 12]
 
 
 def test_no_second_effect_is_sought_over_many_cycles(monkeypatch):

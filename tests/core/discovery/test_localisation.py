@@ -1,16 +1,19 @@
+from dataclasses import replace
+
 import discovery_toy as toy
 import numpy as np
 import pytest
 from bsa.core.discovery.closure import fit_closure
 from bsa.core.discovery.localisation import in_words, localise
 from bsa.core.discovery.observations import observe
+from bsa.core.discovery.simulator import MeasuredRecord
 from bsa.core.trajectory import Step, StepKind, Trajectory
 
 
 def observed():
     rng = np.random.default_rng(0)
     measured_record = toy.measured_record("a", rng, {})
-    return observe("a", measured_record.record, 298.15, 150)
+    return observe(replace(measured_record, ambient_k=298.15), 150)
 
 
 def test_an_error_under_load_is_found_under_load():
@@ -47,6 +50,6 @@ def test_two_samples_with_one_stamp_stand_on_either_side_of_the_jump():
     time = np.array([0.0, 10.0, 20.0, 30.0, 30.0, 40.0, 50.0])
     current = np.array([0.0, 0, 0, 0, 2, 2, 2])
     steps = (Step(StepKind.REST, 0, 4), Step(StepKind.CC_DISCHARGE, 4, 7))
-    o = observe("a", Trajectory(time, current, 4.0 - 0.1 * current, None, steps))
+    o = observe(MeasuredRecord("a", Trajectory(time, current, 4.0 - 0.1 * current, None, steps)))
     assert o.time[3] == 30.0
     assert o.time[4] > 30.0

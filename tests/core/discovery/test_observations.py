@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bsa.core.discovery.observations import observe, subset
+from bsa.core.discovery.simulator import MeasuredRecord
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from hypothesis import given
 from hypothesis import strategies as st
@@ -31,7 +32,7 @@ def knee(clock, duration=3600.0):
 
 def test_a_simulation_is_averaged_as_the_record_is():
     record = emptying(cycles=20)
-    observed = observe("x", record, points=300)
+    observed = observe(MeasuredRecord("x", record), points=300)
 
     def simulated(time):
         within = np.mod(time, 7200.0)
@@ -47,7 +48,7 @@ def test_a_simulation_is_averaged_as_the_record_is():
 @given(st.integers(12, 300), st.integers(1, 8))
 def test_moments_stand_for_every_sample_once(points, cycles):
     record = emptying(cycles=cycles)
-    observed = observe("x", record, points=points)
+    observed = observe(MeasuredRecord("x", record), points=points)
     assert observed.moments.averaged(np.ones(len(observed.moments.time))) == pytest.approx(np.ones(len(observed)))
     assert observed.moments.averaged(observed.moments.current) == pytest.approx(observed.current)
     assert np.all(np.diff(observed.moments.stretch) >= 0)
@@ -55,7 +56,7 @@ def test_moments_stand_for_every_sample_once(points, cycles):
 
 @given(st.integers(0, 2**32 - 1))
 def test_a_subset_keeps_its_own_moments(seed):
-    observed = observe("x", emptying(cycles=3), points=60)
+    observed = observe(MeasuredRecord("x", emptying(cycles=3)), points=60)
     mask = np.random.default_rng(seed).random(len(observed)) < 0.5
     mask[0] = True
     part = subset(observed, mask)
@@ -66,7 +67,7 @@ def test_a_subset_keeps_its_own_moments(seed):
 
 @pytest.mark.parametrize("logged_twice", [False, True])
 def test_a_knee_counts_less_however_often_its_end_is_logged(logged_twice):
-    observed = observe("x", emptying(logged_twice=logged_twice), points=100)
+    observed = observe(MeasuredRecord("x", emptying(logged_twice=logged_twice)), points=100)
     discharge = np.flatnonzero(observed.step == 0)
     assert observed.sigma[discharge[-1]] > 10 * np.median(observed.sigma[discharge])
 
@@ -77,6 +78,6 @@ def test_samples_that_no_instrument_took_are_not_observed(kind):
     first = record.steps[1].start
     steps = (record.steps[0], replace(record.steps[1], kind=kind))
     put_in = replace(record, steps=steps, inserted=np.arange(len(record)) == first)
-    found = observe("x", put_in, points=1000)
+    found = observe(MeasuredRecord("x", put_in), points=1000)
     assert np.sum(found.count) == len(record) - 1
     assert record.time[first] not in found.time

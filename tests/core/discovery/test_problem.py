@@ -22,13 +22,13 @@ class Stairs(toy.ToySimulator):
 
 def test_the_knee_of_a_discharge_is_never_the_whole_of_what_is_held_out():
     whole = toy.measured_record("a", np.random.default_rng(0), {})
-    observed = observe("a", whole.record, points=150)
+    observed = observe(whole, points=150)
     flat = replace(observed, voltage=np.linspace(4.0, 3.9, len(observed)))
     turn = np.arange(len(observed)) // 6 % 5
-    (usual,) = Problem(toy.ToySimulator(), [whole], [flat]).fitted
+    (usual,) = Problem(toy.ToySimulator(), [flat]).fitted
     assert np.array_equal(usual, turn != 2)
     knee = flat.voltage - np.where(np.arange(len(observed)) >= np.flatnonzero(turn == 2)[-6], 1.0, 0.0)
-    (moved,) = Problem(toy.ToySimulator(), [whole], [replace(observed, voltage=knee)]).fitted
+    (moved,) = Problem(toy.ToySimulator(), [replace(observed, voltage=knee)]).fitted
     assert np.count_nonzero(~moved) == pytest.approx(np.count_nonzero(~usual), abs=6)
     assert np.sum(np.abs(np.gradient(knee))[~moved]) < 0.1
 
@@ -36,8 +36,8 @@ def test_the_knee_of_a_discharge_is_never_the_whole_of_what_is_held_out():
 @pytest.mark.parametrize("height", [0.002, 0.1])
 def test_a_mesh_is_trusted_no_more_where_two_of_them_happen_to_cross(height):
     whole = toy.measured_record("a", np.random.default_rng(0), {})
-    observed = observe("a", whole.record, points=10_000)
-    problem = Problem(Stairs(1800.0, height), [whole], [observed])
+    observed = observe(whole, points=10_000)
+    problem = Problem(Stairs(1800.0, height), [observed])
     problem.correct_mesh((), {"resistance factor": 1.0, whole.soc_name: 0.9})
     added, late = problem.mesh_sigma["a"], observed.time > 1900.0
     assert np.all(added[late] > 0.2 * height)
@@ -60,6 +60,6 @@ def test_a_cheaper_model_is_shifted_to_agree_at_one_candidate():
 
 def test_a_hold_out_record_that_starts_far_from_the_fitted_ones_gets_its_own_state_of_charge():
     problem, _ = toy.problem(np.random.default_rng(0), {})
-    elsewhere = {"resistance factor": 1.2} | {one.soc_name: 0.2 for one in problem.measured_records}
+    elsewhere = {"resistance factor": 1.2} | {one.measured_record.soc_name: 0.2 for one in problem.observations}
     ((_, error),) = problem.held_out((), elsewhere)
     assert np.sqrt(np.mean(error**2)) < 2 * problem.held_noise_v

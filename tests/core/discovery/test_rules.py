@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from bsa.core.discovery.adequacy import Adequacy
 from bsa.core.discovery.explanation import TEMPERATURE_DEVIATION_K, Estimate, Explanation
+from bsa.core.discovery.findings import Gap
 from bsa.core.discovery.refit import Refit
-from bsa.core.discovery.rules import CLEAR_BIC, RULES, Gap, bic_difference
+from bsa.core.discovery.rules import RULES, bic_difference
 from bsa.core.effect import Effect, EffectParameter
 from bsa.core.parameters import Parameter, ParameterSpace
 
@@ -115,7 +116,7 @@ def test_who_is_far_ahead_need_not_have_converged(base_rmse, held_mv, named):
     found.adequacy = Adequacy(0.0, 0.0, 1.0)
     found.fit = replace(found.fit, residual=np.full(80, 1.0), converged=False)
     assert not found.settled
-    assert bic_difference(base, found) > CLEAR_BIC
+    assert bic_difference(base, found) > RULES.clear_bic
     assert (RULES.objection_to(found, Gap(base, base, 1e-3, 1e-3)) == "") is named
 
 
@@ -124,7 +125,7 @@ def test_a_fit_that_has_not_converged_is_a_rival_where_it_is_not_far_behind(conv
     best, other = explanation("one", None), explanation("another", None, rmse)
     other.adequacy = Adequacy(0.0, 0.0, 1.0)
     other.fit = replace(other.fit, converged=converged)
-    assert bic_difference(other, best) > CLEAR_BIC
+    assert bic_difference(other, best) > RULES.clear_bic
     assert len(RULES.rivals(best, [other])) == rivals
 
 

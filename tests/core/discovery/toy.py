@@ -120,9 +120,7 @@ def problem_of(fitted: list[MeasuredRecord], kept: list[MeasuredRecord]) -> tupl
     states = [Parameter(s.soc_name, 0.8, 0.0, 1.0, deviation=0.02) for s in fitted]
     made = Problem(
         ToySimulator(),
-        fitted,
-        [observe(s.name, s.record, points=150) for s in fitted],
-        kept,
-        [observe(s.name, s.record, points=150) for s in kept],
+        [observe(one, points=150) for one in fitted],
+        [observe(one, points=150) for one in kept],
     )
     return made, ParameterSpace((resistance, *states))

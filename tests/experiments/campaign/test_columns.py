@@ -42,7 +42,7 @@ def test_a_new_column_is_in_the_files_and_on_the_page(make_plan, with_one_more):
         "numeric": True,
     }
     assert [row[place] for row in data["rows"]] == expected
-    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
+    parquet = pytest.importorskip("pyarrow.parquet", reason='pip install "battery-sim-agent[cluster]"')
     assert parquet.read_table(plan.folder / "cells.parquet")["calls_a_simulation"].to_pylist() == expected
 
 

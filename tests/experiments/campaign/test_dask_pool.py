@@ -9,7 +9,6 @@ import signal
 import threading
 import time
 from collections import Counter
-from importlib.util import find_spec
 
 import pytest
 from bsa.core.errors import BsaError
@@ -19,8 +18,8 @@ from bsa.experiments.campaign.results import rows_of
 
 from .conftest import Here, Quiet, noted
 
-distributed = pytest.importorskip("distributed", reason="Dask is not installed")
-Status = pytest.importorskip("distributed.core").Status
+distributed = pytest.importorskip("distributed", reason='pip install "battery-sim-agent[cluster]"')
+Status = distributed.core.Status
 
 NUMBERS = ("task", "method", "seed", "mape", "rmse", "v_rmse_mv", "simulations", "identity")
 
@@ -101,7 +100,6 @@ def test_no_scheduler_is_said_with_what_to_do(monkeypatch):
         DaskPool("my-cluster")
 
 
-@pytest.mark.skipif(find_spec("dask_jobqueue") is None, reason="dask-jobqueue is not installed")
 def test_slurm_jobs_are_described_by_a_file(tmp_path, ctrl_c):
     path = tmp_path / "slurm.yaml"
     path.write_text("jobs: 20\ncores: 4\nmemory: 16GB\nqueue: cpu\naccount: batteries\nwalltime: '02:00:00'\n")

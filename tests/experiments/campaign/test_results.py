@@ -30,7 +30,7 @@ def test_one_row_a_cell_in_csv_and_parquet(finished):
     assert [(row["task"], row["method"], row["state"]) for row in rows] == [
         (task, method, "done") for task in ("toy-0", "toy-1") for method in ("full", "no-memory")
     ]
-    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
+    parquet = pytest.importorskip("pyarrow.parquet", reason='pip install "battery-sim-agent[cluster]"')
     table = parquet.read_table(folder / "cells.parquet").to_pylist()
     assert [row["identity"] for row in table] == [row["identity"] for row in rows]
     assert float(rows[0]["mape"]) == table[0]["mape"]

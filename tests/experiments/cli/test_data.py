@@ -63,7 +63,7 @@ def test_a_picture(folder, name, suffix):
 
 @pytest.mark.parametrize("out", ["out.csv", "out.parquet"])
 def test_an_export_is_read_back_as_it_was(out):
-    pytest.importorskip("pyarrow")
+    pytest.importorskip("pyarrow", reason='pip install "battery-sim-agent[readers]"')
     said("a.csv", "--export", "bdf", "--out", out)
     one, two = read_record("a.csv").trajectory, read_record(out).trajectory
     assert one.steps == two.steps

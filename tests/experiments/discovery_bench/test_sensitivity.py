@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from bsa.core.discovery.adequacy import Adequacy
 from bsa.core.discovery.explanation import Estimate, Explanation
-from bsa.core.discovery.findings import Findings
+from bsa.core.discovery.findings import Findings, Gap
 from bsa.core.discovery.refit import Refit
-from bsa.core.discovery.rules import RULES, Gap
+from bsa.core.discovery.rules import RULES
 from bsa.core.effect import Effect, EffectParameter
 from bsa.core.files import write_csv
 from bsa.core.parameters import ParameterSpace
@@ -28,22 +28,22 @@ def explanation(name, error_mv, p=0.0):
 def found(left_mv, p=0.0):
     base = explanation("base", 10.0, p)
     gap = Gap(base, base, 1e-3, 1e-3)
-    return RULES.decide(gap, [explanation("heat", left_mv)]), gap
+    return RULES.decide(gap, [explanation("heat", left_mv)])
 
 
 @pytest.mark.parametrize(("left_mv", "half"), [(4.0, "unexplained"), (1.5, "effect-found")])
 def test_a_constant_changes_the_verdicts_that_lie_near_it(left_mv, half):
-    findings, gap = found(left_mv)
+    findings = found(left_mv)
     for factor, verdict in ((0.5, half), (2.0, "effect-found")):
         rules = replace(RULES, left_over=factor * RULES.left_over, left_fitted=factor * RULES.left_fitted)
-        assert verdict_by(rules, findings, gap)["verdict"] == verdict
+        assert verdict_by(rules, findings)["verdict"] == verdict
 
 
 def test_what_was_not_searched_is_said():
-    findings, gap = found(4.0, p=0.008)
-    assert verdict_by(RULES, findings, gap)["verdict"] == "no-missing-effect"
-    nothing = Findings("no-missing-effect", gap.base, gap.base)
-    assert verdict_by(replace(RULES, false_alarm=0.02), nothing, gap)["verdict"] == NOT_SEARCHED
+    findings = found(4.0, p=0.008)
+    assert verdict_by(RULES, findings)["verdict"] == "no-missing-effect"
+    nothing = Findings("no-missing-effect", findings.gap, findings.base)
+    assert verdict_by(replace(RULES, false_alarm=0.02), nothing)["verdict"] == NOT_SEARCHED
 
 
 def test_the_table_tells_which_cases_change(tmp_path):

@@ -7,7 +7,7 @@ import numpy as np
 from bsa.core.discovery.adequacy import Adequacy
 from bsa.core.discovery.drift import Drift
 from bsa.core.discovery.explanation import Explanation, estimates_of
-from bsa.core.discovery.findings import Findings, Nomination
+from bsa.core.discovery.findings import Findings, Gap, Nomination
 from bsa.core.discovery.life_discovery import LifeDiscovery
 from bsa.core.discovery.refit import Refit
 from bsa.core.parameters import ParameterSpace
@@ -31,7 +31,7 @@ def discovery(verdict: str = "unexplained", modes: bool = True) -> LifeDiscovery
     nominations = [Nomination(SEI), Nomination(PLATING, "no cold <charge>")]
     lithium = Drift("Loss of lithium inventory [%]", (15, 80, 200), (0.5, 2.0, 4.25), (0.1, 0.1, 0.3), 2.1, 0.2)
     drifts = (lithium, replace(lithium, name="Contact resistance [Ohm]")) if modes else ()
-    findings = Findings(verdict, base, best, [], [best], nominations, "why")
+    findings = Findings(verdict, Gap(base, base, 1e-3, 1e-3), best, [], [best], nominations, "why")
     return LifeDiscovery(
         findings, drifts, 120, {"Negative particle radius [m]": 5e-6}, notes=["a note"], simulations=77
     )

@@ -1,19 +1,25 @@
 import ast
+import builtins
 import subprocess
+import symtable
 import sys
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from bsa.core.discovery.simulator import MeasuredRecord
+from bsa.core.effect import Effect, EffectParameter
 from bsa.core.target import CellChange, target_named
 from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.effects.catalogue import EFFECTS
+from bsa.plugins.pybamm.augmentation import PyBaMMPart
 from bsa.plugins.pybamm.augmented_script import augmented_script
 from bsa.plugins.pybamm.driven_cell import DrivenCell
 from bsa.plugins.pybamm.export import parameter_values_json
 from bsa.plugins.pybamm.parameter_files import parsed
+from bsa.plugins.pybamm.quoted_effects import quoted
 from bsa.plugins.pybamm.resolution import FINE
 
 
@@ -95,3 +101,32 @@ def test_words_of_other_people_stay_comments_and_texts():
     assert "broken out" in text
     kinds = [[type(node) for node in ast.parse(source).body] for source in (text, plain)]
     assert kinds[0] == kinds[1]
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.key)
+def test_what_is_quoted_of_an_effect_needs_nothing_else_of_this_package(effect):
+    """An effect's function that calls a helper beside it would stop the script with a NameError."""
+    source = quoted(1, effect, {})["source"]
+    offered = {"np", "pybamm", "Any", "Mapping", "FloatArray", "Values", *dir(builtins)}
+    table = symtable.symtable(source, "quoted", "exec")
+    defined = {symbol.get_name() for symbol in table.get_symbols() if symbol.is_assigned()}
+    assert source
+    assert _globals_in(table) <= offered | defined
+
+
+def _globals_in(table):
+    """Names that code takes from outside itself."""
+    found = {symbol.get_name() for symbol in table.get_symbols() if symbol.is_global() and symbol.is_referenced()}
+    return found.union(*(_globals_in(child) for child in table.get_children()))
+
+
+def _rate(name, known, p, unit):
+    return {name: unit * p["rate"]}
+
+
+def test_a_function_with_some_of_its_arguments_is_quoted_with_them():
+    effect = Effect("a", "", "", (EffectParameter("rate", "", 0.0, 0.0, 1.0, 0.1),), "", "")
+    effect = replace(effect, physics=PyBaMMPart(values=partial(_rate, "A 'b' [m]", unit=0.25)))
+    script = {}
+    exec(quoted(1, effect, {})["source"], script)
+    assert script["values_1"]({}, {"rate": 2.0}) == {"A 'b' [m]": 0.5}

@@ -38,7 +38,6 @@ def mpr(path: Path, columns: dict[int, tuple[str, np.ndarray]]) -> None:
 
 
 def test_a_binary_record(tmp_path):
-    pytest.importorskip("galvani")
     path = tmp_path / "a.mpr"
     mpr(path, {4: ("<f8", TIME), 6: ("<f4", VOLTS), 8: ("<f4", 1000 * AMPERES)})
     record = read_record(path)
@@ -49,7 +48,6 @@ def test_a_binary_record(tmp_path):
 
 
 def test_a_binary_spectrum(tmp_path):
-    pytest.importorskip("galvani")
     path = tmp_path / "a.mpr"
     parts = {32: ("<f4", FREQUENCY), 37: ("<f4", IMPEDANCE.real), 38: ("<f4", -IMPEDANCE.imag)}
     mpr(path, parts)
@@ -59,7 +57,6 @@ def test_a_binary_spectrum(tmp_path):
 
 @pytest.mark.parametrize("content", [b"", b"hello" * 50, b"BIO-LOGIC MODULAR FILE\x1a".ljust(48) + bytes(4)])
 def test_damaged_files(tmp_path, content):
-    pytest.importorskip("galvani")
     path = tmp_path / "a.mpr"
     path.write_bytes(content)
     with pytest.raises(BsaError, match=r"a\.mpr is no BioLogic file"):
@@ -108,6 +105,5 @@ class TestBioLogic(ReaderConformance):
 
     @pytest.fixture
     def file(self, tmp_path):
-        pytest.importorskip("galvani")
         mpr(tmp_path / "cell.mpr", {4: ("<f8", TIME), 6: ("<f4", VOLTS), 8: ("<f4", 1000 * AMPERES)})
         return tmp_path / "cell.mpr"

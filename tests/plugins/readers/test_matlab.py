@@ -157,7 +157,7 @@ def test_a_bomb_is_counted_before_it_is_read(tmp_path, monkeypatch):
 
 def hdf5(path, content) -> None:
     """What MATLAB writes with ``-v7.3``: structs as groups, struct arrays as references, numbers as rows."""
-    h5py = pytest.importorskip("h5py")
+    h5py = pytest.importorskip("h5py", reason='pip install "battery-sim-agent[readers]"')
 
     def put(group, name, value):
         if isinstance(value, dict):

@@ -16,7 +16,7 @@ from bsa.core.trajectory import StepKind
 from bsa.plugins.readers import source
 from bsa.testing import ReaderConformance
 
-pytest.importorskip("NewareNDA")
+pytest.importorskip("NewareNDA", reason='pip install "battery-sim-agent[readers]"')
 
 CHARGE, DISCHARGE, REST = 1, 2, 4
 START = datetime(2024, 5, 1, 12, 0, 0)
