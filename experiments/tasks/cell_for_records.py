@@ -119,7 +119,7 @@ def with_chosen_potentials(
     others = "; ".join(f"{other}: {1e3 * other.rms_v:.1f} mV" for other in found[1:4])
     chosen, said_of_rates = with_potentials(base, taken), list[str]()
     if parameter_set == NEAREST:  # chosen for its potentials: the cell's rates are those of any other set as likely
-        chosen, said_of_rates = _with_usual_rates(chosen, base)
+        chosen, said_of_rates = _with_usual_rates(chosen, taken.positive)
     return chosen, [said + f" The next: {others}." * bool(others), *said_of_rates]
 
 

@@ -248,7 +248,7 @@ class StageFit(Stage):
         seen = self._seen(self._here)
         assert seen is not None
         freedom = max(len(seen) - int(np.count_nonzero(self._free)), 1)
-        return self._misfit_noise() < (1.0 - (2.0 * freedom) ** -0.5) * self._noise
+        return bool(self._misfit_noise() < (1.0 - (2.0 * freedom) ** -0.5) * self._noise)
 
     def tell(self, trials: Sequence[Trial]) -> Trial:
         """Take in the trials of the candidates asked for, in order; the trial of the best point."""
