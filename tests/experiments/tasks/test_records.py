@@ -199,7 +199,7 @@ def test_the_nearest_set_is_that_of_the_positive_electrode() -> None:
 def test_rates_of_the_nearest_set_that_are_far_from_all_others_are_replaced_and_those_of_a_named_set_kept() -> None:
     nearest = with_chosen_potentials("nearest", "NCA_Kim2011", [slow_discharge()])
     assert str(nearest[0]).endswith("with usual rates")
-    assert any("negative particle diffusivity times 0.0016" in note for note in nearest[1])
+    assert any("negative particle diffusivity times 0.028" in note for note in nearest[1])
     named = with_chosen_potentials("NCA_Kim2011", "NCA_Kim2011", [slow_discharge()])
     assert not str(named[0]).endswith("with usual rates")
 
