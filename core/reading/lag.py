@@ -42,6 +42,8 @@ def without_lag(samples: Samples, asked_s: float | None) -> Samples:
     asked_s : float or None
         The lag that is taken back, in s; None for that which the samples show, if they show one.
     """
+    if asked_s == 0.0:
+        return samples
     if asked_s is not None:
         return _taken_back(samples, asked_s).noted(f"the voltage is taken {asked_s:.3g} s later, as was asked.")
     lag = shown_lag(samples)

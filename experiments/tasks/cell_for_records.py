@@ -117,10 +117,12 @@ def with_chosen_potentials(
     words.append(f"{'those' if words else 'The potentials'} of {taken} {left}{1e3 * taken.rms_v:.1f} mV{rest}")
     said = f"{', '.join(words)}: they are taken, with electrodes balanced for them, and all else from {base}."
     others = "; ".join(f"{other}: {1e3 * other.rms_v:.1f} mV" for other in found[1:4])
-    chosen, said_of_rates = with_potentials(base, taken), list[str]()
-    if parameter_set == NEAREST:  # chosen for its potentials: the cell's rates are those of any other set as likely
-        chosen, said_of_rates = _with_usual_rates(chosen, taken.positive)
-    return chosen, [said + f" The next: {others}." * bool(others), *said_of_rates]
+    chosen, notes = with_potentials(base, taken), [said + f" The next: {others}." * bool(others)]
+    if parameter_set != NEAREST:
+        return chosen, notes
+    # The set was chosen for its potentials: the cell's rates are those of any other set as likely.
+    chosen, said_of_rates = _with_usual_rates(chosen, taken.positive)
+    return chosen, [*notes, *said_of_rates]
 
 
 def _with_usual_rates(parameter_set: ParameterFile, base: str) -> tuple[ParameterFile, list[str]]:
@@ -158,8 +160,9 @@ def volume_and_surface(values: Any, factor: float) -> tuple[dict[str, float], li
     if VOLUME not in values or SURFACE not in values:
         return {}, []
     volume, surface = float(values[VOLUME]) * factor, float(values[SURFACE]) * factor ** (2.0 / 3.0)
-    compact = _CELL * volume ** (2.0 / 3.0)
-    if surface < _SHEET / _CELL * compact:
+    face = volume ** (2.0 / 3.0)
+    compact = _CELL * face
+    if surface < _SHEET * face:
         return {VOLUME: volume, SURFACE: surface}, []
     return {VOLUME: volume, SURFACE: compact}, [
         f'The set\'s "{SURFACE}" is that of a single electrode sheet ({surface:.2g} m2 at this size): that of a '

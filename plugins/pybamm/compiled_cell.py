@@ -14,7 +14,7 @@ from .augmentation import PyBaMMPart, augmented_cell, effects_in, part_of
 from .fresh_integrator import FreshIntegrator
 from .mesh import search_spatial_methods, search_submeshes
 from .ocp_shape import keeping_ocp_falling
-from .parameter_sets import bake, input_values, load, open_to_search, pybamm
+from .parameter_sets import bake, input_values, load, open_to_search, pybamm, voltage_window
 from .resolution import SEARCH, Resolution
 from .state_of_charge import InitialState, initial_concentration
 
@@ -107,7 +107,7 @@ class CompiledCell:
         self._state = InitialState(values) if by_state else None
         open_to_search(values, self._targets)
         # Lower and upper voltage cut-off of the parameter set.
-        self.window_v = (float(values["Lower voltage cut-off [V]"]), float(values["Upper voltage cut-off [V]"]))
+        self.window_v = voltage_window(values)
         self._add_effects(values, measured_current)
         if by_state:
             concentrations = [initial_concentration(which) for which in ("Negative", "Positive")]

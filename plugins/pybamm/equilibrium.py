@@ -15,7 +15,7 @@ from .augmentation import effects_in, part_of
 from .compiled_cell import start_of
 from .drive import shown_range
 from .ocp_shape import keeping_ocp_falling
-from .parameter_sets import load
+from .parameter_sets import load, voltage_window
 from .state_of_charge import InitialState
 
 _AREA = ("Electrode width [m]", "Electrode height [m]", "Number of electrodes connected in parallel to make a cell")
@@ -36,8 +36,11 @@ class EquilibriumCell:
         self._falling = keeping_ocp_falling(values, self._targets)
         self._state = InitialState(values)
         self._area = {name: float(values[name]) for name in _AREA}
-        self._window_v = (float(values["Lower voltage cut-off [V]"]), float(values["Upper voltage cut-off [V]"]))
         self._records = [experiment.target for experiment in task.experiments]
+        window_v = voltage_window(values)
+        self._shown_v = [
+            None if one.is_spectrum else shown_range(window_v, one.target.voltage) for one in task.experiments
+        ]
         self._drawn_ah = [
             None if experiment.is_spectrum else experiment.target.discharge_capacity for experiment in task.experiments
         ]
@@ -55,13 +58,12 @@ class EquilibriumCell:
         return Outcome(tuple(runs), 0.0)
 
     def _run(self, place: int, candidate: Candidate) -> ExperimentRun:
-        record, drawn_ah = self._records[place], self._drawn_ah[place]
-        if drawn_ah is None:
+        record, drawn_ah, shown_v = self._records[place], self._drawn_ah[place], self._shown_v[place]
+        if drawn_ah is None or shown_v is None:
             return ExperimentRun(record)  # A spectrum stays: nothing is said of it.
         change = self._falling(self._task.space.change(candidate))
         drawn = drawn_ah * SECONDS_PER_HOUR / _FARADAY / self._area_of(change)
         # Beyond these an empty or overfull cell is simulated as such; published potentials reach to -100 V there.
-        shown_v = shown_range(self._window_v, record.voltage)
         voltage = np.clip(self._state.voltages(change, self._soc(place, change), drawn), *shown_v)
         for effect, added in self._at_rest:
             with border(f"effect {effect.key}", "at_rest"):

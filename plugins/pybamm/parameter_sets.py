@@ -171,6 +171,11 @@ def bake(values: pybamm.ParameterValues, change: CellChange) -> None:
     reshape(values, change.diffusivity_shape)
 
 
+def voltage_window(values: Mapping[str, Any]) -> tuple[float, float]:
+    """Lower and upper voltage cut-off of a cell's values, V."""
+    return float(values["Lower voltage cut-off [V]"]), float(values["Upper voltage cut-off [V]"])
+
+
 def _known(values: pybamm.ParameterValues, name: str) -> str:
     if name not in values:
         raise KeyError(name)  # PyBaMM would take it for a new parameter

@@ -10,7 +10,7 @@ from ...core.target import CellChange
 from ...core.task import CellModel, ParameterSource
 from ...core.trajectory import FloatArray
 from .ocp_shape import ELECTRODES, GRID, OcpCurves
-from .parameter_sets import bake, load, pybamm
+from .parameter_sets import bake, load, pybamm, voltage_window
 
 
 def soc_at_voltage(cell: CellModel, voltage: float) -> float:
@@ -20,7 +20,7 @@ def soc_at_voltage(cell: CellModel, voltage: float) -> float:
     voltage cut-offs; only its parameter values matter.
     """
     values = load(cell.parameter_set, cell.overrides)
-    lowest, highest = float(values["Lower voltage cut-off [V]"]), float(values["Upper voltage cut-off [V]"])
+    lowest, highest = voltage_window(values)
     if voltage <= lowest:
         return 0.0
     if voltage >= highest:

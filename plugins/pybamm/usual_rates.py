@@ -41,7 +41,8 @@ def unusual_rates(base: ParameterSource) -> tuple[UnusualRate, ...]:
     base : str or ParameterFile
         The set.
     """
-    return tuple(found for name, rate in _RATES.items() if (found := _unusual(name, rate, load(base))) is not None)
+    values = load(base)
+    return tuple(found for name, rate in _RATES.items() if (found := _unusual(name, rate(values))) is not None)
 
 
 def with_usual_rates(base: ParameterSource, unusual: tuple[UnusualRate, ...]) -> ParameterFile:
@@ -51,8 +52,8 @@ def with_usual_rates(base: ParameterSource, unusual: tuple[UnusualRate, ...]) ->
     return ParameterFile(f"{base} with usual rates", "parameter-values", as_json(values))
 
 
-def _unusual(name: str, rate: Callable[[Any], float], values: Any) -> UnusualRate | None:
-    own = np.log(rate(values))
+def _unusual(name: str, rate: float) -> UnusualRate | None:
+    own = np.log(rate)
     # A set whose rate is the same is this set, or one that took the rate from the same source.
     others = np.array([log for log in _published(name) if not np.isclose(log, own)])
     if abs(own - np.mean(others)) < _DEVIATIONS * np.std(others):

@@ -12,7 +12,7 @@ def residuals(points: np.ndarray) -> np.ndarray:
     return np.column_stack([200.0 * (product / 0.49 - 1.0), np.zeros(len(points))])
 
 
-def test_draws_follow_a_bent_valley_to_its_ends() -> None:
+def test_draws_follow_a_curved_valley_to_its_ends() -> None:
     asked = []
 
     def simulate(points: np.ndarray) -> list[np.ndarray | None]:
@@ -99,7 +99,7 @@ def test_a_cell_that_runs_empty_early_does_not_spoil_what_is_learnt() -> None:
 
 
 def test_a_budget_bounds_the_simulations_and_what_it_leaves_unknown_widens_the_sample() -> None:
-    """Draws of a bent valley that two simulations a round do not settle."""
+    """Draws of a curved valley that two simulations a round do not settle."""
     asked = []
 
     def simulate(points: np.ndarray) -> list[np.ndarray | None]:
