@@ -10,6 +10,9 @@ INITIAL_SOC = "Initial state of charge"
 CYCLABLE_LITHIUM = "Cyclable lithium factor"
 """Name of the multiplier on the lithium that both electrodes share."""
 
+THERMODYNAMIC_FACTOR = "Thermodynamic factor"
+"""PyBaMM's name of a property of the electrolyte; that it ends like a multiplier makes it none."""
+
 _FACTOR = " factor"
 
 _DIFFUSIVITY_SHAPE = re.compile(r"(Negative|Positive) particle diffusivity factor at stoichiometry (\d*\.?\d+)")
@@ -115,7 +118,7 @@ def target_named(name: str, known: Iterable[str] = ()) -> Target:
     shape = _DIFFUSIVITY_SHAPE.fullmatch(name)
     if shape is not None and 0.0 < float(shape[2]) < 1.0:
         return DiffusivityShape(shape[1], float(shape[2]))
-    if name.endswith(_FACTOR) and name not in known:
+    if name.endswith(_FACTOR) and name not in (THERMODYNAMIC_FACTOR, *known):
         return Factor(name.removesuffix(_FACTOR))
     return Value(name)
 

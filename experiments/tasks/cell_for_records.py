@@ -7,6 +7,7 @@ import numpy as np
 
 from ...core.recognised_protocol import with_switches
 from ...core.record import Record
+from ...core.target import THERMODYNAMIC_FACTOR
 from ...core.task import NEAREST, ParameterFile, ParameterSource
 from .record_request import RecordRequest
 
@@ -39,6 +40,11 @@ _SHEET, _CELL = 40.0, 7.0
 """Surface of a body over its volume to the power of two thirds: 5 for a sphere, 6 for a cylindrical cell, 10 to 40 for
 pouch cells, and more than 100 in sets whose surface is that of a single electrode sheet. A cell of many sheets is taken
 for a compact body."""
+
+_MEASURED_FACTOR = 2.2
+"""Thermodynamic factor of LiPF6 in carbonates at 1 mol/l and 25 degC: 2.17 in PC:EC:DMC (Valoen and Reimers, J.
+Electrochem. Soc. 152 (2005) A882, doi:10.1149/1.1872737), 2.18 in EC:EMC (Landesfeind and Gasteiger, J. Electrochem.
+Soc. 166 (2019) A3079, doi:10.1149/2.0571912jes)."""
 
 _SAME_SIZE = (0.8, 1.25)
 """Ratios of measured to nominal capacity that the search bridges by itself."""
@@ -90,6 +96,25 @@ def temperature_dependent(
     return with_activation_energies(parameter_set, constant), [
         f"{said} They get activation energies ({energies} kJ/mol, those of other published sets), at the reference "
         "temperature they stay as they are."
+    ]
+
+
+def measured_thermodynamic_factor(
+    values: Any, search: str | Mapping[str, Any], given: Collection[str]
+) -> tuple[dict[str, float], list[str]]:
+    """Where the search for the electrolyte's thermodynamic factor starts if the set has none, and what is said of it.
+
+    A set without a measured one has 1, that of an ideal solution, and with it half of the voltage that salt gradients
+    take.
+    """
+    from ...plugins.pybamm.presets import searches
+
+    own = values.get(THERMODYNAMIC_FACTOR)
+    if own != 1.0 or THERMODYNAMIC_FACTOR in given or not searches(search, THERMODYNAMIC_FACTOR):
+        return {}, []
+    return {THERMODYNAMIC_FACTOR: _MEASURED_FACTOR}, [
+        f"The electrolyte's thermodynamic factor is 1 in the set, that of an ideal solution: the search starts from "
+        f"{_MEASURED_FACTOR:g}, that of measured electrolytes at 1 mol/l."
     ]
 
 

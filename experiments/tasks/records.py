@@ -22,6 +22,7 @@ from .cell_for_records import (
     WIDTH,
     at_several_temperatures,
     hysteresis_note,
+    measured_thermodynamic_factor,
     size_factor,
     temperature_dependent,
     volume_and_surface,
@@ -108,6 +109,10 @@ def build_task(
         notes += said
     values = load(parameter_set, fixed)
     given = starts_given(search) | set(fixed)
+    if not own_file:
+        start, said = measured_thermodynamic_factor(values, search, given)
+        fixed |= start
+        notes += said
     as_measured = all(request.as_measured for request in records)
     capacity_ah = equilibrium_capacity_ah(parameter_set, fixed)
     if scale_to_capacity and WIDTH not in given and as_measured:

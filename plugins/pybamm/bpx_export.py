@@ -149,18 +149,28 @@ class _Writer:
     def _electrolyte(self) -> dict[str, Any]:
         names = ("Electrolyte conductivity [S.m-1]", "Electrolyte diffusivity [m2.s-1]")
         conductivity, diffusivity = (self._table(name, _CONCENTRATIONS) for name in names)
-        for name, usual in (("Cation transference number", None), ("Thermodynamic factor", 1.0)):
-            course = self._course(name, _CONCENTRATIONS)
-            at_start = float(np.interp(self._salt, _CONCENTRATIONS, course))
-            if np.ptp(course) > _SAME * abs(at_start) or (usual is not None and abs(at_start - usual) > _SAME):
-                kept = usual if usual is not None else at_start
-                self._left_out.append(f"{name} is a number in BPX: {kept:.4g} in place of the set's own course.")
-        transference = self._course("Cation transference number", np.array([self._salt]))
+        transference = self._constant("Cation transference number")
+        factor = self._constant("Thermodynamic factor")
+        if abs(factor - 1.0) > _SAME:
+            # Voltages of small salt gradients go with (1 - t)^2 and with the factor.
+            transference = 1.0 - (1.0 - transference) * factor**0.5
+            self._left_out.append(
+                f"BPX has no thermodynamic factor ({factor:.4g} at the initial concentration): a cation transference "
+                f"number of {transference:.4g} gives small salt gradients the same voltage."
+            )
         return {
-            "Cation transference number": float(transference[0]),
+            "Cation transference number": transference,
             "Conductivity [S.m-1]": conductivity,
             "Diffusivity [m2.s-1]": diffusivity,
         }
+
+    def _constant(self, name: str) -> float:
+        """A property of the electrolyte at the initial concentration; that it has a course is left out."""
+        course = self._course(name, _CONCENTRATIONS)
+        at_start = float(self._course(name, np.array([self._salt]))[0])
+        if np.ptp(course) > _SAME * abs(at_start):
+            self._left_out.append(f"{name} is a number in BPX: {at_start:.4g} in place of the set's own course.")
+        return at_start
 
     def _layer(self, name: str) -> dict[str, float]:
         porosity = self._number(f"{name} porosity")

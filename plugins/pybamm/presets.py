@@ -143,6 +143,12 @@ def is_preset(search: str | Mapping[str, Any]) -> bool:
     return isinstance(search, str) and Path(search).suffix not in YAML_SUFFIXES
 
 
+def searches(search: str | Mapping[str, Any], name: str) -> bool:
+    """Whether a search is by a preset that has this parameter."""
+    preset = presets().get(search) if isinstance(search, str) else None
+    return preset is not None and name in preset.parameters
+
+
 def starts_given(search: str | Mapping[str, Any]) -> set[str]:
     """The parameters whose initial value the person has written: nothing may replace these."""
     content = search

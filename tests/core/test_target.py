@@ -24,6 +24,8 @@ from bsa.core.target import (
         ("Initial state of charge", InitialSoc()),
         ("Initial state of charge: 1 cell factor", InitialSoc("1 cell factor")),
         ("Cyclable lithium factor", CyclableLithium()),
+        ("Thermodynamic factor", Value("Thermodynamic factor")),
+        ("Thermodynamic factor factor", Factor("Thermodynamic factor")),
         ("Positive electrode OCP correction at stoichiometry 0.3 [V]", OcpShape("Positive", 0.3)),
         ("Negative particle diffusivity factor at stoichiometry 0.1", DiffusivityShape("Negative", 0.1)),
         (

@@ -7,10 +7,12 @@ import pytest
 from bsa.core.errors import BsaError
 from bsa.core.record import Record
 from bsa.core.target import CellChange
+from bsa.core.task import ParameterFile
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.tasks.cell_for_records import WIDTH, volume_and_surface, with_chosen_potentials
 from bsa.experiments.tasks.record_request import RecordRequest
 from bsa.experiments.tasks.records import CONTACT, RESISTANCE, build_task
+from bsa.plugins.pybamm.export import as_json
 from bsa.plugins.pybamm.parameter_sets import load
 from bsa.plugins.pybamm.state_of_charge import InitialState, equilibrium_capacity_ah
 
@@ -100,6 +102,25 @@ def test_transport_depends_on_the_temperature_where_the_temperatures_differ_and_
     own = task_of(*rooms, search={name: [1e-14, 1e-13]})
     assert own.cell.parameter_set == "Chen2020"
     assert any("may be predicted to end too early" in note for note in own.notes)
+
+
+def test_an_ideal_electrolyte_is_replaced_by_a_measured_one_where_its_factor_is_searched() -> None:
+    name = "Thermodynamic factor"
+    started = task_of(record(), search="cell")
+    assert started.space[name].initial == load(started.cell.parameter_set, started.cell.overrides)[name] == 2.2
+    assert any("2.2, that of measured electrolytes" in note for note in started.notes)
+    measured = build_task("t", "Ai2020", [RecordRequest(record())], model="SPM", search="cell")
+    assert measured.space[f"{name} factor"].initial == 1.0
+    own = ParameterFile("own", "parameter-values", as_json(load("Chen2020")))
+    kept = [
+        measured,
+        task_of(record(), search="geometry"),
+        task_of(record(), search="cell", overrides={name: 1.0}),
+        build_task("t", own, [RecordRequest(record())], model="SPM", search="cell"),
+    ]
+    for task in kept:
+        assert not any("measured electrolytes" in note for note in task.notes)
+    assert kept[-1].space[name].initial == 1.0
 
 
 def test_a_cell_that_stays_cold_or_is_said_to_be_isothermal_has_no_thermal_model() -> None:

@@ -32,6 +32,19 @@ def test_the_file_read_back_gives_the_same_curve() -> None:
     assert np.max(np.abs(difference)) < 2e-4
 
 
+def test_a_thermodynamic_factor_goes_into_the_transference_number() -> None:
+    cell = CellModel("Chen2020", "DFN", overrides={"Thermodynamic factor": 2.2})
+    file = to_bpx(cell, CellChange(), RUN, "x")
+    assert any("no thermodynamic factor (2.2" in text for text in file.left_out)
+    ideal = replace(cell, overrides={})
+    read_back = replace(cell, parameter_set=parsed("b.json", file.text), overrides={})
+    runs = [solve_reference(one, RUN, CellChange()).trajectory for one in (cell, read_back, ideal)]
+    assert all(run is not None for run in runs)
+    time = np.linspace(0.0, min(run.time[-1] for run in runs if run is not None), 200)
+    measured, folded, dropped = (np.interp(time, run.time, run.voltage) for run in runs if run is not None)
+    assert np.max(np.abs(folded - measured)) < 0.3 * np.max(np.abs(dropped - measured))
+
+
 @pytest.mark.parametrize(
     ("cell", "words"),
     [
