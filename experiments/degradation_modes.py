@@ -11,7 +11,7 @@ from ..core.trajectory import FloatArray
 from ..plugins.pybamm.ocp_shape import ELECTRODES
 from ..plugins.pybamm.parameter_sets import load
 from ..plugins.pybamm.state_of_charge import InitialState
-from .tasks.records import RESISTANCE
+from .tasks.measured_cell import RESISTANCE
 
 LITHIUM = "Loss of lithium inventory [%]"
 

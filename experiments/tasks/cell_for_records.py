@@ -195,7 +195,7 @@ def volume_and_surface(values: Any, factor: float) -> tuple[dict[str, float], li
     ]
 
 
-def wide_window(values: Any, records: Sequence[Record], given: Collection[str]) -> dict[str, float]:
+def wide_window(values: Any, records: Sequence[Record]) -> dict[str, float]:
     """Voltage cut-offs beyond all of the records; what the set calls empty and full stays."""
     voltages = np.concatenate([record.trajectory.voltage for record in records])
     wide: dict[str, float] = {}
@@ -205,7 +205,7 @@ def wide_window(values: Any, records: Sequence[Record], given: Collection[str]) 
     ):
         cut_off, open_circuit = f"{side} voltage cut-off [V]", f"Open-circuit voltage at {percent}% SOC [V]"
         wide |= {open_circuit: float(values.get(open_circuit, values[cut_off])), cut_off: wider}
-    return {name: value for name, value in wide.items() if name not in given}
+    return wide
 
 
 def size_factor(records: Sequence[Record], values: Any, capacity_ah: float) -> tuple[float, str]:

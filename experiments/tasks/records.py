@@ -4,8 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from ...core.ageing.long_record import long_record
 from ...core.cell import CELL, SPECTRUM, TEMPERATURE
 from ...core.errors import BsaError
@@ -15,33 +13,13 @@ from ...core.recognised_protocol import with_switches
 from ...core.record import Record
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.target import INITIAL_SOC, InitialSoc, soc_name
-from ...core.task import CellModel, Experiment, ParameterFile, ParameterSource, Task
-from .cell_for_records import (
-    ISOTHERMAL,
-    THERMAL,
-    WIDTH,
-    at_several_temperatures,
-    hysteresis_note,
-    measured_thermodynamic_factor,
-    size_factor,
-    temperature_dependent,
-    volume_and_surface,
-    warms_by,
-    wide_window,
-    with_chosen_potentials,
-    with_thermal_model,
-)
-from .lives import cracks_note, with_ageing
+from ...core.task import Experiment, ParameterSource, Task
+from .cell_for_records import ISOTHERMAL, THERMAL, warms_by
+from .measured_cell import CellRequest, MeasuredCell, measured_cell, searched_space
 from .record_request import RECOGNISED, RecordRequest
-from .record_start import jump_resistances, open_circuit_start, resting_voltage, with_room_for
+from .record_start import open_circuit_start, resting_voltage, with_room_for
 from .sensor_offset import from_ambient, offset_note
-from .spectra import ohmic_resistances, spectrum_experiment, spectrum_notes
-
-CONTACT, RESISTANCE = "contact resistance", "Contact resistance [Ohm]"
-"""PyBaMM's option for a series resistance, and its parameter."""
-
-_CONTACT_SHARE = 0.6
-"""Share of the voltage jump at a current step that is put down to the contacts, to start with."""
+from .spectra import spectrum_experiment, spectrum_notes
 
 _MANY_CYCLES = 50
 """Cycles from which on a record is more likely meant as a life: each simulation of so many takes minutes."""
@@ -83,87 +61,55 @@ def build_task(
     BsaError
         If a file, a parameter set or a parameter does not exist or makes no sense.
     """
-    from ...plugins.pybamm.augmentation import augmented_cell, effects_in
-    from ...plugins.pybamm.model_options import in_pybamm_spelling
-    from ...plugins.pybamm.parameter_sets import load
-    from ...plugins.pybamm.presets import is_preset, resolve_space, starts_given
-    from ...plugins.pybamm.spectrum_experiment import DOUBLE_LAYERS
-    from ...plugins.pybamm.state_of_charge import equilibrium_capacity_ah, soc_at_voltage
-
     asked, forecast = _divided(records)
     records, spectra = _over_time(asked)
     loaded = [_as_asked(request) for request in records]
-    notes = [f"{record.name}: {note}" for record in loaded for note in (*record.notes, *_too_many_cycles(record))]
-    notes += [note for request in spectra for note in spectrum_notes(request)]
-    own_file = isinstance(parameter_set, ParameterFile)
-    parameter_set, said = with_chosen_potentials(parameter_set, ocp, loaded)
-    notes += said if effects else [*said, *hysteresis_note(loaded)]
-    options, said = with_thermal_model(in_pybamm_spelling(options or {}), records, loaded)
-    notes += said
-    fixed = dict(overrides or {})
-    ambient_k = [_ambient_k(request, record) for request, record in zip(records, loaded, strict=True)]
     held_out = [replace(request, source=request.load()) for request in held_out]
-    ambient_k += [_ambient_k(request, later) for request in held_out if isinstance(later := request.source, Record)]
-    if at_several_temperatures(options, ambient_k) and not own_file:
-        parameter_set, said = temperature_dependent(parameter_set, search, fixed)
-        notes += said
-    values = load(parameter_set, fixed)
-    given = starts_given(search) | set(fixed)
-    if not own_file:
-        start, said = measured_thermodynamic_factor(values, search, given)
-        fixed |= start
-        notes += said
-    as_measured = all(request.as_measured for request in records)
-    capacity_ah = equilibrium_capacity_ah(parameter_set, fixed)
-    if scale_to_capacity and WIDTH not in given and as_measured:
-        factor, note = size_factor(loaded, values, capacity_ah)
-        if note:
-            capacity_ah *= factor
-            fixed[WIDTH] = float(values[WIDTH]) * factor
-            sizes, said = volume_and_surface(values, factor)
-            fixed |= {name: size for name, size in sizes.items() if name not in given}
-            notes += [note, *said]
-    if any(request.is_life for request in records):
-        options, note = with_ageing(options)
-        notes += [note] * bool(note)
-    notes += cracks_note(model, options)
-    if CONTACT not in options and as_measured:
-        # Tabs, leads and clamps are in every record, and in no parameter set.
-        options[CONTACT] = "true"
-    if any(request.protocol == RECOGNISED for request in records):
-        fixed |= wide_window(values, loaded, given)
-    cell = CellModel(parameter_set, model, options, fixed, tuple(effects))
-    own_effects = effects_in(cell)
-    augmented_cell(cell, own_effects)  # two may ask for different things
-    # The model of a spectrum alone has the double layers.
-    space = resolve_space(parameter_set, search, fixed, {**options, **DOUBLE_LAYERS} if spectra else options)
-    if is_preset(search):
-        # A preset does not know what this person knows.
-        space = ParameterSpace(tuple(parameter for parameter in space if parameter.name not in (overrides or {})))
-    space = ParameterSpace((*space, *(parameter for effect in own_effects for parameter in effect.searched)))
-    if RESISTANCE not in given and not values.get(RESISTANCE, 0.0):
-        space = _with_contact_resistance(space, loaded, ohmic_resistances(spectra))
+    later = [(request, request.source) for request in held_out if isinstance(request.source, Record)]
+    ambient_k = [_ambient_k(request, record) for request, record in (*zip(records, loaded, strict=True), *later)]
+    wanted = CellRequest(
+        parameter_set, model, options or {}, overrides or {}, search, scale_to_capacity, ocp, tuple(effects)
+    )
+    cell = measured_cell(wanted, records, loaded, ambient_k)
+    experiments, socs, said = _fitted(records, loaded, cell)
+    space = searched_space(wanted, cell.model, loaded, spectra)
+    space = _with_initial_soc(space, experiments, socs, INITIAL_SOC in wanted.given, alone=len(asked) == 1)
+    notes = [
+        *(f"{record.name}: {note}" for record in loaded for note in (*record.notes, *_too_many_cycles(record))),
+        *(note for request in spectra for note in spectrum_notes(request)),
+        *cell.notes,
+        *said,
+    ]
+    by_current = all(request.protocol is None for request in records)
+    compared = by_current and warms_by(loaded) > 0.0 and cell.model.options.get(THERMAL, ISOTHERMAL) != ISOTHERMAL
+    signals = (*CELL.signals, *[TEMPERATURE] * compared, *(SPECTRUM if spectra else ()))
+    experiments += [spectrum_experiment(request) for request in spectra]
+    task = Task(name, cell.model, space, tuple(experiments), tuple(notes), signals=signals)
+    return holding_out(task, (*forecast, *held_out))
+
+
+def _fitted(
+    requests: Sequence[RecordRequest], records: Sequence[Record], cell: MeasuredCell
+) -> tuple[list[Experiment], list[float], list[str]]:
+    """The records as experiments, the states of charge that are known, and what is to be said of both."""
+    from ...plugins.pybamm.state_of_charge import soc_at_voltage
+
     experiments: list[Experiment] = []
     socs: list[float] = []
-    for request, record in zip(records, loaded, strict=True):
+    notes: list[str] = []
+    for request, record in zip(requests, records, strict=True):
         soc = request.initial_soc
         if soc is None and request.as_measured:
             voltage, words = open_circuit_start(record.trajectory)
             if request.initial_voltage is not None:
                 voltage, words = request.initial_voltage, f"starts at {request.initial_voltage:.3f} V"
-            soc = with_room_for(record.trajectory, soc_at_voltage(cell, voltage), capacity_ah)
+            soc = with_room_for(record.trajectory, soc_at_voltage(cell.model, voltage), cell.capacity_ah)
             notes.append(f"{record.name}: {words}, taken as a state of charge of {soc:.3f}.")
         if soc is not None:
             socs.append(soc)
         experiments.append(_experiment(request, record, soc))
         notes += offset_note(record.name, record.trajectory, experiments[-1].target)
-    space = _with_initial_soc(space, experiments, socs, INITIAL_SOC in given, alone=len(asked) == 1)
-    experiments += [spectrum_experiment(request) for request in spectra]
-    by_current = all(request.protocol is None for request in records)
-    compared = by_current and warms_by(loaded) > 0.0 and options.get(THERMAL, ISOTHERMAL) != ISOTHERMAL
-    signals = (*CELL.signals, *[TEMPERATURE] * compared, *(SPECTRUM if spectra else ()))
-    task = Task(name, cell, space, tuple(experiments), tuple(notes), signals=signals)
-    return holding_out(task, (*forecast, *held_out))
+    return experiments, socs, notes
 
 
 def _ambient_k(request: RecordRequest, record: Record) -> float | None:
@@ -264,16 +210,6 @@ def _as_asked(request: RecordRequest) -> Record:
         return record
     wanted = None if request.detailed_cycles == "auto" else tuple(request.detailed_cycles)
     return replace(record, trajectory=long_record(record.trajectory, wanted))
-
-
-def _with_contact_resistance(
-    space: ParameterSpace, records: Sequence[Record], ohmic: Sequence[float]
-) -> ParameterSpace:
-    """The space with a searched contact resistance started from the ohmic part of spectra, or the jumps of voltage."""
-    jumps = list(ohmic) or [jump for record in records for jump in jump_resistances(record.trajectory)]
-    if RESISTANCE not in space or not jumps:
-        return space
-    return space.started({RESISTANCE: space[RESISTANCE].project(_CONTACT_SHARE * float(np.median(jumps)))})
 
 
 def _with_initial_soc(

@@ -10,8 +10,9 @@ from bsa.core.target import CellChange
 from bsa.core.task import ParameterFile
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.tasks.cell_for_records import WIDTH, volume_and_surface, with_chosen_potentials
+from bsa.experiments.tasks.measured_cell import CONTACT, RESISTANCE
 from bsa.experiments.tasks.record_request import RecordRequest
-from bsa.experiments.tasks.records import CONTACT, RESISTANCE, build_task
+from bsa.experiments.tasks.records import build_task
 from bsa.plugins.pybamm.export import as_json
 from bsa.plugins.pybamm.parameter_sets import load
 from bsa.plugins.pybamm.state_of_charge import InitialState, equilibrium_capacity_ah

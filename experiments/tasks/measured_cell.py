@@ -1,0 +1,163 @@
+"""The cell that is to match the records, and what of it is searched."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ...core.parameters import ParameterSpace
+from ...core.record import Record
+from ...core.task import CellModel, ParameterFile, ParameterSource
+from .cell_for_records import (
+    WIDTH,
+    at_several_temperatures,
+    hysteresis_note,
+    measured_thermodynamic_factor,
+    size_factor,
+    temperature_dependent,
+    volume_and_surface,
+    wide_window,
+    with_chosen_potentials,
+    with_thermal_model,
+)
+from .lives import cracks_note, with_ageing
+from .record_request import RECOGNISED, RecordRequest
+from .record_start import jump_resistances
+from .spectra import ohmic_resistances
+
+CONTACT, RESISTANCE = "contact resistance", "Contact resistance [Ohm]"
+"""PyBaMM's option for a series resistance, and its parameter."""
+
+_CONTACT_SHARE = 0.6
+"""Share of the voltage jump at a current step that is put down to the contacts, to start with."""
+
+
+@dataclass(frozen=True)
+class CellRequest:
+    """What a person says of the cell; the fields are the parameters of `build_task`."""
+
+    parameter_set: ParameterSource
+    model: str
+    options: Mapping[str, Any]
+    overrides: Mapping[str, float]
+    search: str | Mapping[str, Any]
+    scale_to_capacity: bool
+    ocp: str
+    effects: tuple[str, ...]
+
+    @cached_property
+    def given(self) -> frozenset[str]:
+        """Parameters whose value, or start, the person has written: nothing may replace these."""
+        from ...plugins.pybamm.presets import starts_given
+
+        return frozenset(starts_given(self.search) | set(self.overrides))
+
+    @property
+    def is_own_file(self) -> bool:
+        """Whether the parameter set is a file of the person's."""
+        return isinstance(self.parameter_set, ParameterFile)
+
+
+@dataclass(frozen=True)
+class MeasuredCell:
+    """The cell where the search starts, and how it was found."""
+
+    model: CellModel
+    capacity_ah: float  # Between its own cut-offs, at equilibrium.
+    notes: list[str]
+
+
+def measured_cell(
+    wanted: CellRequest,
+    requests: Sequence[RecordRequest],
+    records: Sequence[Record],
+    ambient_k: Sequence[float | None],
+) -> MeasuredCell:
+    """The cell model for records: potentials, temperature, electrolyte, size and options.
+
+    ``records`` are those of the ``requests``; ``ambient_k`` are the temperatures around them and around what is held
+    out, K.
+    """
+    parameter_set, options, notes = _set_and_options(wanted, requests, records, ambient_k)
+    overrides, capacity_ah, said = _values(wanted, parameter_set, requests, records)
+    model = CellModel(parameter_set, wanted.model, options, overrides, wanted.effects)
+    return MeasuredCell(model, capacity_ah, [*notes, *said])
+
+
+def _set_and_options(
+    wanted: CellRequest,
+    requests: Sequence[RecordRequest],
+    records: Sequence[Record],
+    ambient_k: Sequence[float | None],
+) -> tuple[ParameterSource, dict[str, Any], list[str]]:
+    from ...plugins.pybamm.model_options import in_pybamm_spelling
+
+    parameter_set, notes = with_chosen_potentials(wanted.parameter_set, wanted.ocp, records)
+    notes = notes if wanted.effects else [*notes, *hysteresis_note(records)]
+    options, said = with_thermal_model(in_pybamm_spelling(wanted.options), requests, records)
+    notes += said
+    if at_several_temperatures(options, ambient_k) and not wanted.is_own_file:
+        parameter_set, said = temperature_dependent(parameter_set, wanted.search, wanted.overrides)
+        notes += said
+    if any(request.is_life for request in requests):
+        options, note = with_ageing(options)
+        notes += [note] * bool(note)
+    notes += cracks_note(wanted.model, options)
+    if CONTACT not in options and all(request.as_measured for request in requests):
+        # Tabs, leads and clamps are in every record, and in no parameter set.
+        options[CONTACT] = "true"
+    return parameter_set, options, notes
+
+
+def _values(
+    wanted: CellRequest, parameter_set: ParameterSource, requests: Sequence[RecordRequest], records: Sequence[Record]
+) -> tuple[dict[str, float], float, list[str]]:
+    """What replaces numbers of the parameter set, the capacity in A.h, and what is to be said of them."""
+    from ...plugins.pybamm.parameter_sets import load
+    from ...plugins.pybamm.state_of_charge import equilibrium_capacity_ah
+
+    values = load(parameter_set, wanted.overrides)
+    capacity_ah = equilibrium_capacity_ah(parameter_set, wanted.overrides)
+    replaced: dict[str, float] = {}
+    notes: list[str] = []
+    if not wanted.is_own_file:
+        replaced, notes = measured_thermodynamic_factor(values, wanted.search, wanted.given)
+    scaled = wanted.scale_to_capacity and all(request.as_measured for request in requests)
+    factor, note = size_factor(records, values, capacity_ah) if scaled and WIDTH not in wanted.given else (1.0, "")
+    if note:
+        sizes, said = volume_and_surface(values, factor)
+        replaced |= {WIDTH: float(values[WIDTH]) * factor, **sizes}
+        notes += [note, *said]
+    if any(request.protocol == RECOGNISED for request in requests):
+        replaced |= wide_window(values, records)
+    kept = {name: value for name, value in replaced.items() if name not in wanted.given}
+    return {**wanted.overrides, **kept}, capacity_ah * factor, notes
+
+
+def searched_space(
+    wanted: CellRequest, cell: CellModel, records: Sequence[Record], spectra: Sequence[RecordRequest]
+) -> ParameterSpace:
+    """What of the cell is searched: what the person asks for, and the parameters of the effects."""
+    from ...plugins.pybamm.augmentation import augmented_cell, effects_in
+    from ...plugins.pybamm.parameter_sets import load
+    from ...plugins.pybamm.presets import is_preset, resolve_space
+    from ...plugins.pybamm.spectrum_experiment import DOUBLE_LAYERS
+
+    effects = effects_in(cell)
+    augmented_cell(cell, effects)  # two may ask for different things
+    # The model of a spectrum alone has the double layers.
+    options = {**cell.options, **DOUBLE_LAYERS} if spectra else cell.options
+    space = resolve_space(cell.parameter_set, wanted.search, cell.overrides, options)
+    if is_preset(wanted.search):
+        # A preset does not know what this person knows.
+        space = ParameterSpace(tuple(parameter for parameter in space if parameter.name not in wanted.overrides))
+    space = ParameterSpace((*space, *(parameter for effect in effects for parameter in effect.searched)))
+    values = load(cell.parameter_set, cell.overrides)
+    if RESISTANCE in wanted.given or values.get(RESISTANCE, 0.0) or RESISTANCE not in space:
+        return space
+    jumps = list(ohmic_resistances(spectra)) or [ohm for one in records for ohm in jump_resistances(one.trajectory)]
+    if not jumps:
+        return space
+    return space.started({RESISTANCE: space[RESISTANCE].project(_CONTACT_SHARE * float(np.median(jumps)))})
