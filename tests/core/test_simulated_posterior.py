@@ -1,7 +1,11 @@
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from bsa.core.prior import Prior
 from bsa.core.simulated_posterior import Errors, simulated_posterior
+
+Simulate = Callable[[np.ndarray], list[np.ndarray | None]]
 
 NO_PRIOR = Prior(np.full(2, 0.5), np.zeros(2))
 
@@ -12,13 +16,19 @@ def residuals(points: np.ndarray) -> np.ndarray:
     return np.column_stack([200.0 * (product / 0.49 - 1.0), np.zeros(len(points))])
 
 
-def test_draws_follow_a_curved_valley_to_its_ends() -> None:
-    asked = []
+def recording(model: Callable[[np.ndarray], np.ndarray]) -> tuple[list[int], Simulate]:
+    """How many points each round asked for, and the simulations of a model."""
+    asked: list[int] = []
 
     def simulate(points: np.ndarray) -> list[np.ndarray | None]:
         asked.append(len(points))
-        return list(residuals(points))
+        return list(model(points))
 
+    return asked, simulate
+
+
+def test_draws_follow_a_curved_valley_to_its_ends() -> None:
+    asked, simulate = recording(residuals)
     centre = np.array([0.5, 0.5])
     start = [centre, *(centre + step for step in ([0.007, 0.0], [0.0, 0.007], [0.2, 0.0], [0.0, -0.2]))]
     slope = 200.0 * 0.7 / 0.49
@@ -41,12 +51,7 @@ def test_a_valley_that_is_straight_takes_one_round() -> None:
     def line(points: np.ndarray) -> np.ndarray:
         return (points - 0.5) @ slopes.T
 
-    asked = []
-
-    def simulate(points: np.ndarray) -> list[np.ndarray | None]:
-        asked.append(len(points))
-        return list(line(points))
-
+    asked, simulate = recording(line)
     rng = np.random.default_rng(1)
     start = [np.full(2, 0.5), *rng.uniform(0.4, 0.6, size=(12, 2))]
     draws = simulated_posterior(start, list(line(np.array(start))), slopes, simulate, NO_PRIOR).draws
@@ -100,12 +105,7 @@ def test_a_cell_that_runs_empty_early_does_not_spoil_what_is_learnt() -> None:
 
 def test_a_budget_bounds_the_simulations_and_what_it_leaves_unknown_widens_the_sample() -> None:
     """Draws of a curved valley that two simulations a round do not settle."""
-    asked = []
-
-    def simulate(points: np.ndarray) -> list[np.ndarray | None]:
-        asked.append(len(points))
-        return list(residuals(points))
-
+    asked, simulate = recording(residuals)
     centre = np.array([0.5, 0.5])
     start = np.array([centre, *(centre + step for step in ([0.007, 0.0], [0.0, 0.007]))])
     slope = 200.0 * 0.7 / 0.49
