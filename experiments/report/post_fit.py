@@ -31,6 +31,8 @@ def best_score_line(objective: Quantity, best: Trial, lowest: Trial, metrics: Me
 def verdict_line(analysis: PostFitAnalysis) -> str:
     """``"The record fixes 4 of 7 parameters; loose: ...; open: ..."``."""
     found = analysis.identifiability
+    if len(found.open) == len(found.intervals):
+        return f"The record fixes none of the {len(found.intervals)} parameters: all are open."
     parts = [f"The record fixes {len(found.fixed)} of {len(found.intervals)} parameters"]
     if found.loose:
         parts.append(f"loose: {named(found.loose)}")
@@ -50,8 +52,9 @@ def caution_line(analysis: PostFitAnalysis) -> str:
     if analysis.widened > 1.0:
         sentences.append(
             f"The analysis stopped after {analysis.simulations} simulations, for the search had {analysis.budget}: the "
-            f"sample of the parameters was not settled, so its noise was raised {number(analysis.widened, 2)} times "
-            "and no interval is narrower than that of a linear response. A longer search allows a longer analysis."
+            f"sample of the parameters had not converged. The assumed noise was raised {number(analysis.widened, 2)} "
+            "times for it, and every interval is at least as wide as a linear estimate. A longer search allows a "
+            "longer analysis."
         )
     return " ".join(sentences)
 

@@ -1,15 +1,19 @@
 """What a fit fixes, in words."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from bsa.core.cell import CELL, SPECTRUM
+from bsa.core.identifiability import Identifiability, Interval
 from bsa.core.parameters import Parameter, ParameterSpace
+from bsa.core.post_fit_analysis import PostFitAnalysis
 from bsa.core.spectrum import ImpedanceSpectrum
 from bsa.core.spectrum_record import spectrum_record
 from bsa.core.target import Value
 from bsa.core.task import CellModel, Experiment, Protocol, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
-from bsa.experiments.report.post_fit import tolerance_words
+from bsa.experiments.report.post_fit import tolerance_words, verdict_line
 
 
 @pytest.mark.parametrize(
@@ -30,3 +34,14 @@ def test_what_a_tolerance_is(protocol: Protocol | None, spectrum: bool, expected
     space = ParameterSpace((Parameter("a", 1.0, 0.0, 2.0, target=Value("a")),))
     signals = (*CELL.signals, *SPECTRUM) if spectrum else ()
     assert tolerance_words(Task("t", CellModel(""), space, tuple(experiments), signals=signals)) == expected
+
+
+def test_many_parameters_of_which_none_is_fixed_are_not_listed() -> None:
+    verdicts = {"a": "open", "b": "open"}
+    assert verdict_line(judged(verdicts)) == "The record fixes none of the 2 parameters: all are open."
+    assert verdict_line(judged({**verdicts, "c": "fixed"})) == "The record fixes 1 of 3 parameters; open: a, b."
+
+
+def judged(verdicts: dict[str, Any]) -> PostFitAnalysis:
+    intervals = {name: Interval(1.0, 0.0, 2.0, 0.5, verdict) for name, verdict in verdicts.items()}
+    return PostFitAnalysis(0, Identifiability(intervals, (), (), 1.0, 10))
