@@ -34,6 +34,7 @@ class Range(BaseModel, extra="forbid"):
     deviation: float | None = Field(None, gt=0, description="Standard deviation of a normal prior, of ln on log scale.")
     start: float | None = Field(None, description="Initial value, in the units of the bounds, where the set has 0.")
     needs: dict[str, list[str]] = Field(default_factory=dict, description="Model options it takes part with.")
+    number_only: bool = Field(False, description="Left out where the set has a function: that was measured.")
 
     @model_validator(mode="after")
     def _one_kind_of_bounds(self) -> Range:
@@ -103,14 +104,20 @@ def preset_space(
             did_you_mean(preset_name, known)
             or f"presets: {', '.join(known)}; or write the parameters in a .yaml file.",
         )
-    chosen = {name: entry for name, entry in known[preset_name].parameters.items() if entry.takes_part(options or {})}
+    given = overrides or {}
+    chosen = {
+        name: entry
+        for name, entry in known[preset_name].parameters.items()
+        if entry.takes_part(options or {})
+        and not (entry.number_only and name not in given and is_function(parameter_set, name))
+    }
     if not chosen:
         raise BsaError(
             f'no parameter of "{preset_name}" takes part with the model options {dict(options or {})}.',
             "switch the effect on with a model option (for example SEI), or choose another preset.",
         )
     return ParameterSpace(
-        tuple(_from_preset(parameter_set, name, entry, overrides or {}) for name, entry in chosen.items())
+        tuple(_from_preset(parameter_set, name, entry, given) for name, entry in chosen.items())
     )
 
 
