@@ -14,6 +14,7 @@ from .identifiability import effective_noise
 from .posterior import MOVES, beginning, going_on, sample
 from .prior import Prior
 from .robust_loss import robust
+from .threads import on_one_thread
 from .trajectory import FloatArray
 
 _ROUNDS = 6
@@ -75,6 +76,7 @@ class SimulatedPosterior:
     widened: float = 1.0
 
 
+@on_one_thread
 def simulated_posterior(
     points: Sequence[FloatArray],
     residuals: Sequence[FloatArray],

@@ -11,13 +11,13 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from ...core import threads
 from ...core.errors import BsaError
 from ...core.extras import require
 from ...core.interrupts import interrupts_stay
 from ...core.validation import validated
 from ...core.yaml_text import read_yaml
 from .cell import Order, Report, carry_out
-from .local_pool import THREAD_VARIABLES
 from .store import Store
 
 _SLURM = "slurm:"
@@ -49,7 +49,7 @@ def slurm_cluster(config: SlurmConfig) -> Any:
     # Imported, it makes Ctrl-C end the process in silence and with exit code 0.
     with interrupts_stay():
         jobqueue = require("dask_jobqueue", "cluster", "--cluster slurm:...")
-    lines = [f"export {name}=1" for name in THREAD_VARIABLES]
+    lines = [f"export {name}=1" for name in threads.VARIABLES]
     others = dict(config.model_extra or {})
     return jobqueue.SLURMCluster(
         cores=config.cores,

@@ -1,18 +1,16 @@
 """Worker processes of this machine: one cell each at a time, replaced when they die or grow."""
 
 import multiprocessing
-import os
 import signal
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from ...core.interrupts import in_main_thread, interrupts_wait
 from ...core.parentage import end_with_parent
+from ...core.threads import one_thread_for_children
 from .cell import Order, Report, carry_out
-
-THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 
 CELLS_PER_WORKER = 500
 MEMORY_LIMIT_MB = 1500.0
@@ -54,9 +52,8 @@ class LocalPool:
         self._cells_per_worker = cells_per_worker
         self._memory_limit_mb = memory_limit_mb
         self._workers: list[_Worker] = []
-        # One thread each: the parallelism is in the processes.
-        self._before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
-        os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
+        self._environment = ExitStack()
+        self._environment.enter_context(one_thread_for_children())
 
     @property
     def workers(self) -> int:
@@ -122,8 +119,4 @@ class LocalPool:
         """End the workers at once; what they were doing stands in its journal."""
         for worker in list(self._workers):
             self._end(worker)
-        for name, value in self._before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        self._environment.close()

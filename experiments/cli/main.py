@@ -79,6 +79,7 @@ def _bsa(version: Version = False) -> None:
 
 def _carry_out(commands: typer.Typer) -> NoReturn:
     os.environ.setdefault("PYBAMM_DISABLE_TELEMETRY", "true")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # see core/threads.py, which would load numpy here
     signal.signal(signal.SIGTERM, _as_interrupt)
     try:
         commands()

@@ -116,9 +116,7 @@ def preset_space(
             f'no parameter of "{preset_name}" takes part with the model options {dict(options or {})}.',
             "switch the effect on with a model option (for example SEI), or choose another preset.",
         )
-    return ParameterSpace(
-        tuple(_from_preset(parameter_set, name, entry, given) for name, entry in chosen.items())
-    )
+    return ParameterSpace(tuple(_from_preset(parameter_set, name, entry, given) for name, entry in chosen.items()))
 
 
 def resolve_space(

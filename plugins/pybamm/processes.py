@@ -1,7 +1,6 @@
 """Long-lived worker processes and the watch over them: a hang or a crash costs one job, not the run."""
 
 import multiprocessing
-import os
 import queue
 import signal
 import sys
@@ -15,14 +14,13 @@ from typing import Any, Generic, Protocol, TypeVar
 from ...core.errors import BsaError
 from ...core.interrupts import in_main_thread, interrupts_wait
 from ...core.parentage import end_with_parent
+from ...core.threads import one_thread_for_children
 
 Job = TypeVar("Job", contravariant=True)
 Answer = TypeVar("Answer", covariant=True)
 
 START_LIMIT_S = 300.0
 """Extra time for a worker's first job, before which it imports PyBaMM and compiles models."""
-
-_THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 Report = Callable[[Any], None]
 """Tells the parent how far a job has come."""
@@ -105,7 +103,7 @@ class Worker(Generic[Job, Answer]):
             return
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
-        with interrupts_wait(), _single_threaded(), _script_left_out():
+        with interrupts_wait(), one_thread_for_children(), _script_left_out():
             self._process = context.Process(target=serve, args=(theirs, self._service, in_main_thread()), daemon=True)
             self._process.start()
             theirs.close()
@@ -230,21 +228,6 @@ class Pool(Generic[Job, Answer]):
         self._closed = True
         for worker in self.workers:
             worker.stop()
-
-
-@contextmanager
-def _single_threaded() -> Iterator[None]:
-    """Children inherit one thread each: the parallelism is in the processes."""
-    before = {name: os.environ.get(name) for name in _THREAD_VARIABLES}
-    os.environ.update(dict.fromkeys(_THREAD_VARIABLES, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
 
 
 @contextmanager
