@@ -18,7 +18,6 @@ class Score:
     # whether the effect points the allowed way.
     z: float
     gain: float  # Fall in the sum of squares that strength and parameters together promise, within bounds.
-    own_share: float  # Share of the effect's sensitivity that no fitted parameter can imitate, 0 to 1.
 
 
 def score_effect(
@@ -43,9 +42,8 @@ def score_effect(
     projected = sensitivity - jacobian @ np.linalg.solve(normal, jacobian.T @ sensitivity)
     free = residual - jacobian @ np.linalg.solve(normal, jacobian.T @ residual + prior_weights**2 * u)
     size = float(projected @ projected)
-    whole = float(sensitivity @ sensitivity)
-    if whole < 1e-6 or size < 1e-9:
-        return Score(0.0, 0.0, 0.0, 0.0)
+    if float(sensitivity @ sensitivity) < 1e-6 or size < 1e-9:
+        return Score(0.0, 0.0, 0.0)
     wanted = -float(projected @ free) / size
     z = wanted * np.sqrt(size)
     with_effect = np.column_stack([jacobian, sensitivity])
@@ -53,7 +51,7 @@ def score_effect(
         with_effect, residual, np.append(prior_weights, 0.0), np.append(u, 0.0), *_reached(space, u, reach, bounds)
     )
     _, without = trusted_step(jacobian, residual, space, u, reach)
-    return Score(float(np.clip(step[-1], *bounds)), z, max(gain - without, 0.0), size / whole)
+    return Score(float(np.clip(step[-1], *bounds)), z, max(gain - without, 0.0))
 
 
 def trusted_step(

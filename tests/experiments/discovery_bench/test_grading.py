@@ -177,9 +177,7 @@ def test_a_backend_ranks_the_effects_of_a_case_with_names_and_without(monkeypatc
         Effect(name, name, "", (EffectParameter("size", "V", 0.0, 0.0, 1.0, 0.01),), signature, "")
         for name, signature in ((R, "grows with the rate"), (H, "relaxes over minutes of a rest"), ("leak", "a drive"))
     ]
-    nominations = [
-        Nomination(e, score=Score(1.0, 3.0, gain, 1.0)) for e, gain in zip(effects, (9.0, 4.0, 0.0), strict=True)
-    ]
+    nominations = [Nomination(e, score=Score(1.0, 3.0, gain)) for e, gain in zip(effects, (9.0, 4.0, 0.0), strict=True)]
     known = SimpleNamespace(nominations=nominations, refitted=None)
     bench = SimpleNamespace(
         engine=lambda settings: SimpleNamespace(shortlist=lambda: known),
