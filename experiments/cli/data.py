@@ -54,12 +54,13 @@ def data(
         draw(found[0], plot)
     if out is not None:
         _export(found[0], out)
+    parts = [part for one in found for part in _parts(one)]
     if as_json:
-        contents = [_content(one) for one in found]
+        contents = [_content(part) for part in parts]
         print(json.dumps(contents[0] if len(contents) == 1 else contents, indent=1))
         return
-    for number, one in enumerate(found):
-        print("\n" * bool(number) + strip_control("\n".join(_lines(one))))
+    for number, part in enumerate(parts):
+        print("\n" * bool(number) + strip_control("\n".join(_lines(part))))
     for path in (plot, out):
         if path is not None:
             print(f"\nwritten: {path}")
@@ -76,6 +77,14 @@ def _check_outputs(files: list[Path], join: bool, plot: Path | None, export: str
             f"{len(files)} files were given, and one picture or export asked for.",
             "give one file, or --join for the files of one cell.",
         )
+
+
+def _parts(found: Record | ImpedanceSpectrum) -> list[Record] | list[ImpedanceSpectrum]:
+    """What a calibration would use of it: a record is cut where the charge is not known."""
+    from ...core.reading.parts import parts_between_gaps
+    from ...core.record import Record
+
+    return parts_between_gaps(found) if isinstance(found, Record) else [found]
 
 
 def _export(found: Record | ImpedanceSpectrum, out: Path) -> None:

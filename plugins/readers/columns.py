@@ -1,6 +1,7 @@
 """Which column is which signal, and in which unit."""
 
 import re
+import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import get_args
@@ -44,24 +45,32 @@ _OFFERED: Mapping[Signal, str] = {
 }
 
 NAMES: Mapping[Signal, tuple[str, ...]] = {
-    "time": ("testtime", "progtime", "totaltime", "elapsedtime", "time", "timevec", "t"),
-    "voltage": ("voltage", "cellvoltage", "voltagemeasured", "terminalvoltage", "ecell", "ewe", "volvec", "u", "v"),
-    "current": ("current", "currentmeasured", "cellcurrent", "currvec", "i"),
+    "time": (
+        *("testtime", "progtime", "totaltime", "elapsedtime", "time", "timevec", "t"),
+        *("testzeit", "prüfzeit", "laufzeit", "zeit", "temps", "测试时间", "总时间", "时间"),
+    ),
+    "voltage": (
+        *("voltage", "cellvoltage", "voltagemeasured", "terminalvoltage", "ecell", "ewe", "volvec", "u", "v"),
+        *("zellspannung", "spannung", "tension", "电压"),
+    ),
+    "current": ("current", "currentmeasured", "cellcurrent", "currvec", "i", "strom", "courant", "电流"),
     "temperature": (
         *("celltemperature", "surfacetemperature", "temperaturet1", "surfacetemperaturet1", "temperature"),
         *("temperaturemeasured", "auxtemperature1", "temperature1", "temp", "celltempmid", "celltemppos"),
         *("logtempmid", "logtemppositive", "logtemp001", "batterytemp", "casetemperature"),
+        *("zelltemperatur", "temperatur", "température", "温度"),
     ),
 }
-"""Names of the signals' columns, folded to lower-case letters and digits, in order of preference."""
+"""Names of the signals' columns, folded to lower-case letters and digits, in order of preference: in English, and in
+the German, French and Chinese of cyclers that write these."""
 
 AMBIENT = ("ambienttemperature", "chambertemp", "chambertemperature", "chambert")
 """Names of a column with the temperature around the cell, in degC."""
 
 EXTRA: Mapping[Extra, tuple[str, ...]] = {
-    "step": ("stepcount", "stepindex", "step", "stepid", "stepnumber", "stepno", "ns"),
-    "cycle": ("cyclecount", "cycleindex", "cycle", "cyclenumber", "cycleno", "cycleid"),
-    "date": ("unixtime", "datetime", "timestamp", "date", "absolutetime"),
+    "step": ("stepcount", "stepindex", "step", "stepid", "stepnumber", "stepno", "ns", "schritt", "工步号"),
+    "cycle": ("cyclecount", "cycleindex", "cycle", "cyclenumber", "cycleno", "cycleid", "zyklus", "循环号"),
+    "date": ("unixtime", "datetime", "timestamp", "date", "absolutetime", "datum", "日期"),
     "net_ah": ("netcapacity", "ah", "ahaccu"),
     "charged_ah": ("chargingcapacity", "chargecapacity", "qcharge"),
     "discharged_ah": ("dischargingcapacity", "dischargecapacity", "qdischarge"),
@@ -98,8 +107,8 @@ def split_name(name: str) -> tuple[str, str | None]:
 
     Understands ``Voltage / V``, ``U[V]``, ``Current(A)``, ``voltage_V`` and ``test_time_second``.
     """
-    # The patterns take quadratic time, which a name of a megabyte could abuse.
-    name = name[:200]
+    # The patterns take quadratic time, which a name of a megabyte could abuse. Brackets and units may be full-width.
+    name = unicodedata.normalize("NFKC", name[:200])
     bracketed = _BRACKETS.match(name)
     if bracketed and bracketed["base"]:
         return _folded(bracketed["base"] + bracketed["tail"]), bracketed["unit"] or None
@@ -113,7 +122,7 @@ def split_name(name: str) -> tuple[str, str | None]:
 
 
 def _folded(name: str) -> str:
-    return re.sub(r"[^a-z0-9]", "", name.casefold())
+    return "".join(letter for letter in name.casefold() if letter.isalnum())
 
 
 def signal_of(name: str) -> Signal | None:

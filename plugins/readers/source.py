@@ -20,6 +20,8 @@ MAX_SAMPLES = 5_000_000
 
 _HEAD_BYTES = 65536
 
+_CHINESE = ("电压", "电流")
+"""Voltage and current: text that is not UTF-8 and holds either in GB 18030 is Chinese."""
 
 MAX_RATIO = 300
 """A part of a zip archive that grows by more than this when unpacked is refused (from `RATIO_BYTES` on)."""
@@ -127,7 +129,9 @@ def _decoded(data: bytes, name: str) -> tuple[str, list[str]]:
     try:
         return data.decode("utf-8-sig"), []
     except UnicodeDecodeError:
-        return data.decode("cp1252", errors="replace"), [f"{name} is not UTF-8; it was read as Windows-1252."]
+        chinese = any(word.encode("gb18030") in data for word in _CHINESE)
+        encoding, title = ("gb18030", "GB 18030") if chinese else ("cp1252", "Windows-1252")
+        return data.decode(encoding, errors="replace"), [f"{name} is not UTF-8; it was read as {title}."]
 
 
 def _opened(path: Path) -> IO[bytes]:

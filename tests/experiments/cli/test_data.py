@@ -53,6 +53,14 @@ def test_the_same_as_json():
     assert [one["kind"] for one in both] == ["record", "impedance spectrum"]
 
 
+def test_a_record_is_shown_as_the_parts_that_a_calibration_uses(folder):
+    rows = [*ROWS[:100], *((3e5 + time, *others) for time, *others in ROWS)]
+    (folder / "gap.csv").write_text("Time [s],U[V],I[A]\n" + "\n".join(",".join(map(repr, row)) for row in rows))
+    parts = json.loads(said("gap.csv", "--json"))
+    assert [part["samples"] for part in parts] == [100, 200]
+    assert "silent for long beside a load" in said("gap.csv")
+
+
 @pytest.mark.parametrize("name", ["a.csv", "z.csv"])
 @pytest.mark.parametrize("suffix", ["png", "svg"])
 def test_a_picture(folder, name, suffix):

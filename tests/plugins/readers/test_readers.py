@@ -55,6 +55,9 @@ def assert_same(found: Trajectory, made: Trajectory) -> None:
         ("a.txt", "t/s U/V I/A", (1, 1, 1), " "),
         ("a.csv", "Some cycler\nSerial number,17\n\nTime [s],U[V],I[A]", (1, 1, 1), ","),
         ("a.csv", "Time,Voltage,Current\n[s],[V],[A]", (1, 1, 1), ","),
+        ("a.csv", "Prüfzeit [s];Spannung [V];Strom [mA]", (1, 1, 1000), ";"),
+        ("a.csv", "Temps (s),Tension (V),Courant (A)", (1, 1, 1), ","),
+        ("a.csv", "测试时间(s),电压(mV),电流（mA）", (1, 1000, 1000), ","),
     ],
 )
 def test_headers_and_units_are_understood(tmp_path, name, header, scale, separator):
@@ -65,6 +68,23 @@ def test_headers_and_units_are_understood(tmp_path, name, header, scale, separat
     assert_same(record.trajectory, made)
     assert record.notes == ()
     assert record.name == name
+
+
+@pytest.mark.parametrize(
+    ("encoding", "title", "header"),
+    [
+        ("cp1252", "Windows-1252", "Prüfzeit [s],Spannung [V],Strom [A]"),
+        ("gb18030", "GB 18030", "测试时间(s),电压(V),电流(A)"),
+        ("utf-16", "UTF-16", "测试时间(s),电压(V),电流(A)"),
+    ],
+)
+def test_older_encodings_are_recognised_and_noted(tmp_path, encoding, title, header):
+    made = discharge()
+    path = tmp_path / "a.csv"
+    path.write_bytes(table(made, header).encode(encoding))
+    record = read_record(path)
+    assert_same(record.trajectory, made)
+    assert [note for note in record.notes if title in note]
 
 
 def test_decimal_commas_are_read_and_noted(tmp_path):
