@@ -16,11 +16,12 @@ from ...core.target import (
     Target,
     Value,
     factor_name,
+    ocp_name,
     target_named,
 )
 from ...core.task import ParameterFile, ParameterSource
 from .diffusivity_shape import reshape
-from .ocp_shape import OcpCurves, correct
+from .ocp_shape import ELECTRODES, OcpCurves, correct
 
 os.environ.setdefault("PYBAMM_DISABLE_TELEMETRY", "true")  # or the first import may prompt
 
@@ -58,9 +59,16 @@ def _load(name: ParameterSource) -> Mapping[str, Any]:
 def load(name: ParameterSource, overrides: Mapping[str, float] | None = None) -> pybamm.ParameterValues:
     """A parameter set, gaps filled from Chen2020, with overrides put in.
 
-    Raises `BsaError` if the set, or an overridden parameter, does not exist.
+    Raises `BsaError` if the set, or an overridden parameter, does not exist, or an electrode has no open-circuit
+    potential: lithium metal has none in the sets of half-cells.
     """
     values = pybamm.ParameterValues(dict(_load(name)))
+    without = [electrode for electrode in ELECTRODES if not callable(values[ocp_name(electrode)])]
+    if without:
+        raise BsaError(
+            f'{name} is no full cell: "{ocp_name(without[0])}" is a number, {values[ocp_name(without[0])]:g}.',
+            "half-cells are not simulated; bsa list parameters shows the sets.",
+        )
     for key, value in (overrides or {}).items():
         values.update({require(name, key): value}, check_already_exists=False)
     return values

@@ -32,7 +32,6 @@ def warmed() -> ParameterFile:
 def test_sets_with_an_own_dependence_are_told_from_those_without() -> None:
     assert independent_of_temperature("OKane2022") == ()
     assert independent_of_temperature("Chen2020") == tuple(TRANSPORT)
-    assert independent_of_temperature("Xu2019") == tuple(TRANSPORT)[:2]
 
 
 @pytest.mark.parametrize("name", TRANSPORT)

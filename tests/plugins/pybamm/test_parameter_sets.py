@@ -27,6 +27,12 @@ def test_names_that_cannot_be_searched_say_what_to_write(name: str, words: str) 
     assert caught.value.hint
 
 
+@pytest.mark.parametrize("name", ["Xu2019", "Ecker2015_graphite_halfcell"])
+def test_the_set_of_a_half_cell_is_refused(name: str) -> None:
+    with pytest.raises(BsaError, match=f"{name} is no full cell"):
+        parameter_sets.load(name)
+
+
 def test_the_list_of_parameters_tells_numbers_from_functions() -> None:
     found = parameter_sets.parameters("Chen2020")
     assert found["Separator thickness [m]"] == 1.2e-5
