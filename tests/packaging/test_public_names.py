@@ -26,3 +26,8 @@ def test_the_import_is_fast_and_loads_no_library() -> None:
 def test_the_functions_are_there_without_the_simulator() -> None:
     code = "import sys; from bsa import calibrate, read_record, Task; assert 'pybamm' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_the_module_is_the_command() -> None:
+    done = subprocess.run([sys.executable, "-m", "bsa", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout.split()[-1] == bsa.__version__
