@@ -109,7 +109,7 @@ def test_ctrl_c_while_a_worker_starts_leaves_none_behind(monkeypatch: pytest.Mon
         signal.raise_signal(signal.SIGINT)
         yield
 
-    monkeypatch.setattr(processes, "_single_threaded", pressed)
+    monkeypatch.setattr(processes, "one_thread_for_children", pressed)
     pool, before = (
         WorkerPool(assignment("Discharge at 1C for 1 minute"), 1, 30.0),
         set(multiprocessing.active_children()),
