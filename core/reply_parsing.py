@@ -137,6 +137,8 @@ def _clean(value: Any) -> Any:
 class _KindReader:
     """Reads JSON as people and small models write it.
 
+    The libraries for this lose what a change means: ``json_repair`` reads ``*1.2`` and ``+0.02`` as plain numbers.
+
     ``position`` is the next character to be read; ``complete`` is False once the text ended too early and open strings,
     lists and objects were closed for it.
     """
