@@ -8,21 +8,19 @@ from typing import Any
 
 import casadi
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import PchipInterpolator, make_lsq_spline
 
 from ...core.errors import BsaError
 from ...core.task import Protocol
 from ...core.trajectory import FloatArray, StepKind, Trajectory
 from .parameter_sets import pybamm
 
-_CONSTANT_WITHIN = 2e-3
-"""A step whose current stays this close to its mean (relative) is driven by the mean, which keeps the charge."""
+_WITHIN = 2e-3
+"""Distance of a measured current from the straight lines that stand for it, as a share of its largest value: what
+cyclers are accurate to. The charge is kept."""
 
 _BETWEEN = 4
 """Parts that an interval between two samples of a voltage hold is cut into."""
-
-_KNOTS = 50
-"""Knots that stand for a smoothly varying current, as during a voltage hold."""
 
 EMPTY_V, FULL_V = 0.5, 6.0
 """Voltages at which a simulated cell is empty or overfull until a measured current changes, in place of the set's
@@ -231,14 +229,12 @@ def _knots(time: FloatArray, current: FloatArray, kind: str) -> tuple[FloatArray
     mean = float(np.trapezoid(current, time) / time[-1])
     if kind is StepKind.REST and abs(mean) < 1e-6:
         mean = 0.0
-    steady = np.ptp(current) <= max(_CONSTANT_WITHIN * abs(mean), 1e-6) or len(time) < 3
+    steady = np.ptp(current) <= max(_WITHIN * abs(mean), 1e-6) or len(time) < 3
     if kind is StepKind.REST or steady or (kind is not StepKind.DRIVE and _only_noise(current)):
         return time[[0, -1]], np.array([mean, mean])
     keep = np.concatenate([[True], np.diff(time) > 0])
     time, current = time[keep], current[keep]
-    if kind is StepKind.DRIVE:
-        return time, current
-    return _smooth_knots(*(_between_samples(time, current) if kind is StepKind.CV_HOLD else (time, current)))
+    return _straight_knots(*(_between_samples(time, current) if kind is StepKind.CV_HOLD else (time, current)))
 
 
 def _between_samples(time: FloatArray, current: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -263,17 +259,26 @@ def _only_noise(current: FloatArray) -> bool:
     return float(np.std(np.diff(middle))) > 1.1 * float(np.std(middle))
 
 
-def _smooth_knots(time: FloatArray, current: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """A decaying current by few knots, dense where it bends, with the charge kept.
+def _straight_knots(time: FloatArray, current: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A varying current by few knots, with the charge kept: between knots its samples lie on straight lines.
 
-    Every knot of the interpolant is a kink that costs the integrator a few steps: a tail of 700 samples
-    takes five times as long as one of 50 knots, and says no more.
+    Every knot is a kink that costs the integrator a few steps, or a restart; a cycler that logs ten times for each
+    change of the current shows few of them. The values at the knots are fitted to the samples.
     """
-    if len(time) <= _KNOTS:
-        return time, current
-    progress = np.abs(np.gradient(current)) / max(np.ptp(current), 1e-12) + np.gradient(time) / time[-1]
-    place = np.concatenate([[0.0], np.cumsum(0.5 * (progress[1:] + progress[:-1]))])
-    picks = np.unique(np.searchsorted(place, np.linspace(0.0, place[-1], _KNOTS)).clip(0, len(time) - 1))
-    knots, values = time[picks], current[picks]
-    charge, kept = np.trapezoid(current, time), np.trapezoid(values, knots)
-    return knots, values * (charge / kept if kept else 1.0)
+    within = _WITHIN * float(np.max(np.abs(current)))
+    kept = np.zeros(len(time), dtype=bool)
+    kept[[0, -1]] = True
+    pieces = [(0, len(time) - 1)]
+    while pieces:
+        first, last = pieces.pop()
+        line = np.interp(time[first : last + 1], time[[first, last]], current[[first, last]])
+        off = np.abs(current[first : last + 1] - line)
+        farthest = first + int(np.argmax(off))
+        if off[farthest - first] > within:
+            kept[farthest] = True
+            pieces += [(first, farthest), (farthest, last)]
+    knots = time[kept]
+    # Each sample counts for the time that it stands for: the charge that is left over is then none.
+    weights = np.sqrt(np.gradient(time))
+    fitted = make_lsq_spline(time, current, np.concatenate([knots[:1], knots, knots[-1:]]), k=1, w=weights)
+    return knots, np.asarray(fitted(knots))

@@ -19,6 +19,7 @@ from ...core.task import CellModel
 from ...core.trajectory import FloatArray, Trajectory
 from .compiled_cell import PAUSE, SOLVER_ERRORS, CompiledCell, Start, first_line
 from .drive import DELAY, EMPTY_V, FULL_V, JUMP_S, current_function, one_after_another, shown_range
+from .output_times import output_times
 from .resolution import Resolution
 
 _NEVER = (1e12, 1e12)
@@ -44,16 +45,11 @@ SEARCH = Resolution(standard_mesh=True)
 
 
 def _options_of_drive(finest_s: float) -> dict[str, Any]:
-    """Of a current that varies all the time, for an integrator that starts afresh at every knot.
-
-    Potentials follow the current at once: their error test would cut the steps at every knot to a hundredth of the
-    sampling interval, where concentrations allow a quarter of it. At a knot all potentials are solved for anyway.
-    """
+    """Of a current that varies all the time, for an integrator that starts afresh at every knot."""
     return {
         "dt_init": 0.25 * finest_s,
         # Beside the drive too no step may be long, since voltages between steps are interpolated.
         "dt_max": max(10.0, 5.0 * finest_s),
-        "suppress_algebraic_error": True,
         "t_no_progress": min(_T_NO_PROGRESS_S, 20.0 * finest_s),
     }
 
@@ -150,6 +146,9 @@ class DrivenCell:
             "max_num_steps": 30_000,
             "num_steps_no_progress": 400,
             "t_no_progress": _T_NO_PROGRESS_S,
+            # Potentials follow the current at once: their error test would cut the steps behind every jump to a
+            # hundredth of what concentrations allow. At each step all potentials are solved for anyway.
+            "suppress_algebraic_error": True,
         }
         if self._drive.finest_s is not None:
             options |= _options_of_drive(self._drive.finest_s)
@@ -286,7 +285,8 @@ class DrivenCell:
         start = float(self._stops[0] if before is None else before.t[-1])
         edges = [edge + after for edge in pause for after in (0.0, JUMP_S) if start < edge + after < self._stops[-1]]
         stops = np.unique([start, *self._restarts[self._restarts > start], *edges])
-        grid = np.unique(np.concatenate([times[times > start], stops]))
+        flows = self.current(0.5 * (stops[1:] + stops[:-1]), ()) != 0.0
+        grid = output_times(times[times > start], stops, flows)
         # Stops and samples closer than rounding would make steps of no length.
         stops, grid = (t[np.concatenate([[True], np.diff(t) > 1e-2 * JUMP_S])] for t in (stops, grid))
         inputs = inputs | dict(zip(PAUSE, pause, strict=True)) | {DELAY: self._delay_s}

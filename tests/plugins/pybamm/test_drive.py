@@ -57,6 +57,18 @@ def test_a_hold_whose_current_changes_sign_is_followed_as_it_is():
     np.testing.assert_allclose(np.interp(time, piece.time, piece.current), current, atol=1e-9)
 
 
+def test_a_drive_cycle_logged_ten_times_for_each_command_has_few_knots_and_its_charge():
+    commands = np.random.default_rng(3).uniform(-5.0, 15.0, 200)
+    time = np.cumsum(np.random.default_rng(4).uniform(0.09, 0.11, 2000))
+    current = np.repeat(commands, 10)
+    record = Trajectory(time, current, np.full(2000, 3.7), None, (Step(StepKind.DRIVE, 0, 2000),))
+    piece = pieces_of(record)[0]
+    assert len(piece.time) < 500
+    sampled = np.interp(time - time[0], piece.time, piece.current)
+    assert np.max(np.abs(sampled - current)) < 2 * 2e-3 * 15.0
+    assert charge(piece.time, piece.current) == pytest.approx(charge(time, current), rel=1e-6)
+
+
 def test_a_single_sample_at_rest_before_the_load_is_at_rest():
     time = np.concatenate([[0.0], np.arange(0.002, 600.0, 10.0)])
     current = np.concatenate([[0.0], np.full(len(time) - 1, 10.0)])
