@@ -11,6 +11,7 @@ from ..core.discovery.recorded import SIMULATION
 from ..core.errors import BsaError
 from ..core.files import file_error
 from ..core.journal import FILE_NAME, FORMAT, Journal, OpenJournal, read_events
+from ..core.reading.part_of_file import file_and_part
 from ..core.shape import decoding, shaped
 from .discovery_case import DiscoverOptions
 from .run import versions
@@ -74,7 +75,7 @@ def _dumped(options: DiscoverOptions) -> dict[str, Any]:
 
 def _digests(options: DiscoverOptions) -> dict[str, str]:
     """Digests of all files that are read, by path."""
-    given = [path for file in (*options.data, *options.holdout) for path in file.files]
+    given = [file_and_part(path)[0] for file in (*options.data, *options.holdout) for path in file.files]
     if (parameters := Path(options.parameters)).is_file():
         given.append(parameters)
     found: dict[str, str] = {}

@@ -14,6 +14,7 @@ from ..registry import Registry, installed
 from ..spectrum import ImpedanceSpectrum
 from .checks import to_record
 from .joining import joined
+from .part_of_file import file_and_part
 from .samples import Samples
 
 PICKLES = (".pkl", ".pickle")
@@ -35,6 +36,7 @@ def read_file(
     ----------
     path : Path or str, or sequence of them
         The file, the files of one cell, or a folder of nothing else. Files are joined in the order of their dates.
+        ``rates.mat#T25/cRate_1C`` is a test, or sheet, of a file that holds several.
     options : ReadOptions, optional
         What the header does not say: columns, units, sign of the current, cycles, sheet.
     registry : Registry, optional
@@ -76,8 +78,9 @@ def _files(path: Path | str | Sequence[Path | str], registry: Registry) -> list[
     """The files that are meant; those of a folder, unless a reader takes the folder itself."""
     given = [Path(one) for one in ([path] if isinstance(path, (str, Path)) else path)]
     for one in given:
-        if "\0" in str(one) or not one.exists():
-            raise BsaError(f"there is no file {shown(one, 200)}.", "check the path.")
+        file, _ = file_and_part(one)
+        if "\0" in str(file) or not file.exists():
+            raise BsaError(f"there is no file {shown(file, 200)}.", "check the path.")
     if len(given) > 1 or not given[0].is_dir() or _matching(given[0], registry, []):
         return given
     files = sorted(child for child in given[0].iterdir() if not child.name.startswith(".") and child.is_file())
@@ -88,6 +91,8 @@ def _read(
     path: Path, options: ReadOptions, registry: Registry, reader: str | None, reader_options: Mapping[str, Any]
 ) -> Samples | ImpedanceSpectrum:
     notes: list[str] = []
+    path, part = file_and_part(path)
+    options = options if part is None else options.model_copy(update={"sheet": part})
     name = reader or _recognised(path, registry, notes)
     chosen = _made(registry, name, reader_options)
     with border(registry.find("reader", name).who, "read"):

@@ -11,6 +11,7 @@ from typing import Any
 from ...core.errors import BsaError
 from ...core.journal import check_run_folder
 from ...core.printable import shown
+from ...core.reading.part_of_file import file_and_part
 from ...core.record import ReadOptions
 from ...core.task import Task
 from ..request import (
@@ -209,7 +210,7 @@ def _named_task(data: Any, parameters: str | None, read: ReadOptions) -> Task | 
 
     named = data is None or isinstance(data, Task)
     if isinstance(data, (str, Path)):
-        path = Path(data)
+        path, _ = file_and_part(data)
         named = path.suffix in SUFFIXES or (not path.suffix and not path.exists())
     if not named:
         return None

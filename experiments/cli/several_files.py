@@ -1,10 +1,11 @@
 """Several files after one option, as the shell's ``*.csv`` gives them."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from typer.core import TyperCommand
+
+from ...core.reading.part_of_file import file_and_part
 
 RECORD_OPTIONS = ("--data", "--holdout")
 _TASK_FILES = (".yaml", ".yml", ".json")
@@ -43,5 +44,5 @@ def one_option_a_file(arguments: Sequence[str]) -> list[str]:
 
 
 def _may_be_a_record(argument: str) -> bool:
-    path = Path(argument)
+    path, _ = file_and_part(argument)
     return path.suffix.lower() not in _TASK_FILES and (bool(path.suffix) or path.is_file())

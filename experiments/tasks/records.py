@@ -2,7 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import chain, count
+from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ...core.ageing.long_record import long_record
 from ...core.cell import CELL, SPECTRUM, TEMPERATURE
@@ -14,6 +18,7 @@ from ...core.record import Record
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.target import INITIAL_SOC, InitialSoc, soc_name
 from ...core.task import Experiment, ParameterSource, Task
+from ...core.trajectory import FloatArray, Trajectory
 from .cell_for_records import ISOTHERMAL, THERMAL, warms_by
 from .measured_cell import CellRequest, MeasuredCell, measured_cell, searched_space
 from .record_request import RECOGNISED, RecordRequest
@@ -129,6 +134,30 @@ def _too_many_cycles(record: Record) -> list[str]:
     return [f"all {count} cycles are simulated as they were measured; --life compares their fade, in far less time."]
 
 
+def _measured(trajectory: Trajectory) -> FloatArray:
+    return np.array([trajectory.current, trajectory.voltage])
+
+
+def _with_own_names(requests: Sequence[RecordRequest], others: Sequence[Experiment] = ()) -> list[RecordRequest]:
+    """The same records, numbered where another has the name already: two folders may hold files of one name.
+
+    A record that is there twice keeps its name. All are read already.
+    """
+    measured = {one.name: _measured(one.target) for one in others if not one.is_spectrum}
+    taken = {one.name for one in others}
+    named: list[RecordRequest] = []
+    for request in requests:
+        source = request.source
+        assert not isinstance(source, Path)
+        own = _measured(source.trajectory) if isinstance(source, Record) else np.array([np.nan])
+        names = chain([source.name], (f"{source.name} ({number})" for number in count(2)))
+        name = next(name for name in names if name not in taken or np.array_equal(measured.get(name, np.inf), own))
+        taken.add(name)
+        measured[name] = own
+        named.append(replace(request, source=replace(source, name=name)))
+    return named
+
+
 def _divided(requests: Sequence[RecordRequest]) -> tuple[list[RecordRequest], list[RecordRequest]]:
     """The parts that are fitted, and those of lives that are forecast."""
     fitted: list[RecordRequest] = []
@@ -138,6 +167,11 @@ def _divided(requests: Sequence[RecordRequest]) -> tuple[list[RecordRequest], li
         lives = request.is_life
         fitted += parts[:1] if lives else parts
         forecast += parts[1:] if lives else []
+    fitted = _with_own_names(fitted)
+    names = [request.source.name for request in fitted if not isinstance(request.source, Path)]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise BsaError(f'record "{twice[0]}" is given twice.', "give each record once.")
     return fitted, forecast
 
 
@@ -159,7 +193,8 @@ def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
         )
     if task.long:
         requests = [request if request.detailed_cycles else request.as_life() for request in requests]
-    requests, spectra = _over_time([part for request in requests for part in request.parts()])
+    parts = [part for request in requests for part in request.parts()]
+    requests, spectra = _over_time(_with_own_names(parts, (*task.experiments, *task.held_out)))
     loaded = [_as_asked(request) for request in requests]
     notes = [f"{record.name} (held out): {note}" for record in loaded for note in record.notes]
     experiments = [_held_out(request, record) for request, record in zip(requests, loaded, strict=True)]

@@ -12,7 +12,7 @@ from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.tasks.cell_for_records import WIDTH, volume_and_surface, with_chosen_potentials
 from bsa.experiments.tasks.measured_cell import CONTACT, RESISTANCE
 from bsa.experiments.tasks.record_request import RecordRequest
-from bsa.experiments.tasks.records import build_task
+from bsa.experiments.tasks.records import build_task, holding_out
 from bsa.plugins.pybamm.export import as_json
 from bsa.plugins.pybamm.parameter_sets import load
 from bsa.plugins.pybamm.state_of_charge import InitialState, equilibrium_capacity_ah
@@ -60,6 +60,17 @@ def test_a_start_that_a_person_writes_is_never_replaced() -> None:
     assert {parameter.initial for parameter in several if parameter.name.startswith(SOC)} == {0.7}
     measured = task_of(big, search={**search, RESISTANCE: {"lower": 0.0, "upper": 0.3}}).space
     assert measured[RESISTANCE].initial == pytest.approx(0.6 * 0.15 / 15.0, rel=1e-6)
+
+
+def test_records_of_one_name_are_numbered_and_one_that_is_given_twice_is_refused() -> None:
+    task = task_of(record(), record(amperes=2.0))
+    assert [one.name for one in task.experiments] == ["r", "r (2)"]
+    held = holding_out(task, [RecordRequest(record(amperes=1.0))])
+    assert [one.name for one in held.held_out] == ["r (3)"]
+    with pytest.raises(BsaError, match="is given twice"):
+        task_of(record(), record())
+    with pytest.raises(BsaError, match="is fitted and held out"):
+        holding_out(task, [RecordRequest(record())])
 
 
 def warming(kelvin: float) -> Record:
