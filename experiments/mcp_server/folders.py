@@ -5,6 +5,7 @@ from pathlib import Path
 
 from ...core.errors import BsaError, did_you_mean
 from ...core.printable import shown
+from ...core.reading.part_of_file import file_and_part
 
 
 class Folders:
@@ -51,13 +52,18 @@ class Folders:
         return path
 
     def file(self, name: str) -> Path:
-        """The path of a record that is there; as `inside`, with the nearest name in its folder where there is none."""
-        path = self.inside(name)
+        """The path of a record that is there; as `inside`, with the nearest name in its folder where there is none.
+
+        ``FILE#PART`` names one test of a file, as everywhere.
+        """
+        whole = self.inside(name)
+        path, part = file_and_part(whole)
+        self.inside(str(path))
         if not path.exists():
             beside = [entry.name for entry in path.parent.iterdir()] if path.parent.is_dir() else []
             hint = did_you_mean(path.name, beside) or "check the path; it begins in the first folder of this server."
             raise BsaError(f"there is no file {shown(path, 200)}.", hint)
-        return path
+        return path if part is None else whole
 
     def _refused(self, name: str, why: str) -> BsaError:
         roots = ", ".join(shown(root, 200) for root in self._roots)

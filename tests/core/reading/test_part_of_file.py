@@ -27,3 +27,11 @@ def test_each_record_may_be_another_test_of_one_file(tmp_path: Path) -> None:
         read_record(tmp_path / "rates.mat#T25/other")
     with pytest.raises(BsaError, match=r"there is no file .*absent\.mat"):
         read_record(tmp_path / "absent.mat#T25/slow")
+
+
+def test_a_sign_in_a_folders_name_is_none_of_the_parts(tmp_path: Path) -> None:
+    (tmp_path / "lab #3").mkdir()
+    book = tmp_path / "lab #3" / "book.xlsx"
+    book.touch()
+    assert file_and_part(f"{book}#Sheet #2") == (book, "Sheet #2")
+    assert file_and_part(book) == (book, None)

@@ -10,9 +10,6 @@ import pytest
 from bsa.core.errors import BsaError
 from bsa.core.messages import Outage
 from bsa.experiments.cli.discover import discover as command
-from bsa.experiments.discovery_bench.hidden_cell import Hidden, measure
-from bsa.experiments.discovery_bench.hidden_physics import EFFECTS
-from bsa.experiments.discovery_bench.protocols import Step
 from bsa.experiments.tasks.find import PACKAGED
 
 DEMO = PACKAGED / "demo.csv"
@@ -80,14 +77,9 @@ def test_a_record_becomes_a_file_that_reads_the_same(tmp_path, monkeypatch) -> N
 
 
 @pytest.mark.slow
-def test_a_hidden_resistance_is_found_and_shown(tmp_path) -> None:
-    (resistance,) = (effect for effect in EFFECTS if effect.key == "contact-resistance")
-    hidden = Hidden("Chen2020", "SPMe", (resistance,), {resistance.strength: 0.02})
-    steps = [Step(0.0, 200.0), Step(1.0, 1500.0), Step(0.0, 900.0), Step(2.0, 60.0, period=2.0), Step(0.0, 300.0)]
-    record, _ = measure(hidden, steps, 0.9, 298.15, np.random.default_rng(8))
-    signals = {"time": record.time, "current": record.current, "voltage": record.voltage}
+def test_a_hidden_resistance_is_found_and_shown(resistive_cell, tmp_path) -> None:
     found = bsa.discover(
-        pd.DataFrame(signals),
+        resistive_cell,
         current_sign="discharge-positive",
         parameters="Chen2020",
         model="SPMe",

@@ -58,3 +58,14 @@ def test_a_folder_may_itself_be_reached_by_a_link(tmp_path: Path) -> None:
 def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BsaError, match="there is no folder"):
         Folders([tmp_path / "missing"])
+
+
+def test_a_part_of_a_file_is_named_behind_it(folders: Folders, tmp_path: Path) -> None:
+    assert folders.file("cell.csv#1C") == tmp_path / "one" / "cell.csv#1C"
+    with pytest.raises(BsaError, match="symbolic link"):
+        folders.file("link.csv#1C")
+    with pytest.raises(BsaError, match="lies outside"):
+        folders.file("cell.csv#../../elsewhere/cell.csv")
+    with pytest.raises(BsaError, match="there is no file") as raised:
+        folders.file("cel.csv#1C")
+    assert "cell.csv" in raised.value.hint

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import anyio
+import pandas as pd
 import pytest
 from bsa.core.journal import read_events
 from bsa.experiments.mcp_server.functions import simulations_of
@@ -119,6 +120,36 @@ def test_an_assistant_tries_values_and_calibrates(use: Use, tmp_path: Path) -> N
     assert seen
     assert {total for _, total in seen} == {30}
     assert 0 < max(progress for progress, _ in seen) <= 30
+
+
+@pytest.mark.slow
+def test_an_assistant_has_a_hidden_effect_found(use: Use, resistive_cell: pd.DataFrame, tmp_path: Path) -> None:
+    resistive_cell.to_csv(tmp_path / "cell.csv", index=False)
+    seen: list[str | None] = []
+
+    async def note(progress: float, total: float | None, message: str | None) -> None:
+        seen.append(message)
+
+    async def act(client: Client) -> None:
+        arguments = {
+            "data": "cell.csv",
+            "cell": {"parameters": "Chen2020", "model": "SPMe", "scale": False},
+            "reading": {"current_sign": "discharge-positive", "temperature": 25},
+            "effect": ["contact-resistance", "voltage-offset"],
+        }
+        result = await client.call_tool("discover", arguments, progress_callback=note)
+        assert not result.is_error, result.content
+        found = json.loads(result.content[0].text)  # type: ignore[union-attr]
+        assert found["effects"] == ["contact-resistance"]
+        ((low, high),) = found["intervals_95"].values()
+        assert low < 0.02 < high
+        assert Path(found["folder"]) == tmp_path / "runs" / "cell-1"
+        assert Path(found["report"]).is_file()
+        told = await called(client, "report", folder="runs/cell-1")
+        assert told["verdict"] == found["verdict"]
+
+    use(act)
+    assert any("steps in" in str(message) for message in seen)
 
 
 @pytest.mark.slow
