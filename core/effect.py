@@ -150,6 +150,15 @@ class Effect:
         return f"{self.name} ({self.variant})" if self.variant else self.name
 
     @property
+    def entry_name(self) -> str:
+        """The key as plugins are named, ``"ocp-shape.negative-electrode"``."""
+        return f"{self.name}.{self.variant.replace(' ', '-')}" if self.variant else self.name
+
+    def is_called(self, name: str) -> bool:
+        """Whether a person's name means this effect; that without a variant means all variants."""
+        return name in (self.name, self.key, self.entry_name)
+
+    @property
     def strength(self) -> EffectParameter:
         """The parameter whose null value switches the effect off."""
         return self.parameters[0]

@@ -43,13 +43,13 @@ def effects_of(
             made[effect.key] = effect
     if names is None:
         return tuple(effect for effect in made.values() if not effect.on_request)
-    known = {effect.name for effect in made.values()} | set(made)
     for name in names:
-        if name not in known:
+        if not any(effect.is_called(name) for effect in made.values()):
             if any((item.kind, item.name) == ("effect", _entry_name(name)) for item in registry.unusable):
                 registry.find("effect", _entry_name(name))
+            known = {called for effect in made.values() for called in (effect.name, effect.key)}
             raise BsaError(f'there is no effect "{name}".', did_you_mean(name, known) or "bsa list plugins shows them.")
-    return tuple(effect for effect in made.values() if effect.name in names or effect.key in names)
+    return tuple(effect for effect in made.values() if any(effect.is_called(name) for name in names))
 
 
 def _entry_name(name: str) -> str:

@@ -45,6 +45,12 @@ class Trace:
         """Least objective of the start and the warm-up; None where none succeeded."""
         return self.best_after(len(self.phase.rstrip("s")))
 
+    @property
+    def improved(self) -> bool:
+        """Whether the search got below the best of start and warm-up, both as the run itself simulated them."""
+        found, before = self.best_after(len(self.objective)), self.best_before_search()
+        return found is not None and (before is None or found < before)
+
 
 class Stopwatch:
     """A listener that reads the clock when proposals and trials come by.

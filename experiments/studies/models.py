@@ -105,7 +105,7 @@ def card(
     rules = _by_task(done, scaffold=scaffold, backend="rules")
     hybrid = _by_task(done, scaffold="hybrid", backend="rules")
     common = [task for task in own if task in rules and task in hybrid]
-    warm = {task: trace_of(own[task], store).best_before_search() for task in common}
+    traces = [trace_of(own[task], store) for task in common]
     told = {row["task"]: store.result(row["identity"]) or {} for row in rankings if row["state"] == "done"}
     spent = [*(own[task] for task in common), *(row for row in rankings if row["state"] == "done")]
     calls = sum(int(row["llm_calls"] or 0) for row in spent)
@@ -122,7 +122,7 @@ def card(
         error_pct=error,
         rules_pct=with_rules,
         hybrid_pct=with_hybrid,
-        improved=sum(_below(own[task]["objective"], warm[task]) for task in common),
+        improved=sum(trace.improved for trace in traces),
         calls=calls,
         valid_pct=100.0 * (1.0 - unusable / calls) if calls else math.nan,
         tokens_a_call=_sum(spent, "tokens") / calls if calls else math.nan,
@@ -139,10 +139,6 @@ def _by_task(rows: Sequence[Row], **wanted: str) -> dict[str, Row]:
 
 def _sum(rows: Sequence[Row], name: str) -> float:
     return float(sum(row[name] or 0.0 for row in rows))
-
-
-def _below(value: float | None, reference: float | None) -> bool:
-    return value is not None and (reference is None or value < reference)
 
 
 def _unusable(folder: Path) -> int:

@@ -26,5 +26,4 @@ def _give(effect: Effect, options: NoOptions) -> Effect:
 def entries() -> Iterator[Entry]:
     """One entry for each effect; a variant's entry is named ``NAME.VARIANT``."""
     for effect in EFFECTS:
-        suffix = "." + effect.variant.replace(" ", "-") if effect.variant else ""
-        yield Entry(effect.name + suffix, partial(_give, effect), f"{effect.title}: {effect.equation}", api=1)
+        yield Entry(effect.entry_name, partial(_give, effect), f"{effect.title}: {effect.equation}", api=1)

@@ -136,6 +136,50 @@ particle_size_distribution = Effect(
     lacks=_distribution_lacks,
 )
 
+
+def _slow_share(which: str, model: Any, p: Mapping[str, Any]) -> Any:
+    import pybamm
+
+    electrode = model.param.domain_params[which].prim
+    mean = model.variables[f"Average {which} particle stoichiometry"]
+    surface = model.variables[f"X-averaged {which} particle surface stoichiometry"]
+    temperature = model.variables["Volume-averaged cell temperature [K]"]
+    middle = electrode.c_max / 2
+    # Warmth speeds the exchange up as it does diffusion in the other particles.
+    speed = electrode.D(middle, temperature) / electrode.D(middle, model.param.T_ref)
+    slow = pybamm.Variable(f"Stoichiometry of the slow {which} material")
+    model.rhs[slow] = speed * (mean - slow) / p["time"]
+    model.initial_conditions[slow] = pybamm.x_average(pybamm.r_average(electrode.c_init)) / electrode.c_max
+    model.variables[f"Stoichiometry of the slow {which} material"] = slow
+
+    def potential(stoichiometry: Any) -> Any:
+        above = (stoichiometry + pybamm.sqrt(stoichiometry**2 + 4e-6)) / 2  # 0.001 at 0, and never below 0
+        return electrode.U(1 - ((1 - above) + pybamm.sqrt((1 - above) ** 2 + 4e-6)) / 2, temperature)
+
+    # What the slow material has not given or taken yet, the other has, whose potential is measured.
+    change = potential(surface - p["share"] * (slow - mean)) - potential(surface)
+    return change if which == "positive" else -change
+
+
+slow_material = tuple(
+    Effect(
+        name="slow-active-material",
+        variant=f"{electrode} electrode",
+        title=f"a part of the {electrode} electrode's active material that exchanges lithium slowly",
+        equation="U(x_s) -> U(x_s - w (z - x)), dz/dt = (x - z) / tau(T); x: mean stoichiometry, x_s: at the surface",
+        parameters=(
+            EffectParameter("share", "", 0.0, 0.0, 0.5, 0.03),
+            EffectParameter("time", "s", 3600.0, 600.0, 36000.0, 3600.0, "log"),
+        ),
+        signature="relaxation over hours, largest where the open-circuit potential is steep: in rests of an empty cell "
+        "whose negative electrode has silicon beside graphite, or of coarse particles beside fine ones",
+        citation="Ai et al., J. Power Sources 527 (2022) 231142, doi:10.1016/j.jpowsour.2022.231142",
+        physics=PyBaMMPart(voltage=partial(_slow_share, electrode)),
+        on_request=True,
+    )
+    for electrode in ("negative", "positive")
+)
+
 EFFECTS = (
     electrolyte_transport,
     particle_size_distribution,
@@ -143,4 +187,5 @@ EFFECTS = (
     _solid_diffusivity("positive"),
     _stress("negative"),
     _stress("positive"),
+    *slow_material,
 )

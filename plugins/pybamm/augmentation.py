@@ -68,7 +68,7 @@ def effects_in(cell: CellModel) -> tuple[Effect, ...]:
         return ()
     found = effects_of(cell.effects)
     for name in cell.effects:
-        meant = [effect for effect in found if name in (effect.key, effect.name)]
+        meant = [effect for effect in found if effect.is_called(name)]
         if len(meant) > 1:
             raise BsaError(
                 f'effect "{name}" has variants: {", ".join(effect.key for effect in meant)}.', "name one of them."

@@ -36,7 +36,7 @@ def registry(**factories: Any) -> Registry:
 def test_the_catalogue_is_whole() -> None:
     notes: list[str] = []
     listed = [listing.entry.name for listing in installed().listings("effect")]
-    on_request = effects_of(["ocp-shape"])
+    on_request = effects_of(["ocp-shape", "slow-active-material"])
     assert len(effects_of(None, note=notes.append)) + len(on_request) == len(listed)
     assert all(effect.on_request for effect in on_request)
     assert notes == []
@@ -53,6 +53,11 @@ def test_options_reach_the_effects_that_have_them() -> None:
         effects_of(None, found, {"prob": 0.4})
     with pytest.raises(BsaError, match=r'no effect "zz-dragg" .*did you mean "zz-drag"\?'):
         effects_of(None, found, {"zz-dragg.probe": 0.4})
+
+
+@pytest.mark.parametrize("name", ["ocp-shape (negative electrode)", "ocp-shape.negative-electrode"])
+def test_a_variant_is_called_as_it_is_reported_or_listed(name: str) -> None:
+    assert [effect.key for effect in effects_of([name])] == ["ocp-shape (negative electrode)"]
 
 
 def fails(options: Options) -> Effect:

@@ -20,6 +20,7 @@ NAMES = {
     "ocp-shape",
     "particle-size-distribution",
     "electrolyte-transport",
+    "slow-active-material",
     "solid-diffusivity-variation",
     "stress-induced-diffusion",
     "kinetics-marcus",
@@ -71,7 +72,7 @@ def test_the_shape_of_a_potential_is_the_correction_that_a_calibration_searches(
 
 
 def test_what_imitates_most_effects_is_considered_where_it_is_named():
-    assert "ocp-shape" not in {effect.name for effect in effects_of(None)}
+    assert not {"ocp-shape", "slow-active-material"} & {effect.name for effect in effects_of(None)}
     assert {effect.name for effect in effects_of(["ocp-shape"])} == {"ocp-shape"}
     assert len(effects_of(["ocp-shape (positive electrode)"])) == 1
 
@@ -158,12 +159,39 @@ def test_a_contact_resistance_is_ohms_law():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "key", ["ocp-hysteresis", "self-discharge", "current-gain", "current-offset", "voltage-offset", "time-lag"]
+    "key",
+    [
+        "ocp-hysteresis",
+        "slow-active-material (negative electrode)",
+        "slow-active-material (positive electrode)",
+        "self-discharge",
+        "current-gain",
+        "current-offset",
+        "voltage-offset",
+        "time-lag",
+    ],
 )
 def test_an_absent_effect_changes_nothing(key):
     driven = record()
     effect = BY_KEY[key]
     np.testing.assert_allclose(voltage((effect,), driven), voltage((), driven), atol=5e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("electrode", ["negative", "positive"])
+def test_slow_material_adds_polarisation_that_relaxes_with_its_time(electrode):
+    driven = record()
+    effect = BY_KEY[f"slow-active-material ({electrode} electrode)"]
+    share, time = (effect.full_name(one) for one in effect.parameters)
+    plain = voltage((), driven)
+    quick, slow = (voltage((effect,), driven, {share: 0.1, time: tau}) - plain for tau in (60.0, 36000.0))
+    rest = (driven.time > 1000) & (driven.time < 1500)
+    discharge = (driven.time > 500) & (driven.time < 900)
+    assert np.all(slow[discharge] < quick[discharge])
+    assert np.all(quick[discharge] < 1e-4)
+    # What has 60 s is over in a rest of nine minutes; what has ten hours has hardly begun.
+    assert abs(quick[rest][-1]) < 0.02 * abs(quick[discharge][-1]) + 1e-4
+    assert slow[rest][-1] < 0.5 * slow[discharge][-1]
 
 
 def third_party_voltage(model, p):
