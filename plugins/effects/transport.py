@@ -145,7 +145,7 @@ def _slow_share(which: str, model: Any, p: Mapping[str, Any]) -> Any:
     surface = model.variables[f"X-averaged {which} particle surface stoichiometry"]
     temperature = model.variables["Volume-averaged cell temperature [K]"]
     middle = electrode.c_max / 2
-    # Warmth speeds the exchange up as it does diffusion in the other particles.
+    # A higher temperature speeds the exchange up as it does diffusion in the particles.
     speed = electrode.D(middle, temperature) / electrode.D(middle, model.param.T_ref)
     slow = pybamm.Variable(f"Stoichiometry of the slow {which} material")
     model.rhs[slow] = speed * (mean - slow) / p["time"]

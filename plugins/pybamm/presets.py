@@ -93,7 +93,7 @@ def preset_space(
 ) -> ParameterSpace:
     """The search space of a preset around a parameter set.
 
-    The preset is ``"geometry"``, ``"cell"``, ``"sei"``, ``"ageing"`` or ``"life"``. ``overrides`` replace values of the
+    The preset is one of `presets`, such as ``"cell"`` or ``"geometry"``. ``overrides`` replace values of the
     set, and the search starts from them; parameters that take no part with PyBaMM's model ``options`` are left out.
     Raises `BsaError` if there is no such preset or parameter set, or none of the preset's parameters takes part.
     """
