@@ -12,7 +12,6 @@ from ..core.encoding import decode_task, encode_task
 from ..core.errors import BsaError
 from ..core.files import write_json, write_text
 from ..core.hooks import RunContext
-from ..core.identifiability import is_structured
 from ..core.journal import FILE_NAME, FORMAT, Journal, check_calibration, opened, read_events
 from ..core.loop import Listener, Run, RunResult
 from ..core.messages import Backend
@@ -23,6 +22,7 @@ from ..core.run_config import RunConfig
 from ..core.run_plugins import RunPlugins
 from ..core.shape import decoding, shaped
 from ..core.task import Task
+from .misfit_notes import misfit_notes
 from .run_record import read_run
 
 _VERSIONED = ("battery-sim-agent", "pybamm", "numpy", "scipy")
@@ -90,11 +90,8 @@ def execute_run(
                 for text in (*task.notes, *journal.warnings):
                     listener.noted(text)
             result = Run(task, config, plugins, recorder, journal, folder, earlier, listener, analysing).execute()
-            if to_discover and result.best.residuals is not None and is_structured(result.best.residuals):
-                note(
-                    "The misfit that is left is larger than the noise and follows the curve: the model may lack an "
-                    f"effect, if more simulations do not remove it. To look for it: {to_discover}"
-                )
+            for text in misfit_notes(task, result.best, to_discover) if to_discover else ():
+                note(text)
             write_results(folder, task, config, backend.name, result)
             for name, content in plugins.export(result.best.candidate).items():
                 write_text(folder / name, content)

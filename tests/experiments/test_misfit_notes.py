@@ -1,0 +1,67 @@
+"""What is said of a misfit that parameters cannot remove."""
+
+import numpy as np
+import pytest
+from bsa.core.feedback import Feedback
+from bsa.core.parameters import Parameter, ParameterSpace
+from bsa.core.task import CellModel, Experiment, Task
+from bsa.core.trajectory import FloatArray, Step, StepKind, Trajectory
+from bsa.core.trial import Trial
+from bsa.experiments.misfit_notes import misfit_notes
+
+SPACE = ParameterSpace((Parameter("Negative particle radius [m]", 5e-6, 1e-6, 2e-5, "log"),))
+
+
+def record(rest_s: float, slow_v: float, clock: float = 0.0, before: StepKind = StepKind.CC_DISCHARGE) -> Trajectory:
+    """Half an hour under load, and a rest in which the voltage rises quickly by 0.3 V and slowly by ``slow_v``."""
+    load = np.linspace(0.0, 1800.0, 50)
+    rest = np.linspace(0.0, rest_s, 90)
+    voltage = np.concatenate(
+        [np.full(50, 2.5), 2.5 + 0.3 * (1 - np.exp(-rest / 60)) + slow_v * (1 - np.exp(-rest / 4000))]
+    )
+    steps = (Step(before, 0, 50), Step(StepKind.REST, 50, 140))
+    time = clock + np.concatenate([load, 1800.0 + rest])
+    return Trajectory(time, np.repeat([1.0, 0.0], [50, 90]), voltage, None, steps)
+
+
+def told(
+    measured: Trajectory,
+    simulated: Trajectory | None,
+    residuals: FloatArray | None = None,
+    effects: tuple[str, ...] = (),
+) -> list[str]:
+    cell = CellModel("Chen2020", effects=effects)
+    task = Task("cell", cell, SPACE, (Experiment("cell", measured),))
+    best = Trial(0, "initial", 0, SPACE.initial, None, None, residuals, Feedback(), (simulated,), 1.0)
+    return misfit_notes(task, best, "bsa discover --data cell.csv")
+
+
+def test_a_rest_that_the_model_ends_too_early_names_what_to_try() -> None:
+    (said,) = told(record(7200.0, 0.2, clock=0.2), record(7200.0, 0.0))
+    assert "by 134 mV more than the simulated one" in said
+    assert said.endswith("--effect slow-active-material.negative-electrode --search silicon-cell")
+
+
+@pytest.mark.parametrize(
+    ("measured", "simulated", "effects"),
+    [
+        (record(7200.0, 0.2), record(7200.0, 0.2), ()),
+        (record(7200.0, 0.2), record(7200.0, 0.0), ("slow-active-material.negative-electrode",)),
+        (record(7200.0, 0.2), None, ()),
+        (record(900.0, 0.2), record(900.0, 0.0), ()),
+        (record(7200.0, 0.2, before=StepKind.CC_CHARGE), record(7200.0, 0.0, before=StepKind.CC_CHARGE), ()),
+        (record(7200.0, 0.0), record(7200.0, 0.2), ()),
+    ],
+    ids=["followed", "in the model", "not simulated", "short", "behind a charge", "the other way"],
+)
+def test_other_rests_say_nothing(measured: Trajectory, simulated: Trajectory | None, effects: tuple[str, ...]) -> None:
+    assert told(measured, simulated, effects=effects) == []
+
+
+def test_a_misfit_that_follows_the_curve_points_to_a_discovery() -> None:
+    wave = 10.0 * np.sin(np.linspace(0.0, 20.0, 200))
+    (said,) = told(record(900.0, 0.0), record(900.0, 0.0), wave)
+    assert "follows the curve" in said
+    assert said.endswith("bsa discover --data cell.csv")
+    noise = np.random.default_rng(1).normal(size=200)
+    assert told(record(900.0, 0.0), record(900.0, 0.0), noise) == []
