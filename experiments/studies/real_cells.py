@@ -11,6 +11,7 @@ from pydantic import TypeAdapter
 from ...backends.opening import open_backend
 from ...core.errors import BsaError, did_you_mean
 from ...core.loop import RunResult
+from ...core.reading.part_of_file import file_and_part
 from ...core.record_errors import RecordErrors
 from ...core.run_config import RunConfig
 from ...core.scaffold import load_scaffold
@@ -101,7 +102,7 @@ def chosen(names: Sequence[str], study: str = MEASURED_CURRENT) -> list[TaskFile
 def missing(cell: TaskFile, data: Path) -> list[str]:
     """The records of a cell that are not in the folder."""
     return [
-        name for entry in (*cell.experiments, *cell.held_out) for name in entry.files if not (data / name).is_file()
+        name for entry in (*cell.experiments, *cell.held_out) for name in entry.files if not file_and_part(data / name)[0].is_file()
     ]
 
 

@@ -50,6 +50,7 @@ def test_a_cell_without_its_records_is_skipped_with_the_reason(tmp_path: Path) -
     assert [row.cell for row in rows] == ["here"]
     assert remarks == [f"gone is skipped: {tmp_path} lacks gone.csv."]
     assert missing(wanted[1], tmp_path) == ["gone.csv"]
+    assert missing(cell("one test of a file", "here.csv#1C", held_out=("gone.csv#2C",)), tmp_path) == ["gone.csv#2C"]
 
 
 @pytest.mark.parametrize(("option", "study"), [((), "real_cells"), (("--paper",), "paper_cells")])
