@@ -102,7 +102,10 @@ def chosen(names: Sequence[str], study: str = MEASURED_CURRENT) -> list[TaskFile
 def missing(cell: TaskFile, data: Path) -> list[str]:
     """The records of a cell that are not in the folder."""
     return [
-        name for entry in (*cell.experiments, *cell.held_out) for name in entry.files if not file_and_part(data / name)[0].is_file()
+        name
+        for entry in (*cell.experiments, *cell.held_out)
+        for name in entry.files
+        if not file_and_part(data / name)[0].is_file()
     ]
 
 
