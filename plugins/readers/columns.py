@@ -154,9 +154,9 @@ def resolve(
     required: list[Signal] = ["time", "voltage"]
     if options.constant_current_a is None:
         required.append("current")
-    for signal in required:
-        if signal not in places:
-            raise BsaError(f"{source} has no column for {signal}.", _which(header, signal))
+    missing = [signal for signal in required if signal not in places]
+    if missing:
+        raise BsaError(f"{source} has no column for {', '.join(missing)}.", _which(header, missing))
     taken: dict[int, Signal] = {}
     for signal, index in places.items():
         other = taken.setdefault(index, signal)
@@ -171,9 +171,12 @@ def resolve(
     }
 
 
-def _which(header: Sequence[str], signal: str) -> str:
-    also = " (or the current of the whole file with --constant-current)" if signal == "current" else ""
-    return f"its columns are {listed(header)}; say which with --column {signal}=NAME{also}."
+def _which(header: Sequence[str], missing: Sequence[Signal]) -> str:
+    options = " ".join(f"--column {signal}=NAME" for signal in missing)
+    also = " (or, for the last, the current of the whole file: --constant-current A, negative on discharge)"
+    nameless = list(header) == [str(number) for number in range(1, len(header) + 1)]
+    called = "have no names and are numbered:" if nameless else "are"
+    return f"its columns {called} {listed(header)}; say which with {options}{also * ('current' in missing)}."
 
 
 def _index(header: Sequence[str], signal: Signal, options: ReadOptions, source: str) -> int | None:

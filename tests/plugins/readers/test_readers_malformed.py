@@ -287,3 +287,13 @@ def test_times_that_no_clock_shows_are_refused_by_their_row(tmp_path, start, ste
     path.write_text(f"Test Time / {unit},Voltage / V,Current / A\n" + "\n".join(lines))
     with pytest.raises(BsaError, match=r"record\.csv.*(is no measured number|has no number)"):
         read_record(path)
+
+
+def test_a_file_without_a_header_is_told_all_that_it_takes(tmp_path):
+    path = tmp_path / "discharge.txt"
+    path.write_text("".join(f"{k}\t{4.1 - 0.01 * k}\n" for k in range(40)))
+    with pytest.raises(BsaError, match="has no column for time, voltage, current") as raised:
+        read_record(path)
+    assert '"1", "2"' in raised.value.hint
+    assert "--column time=NAME --column voltage=NAME --column current=NAME" in raised.value.hint
+    assert "--constant-current" in raised.value.hint
