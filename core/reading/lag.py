@@ -16,7 +16,7 @@ _CHANGES = 100
 _APART = 3
 """Samples between the two of a difference: one interval alone shows how the instrument averages."""
 
-_TRIED = np.append(0.0, np.arange(-2.0, 3.05, 0.1))
+_TRIED = np.array([0.0, *(tenths / 10 for tenths in range(-20, 31) if tenths)])
 """Lags that are tried, in sampling intervals; none first."""
 
 _LEFT = 0.5
@@ -77,7 +77,7 @@ def shown_lag(samples: Samples) -> Lag | None:
         _explained(current, _differences(time + lag * interval, samples.time, samples.voltage)) for lag in _TRIED
     ]
     best = int(np.argmax(explained))
-    if 1.0 - explained[best] > _LEFT * (1.0 - explained[0]):
+    if best == 0 or 1.0 - explained[best] > _LEFT * (1.0 - explained[0]):
         return None
     return Lag(float(_TRIED[best]) * interval, explained[0], explained[best], _APART * interval)
 

@@ -50,6 +50,15 @@ def test_a_record_without_a_lag_says_nothing() -> None:
     assert said(drive(0.0)) == []
 
 
+def test_a_resistor_is_in_step_to_the_last_digit() -> None:
+    """With whole numbers of intervals nothing is left of the changes at all; a lag of 2e-15 s was told."""
+    current = np.tile([0.0, 5.0, 5.0, 5.0], 300)
+    time = np.arange(1200.0) + np.repeat(40.0 * np.arange(24), 50)
+    samples = Samples("resistor", time, 3.7 + 0.03 * current, current)
+    assert shown_lag(samples) is None
+    assert said(samples) == []
+
+
 def test_a_few_steps_say_nothing_of_a_lag() -> None:
     time = np.arange(0.0, 1200.0, 1.0)
     current = np.where((time > 300) & (time < 900), -1.0, 0.0)
