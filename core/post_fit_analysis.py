@@ -165,13 +165,13 @@ class PostFitAnalysis:
             tuple(content["unsettled"]),
             content["worst"],
             suggestions,
-            content["simulations"],
-            content["reused"],
-            content["seconds"],
+            shaped(int, content["simulations"]),
+            shaped(int, content["reused"]),
+            shaped(float, content["seconds"]),
             shaped(tuple[FadeBand, ...], content.get("fade", [])),
-            content.get("budget", 0),
-            content.get("widened", 1.0),
-            content.get("forgone", 0),
+            shaped(int, content.get("budget", 0)),
+            shaped(float, content.get("widened", 1.0)),
+            shaped(int, content.get("forgone", 0)),
         )
 
 

@@ -131,6 +131,9 @@ def test_simulations_after_the_search_are_not_the_searchs(run_toy: RunToy, tmp_p
     assert content["identifiability_simulations"] == looked.analysis.simulations
     assert PostFitAnalysis.from_json(content["identifiability"]) == looked.analysis
     assert read_run(tmp_path / "looked").analysis == looked.analysis
+    for name in ("simulations", "reused", "seconds", "budget", "widened", "forgone"):
+        with pytest.raises(ValueError, match="the whole"):
+            PostFitAnalysis.from_json({**content["identifiability"], name: None})
 
 
 def test_an_analysis_cut_off_anywhere_goes_on_from_what_was_simulated(run_toy: RunToy, tmp_path: Path) -> None:
