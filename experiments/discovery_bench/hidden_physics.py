@@ -234,7 +234,7 @@ EFFECTS: tuple[HiddenEffect, ...] = (
     HiddenEffect(
         "particle-size-distribution", "particle-size-distribution: deviation", 0.15, 0.6, models=("SPMe",), alone=True,
         options={"particle size": "distribution", "surface form": "algebraic"}, prepare=_sizes,
-        points={"R_n": 15, "R_p": 15, "r_n": 20, "r_p": 20},
+        points={"R_n": 25, "R_p": 25, "r_n": 60, "r_p": 60},
     ),
     HiddenEffect(
         "electrolyte-transport", "electrolyte-transport: resistance_factor", 0.1, 3.0, models=("SPM",), alone=True,

@@ -104,19 +104,20 @@ def _distribution(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, A
     import numpy as np
     import pybamm
 
-    # Seven sizes over four deviations cost little; the floor keeps the density finite where the effect is absent.
-    deviation = p["deviation"] + 2e-2
+    # Sizes from 2.5 deviations of their logarithm below the mean radius to five deviations above it, PyBaMM's own end:
+    # few large particles hold much of the material. The floor keeps the density finite where the effect is absent.
+    deviation = pybamm.sqrt(p["deviation"] ** 2 + 1e-4)
+    log_variance = pybamm.log(1 + deviation**2)
     values: dict[str, Any] = {}
     for which in ("Negative", "Positive"):
         mean = known[f"{which} particle radius [m]"]
 
         def density(size: Any, mean: Any = mean) -> Any:
-            log_variance = pybamm.log(1 + deviation**2)
             argument = (pybamm.log(size / mean) + log_variance / 2) ** 2 / (2 * log_variance)
             return pybamm.exp(-argument) / (size * pybamm.sqrt(2 * np.pi * log_variance))
 
-        values[f"{which} minimum particle radius [m]"] = mean * 0.15
-        values[f"{which} maximum particle radius [m]"] = mean * 2.6
+        values[f"{which} minimum particle radius [m]"] = mean * pybamm.exp(-2.5 * pybamm.sqrt(log_variance))
+        values[f"{which} maximum particle radius [m]"] = mean * (1 + 5 * deviation)
         values[f"{which} area-weighted particle-size distribution [m-1]"] = density
     return values
 
@@ -130,7 +131,7 @@ particle_size_distribution = Effect(
     citation="Kirk et al., J. Electrochem. Soc. 168 (2021) 060554, doi:10.1149/1945-7111/ac0bf7",
     physics=PyBaMMPart(
         options={"particle size": "distribution", "surface form": "algebraic"},
-        points={"R_n": 7, "R_p": 7},
+        points={"R_n": 10, "R_p": 10},
         values=_distribution,
     ),
     lacks=_distribution_lacks,

@@ -17,10 +17,11 @@ from ...core.task import CellModel, ParameterFile
 from ...core.thinning import evenly
 from .augmentation import augmented_cell
 from .drive import current_function
+from .driven_cell import FINE
 from .export import parameter_values_json
 from .parameter_sets import FILL_FROM, load, pybamm
 from .quoted_effects import quoted
-from .resolution import FINE, Resolution
+from .resolution import Resolution
 from .state_of_charge import InitialState, initial_concentration
 
 _TEMPLATE = Path(__file__).with_name("augmented_model.py.j2")

@@ -12,7 +12,7 @@ from ...core.task import CellModel, Experiment
 from . import drive
 from .augmentation import PyBaMMPart, augmented_cell, effects_in, part_of
 from .fresh_integrator import FreshIntegrator
-from .mesh import search_spatial_methods, search_submeshes
+from .mesh import search_spatial_methods, submeshes
 from .ocp_shape import keeping_ocp_falling
 from .parameter_sets import bake, input_values, load, open_to_search, pybamm, voltage_window
 from .resolution import SEARCH, Resolution
@@ -142,7 +142,7 @@ class CompiledCell:
         for effect in self._effects:
             points.update(part_of(effect).points)
         return {
-            "submesh_types": None if standard else search_submeshes(self._model),
+            "submesh_types": submeshes(self._model, self._resolution),
             "spatial_methods": None if standard else search_spatial_methods(self._model),
             "var_pts": {**self._model.default_var_pts, **points} if points else None,
         }

@@ -16,8 +16,8 @@ from ...core.target import Target
 from ...core.task import CellModel
 from ...core.trajectory import StepKind
 from .augmentation import part_of
-from .driven_cell import SEARCH, Curve, DrivenCell
-from .resolution import FINE, Resolution
+from .driven_cell import FINE, SEARCH, Curve, DrivenCell
+from .resolution import Resolution
 
 _KEPT = 80
 """Compiled models that are kept warm; each takes a few megabytes."""

@@ -6,14 +6,27 @@ import numpy as np
 from scipy.sparse import csr_matrix, diags, vstack
 
 from .parameter_sets import pybamm
+from .resolution import Resolution
 
 
-def search_submeshes(model: Any) -> dict[str, Any]:
-    """The model's submeshes with every uniform one-dimensional mesh made symbolic."""
-    return {
-        domain: pybamm.SymbolicUniform1DSubMesh if submesh is pybamm.Uniform1DSubMesh else submesh
-        for domain, submesh in model.default_submesh_types.items()
-    }
+def submeshes(model: Any, resolution: Resolution) -> dict[str, Any]:
+    """The model's submeshes as a resolution asks for them: uniform ones made symbolic, unless a standard mesh is asked.
+
+    Of a standard mesh those of particles are finer towards the surface as far as the resolution asks, and those of
+    particle sizes are symbolic in any case: an effect may search their range.
+    """
+
+    def chosen(domain: str, submesh: Any) -> Any:
+        if submesh is not pybamm.Uniform1DSubMesh:
+            return submesh
+        if not resolution.standard_mesh or domain.endswith("particle size"):
+            return pybamm.SymbolicUniform1DSubMesh
+        if resolution.radial_stretch and domain.endswith("particle"):
+            finer = {"side": "right", "stretch": resolution.radial_stretch}
+            return pybamm.MeshGenerator(pybamm.Exponential1DSubMesh, finer)
+        return submesh
+
+    return {domain: chosen(domain, submesh) for domain, submesh in model.default_submesh_types.items()}
 
 
 def search_spatial_methods(model: Any) -> dict[str, Any]:

@@ -1,9 +1,9 @@
 """How many mesh points a particle needs.
 
-PyBaMM's 20 are enough where the diffusivity varies little. Where it varies by decades, its harmonic mean between
-two cells is that of the slower one, and a front is held up at every cell: O'Regan's graphite (`ORegan2022`) at 2C is
-half a volt and a third of its capacity short on 20 points. No correction of a fit makes up for that, so the mesh
-is settled before anything is fitted.
+PyBaMM's 20, finer towards the surface, are enough where the diffusivity varies little. Where it varies by decades, its
+harmonic mean between two cells is that of the slower one, and a front is held up at every cell: O'Regan's graphite
+(`ORegan2022`) at 2C is half a volt and a third of its capacity short on 20 points. No correction of a fit makes up for
+that, so the mesh is settled before anything is fitted.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,8 +16,8 @@ from ...core.discovery.simulator import MeasuredRecord
 from ...core.task import CellModel
 from ...core.thinning import evenly
 from ...core.trajectory import FloatArray
-from .driven_cell import SEARCH, DrivenCell
-from .resolution import FINE, Resolution
+from .driven_cell import FINE, SEARCH, DrivenCell
+from .resolution import Resolution
 
 _POINTS = (20, 40, 80, 160)
 _SHIFT_V = 1e-2
@@ -31,8 +31,8 @@ _UNKNOWN_SOC = 0.9
 class RadialMesh:
     """Mesh and tolerances that resolve the particles."""
 
-    # usual, fine: For a search, and for the check on it. PyBaMM's own radial mesh, and one of twice the points, where
-    # that is enough.
+    # usual, fine: For a search, and for the check on it. PyBaMM's number of radial points, and twice as many, where
+    # these are enough.
     usual: Resolution
     fine: Resolution
     shift_v: float  # What twice PyBaMM's points change, V (root mean square); infinite if it could not be simulated.

@@ -14,6 +14,9 @@ class Resolution:
     radial_points: int | None = None  # Mesh points in a particle, where it needs others.
     # Whether to use PyBaMM's own mesh, whose lengths are numbers, instead of one whose lengths are inputs.
     standard_mesh: bool = False
+    # Of a standard mesh: the logarithm of how much finer a particle's mesh is at its surface than at its centre; 0
+    # keeps PyBaMM's own, uniform one.
+    radial_stretch: float = 0.0
     least_atol: float = 0.0  # The absolute tolerance is a tenth of the relative one, and at least this.
 
     @property

@@ -16,11 +16,10 @@ from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.effects.catalogue import EFFECTS
 from bsa.plugins.pybamm.augmentation import PyBaMMPart
 from bsa.plugins.pybamm.augmented_script import augmented_script
-from bsa.plugins.pybamm.driven_cell import DrivenCell
+from bsa.plugins.pybamm.driven_cell import FINE, DrivenCell
 from bsa.plugins.pybamm.export import parameter_values_json
 from bsa.plugins.pybamm.parameter_files import parsed
 from bsa.plugins.pybamm.quoted_effects import quoted
-from bsa.plugins.pybamm.resolution import FINE
 
 
 def record():

@@ -10,10 +10,9 @@ from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.effects.catalogue import EFFECTS
 from bsa.plugins.pybamm.augmentation import PyBaMMPart
-from bsa.plugins.pybamm.driven_cell import SEARCH
+from bsa.plugins.pybamm.driven_cell import FINE, SEARCH
 from bsa.plugins.pybamm.effect_simulator import EffectSimulator
 from bsa.plugins.pybamm.effect_simulator_pool import EffectSimulatorPool
-from bsa.plugins.pybamm.resolution import FINE
 
 pytestmark = pytest.mark.slow
 

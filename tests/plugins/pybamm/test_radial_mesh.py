@@ -5,9 +5,9 @@ import pytest
 from bsa.core.discovery.simulator import MeasuredRecord
 from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory
-from bsa.plugins.pybamm.driven_cell import SEARCH, DrivenCell
+from bsa.plugins.pybamm.driven_cell import FINE, SEARCH, DrivenCell
 from bsa.plugins.pybamm.radial_mesh import radial_mesh
-from bsa.plugins.pybamm.resolution import FINE, Resolution
+from bsa.plugins.pybamm.resolution import Resolution
 
 
 def discharge(current, duration):
