@@ -21,9 +21,9 @@ _LEAST_ROOM = 0.2
 class Column:
     """Asks for one coordinate after another: away from the nearer bound, to the other side, and with a shorter step.
 
-    The other side is asked for after a failure; a shorter step where the residuals changed far more than is needed to
-    see it. At a knee a percent of capacity changes the voltage by hundreds of deviations, and a difference over that
-    is a fifth off the slope.
+    The other side is asked for after a failure, and for a central difference; a shorter step where the residuals
+    changed far more than is needed to see it. At a knee a percent of capacity changes the voltage by hundreds of
+    deviations, and a difference over that is a fifth off the slope.
 
     Parameters
     ----------
@@ -31,6 +31,8 @@ class Column:
         Norm of an older column, which sets the step; 0 if there is none.
     visible : float
         Norm of the change over which the slope is taken; 0 always takes the usual step.
+    central : bool
+        Whether both sides are wanted.
 
     Attributes
     ----------
@@ -39,7 +41,15 @@ class Column:
     """
 
     def __init__(
-        self, place: int, here: float, lower: float, upper: float, step: float, slope: float, visible: float
+        self,
+        place: int,
+        here: float,
+        lower: float,
+        upper: float,
+        step: float,
+        slope: float,
+        visible: float,
+        central: bool = False,
     ) -> None:
         self.place = place
         self._here, self._lower, self._upper, self._visible = here, lower, upper, visible
@@ -47,9 +57,13 @@ class Column:
         self._step = step
         if visible > 0 and slope * step > visible:
             self._step = max(visible / slope, self._smallest)
-        first = 1.0 if upper - here >= here - lower else -1.0
-        self._sides = [first, -first]
+        self._central = central
+        self._changes: dict[float, FloatArray] = {}  # By how far away.
         self.wanted: float | None = None
+        self._begin(1.0 if upper - here >= here - lower else -1.0)
+
+    def _begin(self, first: float) -> None:
+        self._sides = [first, -first]
         self._next()
 
     def _next(self) -> None:
@@ -60,17 +74,31 @@ class Column:
                 self.wanted = wanted
                 return
 
-    def take(self, change: float | None) -> None:
-        """Note by how much the residuals changed (their norm); None for a simulation that failed."""
+    def take(self, change: FloatArray | None) -> None:
+        """Note how the residuals changed; None for a simulation that failed."""
         assert self.wanted is not None
-        too_large = change is not None and 0 < _FAR_TOO_LARGE * self._visible < change and self._step > self._smallest
-        if change is not None and too_large:
-            self._sides = [float(np.sign(self.wanted - self._here))]
-            self._step = max(self._step * self._visible / change, self._smallest)
-        if change is None or too_large:
+        away = self.wanted - self._here
+        size = 0.0 if change is None else float(np.linalg.norm(change))
+        if change is not None:
+            self._changes[away] = change
+        if 0 < _FAR_TOO_LARGE * self._visible < size and self._step > self._smallest:
+            self._changes = {away: self._changes[away]}  # Until there is a better one.
+            self._step = max(self._step * self._visible / size, self._smallest)
+            self._begin(float(np.sign(away)))
+        elif change is None or (self._central and len(self._changes) == 1):
             self._next()
         else:
             self.wanted = None
+
+    @property
+    def slope(self) -> FloatArray | None:
+        """The derivative of the residuals; None if nothing could be simulated."""
+        near = sorted(self._changes, key=abs)[:2]
+        if len(near) < 2 or near[0] * near[1] > 0:
+            return self._changes[near[0]] / near[0] if near else None
+        # Of the parabola through three points, whatever their distances.
+        one, other = (self._changes[away] / away for away in near)
+        return np.asarray((one * near[1] - other * near[0]) / (near[1] - near[0]))
 
 
 class Differences:
@@ -88,6 +116,8 @@ class Differences:
         The other steps, and over which change a slope is taken.
     free : ndarray of bool, shape (p,)
         Which coordinates are varied; the other columns are zero.
+    closer : bool
+        Whether differences are central, over a change that is smaller by `Settings.closer`.
 
     Attributes
     ----------
@@ -103,6 +133,7 @@ class Differences:
         box: Box,
         settings: Settings,
         free: NDArray[np.bool_],
+        closer: bool = False,
     ) -> None:
         self._point, self._residual = point, residual
         self.jacobian = np.zeros((len(residual), len(point)))
@@ -111,8 +142,12 @@ class Differences:
             steps = np.maximum(steps, box.share * np.abs(point))
         slopes = np.zeros(len(point)) if known is None else np.linalg.norm(known, axis=0)
         visible = settings.visible * float(np.sqrt(len(residual)))
+        if closer and visible > 0:
+            visible *= settings.closer
+        elif closer:
+            steps = settings.closer * steps
         self._columns = [
-            Column(int(at), point[at], box.lower[at], box.upper[at], steps[at], slopes[at], visible)
+            Column(int(at), point[at], box.lower[at], box.upper[at], steps[at], slopes[at], visible, closer)
             for at in np.flatnonzero(free)
         ]
 
@@ -130,8 +165,6 @@ class Differences:
         """Take in the residuals of `points`, in order; None for one that failed."""
         asking = [column for column in self._columns if column.wanted is not None]
         for column, residual in zip(asking, residuals, strict=True):
-            assert column.wanted is not None
-            change = None if residual is None else residual - self._residual
-            if change is not None:
-                self.jacobian[:, column.place] = change / (column.wanted - self._point[column.place])
-            column.take(None if change is None else float(np.linalg.norm(change)))
+            column.take(None if residual is None else residual - self._residual)
+            if column.slope is not None:
+                self.jacobian[:, column.place] = column.slope

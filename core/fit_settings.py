@@ -27,6 +27,10 @@ class Settings:
     # Root mean square change of the residuals over which a slope is taken, where an older Jacobian tells it; 0 always
     # takes ``difference``.
     visible: float = 0.0
+    # Share of that change, or of the step, for Jacobians by central differences, which are taken where steps on an
+    # ordinary one gain nothing although more is predicted; 0 for none. In a valley that bends they go on, at twice the
+    # price.
+    closer: float = 0.0
     # Whether the last Jacobian must have been taken at the best point, whatever the steps before it gained.
     ends_on_fresh: bool = False
 

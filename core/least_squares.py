@@ -97,6 +97,7 @@ class LeastSquares:
         self._jacobian = None if jacobian is None else jacobian.copy()
         self._fresh = fresh
         self._poor_steps = self._idle_rounds = 0
+        self._closer = False
         self._batch: list[FloatArray] = []
         self._differences: Differences | None = None
         self._round_cost = self._first_cost = np.inf
@@ -175,7 +176,7 @@ class LeastSquares:
             elif self._stage == "jacobian":
                 assert self._residual is not None
                 self._differences = Differences(
-                    self._point, self._residual, self._jacobian, self._box, self.settings, self._free
+                    self._point, self._residual, self._jacobian, self._box, self.settings, self._free, self._closer
                 )
                 self._batch = self._differences.points
         return [point.copy() for point in self._batch]
@@ -282,7 +283,10 @@ class LeastSquares:
     def _another_round(self) -> bool:
         """Whether a new Jacobian may show more than the one at hand."""
         if self._fresh:
-            return False
+            promised = self._predicted_gain(self._linear_step(_LEAST))
+            looks_closer = self.settings.closer > 0 and not self._closer and promised > self._worth
+            self._closer = self._closer or looks_closer
+            return looks_closer
         idle = self._round_cost - self.cost <= self._worth
         self._idle_rounds = self._idle_rounds + 1 if idle else 0
         return self.settings.ends_on_fresh or self._idle_rounds < _IDLE_ROUNDS

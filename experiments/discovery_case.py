@@ -112,16 +112,19 @@ def discover_options(records: Records, out: Path | None, **others: Any) -> Disco
         _check_life(records, others)
     folder = out or numbered_folder(Path("runs"), f"{named_after(records.sources[:1])}-discover")
     check_run_folder(folder)
-    how = {"read": records.read, "reader": records.reader, "reader_options": records.reader_options}
+    how = {"reader": records.reader, "reader_options": records.reader_options}
+    count, reads = len(records.sources), records.each_read()
+    if records.joined:
+        reads = [reads[0]] * count + reads[1:]
     files: list[dict[str, Any]] = [
-        {"path": _written(one, number, folder)} if isinstance(one, Record) else {"path": one, **how}
-        for number, one in enumerate((*records.sources, *records.held_out), 1)
+        {"path": _written(one, number, folder)} if isinstance(one, Record) else {"path": one, "read": read, **how}
+        for number, (one, read) in enumerate(zip((*records.sources, *records.held_out), reads, strict=True), 1)
     ]
-    count = len(records.sources)
     fitted = files[:count]
-    if records.read.join:
+    if records.joined:
         fitted = [{**fitted[0], "joined": [file["path"] for file in fitted[1:]]}]
-    content = {"data": fitted, "holdout": files[count:], "ambient_c": records.read.ambient_c, "out": folder, **others}
+    ambient_c = records.reads[0].ambient_c if len(records.reads) == 1 else None
+    content = {"data": fitted, "holdout": files[count:], "ambient_c": ambient_c, "out": folder, **others}
     content |= {"life": records.lives, "fit_cycles": records.fit_cycles}
     return validated(DiscoverOptions, content, "discovery")
 
@@ -129,7 +132,7 @@ def discover_options(records: Records, out: Path | None, **others: Any) -> Disco
 def _check_life(records: Records, others: Mapping[str, Any]) -> None:
     """Refuse what is not asked of a life."""
     count = len(records.sources)
-    if count > 1 and not records.read.join:
+    if count > 1 and not records.joined:
         raise BsaError(f"{count} lives were given.", "give one, or --join the files of one cell; each is its own.")
     for name, given, instead in (
         ("holdout", bool(records.held_out), "later cycles than --fit-cycles are held out."),
@@ -228,7 +231,8 @@ def read_life(options: DiscoverOptions) -> Task:
 def _request(options: DiscoverOptions, file: RecordFile) -> RecordRequest:
     from .tasks.record_request import RecordRequest, source_of
 
-    temperature_k = None if options.ambient_c is None else options.ambient_c + 273.15
+    ambient_c = file.read.ambient_c if options.ambient_c is None else options.ambient_c
+    temperature_k = None if ambient_c is None else ambient_c + 273.15
     source = source_of(file.files, file.read, file.reader, file.reader_options)
     asked = RecordRequest(source, file.read, file.reader, file.reader_options, temperature_k=temperature_k)
     found = asked.load()

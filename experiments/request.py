@@ -131,6 +131,32 @@ def reading(
     return validated(ReadOptions, content, "the options of the record")
 
 
+def readings(several: Mapping[str, Sequence[float]], **alike: Any) -> list[ReadOptions]:
+    """What a person says about files, once for all of them, or for each where one of ``several`` has more values.
+
+    ``several`` has values by option of `reading`, ``alike`` what is said of all. Raises `BsaError` if an option is not
+    valid, or two have different numbers of values.
+    """
+    counts = {f"--{name.replace('_', '-')}": len(values) for name, values in several.items() if len(values) > 1}
+    if len(set(counts.values())) > 1:
+        given = ", ".join(f"{option} {count} times" for option, count in counts.items())
+        raise BsaError(f"{given} were given.", "give each once for all records, or once for each, in their order.")
+    return [
+        reading(**alike, **{name: values[min(n, len(values) - 1)] for name, values in several.items() if values})
+        for n in range(max([1, *counts.values()]))
+    ]
+
+
+def one_each(reads: Sequence[ReadOptions], count: int) -> list[ReadOptions]:
+    """What is said of each of so many records. Raises `BsaError` if it was said of another number of them."""
+    if len(reads) not in (1, count):
+        raise BsaError(
+            f"an option for reading was given {len(reads)} times for {count} record{'s' * (count != 1)}.",
+            "give it once for all records, or once for each, in their order, held-out ones last.",
+        )
+    return list(reads) * (count if len(reads) == 1 else 1)
+
+
 def numbered_folder(parent: Path, name: str) -> Path:
     """A folder that does not exist yet: ``name-1``, ``name-2``, ..."""
     safe = "".join(character if character.isalnum() or character in "-_." else "-" for character in name)
@@ -142,11 +168,12 @@ def numbered_folder(parent: Path, name: str) -> Path:
 
 @dataclass(frozen=True)
 class Records:
-    """Records to be matched or predicted, and how all files among them are read."""
+    """Records to be matched or predicted, and how the files among them are read."""
 
     sources: Sequence[Path | Record]
     held_out: Sequence[Path | Record] = ()  # Are not fitted, and scored after the search.
-    read: ReadOptions = field(default_factory=ReadOptions)  # What headers do not say.
+    # What headers do not say: once for all, or for each of them, held-out ones last.
+    reads: Sequence[ReadOptions] = (ReadOptions(),)
     reader: str | None = None  # The reader to use; None finds the one that fits.
     reader_options: Mapping[str, Any] = field(default_factory=dict)  # The reader's own options.
     initial_soc: Sequence[float] = ()  # Nothing, one state of charge for all sources, or one for each.
@@ -158,6 +185,19 @@ class Records:
     def lives(self) -> bool:
         """Whether they are whole lives."""
         return self.life or self.fit_cycles is not None
+
+    @property
+    def joined(self) -> bool:
+        """Whether the sources are several files of one cell."""
+        files = all(isinstance(source, Path) for source in self.sources)
+        return self.reads[0].join and files and len(self.sources) > 1
+
+    def each_read(self) -> list[ReadOptions]:
+        """What headers do not say, for each source and each record that is held out.
+
+        Raises `BsaError` if that was said for another number of records.
+        """
+        return one_each(self.reads, (1 if self.joined else len(self.sources)) + len(self.held_out))
 
     def requests(self) -> list[RecordRequest]:
         """What is asked of each source; files of one cell are joined.
@@ -179,30 +219,35 @@ class Records:
         each = len(self.initial_soc) == len(sources)
         socs = self.initial_soc if each else [*self.initial_soc, None][:1] * len(sources)
         protocol = RECOGNISED if self.as_protocol else None
-        asked = self._asked(sources, protocol=protocol, socs=socs)
+        asked = self._asked(sources, self.each_read()[: len(sources)], socs, protocol=protocol)
         return [request.as_life(self.fit_cycles) for request in asked] if self.lives else asked
 
     def held_out_requests(self) -> list[RecordRequest]:
         """What is asked of each record that is held out."""
-        return self._asked(self.held_out, socs=[None] * len(self.held_out))
+        count = len(self.held_out)
+        return self._asked(self.held_out, self.each_read()[-count:] if count else [], [None] * count)
 
     def _asked(
-        self, sources: Sequence[Path | Record], socs: Sequence[float | None], **more: Any
+        self,
+        sources: Sequence[Path | Record],
+        reads: Sequence[ReadOptions],
+        socs: Sequence[float | None],
+        **more: Any,
     ) -> list[RecordRequest]:
         from .tasks.record_request import RecordRequest
 
         return [
-            RecordRequest(source, self.read, self.reader, self.reader_options, initial_soc=soc, **more)
-            for source, soc in zip(sources, socs, strict=True)
+            RecordRequest(source, read, self.reader, self.reader_options, initial_soc=soc, **more)
+            for source, read, soc in zip(sources, reads, socs, strict=True)
         ]
 
     def _joined(self) -> Sequence[Path | Record]:
-        files = [source for source in self.sources if isinstance(source, Path)]
-        if not (self.read.join and len(files) == len(self.sources) > 1):
+        if not self.joined:
             return self.sources
         from .tasks.record_request import source_of
 
-        return [source_of(files, self.read, self.reader, self.reader_options)]
+        files = [source for source in self.sources if isinstance(source, Path)]
+        return [source_of(files, self.each_read()[0], self.reader, self.reader_options)]
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,12 @@ Residuals = Callable[[Sequence[dict[str, float]]], Sequence[FloatArray | None]]
 """Weighted residuals (data minus model, in standard deviations) of candidates that may be simulated side by side; None
 for one that cannot be simulated."""
 
-_SETTINGS = Settings(radius=np.inf, noise=0.1, visible=2.0, ends_on_fresh=True)
+_SETTINGS = Settings(radius=np.inf, noise=0.1, visible=2.0, closer=0.05, ends_on_fresh=True)
 """Coordinates are in standard deviations of priors and in probes of effects, of which the largest are 320. Residuals
-are weighted, so that their noise is 1 and a slope is taken over twice that. Where a misfit counts as noise, its
-correlation is part of the weights, and the whole cost is a few squares: a hundredth of one is worth a simulation."""
+are weighted, so that their noise is 1 and a slope is taken over twice that, and over a tenth of it where a fit is
+stuck: measured potentials bend at every point of their tables, and so does a valley. Where a misfit counts as noise,
+its correlation is part of the weights, and the whole cost is a few squares: a hundredth of one is worth a
+simulation."""
 
 _SHARE = 0.03
 """Difference of a coordinate without a prior as a share of its size: strengths are many probes."""

@@ -19,13 +19,12 @@ from ..request import (
     Records,
     RunRequest,
     backend_options,
-    reading,
     run_config,
     run_request,
     simulation_workers,
 )
 from .calibration_result import CalibrationResult
-from .measured import Data, given_socs, listed, source
+from .measured import Data, as_list, listed, sources
 
 
 def calibrate(
@@ -35,15 +34,15 @@ def calibrate(
     column: Mapping[str, str] | None = None,
     unit: Mapping[str, str] | None = None,
     current_sign: str = "charge-positive",
-    constant_current: float | None = None,
-    current_offset: float = 0.0,
-    voltage_lag: float | None = None,
+    constant_current: float | Sequence[float] | None = None,
+    current_offset: float | Sequence[float] | None = None,
+    voltage_lag: float | Sequence[float] | None = None,
     where: Mapping[str, Any] | None = None,
     cycles: str | int | None = None,
     sheet: str | None = None,
     reader: str | None = None,
     reader_option: Mapping[str, Any] | None = None,
-    temperature: float | None = None,
+    temperature: float | Sequence[float] | None = None,
     initial_soc: float | Sequence[float] | None = None,
     parameters: str | None = None,
     start_from: str | Path | None = None,
@@ -89,10 +88,10 @@ def calibrate(
         Records that are not fitted: the best candidate is scored on them after the search.
     initial_soc : float or sequence of float, optional
         State of charge at which all fitted records, or each, start; where it is searched too, the search starts there.
-    reader, reader_option, temperature, column, unit, where, cycles, sheet
+    reader, reader_option, column, unit, current_sign, where, cycles, sheet
         How files and DataFrames are read; see `read_record`.
-    current_sign, constant_current, current_offset, voltage_lag
-        What their current means, which is positive on charge unless ``current_sign`` says otherwise; as above.
+    constant_current, current_offset, voltage_lag, temperature : float or sequence of float, optional
+        As there; one for all records, or one for each in their order, held-out ones last.
     parameters : str
         What to start from; records need it or ``start_from``: a PyBaMM parameter set, a BPX or JSON file, the folder
         of a run, whose calibrated cell is then the set, or ``"nearest"``: the installed set whose positive electrode a
@@ -165,13 +164,27 @@ def calibrate(
     else:
         if out is not None:
             check_run_folder(Path(out))
-        read = reading(
-            column, unit, current_sign, constant_current, current_offset, voltage_lag, where, cycles, sheet, temperature
+        named = _names_a_task(data)
+        fitted, held, reads = sources(
+            [] if named else listed(data),  # type: ignore[arg-type]
+            [] if holdout is None else listed(holdout),
+            column=column,
+            unit=unit,
+            current_sign=current_sign,
+            constant_current=constant_current,
+            current_offset=current_offset,
+            voltage_lag=voltage_lag,
+            where=where,
+            cycles=cycles,
+            sheet=sheet,
+            temperature=temperature,
         )
-        held = [source(one, read, number) for number, one in enumerate([] if holdout is None else listed(holdout), 1)]
-        task = _named_task(data, parameters, ReadOptions() if held else read)
-        given: Any = [] if task is not None else listed(data)  # type: ignore[arg-type]
-        sources = [source(one, read, number) for number, one in enumerate(given, 1)]
+        if named and (parameters is not None or not (held or reads == [ReadOptions()])):
+            what = "the demonstration" if data is None else data.name if isinstance(data, Task) else str(data)
+            raise BsaError(
+                f'a parameter set or options for reading were given, but "{shown(what)}" is a task, which has its own.',
+                "give a record as data, or leave them out.",
+            )
         budgets = {"rounds": rounds, "warm_up": warmup, "simulations": simulations, "seed": seed}
         reached = backend_options(
             backend_option or {},
@@ -182,9 +195,17 @@ def calibrate(
             review=review or None,
         )
         asked = run_request(
-            task,
+            _task_named(data) if named else None,
             Records(
-                sources, held, read, reader, reader_option or {}, given_socs(initial_soc), as_protocol, life, fit_cycles
+                fitted,
+                held,
+                reads,
+                reader,
+                reader_option or {},
+                as_list(initial_soc),
+                as_protocol,
+                life,
+                fit_cycles,
             ),
             CellChoice(
                 parameters,
@@ -203,23 +224,19 @@ def calibrate(
     return _carried_out(asked, workers, max_tokens, max_cost, identifiability, progress)
 
 
-def _named_task(data: Any, parameters: str | None, read: ReadOptions) -> Task | None:
-    """The task that is given or named; None where records are given."""
-    from ..tasks.find import find_task
+def _names_a_task(data: Any) -> bool:
+    """Whether it is a task, or the name of one, and no records."""
     from ..tasks.task_file import SUFFIXES
 
-    named = data is None or isinstance(data, Task)
     if isinstance(data, (str, Path)):
         path, _ = file_and_part(data)
-        named = path.suffix in SUFFIXES or (not path.suffix and not path.exists())
-    if not named:
-        return None
-    if parameters is not None or read != ReadOptions():
-        what = "the demonstration" if data is None else data.name if isinstance(data, Task) else str(data)
-        raise BsaError(
-            f'a parameter set or options for reading were given, but "{shown(what)}" is a task, which has its own.',
-            "give a record as data, or leave them out.",
-        )
+        return path.suffix in SUFFIXES or (not path.suffix and not path.exists())
+    return data is None or isinstance(data, Task)
+
+
+def _task_named(data: str | Path | Task | None) -> Task:
+    from ..tasks.find import find_task
+
     return data if isinstance(data, Task) else find_task("demo" if data is None else str(data))
 
 

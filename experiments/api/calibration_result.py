@@ -13,9 +13,8 @@ from ...core.files import load_json
 from ...core.metrics import errors_of, headline_of
 from ..report.page import FILE_NAME as REPORT
 from ..report.wording import number, quantity
-from ..request import reading
 from ..run_record import RunRecord, read_run
-from .measured import READING, Data, given_socs, listed, source
+from .measured import READING, Data, as_list, listed, sources
 from .notebook import picture_of, render
 from .scripts import namespace_of
 
@@ -138,7 +137,7 @@ class CalibrationResult:
         workers : int
             Simulations side by side; 0: as many as cores, 4 at most.
         **options
-            How files and DataFrames are read; see `read_record`.
+            How files and DataFrames are read; see `read_record` and, for numbers that differ by record, `calibrate`.
 
         Raises
         ------
@@ -153,11 +152,10 @@ class CalibrationResult:
         unknown = sorted(set(options) - set(READING))
         if unknown:
             raise BsaError(f'there is no option "{unknown[0]}" for reading.', did_you_mean(unknown[0], READING))
-        read = reading(**options)
-        sources = [source(one, read, number) for number, one in enumerate(listed(data), 1)]
-        records = Records(sources, (), read, reader, reader_option, given_socs(initial_soc))
+        given, _, reads = sources(listed(data), **options)
+        records = Records(given, (), reads, reader, reader_option, as_list(initial_soc))
         scored = predict_records(self.folder, records.requests(), simulation_workers(workers))
-        folder = Path(out) if out is not None else numbered_folder(self.folder / "predictions", named_after(sources))
+        folder = Path(out) if out is not None else numbered_folder(self.folder / "predictions", named_after(given))
         return PredictionResult(folder, write_scores(scored, folder), scored)
 
     def to_json(self) -> dict[str, Any]:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.errors import BsaError
 from ...core.printable import shown
-from ..request import Records, backend_options, reading, simulation_workers
+from ..request import Records, backend_options, simulation_workers
 from .discovery_result import DiscoveryResult
-from .measured import Data, listed, source
+from .measured import Data, listed, sources
 
 if TYPE_CHECKING:
     from ..discovery_case import DiscoverOptions
@@ -25,14 +25,14 @@ def discover(
     unit: Mapping[str, str] | None = None,
     where: Mapping[str, Any] | None = None,
     current_sign: str = "charge-positive",
-    constant_current: float | None = None,
-    current_offset: float = 0.0,
-    voltage_lag: float | None = None,
+    constant_current: float | Sequence[float] | None = None,
+    current_offset: float | Sequence[float] | None = None,
+    voltage_lag: float | Sequence[float] | None = None,
     cycles: str | int | None = None,
     sheet: str | None = None,
     reader: str | None = None,
     reader_option: Mapping[str, Any] | None = None,
-    temperature: float | None = None,
+    temperature: float | Sequence[float] | None = None,
     life: bool = False,
     fit_cycles: int | None = None,
     parameters: str | None = None,
@@ -61,10 +61,10 @@ def discover(
     data, holdout : path, pandas.DataFrame or Record, or a sequence of them
         Records to explain, and records that are predicted and never fitted. DataFrames and records are written into
         the folder ``OUT-records`` beside the discovery's, so that it can be resumed.
-    reader, reader_option, temperature, column, unit, where, cycles, sheet
+    reader, reader_option, column, unit, current_sign, where, cycles, sheet
         How files and DataFrames are read; see `read_record`.
-    current_sign, constant_current, current_offset, voltage_lag
-        What their current means; as above.
+    constant_current, current_offset, voltage_lag, temperature : float or sequence of float, optional
+        As there; one for all records, or one for each in their order, held-out ones last.
     life : bool
         Whether the record is a cell's whole life, and what is missing is the mechanism that ages it.
     fit_cycles : int, optional
@@ -114,15 +114,24 @@ def discover(
         raise BsaError(f"{missing} is missing.", 'discover("RECORD.csv", parameters="Chen2020"), for example.')
     from ..discovery_case import discover_options
 
-    read = reading(
-        column, unit, current_sign, constant_current, current_offset, voltage_lag, where, cycles, sheet, temperature
+    fitted, held, reads = sources(
+        listed(data),
+        [] if holdout is None else listed(holdout),
+        column=column,
+        unit=unit,
+        current_sign=current_sign,
+        constant_current=constant_current,
+        current_offset=current_offset,
+        voltage_lag=voltage_lag,
+        where=where,
+        cycles=cycles,
+        sheet=sheet,
+        temperature=temperature,
     )
-    fitted = [source(one, read, number) for number, one in enumerate(listed(data), 1)]
-    held = [] if holdout is None else [source(one, read, n) for n, one in enumerate(listed(holdout), len(fitted) + 1)]
     if not fitted:
         raise BsaError("data is empty.", "give one record at least.")
     asked = discover_options(
-        Records(fitted, held, read, reader, dict(reader_option or {}), life=life, fit_cycles=fit_cycles),
+        Records(fitted, held, reads, reader, dict(reader_option or {}), life=life, fit_cycles=fit_cycles),
         None if out is None else Path(out),
         parameters=parameters,
         model=model,

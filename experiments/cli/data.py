@@ -41,12 +41,14 @@ def data(
 ) -> None:
     """Say what files hold: signals, steps, cycles, resistances, slow curves and every problem."""
     from ...core.reading.reading import read_file
+    from ..request import Records
 
     _check_outputs(files, join, plot, export, out)
-    options = reading.options(join)
     sources: list[Any] = [files] if join else list(files)
+    reads = Records(files, reads=reading.options(join)).each_read()
     found = [
-        read_file(source, options, reader=reading.reader, reader_options=reading.reader_options) for source in sources
+        read_file(source, read, reader=reading.reader, reader_options=reading.reader_options)
+        for source, read in zip(sources, reads, strict=True)
     ]
     if plot is not None:
         from ..data.picture import draw

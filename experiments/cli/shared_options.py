@@ -128,20 +128,26 @@ class Reading:
         ),
     ] = "charge-positive"
     constant_current: Annotated[
-        float | None,
-        records_option(metavar="A", help="Current of a file without a current column, signed as --current-sign."),
+        list[float] | None,
+        records_option(
+            metavar="A",
+            help="Current of a file without a current column, signed as --current-sign; one for all files, or repeat "
+            "in their order, held-out ones last.",
+        ),
     ] = None
     current_offset: Annotated[
-        float,
+        list[float] | None,
         records_option(
-            metavar="A", help="What the instrument adds to every current that is not zero, positive on charge."
+            metavar="A",
+            help="What the instrument adds to every current that is not zero, positive on charge; repeat likewise.",
         ),
-    ] = 0.0
+    ] = None
     voltage_lag: Annotated[
-        float | None,
+        list[float] | None,
         records_option(
             metavar="S",
-            help="How much later than the current the instrument writes the voltage; left out, what the record shows.",
+            help="How much later than the current the instrument writes the voltage; left out, what the record shows; "
+            "repeat likewise.",
         ),
     ] = None
     cycles: Annotated[str | None, records_option(metavar="N-M", help='Cycles of the records to use, "1" or "2-4".')] = (
@@ -160,25 +166,31 @@ class Reading:
         list[str] | None, records_option("--reader-option", metavar="KEY=VALUE", help="Option of the reader; repeat.")
     ] = None
     temperature: Annotated[
-        float | None, records_option(metavar="DEGC", help="Ambient temperature where records lack it.")
+        list[float] | None,
+        records_option(metavar="DEGC", help="Ambient temperature where records lack it; repeat likewise."),
     ] = None
 
-    def options(self, join: bool = False) -> ReadOptions:
-        """What a header does not say, and whether the files are of one cell."""
-        from ..request import key_texts, reading
+    def options(self, join: bool = False) -> list[ReadOptions]:
+        """What headers do not say, and whether the files are of one cell: once for all files, or for each.
 
-        return reading(
-            key_texts(self.column, "--column"),
-            key_texts(self.unit, "--unit"),
-            self.current_sign,
-            self.constant_current,
-            self.current_offset,
-            self.voltage_lag,
-            key_texts(self.where, "--where"),
-            self.cycles,
-            self.sheet,
-            self.temperature,
-            join,
+        Raises `BsaError` if an option is not valid, or two are repeated different numbers of times.
+        """
+        from ..request import key_texts, readings
+
+        return readings(
+            {
+                "constant_current": self.constant_current or (),
+                "current_offset": self.current_offset or (),
+                "voltage_lag": self.voltage_lag or (),
+                "temperature": self.temperature or (),
+            },
+            column=key_texts(self.column, "--column"),
+            unit=key_texts(self.unit, "--unit"),
+            current_sign=self.current_sign,
+            where=key_texts(self.where, "--where"),
+            cycles=self.cycles,
+            sheet=self.sheet,
+            join=join,
         )
 
     @property

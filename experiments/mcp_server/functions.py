@@ -144,7 +144,7 @@ def _task(data: str | list[Path], options: Mapping[str, Any], cell: Mapping[str,
     if isinstance(data, str):
         return find_task(data)
     read = reading(**{name: options[name] for name in measured.READING})
-    return task_of_records(Records(data, read=read, reader=options["reader"]), CellChoice(**cell))
+    return task_of_records(Records(data, reads=[read], reader=options["reader"]), CellChoice(**cell))
 
 
 def _calibrated(found: CalibrationResult) -> Json:

@@ -10,6 +10,9 @@ from ...core.task import Task
 from ...core.trial import Trial
 from .wording import number, short_name, unit
 
+_NAMED = 6
+"""Parameters that one line names; the report's table has all."""
+
 _WORTH_MEASURING = 0.9
 """Share of the widest interval that a protocol must come below to be advised: less is not worth hours of a cycler."""
 
@@ -29,15 +32,18 @@ def best_score_line(objective: Quantity, best: Trial, lowest: Trial, metrics: Me
 
 
 def verdict_line(analysis: PostFitAnalysis) -> str:
-    """``"The record fixes 4 of 7 parameters; loose: ...; open: ..."``."""
+    """``"The record fixes 2 of 24 parameters: ..., ...; 18 are loose; 4 are open: ..."``; many names are a number."""
     found = analysis.identifiability
     if len(found.open) == len(found.intervals):
         return f"The record fixes none of the {len(found.intervals)} parameters: all are open."
-    parts = [f"The record fixes {len(found.fixed)} of {len(found.intervals)} parameters"]
-    if found.loose:
-        parts.append(f"loose: {named(found.loose)}")
-    if found.open:
-        parts.append(f"open: {named(found.open)}")
+
+    def listed(names: Sequence[str]) -> str:
+        return f": {named(names)}" if 0 < len(names) <= _NAMED else ""
+
+    parts = [f"The record fixes {len(found.fixed)} of {len(found.intervals)} parameters{listed(found.fixed)}"]
+    for names, state in ((found.loose, "loose"), (found.open, "open")):
+        if names:
+            parts.append(f"{len(names)} {'is' if len(names) == 1 else 'are'} {state}{listed(names)}")
     return "; ".join(parts) + "."
 
 

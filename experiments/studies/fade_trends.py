@@ -63,7 +63,7 @@ def trends_of(cell: str, cycle: FloatArray, capacity_ah: FloatArray) -> Iterator
 
 def _capacities(data: Path) -> tuple[FloatArray, FloatArray]:
     """Cycles and capacities, as ``bsa-run --life`` reads them."""
-    records = Records([data], read=ReadOptions(cycles=(1, FORETOLD)), fit_cycles=FITTED)
+    records = Records([data], reads=[ReadOptions(cycles=(1, FORETOLD))], fit_cycles=FITTED)
     task = task_of_records(records, CellChoice(SET, MODEL))
     tables = [e.target.cycle_table for e in (*task.experiments, *task.held_out)]
     known = [table for table in tables if table is not None]

@@ -178,11 +178,11 @@ def ask(case: str, folder: Path, data: Path) -> tuple[LifeRow, list[ModeRow]]:
         path = folder / f"{case}.csv"
         make(HIDDEN[case], path, list(HIDDEN).index(case))
         columns = {"time": "time_s", "current": "current_A", "voltage": "voltage_V"}
-        records = Records([path], read=reading(columns, temperature=25.0), fit_cycles=FITTED)
+        records = Records([path], reads=[reading(columns, temperature=25.0)], fit_cycles=FITTED)
         base = SET
     else:
         read = ReadOptions(cycles=(1, _MEASURED_CYCLES))
-        records = Records([data / f"{case}_all.csv.gz"], read=read, fit_cycles=_MEASURED_FITTED)
+        records = Records([data / f"{case}_all.csv.gz"], reads=[read], fit_cycles=_MEASURED_FITTED)
         base = _MEASURED_SET
     began = processor_s()
     # No model comes down to the noise of a measured cell, so that no pair would count.

@@ -41,7 +41,7 @@ class Foretold:
 
 def forecast(data: Path, folder: Path) -> RunRecord:
     """Fit the first cycles of a life and forecast the later ones."""
-    records = Records([data], read=ReadOptions(cycles=(1, FORETOLD)), fit_cycles=FITTED)
+    records = Records([data], reads=[ReadOptions(cycles=(1, FORETOLD))], fit_cycles=FITTED)
     task = task_of_records(records, CellChoice(SET, MODEL))
     config = run_config(_SCAFFOLD, "rules", {}, {"rounds": _SIMULATIONS, "simulations": _SIMULATIONS, "seed": _SEED})
     execute_run(task, config, folder, open_backend("rules", {}), analysing=True)

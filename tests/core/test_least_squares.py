@@ -3,6 +3,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from bsa.core.bounded_step import bounded_step
+from bsa.core.differences import Column
 from bsa.core.errors import BsaError
 from bsa.core.fit_settings import Box, Settings
 from bsa.core.least_squares import LeastSquares, solve
@@ -85,6 +86,42 @@ def test_a_curved_valley_is_followed_to_its_end() -> None:
     search = LeastSquares(np.array([0.2, 0.6]))
     run(search, lambda x: np.array([10 * ((4 * x[1] - 2) - (4 * x[0] - 2) ** 2), 1 - (4 * x[0] - 2)]), limit=80)
     assert search.point * 4 - 2 == pytest.approx([1.0, 1.0], abs=1e-4)
+
+
+def test_a_valley_that_bends_within_a_difference_is_followed_with_closer_ones() -> None:
+    def table(x: np.ndarray) -> np.ndarray:
+        return np.array([200.0 * (x[1] - x[0] - 0.004 * np.sin(x[0] / 0.012)), x[0] - 0.8, 0.3])
+
+    def gone(closer: float) -> float:
+        how = Settings(difference=0.03, radius=np.inf, closer=closer, ends_on_fresh=True, tolerance=2e-3)
+        search = LeastSquares(np.array([0.2, 0.21]), settings=how)
+        solve(search, lambda points: [table(point) for point in points], budget=400)
+        return float(search.point[0])
+
+    assert gone(0.0) < 0.4
+    assert gone(0.1) > 0.6
+
+
+@given(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))
+def test_a_central_difference_is_that_of_the_parabola_through_its_points(slope: float, bend: float) -> None:
+    def at(x: float) -> np.ndarray:
+        return np.array([slope * x + bend * x**2])
+
+    # The other side has less room than a whole step.
+    column = Column(0, 0.0, -0.04, 1.0, 0.1, 0.0, 0.0, central=True)
+    while column.wanted is not None:
+        column.take(at(column.wanted))
+    assert column.slope == pytest.approx(slope, abs=1e-9)
+
+
+def test_of_a_change_that_is_far_too_large_a_shorter_step_counts() -> None:
+    column = Column(0, 0.5, 0.0, 1.0, 0.1, 0.0, visible=0.01)
+    asked = []
+    while column.wanted is not None:
+        asked.append(column.wanted)
+        column.take(np.array([np.exp(10.0 * column.wanted) - np.exp(5.0)]))
+    assert len(asked) == 2
+    assert column.slope == pytest.approx(10.0 * np.exp(5.0), rel=0.02)
 
 
 def test_a_failing_side_is_answered_by_the_other() -> None:

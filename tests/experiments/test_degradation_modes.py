@@ -14,7 +14,7 @@ def test_a_resistance_that_grows_is_told_from_losses(tmp_path: Path) -> None:
     make(HIDDEN["resistance"], tmp_path / "life.csv", 0, 30)
     read = reading({"time": "time_s", "current": "current_A", "voltage": "voltage_V"}, temperature=25.0)
     choice = CellChoice("Chen2020", "SPM", {"SEI": "none"}, search="cell", scale=False)
-    task = task_of_records(Records([tmp_path / "life.csv"], read=read, life=True), choice)
+    task = task_of_records(Records([tmp_path / "life.csv"], reads=[read], life=True), choice)
     new = {**task.space.initial, RESISTANCE: 1e-3}
     found = {mode.name: mode for mode in degradation_modes(task, new, LifeSimulator(task))}
     growth = found[RESISTANCE]

@@ -191,7 +191,7 @@ def short_life(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_every_effect_of_ageing_is_absent_at_its_null(short_life: Path) -> None:
     """Each is compiled beside a cell that does not age, and shows the same life."""
     ageless = CellChoice("Chen2020", "SPM", {"SEI": "none"}, search="cell")
-    task = task_of_records(Records([short_life], read=READ, life=True), ageless)
+    task = task_of_records(Records([short_life], reads=[READ], life=True), ageless)
     assert "SEI" not in {name for name, kind in task.cell.options.items() if kind != "none"}
     simulator, changes, cell = LifeSimulator(task), Changes(task, 6), task.space.initial
     (base,) = simulator.predict([LifeRequest((), cell)])
@@ -207,7 +207,7 @@ def test_every_effect_of_ageing_is_absent_at_its_null(short_life: Path) -> None:
 
 def test_the_script_of_a_life_ages_as_it_was_fitted(short_life: Path) -> None:
     ageless = CellChoice("Chen2020", "SPM", {"SEI": "none"}, search="cell")
-    task = task_of_records(Records([short_life], read=READ, life=True), ageless)
+    task = task_of_records(Records([short_life], reads=[READ], life=True), ageless)
     growth = next(effect for effect in EFFECTS if effect.key == "sei-growth (diffusion-limited)")
     candidate = {**task.space.initial, growth.full_name(growth.strength): 1e4}
     (experiment,) = task.experiments
@@ -224,7 +224,7 @@ def test_the_script_of_a_life_ages_as_it_was_fitted(short_life: Path) -> None:
 
 def test_an_effect_that_cannot_be_built_costs_only_itself(short_life: Path) -> None:
     ageless = CellChoice("Chen2020", "SPM", {"SEI": "none"}, search="cell")
-    task = task_of_records(Records([short_life], read=READ, life=True), ageless)
+    task = task_of_records(Records([short_life], reads=[READ], life=True), ageless)
     foreign = replace(EFFECTS[0], name="foreign", physics="for another simulator")
     simulator = LifeSimulator(task)
     assert simulator.predict([LifeRequest((foreign,), task.space.initial)]) == [None]
@@ -235,7 +235,7 @@ def test_an_effect_that_cannot_be_built_costs_only_itself(short_life: Path) -> N
 @pytest.mark.parametrize("case", ["diffusion", "resistance"])
 def test_the_hidden_mechanism_is_named(case: str, tmp_path: Path) -> None:
     make(HIDDEN[case], tmp_path / "life.csv", 0, 100)
-    records = Records([tmp_path / "life.csv"], read=READ, fit_cycles=60)
+    records = Records([tmp_path / "life.csv"], reads=[READ], fit_cycles=60)
     found = discover(discover_options(records, tmp_path / "out", parameters="Chen2020", model="SPM"))
     assert (found.verdict, found.names) == ("effect-found", (HIDDEN[case].name,))
     content = json.loads((tmp_path / "out" / "discovery.json").read_text())

@@ -143,7 +143,7 @@ def test_joined_files_are_one_record(tmp_path) -> None:
     for path, part in zip(paths, (whole[:half], whole[half:]), strict=True):
         part.to_csv(path, index=False)
     cell = CellChoice("Chen2020", "SPM")
-    (joined,) = task_of_records(Records(paths, read=ReadOptions(join=True)), cell).experiments
+    (joined,) = task_of_records(Records(paths, reads=[ReadOptions(join=True)]), cell).experiments
     assert joined.target.duration == pytest.approx(whole["Time [s]"].max(), rel=0.1)
     assert len(task_of_records(Records(paths), cell).experiments) == 2
 

@@ -102,3 +102,17 @@ def test_a_hidden_resistance_is_found_and_shown(resistive_cell, tmp_path) -> Non
     assert interval[0] <= values["Contact resistance [Ohm]"] <= interval[1]
     assert model.options["contact resistance"] == "true"
     assert bsa.discover(resume=found.folder, progress=False).parameters == found.parameters
+
+
+def test_each_record_is_read_as_it_is_said_in_its_place(tmp_path, monkeypatch) -> None:
+    asked = []
+    monkeypatch.setattr("bsa.experiments.api.discovery._carried_out", lambda options, *others: asked.append(options))
+    bsa.discover(
+        ["a.csv", "b.csv"], holdout="c.csv", parameters="Chen2020", temperature=[25, 10, 0], current_offset=0.01,
+        out=tmp_path / "found",
+    )  # fmt: skip
+    (options,) = asked
+    files = [*options.data, *options.holdout]
+    assert [file.read.ambient_c for file in files] == [25, 10, 0]
+    assert {file.read.current_offset_a for file in files} == {0.01}
+    assert options.ambient_c is None

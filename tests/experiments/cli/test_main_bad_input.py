@@ -179,7 +179,7 @@ def test_help_is_quick_and_needs_no_heavy_library() -> None:
 
 
 def test_options_about_the_record_are_text() -> None:
-    read = Reading(column=["time=1e3"], unit=["current=off"], where=["Step=010", "On=yes"]).options()
+    read = Reading(column=["time=1e3"], unit=["current=off"], where=["Step=010", "On=yes"]).options()[0]
     assert read.columns == {"time": "1e3"}
     assert read.units == {"current": "off"}
     assert read.where == {"Step": "010", "On": "yes"}
@@ -189,7 +189,7 @@ def test_where_takes_the_rows_that_say_the_same(folder: Path) -> None:
     lines = GOOD_CSV.splitlines()
     steps = ["Step", *("010" if k < 40 else "8" for k in range(60))]
     (folder / "steps.csv").write_text("\n".join(f"{line},{step}" for line, step in zip(lines, steps, strict=True)))
-    read = Reading(where=["Step=010"]).options()
+    read = Reading(where=["Step=010"]).options()[0]
     assert len(read_record(folder / "steps.csv", read).trajectory) == 40
 
 

@@ -61,3 +61,40 @@ def test_a_task_after_the_records_is_still_a_task() -> None:
 def test_a_run_of_several_records_says_how_many() -> None:
     assert named_after([Path("dir/a.csv")]) == "a"
     assert named_after([Path("dir/a.csv"), Path("b.csv"), Path("c.csv")]) == "a and 2 more"
+
+
+@pytest.fixture
+def discharges(tmp_path: Path) -> list[str]:
+    """Three files of two hours, half an hour and an hour, without a current."""
+    paths = [tmp_path / name for name in ("slow.txt", "fast.txt", "held.txt")]
+    for path, seconds in zip(paths, (7200, 1800, 3600), strict=True):
+        path.write_text("".join(f"{seconds * n / 100}\t{4.1 - 0.01 * n:.3f}\n" for n in range(101)))
+    return [str(path) for path in paths]
+
+
+COLUMNS = ["--column", "time=1", "--column", "voltage=2"]
+
+
+def test_each_file_has_the_current_and_the_temperature_in_its_place(discharges: list[str], monkeypatch, tmp_path):
+    asked = []
+    monkeypatch.setattr("bsa.experiments.run.execute_run", lambda task, *others, **more: asked.append(task))
+    currents = [f"--constant-current={current}" for current in (-1.0, -4.0, -2.0)]
+    temperatures = [f"--temperature={degc}" for degc in (25, 10, 0)]
+    records = ["--data", *discharges[:2], "--holdout", discharges[2], *COLUMNS, *currents, *temperatures]
+    cell = ["--parameters", "Chen2020", "--model", "SPM", "--out", str(tmp_path / "run")]
+    CliRunner().invoke(app(), ["run", *records, *cell])
+    (task,) = asked
+    read = [*task.experiments, *task.held_out]
+    assert [record.target.current.max() for record in read] == [1.0, 4.0, 2.0]
+    assert [record.temperature_k for record in read] == [298.15, 283.15, 273.15]
+
+
+def test_numbers_for_another_number_of_files_are_refused(discharges: list[str]) -> None:
+    def said(*options: str) -> BsaError:
+        found = CliRunner().invoke(app(), ["data", *discharges, *COLUMNS, *options]).exception
+        assert isinstance(found, BsaError)
+        return found
+
+    assert "given 2 times for 3 records" in said("--constant-current=-1", "--constant-current=-4").message
+    twice_and_thrice = ["--constant-current=-1"] * 2 + ["--temperature=10"] * 3
+    assert said(*twice_and_thrice).message == "--constant-current 2 times, --temperature 3 times were given."

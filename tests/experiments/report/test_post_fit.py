@@ -39,7 +39,11 @@ def test_what_a_tolerance_is(protocol: Protocol | None, spectrum: bool, expected
 def test_many_parameters_of_which_none_is_fixed_are_not_listed() -> None:
     verdicts = {"a": "open", "b": "open"}
     assert verdict_line(judged(verdicts)) == "The record fixes none of the 2 parameters: all are open."
-    assert verdict_line(judged({**verdicts, "c": "fixed"})) == "The record fixes 1 of 3 parameters; open: a, b."
+    assert (
+        verdict_line(judged({**verdicts, "c": "fixed"})) == "The record fixes 1 of 3 parameters: c; 2 are open: a, b."
+    )
+    many = {f"p{n}": "loose" for n in range(7)}
+    assert verdict_line(judged({**many, "c": "fixed"})) == "The record fixes 1 of 8 parameters: c; 7 are loose."
 
 
 def judged(verdicts: dict[str, Any]) -> PostFitAnalysis:

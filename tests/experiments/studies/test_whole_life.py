@@ -54,7 +54,7 @@ def test_the_files_are_taken_as_the_command_takes_them(monkeypatch: pytest.Monke
     asked: dict[str, object] = {}
 
     def task_of_records(records: Records, _: CellChoice) -> Task:
-        asked.update(sources=records.sources, read=records.read, fit_cycles=records.fit_cycles)
+        asked.update(sources=records.sources, reads=records.reads, fit_cycles=records.fit_cycles)
         return life_task(life(20, 0.1))
 
     def execute_run(task: Task, config: object, *_: object, analysing: bool) -> None:
@@ -66,5 +66,5 @@ def test_the_files_are_taken_as_the_command_takes_them(monkeypatch: pytest.Monke
     with pytest.raises(Stopped):
         forecast(Path("x.csv"), tmp_path)
     assert asked["sources"] == [Path("x.csv")]
-    assert asked["read"].cycles == (1, FORETOLD)  # type: ignore[attr-defined]
+    assert [read.cycles for read in asked["reads"]] == [(1, FORETOLD)]  # type: ignore[attr-defined]
     assert (asked["fit_cycles"], asked["scaffold"], asked["analysing"]) == (FITTED, "ageing", True)

@@ -122,7 +122,7 @@ CALCE = Path(__file__).parents[4] / "shared" / "data" / "calce_cs2" / "CS2_35_al
 @pytest.mark.real_data
 @pytest.mark.skipif(not CALCE.is_file(), reason="the measured cells are not beside this checkout")
 def test_a_measured_life_is_read() -> None:
-    records = Records([CALCE], read=ReadOptions(cycles=(1, 500)), fit_cycles=200)
+    records = Records([CALCE], reads=[ReadOptions(cycles=(1, 500))], fit_cycles=200)
     task = task_of_records(records, CellChoice("Ai2020", "SPM"))
     (fitted,), (later,) = task.experiments, task.held_out
     assert fitted.protocol is not None
