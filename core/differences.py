@@ -166,5 +166,6 @@ class Differences:
         asking = [column for column in self._columns if column.wanted is not None]
         for column, residual in zip(asking, residuals, strict=True):
             column.take(None if residual is None else residual - self._residual)
-            if column.slope is not None:
-                self.jacobian[:, column.place] = column.slope
+            slope = column.slope
+            if slope is not None:
+                self.jacobian[:, column.place] = slope

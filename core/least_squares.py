@@ -140,7 +140,7 @@ class LeastSquares:
     @property
     def predicted(self) -> float:
         """Fall in cost that a full step promises; infinite unless the Jacobian was measured at the best point."""
-        return self._predicted_gain(self._linear_step(_LEAST)) if self._fresh else np.inf
+        return self._full_gain if self._fresh else np.inf
 
     @property
     def stage(self) -> Stage:
@@ -267,13 +267,17 @@ class LeastSquares:
         return self.cost - _squares(residual + jacobian @ step)
 
     @property
+    def _full_gain(self) -> float:
+        """What a full step would gain: a short one promises little by being short."""
+        return self._predicted_gain(self._linear_step(_LEAST))
+
+    @property
     def _worth(self) -> float:
         """Gain in cost that is worth a simulation."""
         return max(self.settings.noise**2, self.settings.tolerance * self.cost)
 
     def _why_nothing_is_left(self) -> Ending:
-        # A short step promises little by being short: what counts is what a full one would gain.
-        gain = self._predicted_gain(self._linear_step(_LEAST))
+        gain = self._full_gain
         return "noise" if gain <= self.settings.noise**2 else "misfit" if gain <= self._worth else "no progress"
 
     def _perfect(self) -> bool:
@@ -283,8 +287,7 @@ class LeastSquares:
     def _another_round(self) -> bool:
         """Whether a new Jacobian may show more than the one at hand."""
         if self._fresh:
-            promised = self._predicted_gain(self._linear_step(_LEAST))
-            looks_closer = self.settings.closer > 0 and not self._closer and promised > self._worth
+            looks_closer = self.settings.closer > 0 and not self._closer and self._full_gain > self._worth
             self._closer = self._closer or looks_closer
             return looks_closer
         idle = self._round_cost - self.cost <= self._worth

@@ -123,8 +123,7 @@ def discover_options(records: Records, out: Path | None, **others: Any) -> Disco
     fitted = files[:count]
     if records.joined:
         fitted = [{**fitted[0], "joined": [file["path"] for file in fitted[1:]]}]
-    ambient_c = records.reads[0].ambient_c if len(records.reads) == 1 else None
-    content = {"data": fitted, "holdout": files[count:], "ambient_c": ambient_c, "out": folder, **others}
+    content = {"data": fitted, "holdout": files[count:], "out": folder, **others}
     content |= {"life": records.lives, "fit_cycles": records.fit_cycles}
     return validated(DiscoverOptions, content, "discovery")
 

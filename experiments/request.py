@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 from ..core.errors import BsaError
 from ..core.record import ReadOptions, Record
@@ -19,6 +19,10 @@ from ..core.yaml_text import parse_yaml
 
 if TYPE_CHECKING:
     from .tasks.record_request import RecordRequest
+
+
+Numbers: TypeAlias = "float | Sequence[float] | None"
+"""One number for all records, or one for each, held-out ones last."""
 
 
 @dataclass(frozen=True)
@@ -131,20 +135,47 @@ def reading(
     return validated(ReadOptions, content, "the options of the record")
 
 
-def readings(several: Mapping[str, Sequence[float]], **alike: Any) -> list[ReadOptions]:
-    """What a person says about files, once for all of them, or for each where one of ``several`` has more values.
+def readings(
+    column: Mapping[str, str] | None = None,
+    unit: Mapping[str, str] | None = None,
+    current_sign: str = "charge-positive",
+    constant_current: Numbers = None,
+    current_offset: Numbers = None,
+    voltage_lag: Numbers = None,
+    where: Mapping[str, Any] | None = None,
+    cycles: str | int | None = None,
+    sheet: str | None = None,
+    temperature: Numbers = None,
+    join: bool = False,
+) -> list[ReadOptions]:
+    """What a person says about files as `reading` takes it, once for all of them, or for each where a number differs.
 
-    ``several`` has values by option of `reading`, ``alike`` what is said of all. Raises `BsaError` if an option is not
-    valid, or two have different numbers of values.
+    Raises `BsaError` if an option is not valid, or two have different numbers of values.
     """
+    several = {
+        "constant_current": as_list(constant_current),
+        "current_offset": as_list(current_offset),
+        "voltage_lag": as_list(voltage_lag),
+        "temperature": as_list(temperature),
+    }
     counts = {f"--{name.replace('_', '-')}": len(values) for name, values in several.items() if len(values) > 1}
     if len(set(counts.values())) > 1:
         given = ", ".join(f"{option} {count} times" for option, count in counts.items())
         raise BsaError(f"{given} were given.", "give each once for all records, or once for each, in their order.")
-    return [
-        reading(**alike, **{name: values[min(n, len(values) - 1)] for name, values in several.items() if values})
+    rows = [
+        {name: values[min(n, len(values) - 1)] for name, values in several.items() if values}
         for n in range(max([1, *counts.values()]))
     ]
+    return [
+        reading(column, unit, current_sign, where=where, cycles=cycles, sheet=sheet, join=join, **row) for row in rows
+    ]
+
+
+def as_list(numbers: Numbers) -> list[float]:
+    """One number, several or none, as a list."""
+    if numbers is None:
+        return []
+    return [numbers] if isinstance(numbers, (int, float)) else list(numbers)
 
 
 def one_each(reads: Sequence[ReadOptions], count: int) -> list[ReadOptions]:

@@ -18,13 +18,15 @@ from ..request import (
     CellChoice,
     Records,
     RunRequest,
+    as_list,
     backend_options,
+    readings,
     run_config,
     run_request,
     simulation_workers,
 )
 from .calibration_result import CalibrationResult
-from .measured import Data, as_list, listed, sources
+from .measured import Data, sources
 
 
 def calibrate(
@@ -165,20 +167,10 @@ def calibrate(
         if out is not None:
             check_run_folder(Path(out))
         named = _names_a_task(data)
-        fitted, held, reads = sources(
-            [] if named else listed(data),  # type: ignore[arg-type]
-            [] if holdout is None else listed(holdout),
-            column=column,
-            unit=unit,
-            current_sign=current_sign,
-            constant_current=constant_current,
-            current_offset=current_offset,
-            voltage_lag=voltage_lag,
-            where=where,
-            cycles=cycles,
-            sheet=sheet,
-            temperature=temperature,
+        reads = readings(
+            column, unit, current_sign, constant_current, current_offset, voltage_lag, where, cycles, sheet, temperature
         )
+        fitted, held = sources(None if named else data, holdout, reads)  # type: ignore[arg-type]
         if named and (parameters is not None or not (held or reads == [ReadOptions()])):
             what = "the demonstration" if data is None else data.name if isinstance(data, Task) else str(data)
             raise BsaError(

@@ -14,7 +14,7 @@ from ...core.metrics import errors_of, headline_of
 from ..report.page import FILE_NAME as REPORT
 from ..report.wording import number, quantity
 from ..run_record import RunRecord, read_run
-from .measured import READING, Data, as_list, listed, sources
+from .measured import READING, Data, sources
 from .notebook import picture_of, render
 from .scripts import namespace_of
 
@@ -145,14 +145,15 @@ class CalibrationResult:
             If the data cannot be read, or was fitted.
         """
         from ..predict import predict_records, write_scores
-        from ..request import Records, named_after, numbered_folder, simulation_workers
+        from ..request import Records, as_list, named_after, numbered_folder, readings, simulation_workers
         from .prediction_result import PredictionResult
 
         reader, reader_option = options.pop("reader", None), options.pop("reader_option", None) or {}
         unknown = sorted(set(options) - set(READING))
         if unknown:
             raise BsaError(f'there is no option "{unknown[0]}" for reading.', did_you_mean(unknown[0], READING))
-        given, _, reads = sources(listed(data), **options)
+        reads = readings(**options)
+        given, _ = sources(data, None, reads)
         records = Records(given, (), reads, reader, reader_option, as_list(initial_soc))
         scored = predict_records(self.folder, records.requests(), simulation_workers(workers))
         folder = Path(out) if out is not None else numbered_folder(self.folder / "predictions", named_after(given))

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.errors import BsaError
 from ...core.printable import shown
-from ..request import Records, backend_options, simulation_workers
+from ..request import Records, backend_options, readings, simulation_workers
 from .discovery_result import DiscoveryResult
-from .measured import Data, listed, sources
+from .measured import Data, sources
 
 if TYPE_CHECKING:
     from ..discovery_case import DiscoverOptions
@@ -114,20 +114,10 @@ def discover(
         raise BsaError(f"{missing} is missing.", 'discover("RECORD.csv", parameters="Chen2020"), for example.')
     from ..discovery_case import discover_options
 
-    fitted, held, reads = sources(
-        listed(data),
-        [] if holdout is None else listed(holdout),
-        column=column,
-        unit=unit,
-        current_sign=current_sign,
-        constant_current=constant_current,
-        current_offset=current_offset,
-        voltage_lag=voltage_lag,
-        where=where,
-        cycles=cycles,
-        sheet=sheet,
-        temperature=temperature,
+    reads = readings(
+        column, unit, current_sign, constant_current, current_offset, voltage_lag, where, cycles, sheet, temperature
     )
+    fitted, held = sources(data, holdout, reads)
     if not fitted:
         raise BsaError("data is empty.", "give one record at least.")
     asked = discover_options(

@@ -10,16 +10,13 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from ...core.errors import BsaError
 from ...core.printable import shown
 from ...core.record import ReadOptions, Record
-from ..request import one_each, reading, readings
+from ..request import one_each, reading
 
 if TYPE_CHECKING:
     import pandas
 
 Data: TypeAlias = "str | Path | Record | pandas.DataFrame"
 """One record: a file, a DataFrame, or what `read_record` returned."""
-
-Numbers: TypeAlias = "float | Sequence[float] | None"
-"""One number for all records, or one for each, held-out ones last."""
 
 
 READING = tuple(name for name in inspect.signature(reading).parameters if name != "join")
@@ -99,8 +96,10 @@ def read_record(
     return _read_frame(data, options, name or "DataFrame")
 
 
-def listed(data: Data | Sequence[Data]) -> list[Data]:
-    """One or several data as a list."""
+def listed(data: Data | Sequence[Data] | None) -> list[Data]:
+    """One or several data, or none, as a list."""
+    if data is None:
+        return []
     return [data] if isinstance(data, (str, Path, Record)) or not isinstance(data, Sequence) else list(data)
 
 
@@ -126,40 +125,20 @@ def source(data: Data, options: ReadOptions, number: int) -> Path | Record:
 
 
 def sources(
-    data: Sequence[Data],
-    held_out: Sequence[Data] = (),
-    *,
-    constant_current: Numbers = None,
-    current_offset: Numbers = None,
-    voltage_lag: Numbers = None,
-    temperature: Numbers = None,
-    **alike: Any,
-) -> tuple[list[Path | Record], list[Path | Record], list[ReadOptions]]:
-    """What a task reads of fitted and of held-out data, and how; the options are those of `reading`.
+    data: Data | Sequence[Data] | None, holdout: Data | Sequence[Data] | None, reads: Sequence[ReadOptions]
+) -> tuple[list[Path | Record], list[Path | Record]]:
+    """What a task reads of fitted and of held-out data, of which ``reads`` says how (`readings`).
 
     Raises
     ------
     BsaError
         If one is no data, or the options do not fit them.
     """
-    several = {
-        "constant_current": as_list(constant_current),
-        "current_offset": as_list(current_offset),
-        "voltage_lag": as_list(voltage_lag),
-        "temperature": as_list(temperature),
-    }
-    reads = readings(several, **alike)
-    everything = [*data, *held_out]
+    fitted = listed(data)
+    everything = [*fitted, *listed(holdout)]
     each = one_each(reads, len(everything))
     found = [source(one, read, number) for number, (one, read) in enumerate(zip(everything, each, strict=True), 1)]
-    return found[: len(data)], found[len(data) :], reads
-
-
-def as_list(numbers: Numbers) -> list[float]:
-    """One number, several or none, as a list."""
-    if numbers is None:
-        return []
-    return [numbers] if isinstance(numbers, (int, float)) else list(numbers)
+    return found[: len(fitted)], found[len(fitted) :]
 
 
 def _left(options: ReadOptions) -> set[str]:

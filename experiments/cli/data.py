@@ -41,11 +41,11 @@ def data(
 ) -> None:
     """Say what files hold: signals, steps, cycles, resistances, slow curves and every problem."""
     from ...core.reading.reading import read_file
-    from ..request import Records
+    from ..request import one_each
 
     _check_outputs(files, join, plot, export, out)
     sources: list[Any] = [files] if join else list(files)
-    reads = Records(files, reads=reading.options(join)).each_read()
+    reads = one_each(reading.options(join), len(sources))
     found = [
         read_file(source, read, reader=reading.reader, reader_options=reading.reader_options)
         for source, read in zip(sources, reads, strict=True)

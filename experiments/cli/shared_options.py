@@ -178,19 +178,17 @@ class Reading:
         from ..request import key_texts, readings
 
         return readings(
-            {
-                "constant_current": self.constant_current or (),
-                "current_offset": self.current_offset or (),
-                "voltage_lag": self.voltage_lag or (),
-                "temperature": self.temperature or (),
-            },
-            column=key_texts(self.column, "--column"),
-            unit=key_texts(self.unit, "--unit"),
-            current_sign=self.current_sign,
-            where=key_texts(self.where, "--where"),
-            cycles=self.cycles,
-            sheet=self.sheet,
-            join=join,
+            key_texts(self.column, "--column"),
+            key_texts(self.unit, "--unit"),
+            self.current_sign,
+            self.constant_current,
+            self.current_offset,
+            self.voltage_lag,
+            key_texts(self.where, "--where"),
+            self.cycles,
+            self.sheet,
+            self.temperature,
+            join,
         )
 
     @property
