@@ -226,7 +226,8 @@ def _names_a_task(data: Any) -> bool:
     return data is None or isinstance(data, Task)
 
 
-def _task_named(data: str | Path | Task | None) -> Task:
+def _task_named(data: Any) -> Task:
+    """The task that is given, or has that name; the demonstration where none is given."""
     from ..tasks.find import find_task
 
     return data if isinstance(data, Task) else find_task("demo" if data is None else str(data))
