@@ -85,7 +85,7 @@ class Column:
             self._changes = {away: self._changes[away]}  # Until there is a better one.
             self._step = max(self._step * self._visible / size, self._smallest)
             self._begin(float(np.sign(away)))
-        elif change is None or (self._central and len(self._changes) == 1):
+        elif change is None or (self._central and len({away > 0 for away in self._changes}) == 1):
             self._next()
         else:
             self.wanted = None

@@ -331,10 +331,10 @@ class Fitter:
     def race(self, explanations: Sequence[Explanation], budget: int) -> tuple[list[Explanation], list[Explanation]]:
         """Fit explanations side by side, from coarse to fine, as long as they keep up with the best one.
 
-        At each level the misfit of the best one counts as noise, so that differences in cost are evidence; who lags
-        by more than `LAG` is dropped, and keeps the fit that it has. The last level, at which the best one is
-        adequate or comes no nearer, gets the whole budget; those before it a third. Returns those that kept up, and
-        the others.
+        At each level the misfit of the best one counts as noise, so that differences in cost are evidence. An
+        explanation whose cost lags by more than `LAG`, and whose own slopes promise less than that lag, is dropped,
+        and keeps the fit that it has. The last level, at which the best one is adequate or comes no nearer, gets the
+        whole budget; those before it a third. Returns those that kept up, and the others.
         """
         running, dropped = list(explanations), []
         for level in range(_LEVELS):
@@ -348,7 +348,7 @@ class Fitter:
             effort = budget if last else budget // 3
             for again in self.problem.side_by_side([partial(self.again, one, effort) for one in running]):
                 ahead = min((other.cost for other in fitted), default=np.inf)
-                if again.cost > ahead + LAG:
+                if again.cost - (0.0 if last else again.fit.promised) > ahead + LAG:
                     dropped.append(again)
                 else:
                     fitted.append(again)

@@ -124,6 +124,16 @@ def test_of_a_change_that_is_far_too_large_a_shorter_step_counts() -> None:
     assert column.slope == pytest.approx(10.0 * np.exp(5.0), rel=0.02)
 
 
+def test_a_central_difference_that_is_shortened_takes_both_sides_of_the_shorter_step() -> None:
+    def at(x: float) -> np.ndarray:
+        return np.array([x + 20.0 * x**2])  # Over a whole step the square is twice the slope's part.
+
+    column = Column(0, 0.0, -1.0, 1.0, 0.1, 0.0, visible=0.01, central=True)
+    while column.wanted is not None:
+        column.take(at(column.wanted))
+    assert column.slope == pytest.approx(1.0, abs=1e-9)
+
+
 def test_a_failing_side_is_answered_by_the_other() -> None:
     target = np.array([0.4, 0.3])
     search = LeastSquares(np.array([0.5, 0.45]))
