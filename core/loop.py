@@ -13,6 +13,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from .after_search import AfterSearch, Score, Watching
+from .answer import answer
 from .encoding import decode_trial, encode_proposal, encode_trial
 from .errors import BsaError
 from .feedback import Feedback
@@ -33,7 +34,7 @@ from .simulation import ExperimentRun, Outcome, SimulationFailure
 from .task import Task
 from .task_reduction import TaskReduction
 from .trajectory import FloatArray
-from .trial import Phase, Trial, likeliest, lowest
+from .trial import Phase, Trial, lowest
 
 Status = Literal["converged", "finished", "rounds-spent", "simulations-spent", "budget-spent", "outage", "interrupted"]
 
@@ -59,7 +60,7 @@ class RunResult:
     """How a run ended."""
 
     status: Status  # Why it ended.
-    best: Trial  # The likeliest trial: its parameters and intervals are the run's answer.
+    best: Trial  # The run's answer (`answer`), to which parameters and intervals belong.
     lowest: Trial  # The trial with the lowest objective, by which benchmarks score; often the same.
     # initial_metrics, best_metrics, lowest_metrics: Scored with the simulator's reference accuracy (PyBaMM's standard
     # mesh).
@@ -300,7 +301,7 @@ class Run:
         return partial_residuals(self._task, outcome) if compared else None
 
     def _finish(self, status: Status, reason: str, started: float) -> RunResult:
-        initial, best, scored_best = self._trials[0], likeliest(self._trials), self.lowest
+        initial, best, scored_best = self._trials[0], answer(self._task, self._trials), self.lowest
         # Of a run that is to go on, nobody wants to wait for the last word.
         last_word = status not in ("interrupted", "outage")
         scores = self._after.score([initial, best, scored_best]) if last_word else {}

@@ -87,7 +87,7 @@ class Trial:
 
 
 def likeliest(trials: Sequence[Trial]) -> Trial:
-    """The trial that a run reports, with its parameters and intervals: the least misfit step by step.
+    """The trial with the least misfit step by step.
 
     Among equals the lowest objective decides, and the first trial stands where none ran to its end. The objective may
     compare at equal times, where one step's wrong duration shifts all behind it, and weighs what a noisy record says
@@ -99,6 +99,11 @@ def likeliest(trials: Sequence[Trial]) -> Trial:
 def lowest(trials: Sequence[Trial]) -> Trial:
     """The trial with the best score, which searches and benchmarks count by; the first one if none succeeded."""
     return min(trials, key=lambda trial: trial.objective)
+
+
+def promise(trial: Trial) -> float:
+    """Low where misfit and score are both low: what is good by one alone often owes it to a vanished step."""
+    return trial.misfit * trial.objective
 
 
 def closest(trials: Sequence[Trial]) -> Trial:

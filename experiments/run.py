@@ -133,7 +133,7 @@ def read_request(folder: Path) -> tuple[Task, RunConfig]:
 
 
 def summary(task: Task, config: RunConfig, backend_name: str, result: RunResult) -> dict[str, Any]:
-    """What ``result.json`` holds: ``best`` is the likeliest trial, ``best_score`` the one of the lowest objective."""
+    """What ``result.json`` holds: ``best`` is the run's answer, ``best_score`` the trial with the lowest objective."""
     return {
         "task": task.name,
         "scaffold": config.scaffold.name,

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.after_search import ANALYSIS, SCORE, read_record_errors
+from ..core.answer import answer
 from ..core.encoding import decode_task, decode_trial
 from ..core.errors import BsaError
 from ..core.journal import FILE_NAME, check_calibration, read_events
@@ -18,7 +19,7 @@ from ..core.prediction import HELD_OUT, Prediction, decode_prediction
 from ..core.record_errors import RecordErrors
 from ..core.shape import decoding, mapping_with, shaped
 from ..core.task import Task
-from ..core.trial import Phase, Trial, likeliest, lowest
+from ..core.trial import Phase, Trial, lowest
 from .exchanges import EXCHANGED, Exchange, exchange_of
 
 UNFINISHED = "unfinished"
@@ -85,8 +86,8 @@ class RunRecord:
 
     @property
     def best(self) -> Trial:
-        """The likeliest trial, whose parameters and intervals are the run's answer; the initial one if all failed."""
-        return likeliest(self.trials)
+        """The trial whose parameters and intervals are the run's answer; the initial one if all failed."""
+        return answer(self.task, self.trials)
 
     @property
     def lowest(self) -> Trial:
@@ -104,7 +105,7 @@ class RunRecord:
 
     @property
     def best_metrics(self) -> Metrics | None:
-        """Errors of the likeliest trial; see `metrics_of`."""
+        """Errors of the run's answer; see `metrics_of`."""
         return self.metrics_of(self.best)
 
     @property
@@ -162,7 +163,7 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
     for trial in trials:
         for parameter in task.space:
             _check_bounds(parameter, trial.candidate[parameter.name])
-    best = likeliest(trials).index
+    best = answer(task, trials).index
     scores = {event["index"]: event for event in events if event["event"] == SCORE}
     return RunRecord(
         name=folder.resolve().name,

@@ -20,12 +20,12 @@ _WORTH_MEASURING = 0.9
 def best_score_line(objective: Quantity, best: Trial, lowest: Trial, metrics: Metrics | None) -> str:
     """Which simulation has a better score than the one that is reported; empty if none has.
 
-    ``best`` is the likeliest simulation, ``lowest`` the one with the lowest objective.
+    ``best`` is the run's answer, ``lowest`` the simulation with the lowest objective.
     """
     if lowest is best or metrics is None:
         return ""
     return (
-        f"These are the values of simulation {best.index}, which follows the record most closely step by step; "
+        f"These are the values of simulation {best.index}, which follows the record more closely step by step; "
         f"simulation {lowest.index} has the lowest {objective.words}, {number(objective.shown(metrics))} "
         f"{objective.unit}."
     )

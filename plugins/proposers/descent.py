@@ -6,13 +6,14 @@ from typing import Literal
 import numpy as np
 from pydantic import BaseModel, Field
 
+from ...core.answer import CLEARLY_ABOVE
 from ...core.fit_settings import Settings
 from ...core.least_squares import LeastSquares
 from ...core.parameters import Candidate
 from ...core.residuals import noise_of_residuals, rms
 from ...core.task import Task
 from ...core.trajectory import FloatArray
-from ...core.trial import Trial
+from ...core.trial import Trial, promise
 from .continuation import Reductions
 from .feasibility import Feasibility
 
@@ -28,9 +29,6 @@ with a better point it shall end no higher than without."""
 _SUSPICIOUS = 3.0
 """Root mean square, in tolerances or in standard deviations of the noise if that is more, above which an end may be a
 trap rather than a model's or a record's limits."""
-
-_CLEARLY_ABOVE = 1.5
-"""Misfit in units of the noise from which noise alone does not explain it: of a hundred residuals none comes near."""
 
 _UNRESOLVED = 0.1
 """Noise, in tolerances, that a fit need not come down to: no record resolves a tenth of a millivolt."""
@@ -145,7 +143,7 @@ class Descent:
         best = self.best
         if best is None or best.residual is None or not self.done:
             return ""
-        above = best.ending == "noise" and self.misfit > _CLEARLY_ABOVE * self.noise
+        above = best.ending == "noise" and self.misfit > CLEARLY_ABOVE * self.noise
         why = _ENDINGS.get(
             "misfit" if above else best.ending,
             f"a round gained less than {_TOO_SLOW:.0%}, or the simulations were spent",
@@ -316,15 +314,10 @@ class Descent:
 
     def _take_starts(self, trials: Sequence[Trial]) -> None:
         self._polled = []
-        self._promising = sorted((trial for trial in trials if trial.residuals is not None), key=_promise)
+        self._promising = sorted((trial for trial in trials if trial.residuals is not None), key=promise)
         if self._promising:
             self._search_from_trial(self._promising.pop(0))
 
     def _search_from_trial(self, trial: Trial) -> LeastSquares:
         self._search = self._search_from(trial.candidate, trial.residuals)
         return self._search
-
-
-def _promise(trial: Trial) -> float:
-    """Low where residuals and score are both low: what is good by one alone often owes it to a vanished step."""
-    return trial.misfit * trial.objective
