@@ -29,7 +29,8 @@ class Estimate:
     name: str
     unit: str
     value: float
-    ci95: tuple[float, float]  # Its 95 % interval, Gauss-Newton, widened for the dispersion of the residual.
+    # Its 95 % interval, Gauss-Newton, widened for the dispersion of the residual and for errors that are systematic.
+    ci95: tuple[float, float]
     null: float  # Its null value.
     at_bound: bool  # Whether the fit stopped at a bound: the value then says little.
     of: tuple[float, str] = (1.0, "")  # As in `EffectParameter`.
@@ -146,9 +147,11 @@ def temperature_misfit(temperature_rms_k: float | None, deviation_k: float = TEM
     return ((temperature_rms_k or 0.0) / deviation_k) ** 2
 
 
-def estimates_of(effects: tuple[Effect, ...], fit: Refit, dispersion: float) -> dict[str, tuple[Estimate, ...]]:
-    """The effects' parameters with their intervals; ``dispersion`` multiplies the covariance (quasi-likelihood)."""
-    deviations: FloatArray = np.sqrt(np.diag(fit.covariance(dispersion)))
+def estimates_of(
+    effects: tuple[Effect, ...], fit: Refit, dispersion: float, systematic: FloatArray | None = None
+) -> dict[str, tuple[Estimate, ...]]:
+    """The effects' parameters with their intervals; the other arguments are those of `Refit.covariance`."""
+    deviations: FloatArray = np.sqrt(np.diag(fit.covariance(dispersion, systematic)))
     place = {name: number for number, name in enumerate(fit.space.names)}
     result: dict[str, tuple[Estimate, ...]] = {}
     for effect in effects:

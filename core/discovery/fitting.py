@@ -378,7 +378,8 @@ class Fitter:
         held_rmse = self._held(effects, fit)
         kelvin = _temperature_error(problem, predictions)
         explanation = Explanation(effects, fit, adequacy, rmse, held_rmse, volts, sigma, kelvin)
-        explanation.estimates = estimates_of(effects, fit, explanation.dispersion(problem.misfit_v))
+        systematic = problem.systematic() / problem.deviation()[:, None]
+        explanation.estimates = estimates_of(effects, fit, explanation.dispersion(problem.misfit_v), systematic)
         if kelvin is not None:
             doubted = [effect for effect in effects if explanation.estimates[effect.key][0].holds_null]
             explanation.temperature_without_k = self._temperatures_without(doubted, effects, fit.candidate)

@@ -53,6 +53,7 @@ class Observations:
     charge: FloatArray  # Charge drawn since the start of the record, A.h.
     temperature: FloatArray | None  # Measured temperature, K.
     noise: float  # Standard deviation of one sample, V.
+    floor: float  # Differences below this are not physics, V.
     moments: Moments  # When a simulation is looked at to be compared.
 
     def __len__(self) -> int:
@@ -110,6 +111,7 @@ def observe(measured_record: MeasuredRecord, points: int = 500, floor_v: float =
         charge,
         None if record.temperature is None else mean(record.temperature),
         noise,
+        floor_v,
         _moments(record, clocked, groups),
     )
 

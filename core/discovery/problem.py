@@ -8,6 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.ndimage import maximum_filter1d
 
 from ..effect import Effect
@@ -36,6 +37,10 @@ _ROOMY_SOC = 0.9
 
 _LARGEST_V = 0.02
 """A larger difference between two meshes is not corrected but feared."""
+
+_UNSURE = 0.25
+"""Share of the difference between two meshes that is uncertain after it was corrected: it was measured at one candidate
+and one refinement."""
 
 _NEAR = 5
 """Averages in a row over which the largest difference between two meshes counts."""
@@ -167,6 +172,19 @@ class Problem:
         mesh = self.mesh_sigma.get(observed.name)
         return observed.sigma if mesh is None else np.sqrt(observed.sigma**2 + mesh**2)
 
+    def systematic(self) -> FloatArray:
+        """Errors of the fitted stretches that do not average out, V, each a column, shape (n, k).
+
+        They are the floor, the same over a whole step, and in each record what is uncertain about the mesh.
+        """
+        blocks = []
+        for observed, mask in zip(self.observations, self.fitted, strict=True):
+            steps = observed.step[mask]
+            floors = observed.floor * (steps[:, None] == np.unique(steps))
+            mesh = _UNSURE * self.corrections.get(observed.name, np.zeros(len(observed)))
+            blocks.append(np.column_stack([floors, mesh[mask]]))
+        return np.asarray(block_diag(*blocks))
+
     def deviation(self) -> FloatArray:
         """What the fitted stretches are weighed by, one after the other: deviations with the misfit, V."""
         parts = [self.sigma(observed)[mask] for observed, mask in zip(self.observations, self.fitted, strict=True)]
@@ -187,7 +205,6 @@ class Problem:
     def correct_mesh(self, effects: Sequence[Effect], candidate: Candidate) -> float:
         """Measure at one candidate what the mesh and the tolerances do to the voltage, and correct for it.
 
-        A quarter of the correction stays as an uncertainty: it was measured at one candidate and one refinement.
         Returns its root mean square, V.
         """
         usual_all: list[FloatArray] = []
@@ -205,7 +222,7 @@ class Problem:
             # a difference that is small by chance says nothing: what counts is the largest one near.
             near = maximum_filter1d(np.abs(change), _NEAR)
             # Where the two meshes disagree on when the cell is empty, the difference is no correction.
-            self.mesh_sigma[observed.name] = np.where(near > _LARGEST_V, near, 0.25 * near)
+            self.mesh_sigma[observed.name] = np.where(near > _LARGEST_V, near, _UNSURE * near)
             change = np.where(near > _LARGEST_V, 0.0, change)
             # Around a knee the difference is a shift in time; there it is an uncertainty more than a correction.
             self.corrections[observed.name] = change

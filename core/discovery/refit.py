@@ -65,10 +65,18 @@ class Refit:
         """``chi2`` plus ``prior_cost``."""
         return self.chi2 + self.prior_cost
 
-    def covariance(self, inflation: float = 1.0) -> FloatArray:
-        """Covariance of the coordinates (Gauss-Newton), shape (p, p); ``inflation`` multiplies the data's variances."""
-        normal = self.jacobian.T @ self.jacobian / inflation + np.diag(self.space.prior_weights**2 + 1e-10)
-        return np.asarray(np.linalg.inv(normal))
+    def covariance(self, inflation: float = 1.0, systematic: FloatArray | None = None) -> FloatArray:
+        """Covariance of the coordinates (Gauss-Newton), shape (p, p).
+
+        ``inflation`` multiplies the data's variances; ``systematic`` are errors of the residual that do not average
+        out, in standard deviations, independent of one another, shape (n, k): each moves the coordinates.
+        """
+        information, prior = self.jacobian.T @ self.jacobian, np.diag(self.space.prior_weights**2 + 1e-10)
+        covariance = np.linalg.inv(information / inflation + prior)
+        if systematic is not None:
+            moved = np.linalg.solve(information + prior, self.jacobian.T @ systematic)
+            covariance = covariance + moved @ moved.T
+        return np.asarray(covariance)
 
 
 def refit(

@@ -19,6 +19,22 @@ def space(count):
     return ParameterSpace(tuple(Parameter(f"p{k}", 0.0, -50.0, 50.0, deviation=1.0) for k in range(count)))
 
 
+def test_intervals_hold_where_an_error_is_the_same_over_a_whole_step():
+    rng = np.random.default_rng(8)
+    slope, step = np.repeat([0.0, 1.0, 2.0], 40), np.repeat(np.arange(3), 40)
+    jacobian = np.column_stack([slope, np.ones(120)])
+    floors = 0.8 * (step[:, None] == np.arange(3))
+    held = {"white": 0, "systematic": 0}
+    for _ in range(400):
+        residual = rng.normal(size=120) + floors @ rng.normal(size=3)
+        u = -np.linalg.lstsq(jacobian, residual, rcond=None)[0]
+        fit = Refit(space(2), u, residual + jacobian @ u, jacobian, True, 1)
+        for name, systematic in (("white", None), ("systematic", floors)):
+            held[name] += abs(u[0]) < 1.96 * np.sqrt(fit.covariance(1.0, systematic)[0, 0])
+    assert held["white"] < 0.5 * 400
+    assert 0.9 * 400 < held["systematic"] < 0.99 * 400
+
+
 def test_false_alarms_stay_at_the_stated_rate():
     rng = np.random.default_rng(5)
     alarms = 0
