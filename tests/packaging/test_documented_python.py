@@ -18,12 +18,14 @@ EXAMPLES = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 def test_the_examples_run(tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     shutil.copy(PACKAGED / "demo.csv", "my_cell.csv")
+    Path("thermometer.csv").write_text("time_s,temperature_degC\n0,25\n100000,27\n", encoding="utf-8")
     names: dict[str, object] = {}
     for example in EXAMPLES:
         exec(example, names)
     assert "Voltage RMSE" in capsys.readouterr().out
     assert names["result"].report.is_file()
     assert names["solution"].t[-1] == 600
+    assert 298.1 < names["warm"].trajectory.temperature.max() < 300.2
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -33,7 +35,7 @@ def test_every_example_of_every_page_compiles(page: Path) -> None:
 
 
 def test_no_example_is_longer_than_six_lines_or_one_step_of_a_try() -> None:
-    assert len(EXAMPLES) == 4
+    assert len(EXAMPLES) == 5
     assert all(len(example.splitlines()) <= 6 for example in EXAMPLES)
 
 
