@@ -34,6 +34,10 @@ _WARMS_K = 2.0
 """Change of the temperature from which on the model is thermal, and transport depends on it, K: a smaller one may be
 that of the room."""
 
+_TELLS_K = 10.0
+"""Distance of the temperatures around fitted records from which on they tell activation energies, K: over less a usual
+one (20 kJ/mol) changes a rate by less than a third, and priors know rates to a factor of two."""
+
 VOLUME, SURFACE = "Cell volume [m3]", "Cell cooling surface area [m2]"
 
 _SHEET, _CELL = 40.0, 7.0
@@ -96,6 +100,29 @@ def temperature_dependent(
     return with_activation_energies(parameter_set, constant), [
         f"{said} They get activation energies ({energies} kJ/mol, those of other published sets), at the reference "
         "temperature they stay as they are."
+    ]
+
+
+def with_searched_energies(
+    parameter_set: ParameterSource,
+    search: str | Mapping[str, Any],
+    fixed: Mapping[str, float],
+    fitted_k: Sequence[float | None],
+) -> tuple[ParameterSource, list[str]]:
+    """The parameter set with activation energies that a preset searches, and what is to be said of them.
+
+    Rates that are ``fixed`` to a number have none; ``fitted_k`` are the temperatures around the fitted records, K:
+    where they are too near to tell, the set stays.
+    """
+    from ...plugins.pybamm.activation_energies import RATES, additional_energy_name, with_additional_energies
+    from ...plugins.pybamm.presets import searches
+
+    spread_k = float(np.ptp([kelvin for kelvin in fitted_k if kelvin is not None] or [0.0]))
+    if spread_k < _TELLS_K or not searches(search, additional_energy_name(RATES[0])):
+        return parameter_set, []
+    return with_additional_energies(parameter_set, [name for name in RATES if name not in fixed]), [
+        f"The temperatures around the fitted records are {spread_k:.0f} K apart: how diffusivities, conductivity and "
+        "reactions depend on the temperature is fitted too, as additional activation energies."
     ]
 
 

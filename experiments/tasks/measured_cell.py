@@ -20,6 +20,7 @@ from .cell_for_records import (
     volume_and_surface,
     wide_window,
     with_chosen_potentials,
+    with_searched_energies,
     with_thermal_model,
 )
 from .lives import cracks_note, with_ageing
@@ -100,6 +101,10 @@ def _set_and_options(
     notes += said
     if at_several_temperatures(options, ambient_k) and not wanted.is_own_file:
         parameter_set, said = temperature_dependent(parameter_set, wanted.search, wanted.overrides)
+        notes += said
+        parameter_set, said = with_searched_energies(
+            parameter_set, wanted.search, wanted.overrides, ambient_k[: len(records)]
+        )
         notes += said
     if any(request.is_life for request in requests):
         options, note = with_ageing(options)

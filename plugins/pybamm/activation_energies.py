@@ -1,8 +1,8 @@
-"""Transport that becomes faster in a warm cell, for parameter sets in which it does not."""
+"""Rates that become faster in a warm cell: in parameter sets in which they do not, or as records tell."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,12 +34,24 @@ TRANSPORT = {
 of 5 to 81 kJ/mol in the particles, 19 of 17 to 37 and 15 of 12 to 35 in the electrolyte; sets with the same functions
 count once)."""
 
+RATES = (
+    *TRANSPORT,
+    "Negative electrode exchange-current density [A.m-2]",
+    "Positive electrode exchange-current density [A.m-2]",
+)
+"""What records at several temperatures tell an activation energy of, by PyBaMM's names."""
+
 _COLD_AND_WARM_K = (298.15, 308.15)
 
 
 def energy_name(transport: str) -> str:
     """PyBaMM's name for the activation energy of a diffusivity or conductivity (its BPX reader's)."""
     return f"{transport.split(' [')[0]} activation energy [J.mol-1]"
+
+
+def additional_energy_name(rate: str) -> str:
+    """Name of what is added to the activation energy that a diffusivity, conductivity or reaction has in its set."""
+    return f"{rate.split(' [')[0]} additional activation energy [J.mol-1]"
 
 
 def independent_of_temperature(base: ParameterSource) -> tuple[str, ...]:
@@ -75,16 +87,40 @@ def with_activation_energies(base: ParameterSource, transport: tuple[str, ...]) 
     values = load(base)
     for name in transport:
         values.update({energy_name(name): TRANSPORT[name].energy}, check_already_exists=False)
-        values.update({name: _arrhenius(values[name], TRANSPORT[name].argument, energy_name(name))})
+        arguments = (TRANSPORT[name].argument, "temperature")
+        values.update({name: _arrhenius(values[name], arguments, energy_name(name))})
     return ParameterFile(f"{base} with activation energies", "parameter-values", as_json(values))
 
 
-def _arrhenius(own: Any, argument: str, energy: str) -> Callable[..., Any]:
-    def warmed(*given: Any, **named: Any) -> Any:
-        at, temperature = (*given, *named.values())
-        reference = pybamm.Parameter("Reference temperature [K]")
-        exponent = pybamm.Parameter(energy) / pybamm.constants.R * (1 / reference - 1 / temperature)
-        return pybamm.exp(exponent) * (own(at, temperature) if callable(own) else own)
+def with_additional_energies(base: ParameterSource, rates: Iterable[str] = RATES) -> ParameterFile:
+    """A parameter set in which rates have an additional activation energy, 0 to begin with.
 
-    take_arguments(warmed, (argument, "temperature"))
+    Each is multiplied by a law of Arrhenius that is 1 at the set's reference temperature.
+
+    Parameters
+    ----------
+    base : str or ParameterFile
+        The set.
+    rates : iterable of str
+        Which ones, by PyBaMM's names, of `RATES`; one that the set lacks is left out.
+    """
+    values = load(base)
+    for name in (name for name in rates if name in values):
+        own, energy = values[name], additional_energy_name(name)
+        arguments = arguments_of(own) if callable(own) else (TRANSPORT[name].argument, "temperature")
+        values.update({energy: 0.0}, check_already_exists=False)
+        values.update({name: _arrhenius(own, arguments, energy)})
+    return ParameterFile(f"{base} with additional activation energies", "parameter-values", as_json(values))
+
+
+def _arrhenius(own: Any, arguments: tuple[str, ...], energy: str) -> Callable[..., Any]:
+    """A number or function of a set times the law of Arrhenius; the last of the arguments is the temperature."""
+
+    def warmed(*given: Any, **named: Any) -> Any:
+        values = (*given, *named.values())
+        reference = pybamm.Parameter("Reference temperature [K]")
+        exponent = pybamm.Parameter(energy) / pybamm.constants.R * (1 / reference - 1 / values[-1])
+        return pybamm.exp(exponent) * (own(*values) if callable(own) else own)
+
+    take_arguments(warmed, arguments)
     return warmed

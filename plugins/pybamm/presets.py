@@ -35,6 +35,7 @@ class Range(BaseModel, extra="forbid"):
     start: float | None = Field(None, description="Initial value, in the units of the bounds, where the set has 0.")
     needs: dict[str, list[str]] = Field(default_factory=dict, description="Model options it takes part with.")
     number_only: bool = Field(False, description="Left out where the set has a function: that was measured.")
+    if_present: bool = Field(False, description="Left out where the set lacks it.")
 
     @model_validator(mode="after")
     def _one_kind_of_bounds(self) -> Range:
@@ -110,6 +111,7 @@ def preset_space(
         for name, entry in known[preset_name].parameters.items()
         if entry.takes_part(options or {})
         and not (entry.number_only and name not in given and is_function(parameter_set, name))
+        and not (entry.if_present and name not in load(parameter_set))
     }
     if not chosen:
         raise BsaError(

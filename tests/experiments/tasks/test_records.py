@@ -1,13 +1,14 @@
 """What a person says of records, parameters and options is kept."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from bsa.core.errors import BsaError
 from bsa.core.record import Record
 from bsa.core.target import CellChange
-from bsa.core.task import ParameterFile
+from bsa.core.task import ParameterFile, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.tasks.cell_for_records import WIDTH, volume_and_surface, with_chosen_potentials
 from bsa.experiments.tasks.measured_cell import CONTACT, RESISTANCE
@@ -114,6 +115,22 @@ def test_transport_depends_on_the_temperature_where_the_temperatures_differ_and_
     own = task_of(*rooms, search={name: [1e-14, 1e-13]})
     assert own.cell.parameter_set == "Chen2020"
     assert any("may be predicted to end too early" in note for note in own.notes)
+
+
+def test_activation_energies_are_searched_where_the_fitted_records_tell_them() -> None:
+    rate = "Negative particle diffusivity"
+    name = f"{rate} additional activation energy [J.mol-1]"
+    cold, warm = (RecordRequest(record(key), temperature_k=kelvin) for key, kelvin in (("a", 283.15), ("b", 298.15)))
+
+    def task(*fitted: RecordRequest, **more: Any) -> Task:
+        return build_task("t", "OKane2022", list(fitted), model="SPM", **more)
+
+    assert task(cold, warm).space[name].initial == 0.0
+    assert any("15 K apart" in note for note in task(cold, warm).notes)
+    assert name not in task(warm, held_out=[cold]).space
+    assert name not in task(cold, warm, search={f"{rate} [m2.s-1] factor": {}}).space
+    fixed = task(cold, warm, overrides={f"{rate} [m2.s-1]": 2e-14}).space
+    assert [one for one in fixed.names if "additional" in one and rate in one] == []
 
 
 def test_an_ideal_electrolyte_is_replaced_by_a_measured_one_where_its_factor_is_searched() -> None:

@@ -7,9 +7,11 @@ from bsa.core.task import CellModel, Experiment, ParameterFile
 from bsa.core.trajectory import Trajectory
 from bsa.plugins.pybamm.activation_energies import (
     TRANSPORT,
+    additional_energy_name,
     energy_name,
     independent_of_temperature,
     with_activation_energies,
+    with_additional_energies,
 )
 from bsa.plugins.pybamm.parameter_files import parsed
 from bsa.plugins.pybamm.parameter_sets import load, pybamm
@@ -52,6 +54,16 @@ def test_an_activation_energy_can_be_given(warmed: ParameterFile) -> None:
 
 def test_the_set_is_a_file_that_is_read_as_a_strangers_is(warmed: ParameterFile) -> None:
     assert parsed("chen.json", warmed.text).kind == "parameter-values"
+
+
+@pytest.mark.parametrize("base", ["OKane2022", "Prada2013"])
+def test_an_additional_energy_changes_nothing_until_it_is_given(base: str) -> None:
+    file, name = with_additional_energies(base), "Negative particle diffusivity [m2.s-1]"
+    own, more = load(base), load(file, {additional_energy_name(name): 1e4})
+    for kelvin in (278.15, 298.15, 318.15):
+        law = np.exp(1e4 / GAS_CONSTANT * (1 / 298.15 - 1 / kelvin))
+        assert at(load(file), name, kelvin) == pytest.approx(at(own, name, kelvin), rel=1e-12)
+        assert at(more, name, kelvin) == pytest.approx(law * at(own, name, kelvin), rel=1e-6)
 
 
 @pytest.mark.slow
