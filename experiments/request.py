@@ -327,7 +327,7 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
         task = build_task(
             parameter_set=base, overrides=overrides, model=model, options=options, effects=effects, **asked
         )
-        return task if cell.search is not None else with_its_space(task, run)
+        return task if cell.search is not None else with_its_space(task, run, bool(records.initial_soc))
     if cell.parameters is None:
         raise BsaError(
             "a record needs a parameter set to start from.",

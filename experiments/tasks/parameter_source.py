@@ -1,18 +1,21 @@
 """Base parameters by what a person gives: an installed set, a file, or an earlier run."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ...core.encoding import encode_parameter, encode_task
 from ...core.errors import BsaError
 from ...core.files import file_error
 from ...core.journal import FILE_NAME as JOURNAL
-from ...core.parameters import ParameterSpace
-from ...core.target import InitialSoc
+from ...core.parameters import Parameter, ParameterSpace
+from ...core.target import CellChange, InitialSoc
 from ...core.task import ParameterFile, ParameterSource, Task
+from ...core.trajectory import Trajectory
 from ..run_record import RunRecord, read_run
 
 BEST = "best_parameters.json"
@@ -90,9 +93,38 @@ def start_from(run: RunRecord, search: str | Mapping[str, Any] | None) -> tuple[
     return _calibrated(run), {}
 
 
-def with_its_space(task: Task, run: RunRecord) -> Task:
-    """The task with a run's searched parameters, started at the run's best values; initial states stay the task's."""
+def with_its_space(task: Task, run: RunRecord, socs_given: bool = False) -> Task:
+    """The task with a run's searched parameters, started at the run's best values.
+
+    A record that the run fitted starts at the state of charge that was found; another one where the fitted cell shows
+    the open-circuit voltage at which the record starts, unless its state of charge was given.
+    """
     searched = any(isinstance(parameter.target, InitialSoc) for parameter in run.task.space)
-    kept = [parameter for parameter in task.space if searched and isinstance(parameter.target, InitialSoc)]
+    states = [parameter for parameter in task.space if searched and isinstance(parameter.target, InitialSoc)]
+    if not socs_given:
+        states = _started_in_the_fitted_cell(states, task, run)
     found = [p for p in run.task.space.started(run.best.candidate) if not isinstance(p.target, InitialSoc)]
-    return replace(task, space=ParameterSpace((*found, *kept)))
+    return replace(task, space=ParameterSpace((*found, *states)))
+
+
+def _started_in_the_fitted_cell(states: Sequence[Parameter], task: Task, run: RunRecord) -> list[Parameter]:
+    from ...plugins.pybamm.parameter_sets import load
+    from ...plugins.pybamm.state_of_charge import InitialState
+
+    set_as_is = InitialState(load(task.cell.parameter_set, task.cell.overrides))
+    fitted = run.task.space.change(run.best.candidate)
+    known = {experiment.name: experiment.target for experiment in run.task.experiments}
+    started = []
+    for state in states:
+        records = [e for e in task.experiments if state.target in (InitialSoc(), InitialSoc(e.name))]
+        same = records[0].name in known and _alike(known[records[0].name], records[0].target)
+        soc = fitted.soc_of(records[0].name) if same else None
+        if soc is None:
+            voltage = float(set_as_is.voltages(CellChange(), state.initial, np.zeros(1))[0])
+            soc = set_as_is.soc_at(voltage, fitted)
+        started.append(replace(state, initial=state.project(soc)))
+    return started
+
+
+def _alike(one: Trajectory, other: Trajectory) -> bool:
+    return np.array_equal(one.time, other.time) and np.array_equal(one.voltage, other.voltage)

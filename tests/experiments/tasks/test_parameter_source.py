@@ -1,0 +1,52 @@
+import numpy as np
+import pytest
+from bsa.core.feedback import Feedback
+from bsa.core.record import Record
+from bsa.core.signal_metrics import SignalMetrics
+from bsa.core.target import INITIAL_SOC, CellChange
+from bsa.core.task import Task
+from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.core.trial import Trial
+from bsa.experiments.run_record import RunRecord
+from bsa.experiments.tasks.parameter_source import with_its_space
+from bsa.experiments.tasks.record_request import RecordRequest
+from bsa.experiments.tasks.records import build_task
+from bsa.plugins.pybamm.parameter_sets import load
+from bsa.plugins.pybamm.state_of_charge import InitialState
+
+SHAPE = "Positive electrode OCP correction at stoichiometry 0.5 [V]"
+
+
+def at_rest(name: str, voltage: float) -> Record:
+    time = np.arange(0.0, 601.0, 60.0)
+    steps = (Step(StepKind.REST, 0, 6), Step(StepKind.CC_DISCHARGE, 6, len(time), position=1))
+    current = np.where(np.arange(len(time)) < 6, 0.0, 1.0)
+    return Record(name, Trajectory(time, current, voltage - 0.02 * current, None, steps))
+
+
+def task_of(*records: Record) -> Task:
+    search = {INITIAL_SOC: {"lower": 0.0, "upper": 1.0}, SHAPE: {"lower": -0.1, "upper": 0.1}}
+    return build_task("t", "Chen2020", [RecordRequest(one) for one in records], model="SPM", search=search)
+
+
+def finished(task: Task) -> RunRecord:
+    best = {name: {INITIAL_SOC: 0.61, SHAPE: 0.08}[name] for name in task.space.names}
+    trial = Trial(0, "initial", 0, best, SignalMetrics(1.0, {}), None, np.ones(3), Feedback({}), (), 0.0)
+    return RunRecord("run", task, {}, {}, "", "finished", (trial,), (), ())
+
+
+def test_a_record_that_was_fitted_starts_at_the_state_of_charge_that_was_found() -> None:
+    run = finished(task_of(at_rest("a", 3.9)))
+    goes_on = with_its_space(task_of(at_rest("a", 3.9)), run).space
+    assert {parameter.name: parameter.initial for parameter in goes_on} == {INITIAL_SOC: 0.61, SHAPE: 0.08}
+
+
+def test_another_record_starts_where_the_fitted_cell_shows_its_voltage() -> None:
+    run, task = finished(task_of(at_rest("a", 3.9))), task_of(at_rest("b", 3.8))
+    space = with_its_space(task, run).space
+    state = InitialState(load("Chen2020"))
+    change = CellChange(ocp_shape=space.change({SHAPE: 0.08}).ocp_shape)
+    (voltage,) = state.voltages(change, space[INITIAL_SOC].initial, np.zeros(1))
+    assert voltage == pytest.approx(3.8, abs=2e-3)
+    assert abs(space[INITIAL_SOC].initial - task.space[INITIAL_SOC].initial) > 0.02
+    assert with_its_space(task, run, socs_given=True).space[INITIAL_SOC] == task.space[INITIAL_SOC]
