@@ -23,18 +23,20 @@ def exported(folder: Path, to: str) -> tuple[str, tuple[str, ...]]:
     cell, or the cell is no BPX cell.
     """
     from ..plugins.pybamm.bpx_export import to_bpx
-    from ..plugins.pybamm.export import parameter_values_json
+    from ..plugins.pybamm.export import as_json
+    from ..plugins.pybamm.nameplate import labelled, widened_cut_offs
     from ..plugins.pybamm.parameter_files import parsed
     from ..plugins.pybamm.solving import solve_reference
+    from ..plugins.pybamm.state_of_charge import changed_values
 
     run = read_finished(folder)
     cell, experiment, change = run.task.cell, run.task.experiments[0], run.task.space.change(run.best.candidate)
     if to == "parameter-values":
-        return parameter_values_json(cell, change), ()
+        return as_json(labelled(changed_values(cell, change), cell)), ()
     found = to_bpx(cell, change, experiment, run.task.name)
     soc = change.soc_of(experiment.name)
     started = experiment if soc is None else replace(experiment, initial_soc=soc)
-    read_back = replace(cell, parameter_set=parsed(FILES["bpx"], found.text), overrides={})
+    read_back = replace(cell, parameter_set=parsed(FILES["bpx"], found.text), overrides=widened_cut_offs(cell))
     curves = [
         solve_reference(one, started, own).trajectory for one, own in ((cell, change), (read_back, type(change)()))
     ]

@@ -88,8 +88,13 @@ class CalibrationResult:
 
     @property
     def parameter_values(self) -> pybamm.ParameterValues:
-        """The calibrated parameter set, ready to use; at temperature and initial state of the first record."""
-        return self._script["parameter_values"]()
+        """The calibrated parameter set, ready to use; at temperature and initial state of the first record.
+
+        Its nominal capacity is that of the cell's size, and its cut-offs are those of the set.
+        """
+        from ...plugins.pybamm.nameplate import labelled
+
+        return labelled(self._script["parameter_values"](), self._run.task.cell)
 
     @property
     def model(self) -> pybamm.BaseBatteryModel:

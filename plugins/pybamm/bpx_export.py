@@ -16,6 +16,7 @@ from ...core.extras import require
 from ...core.target import CellChange
 from ...core.task import CellModel, Experiment
 from ...core.trajectory import FloatArray
+from .nameplate import labelled
 from .ocp_shape import GRID
 from .parameter_sets import arguments_of, bake, load, pybamm
 from .state_of_charge import InitialState, initial_concentration, maximum_concentration
@@ -61,6 +62,7 @@ def to_bpx(cell: CellModel, change: CellChange, experiment: Experiment, title: s
     bpx = require("bpx", "bpx", "a BPX file")
     values = load(cell.parameter_set, cell.overrides)
     bake(values, change)
+    labelled(values, cell)
     if experiment.temperature_k is not None:
         values.update({"Ambient temperature [K]": experiment.temperature_k})
     soc = change.soc_of(experiment.name)

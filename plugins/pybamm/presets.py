@@ -16,11 +16,10 @@ from ...core.target import Factor, Target, Value, factor_name, target_named
 from ...core.task import ParameterSource
 from ...core.validation import validated
 from ...core.yaml_text import YAML_SUFFIXES, read_yaml
+from .nameplate import nominal_capacity_ah
 from .parameter_sets import initial_value, is_function, load, target_in
 
 PRESETS_FILE = Path(__file__).with_name("search_presets.yaml")
-
-_WIDTH = "Electrode width [m]"
 
 
 class Range(BaseModel, extra="forbid"):
@@ -216,7 +215,7 @@ def _from_preset(parameter_set: ParameterSource, name: str, entry: Range, overri
     if value and name not in overrides and is_function(parameter_set, name):
         name = factor_name(name)
     initial = initial_value(parameter_set, name, overrides)
-    unit = 1.0 if entry.volts_at_1c is None else 1.0 / _one_c_current(parameter_set, overrides)
+    unit = 1.0 if entry.volts_at_1c is None else 1.0 / nominal_capacity_ah(parameter_set, overrides)
     if entry.factors is not None:
         lower, upper = (initial * factor for factor in entry.factors)
     else:
@@ -245,13 +244,6 @@ def _preset_name(name: str) -> str:
 def _known_range(name: str) -> Range | None:
     base = _preset_name(name)
     return next((preset.parameters[base] for preset in presets().values() if base in preset.parameters), None)
-
-
-def _one_c_current(parameter_set: ParameterSource, overrides: Mapping[str, float]) -> float:
-    """The current that empties the cell in an hour, A; a cell made wider by an override carries more."""
-    own = load(parameter_set)
-    width = float(own[_WIDTH])
-    return float(own["Nominal cell capacity [A.h]"]) * overrides.get(_WIDTH, width) / width
 
 
 def _meets(value: Any, wanted: list[str]) -> bool:
