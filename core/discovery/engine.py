@@ -97,7 +97,7 @@ class Engine:
         explanations = [] if base.adequacy.adequate else self.single_effects(known)
         # A base model that started from the parameters of a new cell had the start that its explanations had.
         if explanations and fitter.as_new is None:
-            base = fitter.without(base, explanations[0])
+            base, explanations = self._with_better_base(base, explanations)
         if base.adequacy.adequate:
             of, gap = base.adequacy, self._gap(base, base)
             why = f"noise explains the residual (size p = {of.p_size:.2g}, structure p = {of.p_structure:.2g})"
@@ -111,6 +111,27 @@ class Engine:
         findings = RULES.decide(self._gap(base, nearest), explanations)
         findings.nominations, findings.mesh_v = known.nominations, known.mesh_v
         return findings
+
+    def _with_better_base(
+        self, base: Explanation, explanations: list[Explanation]
+    ) -> tuple[Explanation, list[Explanation]]:
+        """The base model fitted from where the best explanation ended, and explanations that are no worse than that.
+
+        An effect at its null is the base model: one whose fit is farther off is fitted again from there.
+        """
+        better = self._fitter.without(base, explanations[0])
+        if better is base:
+            return base, explanations
+        if better.inflated_noise_v < self.problem.misfit_v:
+            better = self._fitter.temper(better)
+        self._say(f"base model, from where {explanations[0].label} ended: {1e3 * better.rmse_v:.2f} mV")
+        behind = [e for e in explanations if e.rmse_v > better.rmse_v]
+        fits = [partial(self._fitter.from_neighbour, e.effects, e.fit, better) for e in behind]
+        again = {e.label: found for e, found in zip(behind, self.problem.side_by_side(fits), strict=True) if found}
+        result = ranked([again.get(e.label, e) for e in explanations])
+        for explanation in result:
+            self._fitter.tell(better, explanation)
+        return better, result
 
     def _gap(self, base: Explanation, nearest: Explanation) -> Gap:
         return Gap(base, nearest, self.problem.noise_v, self.problem.held_noise_v)

@@ -37,8 +37,8 @@ initial states of charge."""
 LAG = 2 * RULES.clear_bic
 """Cost by which an explanation may lag behind the best one before it is dropped: twice a BIC that is clear."""
 
-_SHARES_OF_STRENGTH = (1.0, 0.7, 1.4, 0.5, 2.0, 0.25, 4.0)
-"""Of a strength fitted elsewhere, what it may be beside another's base parameters."""
+_SHARES_OF_STRENGTH = (1.0, 0.7, 1.4, 0.5, 2.0, 0.25, 4.0, 0.0)
+"""Of a strength fitted elsewhere, what it may be beside another's base parameters; nothing, where these need none."""
 
 _STAGE = 40
 """Simulations of a fit to part of the cycles, from a fit to half as many."""
@@ -245,7 +245,7 @@ class Fitter:
         return again if again.adequacy.adequate or bic_difference(base, again) > 0 else base
 
     def from_neighbour(self, effects: tuple[Effect, ...], known: Refit, leader: Explanation) -> Explanation | None:
-        """Effects fitted once more from the leader's base parameters; None where that leads nowhere near it.
+        """Effects fitted once more from the base parameters of another fit; None where that leads nowhere near it.
 
         What is true of the base model is true whatever is added to it: an effect that comes near the data shows
         where the base parameters of similar ones (all that consume lithium) are.

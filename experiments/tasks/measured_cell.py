@@ -162,6 +162,8 @@ def searched_space(
     values = load(cell.parameter_set, cell.overrides)
     if RESISTANCE in wanted.given or values.get(RESISTANCE, 0.0) or RESISTANCE not in space:
         return space
+    if wanted.is_own_file:  # a whole cell, whose resistances are in the file
+        return space.started({RESISTANCE: space[RESISTANCE].project(0.0)})
     jumps = list(ohmic_resistances(spectra)) or [ohm for one in records for ohm in jump_resistances(one.trajectory)]
     if not jumps:
         return space

@@ -7,7 +7,7 @@ from bsa.core.discovery.engine import Engine
 from bsa.core.discovery.findings import Gap, Nomination, Settings
 from bsa.core.discovery.fitting import Fitter
 from bsa.core.discovery.nomination import nominate, screen
-from bsa.core.discovery.rules import RULES
+from bsa.core.discovery.rules import RULES, bic_difference
 from bsa.core.parameters import ParameterSpace
 
 CATALOGUE = (toy.QUADRATIC, toy.HYSTERESIS, toy.SLOW)
@@ -290,3 +290,19 @@ def test_a_cheaper_model_changes_no_answer_and_does_most_of_the_work(truth):
         assert found.best.estimates[key][0].value == pytest.approx(estimates[0].value, rel=0.02)
     asked = problem.simulator.asked
     assert asked[False] < asked[True]
+
+
+def test_an_effect_is_no_worse_than_the_base_model_that_it_contains():
+    problem, space = toy.problem(np.random.default_rng(0), {"outside": 0.004})
+    said = []
+    engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE, listener=said.append)
+    problem.misfit_v = 0.0
+    poor, stopped = fitted(engine._fitter, (), 2), fitted(engine._fitter, (toy.QUADRATIC,), 2)
+    base, (explanation,) = engine._with_better_base(poor, [stopped])
+    assert base.rmse_v < stopped.rmse_v
+    # A needless parameter costs the logarithm of the number of observations, and no more.
+    assert bic_difference(base, explanation) > -1.1 * np.log(len(base.errors))
+    assert bic_difference(base, stopped) < -10.0
+    # What is said of an effect is measured against the base model that the verdict is.
+    assert [line for line in said if "from where quadratic ended" in line]
+    assert said[-1].strip().startswith("quadratic: ")
