@@ -153,7 +153,9 @@ class Rules:
         if not accepted:
             first = needed[0]
             reason = f"{first.label}: {self.objection_to(first, gap)}"
-            return Findings("unexplained", gap, first, explanations=explanations, reason=reason)
+            # What is no better than the base model explains no part of the gap.
+            nearest = first if self.behind(base, first) > 0 else gap.nearest
+            return Findings("unexplained", gap, nearest, explanations=explanations, reason=reason)
         best = accepted[0]
         for other in accepted[1:]:
             # Within what BIC can tell, the temperature that no fit was shown decides.

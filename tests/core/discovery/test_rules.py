@@ -137,3 +137,12 @@ def test_the_gap_is_measured_from_the_base_fit_that_comes_nearest():
     found.adequacy, found.rmse_v, found.held_rmse_v = Adequacy(0.0, 0.0, 1.0), 10e-3, 0.5e-3
     assert RULES.objection_to(found, Gap(likelier, likelier, 1e-4, 1e-3)) == ""
     assert "of the gap only" in RULES.objection_to(found, Gap(likelier, nearest, 1e-4, 1e-3))
+
+
+def test_what_is_no_better_than_the_base_model_is_no_partial_explanation():
+    base, worse = explanation("base", None), explanation("cold", None, rmse=2.0)
+    worse.adequacy = Adequacy(0.0, 0.0, 1.0)
+    findings = RULES.decide(Gap(base, base, 1e-4, 1e-4), [worse])
+    assert (findings.verdict, findings.best) == ("unexplained", base)
+    assert "cold: does not beat the base model" in findings.reason
+    assert findings.explanations == [worse]
