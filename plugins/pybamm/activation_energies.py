@@ -87,7 +87,7 @@ def with_activation_energies(base: ParameterSource, transport: tuple[str, ...]) 
     values = load(base)
     for name in transport:
         values.update({energy_name(name): TRANSPORT[name].energy}, check_already_exists=False)
-        arguments = (TRANSPORT[name].argument, "temperature")
+        arguments = (TRANSPORT[name].argument, "T")
         values.update({name: _arrhenius(values[name], arguments, energy_name(name))})
     return ParameterFile(f"{base} with activation energies", "parameter-values", as_json(values))
 
@@ -107,7 +107,7 @@ def with_additional_energies(base: ParameterSource, rates: Iterable[str] = RATES
     values = load(base)
     for name in (name for name in rates if name in values):
         own, energy = values[name], additional_energy_name(name)
-        arguments = arguments_of(own) if callable(own) else (TRANSPORT[name].argument, "temperature")
+        arguments = arguments_of(own) if callable(own) else (TRANSPORT[name].argument, "T")
         values.update({energy: 0.0}, check_already_exists=False)
         values.update({name: _arrhenius(own, arguments, energy)})
     return ParameterFile(f"{base} with additional activation energies", "parameter-values", as_json(values))

@@ -23,7 +23,7 @@ from .state_of_charge import InitialState, initial_concentration, maximum_concen
 
 VERSION = "1.1.0"
 
-_FARADAY = 96485.33212
+_FARADAY, _GAS_CONSTANT = 96485.33212, 8.314462618
 _SIDES = ("Negative", "Positive")
 
 _STOICHIOMETRIES: FloatArray = np.unique(np.concatenate([np.linspace(0.0, 1.0, 1001), GRID[::5]]).clip(1e-6, 1 - 1e-6))
@@ -31,6 +31,12 @@ _STOICHIOMETRIES: FloatArray = np.unique(np.concatenate([np.linspace(0.0, 1.0, 1
 
 _CONCENTRATIONS: FloatArray = np.linspace(1.0, 4000.0, 400)
 """Where functions of the electrolyte's concentration are tabulated, mol/m3: from depleted to what salts dissolve."""
+
+_WARMER_K = 10.0
+"""Over which activation energies are taken from the set's functions, K."""
+
+_TEMPERATURE = ("T", "temperature")
+"""Names of the argument that is a temperature: PyBaMM's, and that of parameter files which older runs wrote."""
 
 _SAME = 1e-2
 """Relative deviation beyond which a function does not have the form that BPX prescribes."""
@@ -163,7 +169,9 @@ class _Writer:
         return {
             "Cation transference number": transference,
             "Conductivity [S.m-1]": conductivity,
+            "Conductivity activation energy [J.mol-1]": self._energy(names[0], self._salt),
             "Diffusivity [m2.s-1]": diffusivity,
+            "Diffusivity activation energy [J.mol-1]": self._energy(names[1], self._salt),
         }
 
     def _constant(self, name: str) -> float:
@@ -204,10 +212,16 @@ class _Writer:
                 3.0 * self._number(f"{side} electrode active material volume fraction") / radius
             ),
             "Diffusivity [m2.s-1]": self._table(f"{side} particle diffusivity [m2.s-1]", _STOICHIOMETRIES),
+            "Diffusivity activation energy [J.mol-1]": self._energy(f"{side} particle diffusivity [m2.s-1]", 0.5),
             "OCP [V]": _as_table(_STOICHIOMETRIES, potential),
             "Entropic change coefficient [V.K-1]": _as_table(_STOICHIOMETRIES, entropic),
             "Reaction rate constant [mol.m-2.s-1]": self._rate_constant(side, highest),
+            "Reaction rate constant activation energy [J.mol-1]": self._reaction_energy(side, highest),
         }
+
+    def _reaction_energy(self, side: str, highest: float) -> float:
+        function = self._values[f"{side} electrode exchange-current density [A.m-2]"]
+        return self._arrhenius(lambda kelvin: self._at(function, self._salt, 0.5 * highest, highest, kelvin=kelvin))
 
     def _rate_constant(self, side: str, highest: float) -> float:
         """The k of BPX's j0 = F k sqrt(c_e / c_e0) sqrt(x (1 - x)); a word is said where the set's j0 is another."""
@@ -227,19 +241,27 @@ class _Writer:
             )
         return rate
 
-    def _at(self, function: Any, *arguments: float) -> float:
+    def _at(self, function: Any, *arguments: float, kelvin: float | None = None) -> float:
         if not callable(function):
             return float(function)
-        symbols = [pybamm.Scalar(value) for value in (*arguments, self._kelvin)]
+        symbols = [pybamm.Scalar(value) for value in (*arguments, self._kelvin if kelvin is None else kelvin)]
         return float(np.asarray(self._values.evaluate(function(*symbols))).ravel()[0])
 
-    def _course(self, name: str, at: FloatArray) -> FloatArray:
+    def _energy(self, name: str, at: float) -> float:
+        """Activation energy of a diffusivity or conductivity around the reference temperature, J/mol."""
+        return self._arrhenius(lambda kelvin: float(self._course(name, np.array([at]), kelvin)[0]))
+
+    def _arrhenius(self, rate: Callable[[float], float]) -> float:
+        warm = self._kelvin + _WARMER_K
+        return _GAS_CONSTANT * float(np.log(rate(warm) / rate(self._kelvin))) / (1.0 / self._kelvin - 1.0 / warm)
+
+    def _course(self, name: str, at: FloatArray, kelvin: float | None = None) -> FloatArray:
         """A number, or a function of one variable (and of temperature), on a grid."""
         value = self._values[name]
         if not callable(value):
             return np.full_like(at, float(self._values.evaluate(value)))
-        known = {"T": pybamm.Scalar(self._kelvin)}
-        symbol = value(*(known.get(argument, pybamm.Vector(at)) for argument in arguments_of(value)))
+        temperature = pybamm.Scalar(self._kelvin if kelvin is None else kelvin)
+        symbol = value(*(temperature if name in _TEMPERATURE else pybamm.Vector(at) for name in arguments_of(value)))
         found = np.asarray(self._values.process_symbol(pybamm.convert_to_symbol(symbol)).evaluate(), dtype=np.float64)
         return np.broadcast_to(found.ravel(), at.shape).copy()
 

@@ -7,6 +7,7 @@ import pytest
 from bsa.core.target import CellChange
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Trajectory
+from bsa.plugins.pybamm.activation_energies import independent_of_temperature, with_activation_energies
 from bsa.plugins.pybamm.bpx_export import to_bpx
 from bsa.plugins.pybamm.parameter_files import parsed
 from bsa.plugins.pybamm.solving import solve_reference
@@ -30,6 +31,30 @@ def test_the_file_read_back_gives_the_same_curve() -> None:
     time = np.linspace(0.0, ours.time[-1], 200)
     difference = np.interp(time, ours.time, ours.voltage) - np.interp(time, theirs.time, theirs.voltage)
     assert np.max(np.abs(difference)) < 2e-4
+
+
+@pytest.mark.parametrize("base", ["OKane2022", "Chen2020"])
+def test_the_file_of_a_cell_whose_rates_depend_on_the_temperature_is_right_in_the_cold_too(base: str) -> None:
+    own = base if base == "OKane2022" else with_activation_energies(base, independent_of_temperature(base))
+    cell = CellModel(own, "SPMe")
+    file = to_bpx(cell, CellChange(), RUN, "x")
+    energies = [
+        value
+        for part in file.content["Parameterisation"].values()
+        for key, value in part.items()
+        if "activation" in key
+    ]
+    assert len(energies) == 6
+    assert all(1e3 < energy < 1e5 for energy in energies)
+    read_back = CellModel(parsed("b.json", file.text), "SPMe")
+    for kelvin in (298.15, 278.15):
+        run = replace(RUN, temperature_k=kelvin)
+        ours, theirs = (solve_reference(one, run, CellChange()).trajectory for one in (cell, read_back))
+        assert ours is not None
+        assert theirs is not None
+        time = np.linspace(0.0, ours.time[-1], 200)
+        difference = np.interp(time, ours.time, ours.voltage) - np.interp(time, theirs.time, theirs.voltage)
+        assert np.max(np.abs(difference)) < 2e-3
 
 
 def test_a_thermodynamic_factor_goes_into_the_transference_number() -> None:
