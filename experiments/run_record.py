@@ -77,6 +77,7 @@ class RunRecord:
     analysis: PostFitAnalysis | None = None  # What the records fix, if the run looked.
     # Of the best trial, record by record, where it was scored with reference accuracy.
     records: tuple[RecordErrors, ...] = ()
+    initial_records: tuple[RecordErrors, ...] = ()  # The same of the starting point.
     held_out: tuple[Prediction, ...] = ()  # Of the records that were not fitted, in the order of the task's.
 
     @property
@@ -180,6 +181,7 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
         resumed=sum(event["event"] == "resumed" for event in events),
         analysis=_analysis(events, best, task),
         records=read_record_errors(scores.get(best, {})),
+        initial_records=read_record_errors(scores.get(0, {})),
         held_out=_predictions(events, best),
     )
 

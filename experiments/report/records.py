@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from ...core.ageing.fade_band import CAPACITY
 from ...core.cell import SPECTRUM, TEMPERATURE
 from ...core.prediction import Band, Prediction
 from ...core.record_errors import RecordErrors, SignalError
+from ...core.signals import Signal
 from ...core.task import Task
-from .wording import duration, number
+from .wording import duration, number, unit
 
 _DIGITS = 3
 
@@ -67,6 +68,25 @@ def error_rows(task: Task, records: Sequence[RecordErrors], held_out: Sequence[P
     """A row for each compared signal of each record, those that were fitted first."""
     rows = [row for errors in records for row in _rows(task, errors, FITTED, {})]
     return rows + [row for found in held_out for row in _rows(task, found.errors, HELD_OUT, dict(found.bands))]
+
+
+def errors_words(
+    signals: Iterable[Signal], errors: RecordErrors, before: RecordErrors | None = None, where: str = ""
+) -> str:
+    """``"Voltage RMSE of this record: 12 mV before, 0.4 mV after."``, for each of the signals that was compared."""
+    sentences = []
+    for signal in signals:
+        if signal.name not in errors.signals:
+            continue
+        sizes = [_size(errors.signals[signal.name])]
+        if before is not None and signal.name in before.signals:
+            sizes = [f"{_size(before.signals[signal.name])} before", f"{sizes[0]} after"]
+        sentences.append(f"{signal.title} RMSE{where}: {', '.join(sizes)}.")
+    return " ".join(sentences)
+
+
+def _size(error: SignalError) -> str:
+    return f"{number(error.rms, _DIGITS)} {unit(error.unit)}"
 
 
 def _rows(task: Task, errors: RecordErrors, use: str, bands: dict[str, Band]) -> list[ErrorRow]:
