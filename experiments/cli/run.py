@@ -231,7 +231,10 @@ def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability
     listener: LiveProgress | PlainProgress
     title = f"{task.name} · {config.scaffold.name} · {backend.name}"
     live = sys.stderr.isatty() and not as_json
-    listener = LiveProgress(title, unit, config.simulations) if live else PlainProgress(unit)
+    if live:
+        listener = LiveProgress(title, unit, config.simulations, to_discover)
+    else:
+        listener = PlainProgress(unit, command=to_discover)
     print(f"{title} → {folder}", file=sys.stderr)
     if config.backend == "rules":
         print(

@@ -327,6 +327,14 @@ class TestPage:
         assert page.text.count("of this record:") == 2 * len(expected)  # Below each figure, and read aloud.
         assert all(words in page.text for words in expected)
 
+    def test_a_command_in_a_note_is_whole(self, tmp_path):
+        writer = Writer(tmp_path, make_task())
+        writer.trial(0, "initial", 0, 40.0)
+        command = "bsa discover --data " + " ".join(f"record-{place}.csv" for place in range(100))
+        writer.journal.append("note", text=f"To look for it: {command}")
+        page, _ = page_of(tmp_path)
+        assert command in page.text
+
     def test_measured_current_is_judged_by_voltage(self, tmp_path):
         writer = Writer(tmp_path, make_task(protocol=None))
         writer.trial(0, "initial", 0, 40.0)
