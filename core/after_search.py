@@ -58,6 +58,8 @@ class AfterSearch:
         self._plugins = plugins
         self._journal = journal
         self._listener = listener
+        self.cut_short = False
+        """Whether a person interrupted it: what is lacking is found out when the run is taken up again."""
         self._analysed = JournalledSimulations(plugins, journal, earlier)
         self._scores = {event["index"]: event for event in earlier if event["event"] == SCORE}
         self._analyses = {event["appraisal"]["base"]: event for event in earlier if event["event"] == ANALYSIS}
@@ -95,7 +97,7 @@ class AfterSearch:
         )
         return Score(metrics, records)
 
-    def analyse(self, trials: Sequence[Trial], best: Trial) -> PostFitAnalysis | None:
+    def analyse(self, trials: Sequence[Trial], best: Trial, budget: int) -> PostFitAnalysis | None:
         """What the records fix at the best trial; from the journal if it was found out before."""
         known = self._analyses.get(best.index)
         if known is not None:
@@ -104,8 +106,9 @@ class AfterSearch:
             self._listener.noted("The search has ended; now what the record fixes, and what to measure next.")
         try:
             watched = WatchedSimulations(self._analysed, self._watch, exact=REFERENCE)
-            found = analyse(self._task, trials, best, watched, self._plugins.weighs_priors())
+            found = analyse(self._task, trials, best, watched, budget, self._plugins.weighs_priors())
         except KeyboardInterrupt:
+            self.cut_short = True
             self._note("Stopped before it was known what the record fixes. Resume the run to find out.")
             return None
         if found is not None:
@@ -116,7 +119,7 @@ class AfterSearch:
         self, best: Trial, analysis: PostFitAnalysis | None, fitted: Sequence[RecordErrors] = ()
     ) -> tuple[Prediction, ...]:
         """The held-out records at the best trial's parameters, given the errors of those that were fitted."""
-        if not (best.ok and self._task.held_out):
+        if not (best.ok and self._task.held_out) or self.cut_short:
             return ()
         known = self._predictions.get(best.index)
         draws = () if analysis is None else analysis.identifiability.draws
@@ -130,6 +133,7 @@ class AfterSearch:
         try:
             found = predict(self._task, best.candidate, self._task.held_out, watched, draws, misfits(fitted))
         except KeyboardInterrupt:
+            self.cut_short = True
             self._note("Stopped before the held-out records were scored. Resume the run to score them.")
             return ()
         predictions = [encode_prediction(one) for one in found]

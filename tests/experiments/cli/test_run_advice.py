@@ -58,6 +58,6 @@ def test_advice_is_given_only_where_it_helps() -> None:
 def test_an_analysis_that_its_budget_ended_says_what_was_dropped() -> None:
     assert caution_line(analysis(0.3)) == ""
     ended = replace(analysis(0.3), measure_next=(), simulations=81, budget=92, widened=6.4, forgone=24)
-    assert "after 81 simulations, for the search had 92" in caution_line(ended)
+    assert "after 81 simulations, its budget being the 92 that the search was allowed" in caution_line(ended)
     assert "raised 6.4 times" in caution_line(ended)
-    assert "24 simulations more than the budget, the 92 of the search" in next_line(ended, CELL)
+    assert "24 simulations more than the budget, the 92 that the search was allowed" in next_line(ended, CELL)
