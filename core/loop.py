@@ -24,7 +24,7 @@ from .metrics import Metrics, evaluate
 from .parameters import Candidate
 from .post_fit_analysis import PostFitAnalysis
 from .prediction import Prediction
-from .proposal import Proposal
+from .proposal import LACKING, Proposal
 from .record_errors import RecordErrors
 from .recording import Recorder
 from .residuals import partial_residuals, residuals
@@ -77,7 +77,9 @@ class RunResult:
     wall_s: float
     simulator_s: float
     analysis: PostFitAnalysis | None = None  # What the records fix, where that was asked for and something simulated.
-    reason: str = ""  # Why the language model was not asked any more, where that stopped the run before its end.
+    # Why the language model was not asked any more, where that stopped the run before its end; of a finished search
+    # what it left out for lack of simulations.
+    reason: str = ""
     # Of the best candidate, record by record, with reference accuracy; empty where it was not scored so.
     records: tuple[RecordErrors, ...] = ()
     held_out: tuple[Prediction, ...] = ()  # Of the task's records that were not fitted.
@@ -117,6 +119,7 @@ class Run:
         self._analysing = analysing
         self._after = AfterSearch(task, plugins, journal, earlier, listener)
         self._trials: list[Trial] = []
+        self._lacking = ""
 
     @property
     def lowest(self) -> Trial:
@@ -136,6 +139,7 @@ class Run:
             self._simulate([self._task.space.initial], "initial", 0, None)
             self._warm_up()
             status = self._search()
+            reason = self._lacking
         except KeyboardInterrupt:
             status = "interrupted"
         except RunStopped as stopped:
@@ -168,6 +172,7 @@ class Run:
             unheard = self._recorder.lost > lost and self._recorder.replies == replies
             self._take(proposal, "search", number, self._simulations_left)
             if proposal.finished:
+                self._lacking = str(proposal.details.get(LACKING, ""))
                 return "finished"
             # Without candidates no simulation is spent, and nothing else would end the search.
             uncounted = proposal.by_simulations and bool(proposal.candidates)

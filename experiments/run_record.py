@@ -16,6 +16,7 @@ from ..core.metrics import Metrics, decode_metrics
 from ..core.parameters import Parameter
 from ..core.post_fit_analysis import PostFitAnalysis
 from ..core.prediction import HELD_OUT, Prediction, decode_prediction
+from ..core.proposal import LACKING
 from ..core.record_errors import RecordErrors
 from ..core.shape import decoding, mapping_with, shaped
 from ..core.task import Task
@@ -108,6 +109,12 @@ class RunRecord:
     def best_metrics(self) -> Metrics | None:
         """Errors of the run's answer; see `metrics_of`."""
         return self.metrics_of(self.best)
+
+    @property
+    def lacking(self) -> str:
+        """What a finished search left out for lack of simulations, in a sentence; empty where nothing. Untrusted."""
+        last = self.rounds[-1] if self.rounds else None
+        return str(last.details.get(LACKING, "")) if last is not None and last.finished else ""
 
     @property
     def scored_exactly(self) -> bool:

@@ -292,4 +292,6 @@ def _print_summary(task: Task, result: RunResult, folder: Path) -> None:
         lines = [words(result.analysis) for words in (verdict_line, caution_line, groups_line)]
         lines.append(next_line(result.analysis, task.domain))
         print(*(f"  {line}" for line in lines if line), "  (see the report)", sep="\n")
+    if result.reason and result.status not in STOPPED:
+        print(f"  {printable(result.reason, 600)}")
     print(f"  report: {folder / 'report.html'}")

@@ -74,6 +74,7 @@ def render(run: RunRecord) -> str:
         run=run,
         usage=run.usage,
         status=_STATUS.get(run.status, run.status),
+        lacking=clipped(run.lacking, 600),
         objective=objective,
         domain=run.task.domain,
         gain=change(objective.shown(run.initial_metrics), objective.shown(run.best_metrics)),

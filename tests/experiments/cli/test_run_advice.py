@@ -8,7 +8,7 @@ from bsa.core.forecast import Forecast
 from bsa.core.identifiability import Identifiability, Interval
 from bsa.core.journal import read_events
 from bsa.core.post_fit_analysis import PostFitAnalysis, Suggestion
-from bsa.experiments.cli.run import discover_command
+from bsa.experiments.cli.run import _print_summary, discover_command
 from bsa.experiments.report.identifiability import caution_line, next_line
 from bsa_toy_cell import toy_scaffold, toy_task
 
@@ -40,6 +40,18 @@ def test_a_structured_misfit_points_to_the_command_and_a_good_fit_does_not(run_t
 
     assert any("bsa discover X" in text for text in notes(1))
     assert not any("bsa discover" in text for text in notes(40))
+
+
+def test_the_end_names_a_stage_that_lacked_simulations(run_toy, tmp_path, capsys) -> None:
+    stages = [
+        {"name": "ohmic", "data": "current-steps", "fits": ["Series", "Polarisation"], "share": 0.4},
+        {"name": "joint", "data": "everything"},
+    ]
+    scaffold = toy_scaffold("staged", proposer={"use": "staged", "options": {"stages": stages}})
+    _print_summary(toy_task(), run_toy(scaffold=scaffold, warm_up=0, simulations=12), tmp_path / "run")
+    *_, said, report = capsys.readouterr().out.splitlines()
+    assert said.startswith('  Stage "joint" is skipped: the 6 simulations left do not suffice')
+    assert report.startswith("  report: ")
 
 
 def analysis(worst_share: float) -> PostFitAnalysis:
