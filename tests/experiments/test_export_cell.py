@@ -18,8 +18,8 @@ def test_a_step_that_ends_a_little_earlier_is_no_difference_of_the_curves() -> N
     experiment = Experiment("cycle", nothing, (steps,), initial_soc=0.9)
     ours = CellModel("Chen2020", "SPM")
     width = 1.58
-    theirs = CellModel("Chen2020", "SPM", overrides={"Electrode width [m]": 0.998 * width})
+    theirs = CellModel("Chen2020", "SPM", overrides={"Electrode width [m]": 0.99 * width})
     assert largest_difference_mv(experiment, (ours, CellChange()), (ours, CellChange())) == 0.0
     different = largest_difference_mv(experiment, (ours, CellChange()), (theirs, CellChange()))
     assert different is not None
-    assert 0.1 < different < 30.0
+    assert 0.1 < different < 60.0  # 154 mV at equal times
