@@ -16,8 +16,6 @@ from .wording import duration, number, unit
 
 _DIGITS = 3
 
-TOO_WIDE = "the fitted records leave the parameters open, by a tenth of the measured range"
-
 FITTED, HELD_OUT = "fitted", "held out"
 
 
@@ -105,7 +103,7 @@ def _rows(task: Task, errors: RecordErrors, use: str, bands: dict[str, Band]) ->
         )
         band = bands.get(name)
         told = ("", "", "") if band is None else _band(band)
-        wide = TOO_WIDE if band is not None and band.wide else ""
+        wide = _left_open(band, error.unit) if band is not None and band.wide else ""
         remark = "; ".join(part for part in (stopped, *errors.limits, wide) if part)
         note = "" if errors.impedance is None or rows else errors.impedance.words
         row = ErrorRow(errors.record, "", use, *_printed(words[name], error), *told, remark, note, over, steps)
@@ -113,8 +111,18 @@ def _rows(task: Task, errors: RecordErrors, use: str, bands: dict[str, Band]) ->
     return rows
 
 
+def _left_open(band: Band, in_unit: str) -> str:
+    """How much of a wide band is the parameters': the squares of what they and the misfit add to its half add up."""
+    own = math.sqrt(max(_half(band) ** 2 - band.misfit**2, 0.0))
+    return f"the fitted records leave the parameters open, by ± {number(own, _DIGITS)} {unit(in_unit)} of this band"
+
+
+def _half(band: Band) -> float:
+    return band.rms if math.isnan(band.median) else band.median
+
+
 def _band(band: Band) -> tuple[str, str, str]:
-    half = band.rms if math.isnan(band.median) else band.median
+    half = _half(band)
     misfit = number(band.misfit, _DIGITS) if band.misfit else ""
     return number(half, _DIGITS), f"{number(100 * band.inside, 2)} %", misfit
 
