@@ -21,6 +21,10 @@ from .trial import Trial
 ANALYSIS, SCORE = "appraisal", "score"
 """Events of the journal; the first is called as it was when journals began."""
 
+NOT_ANALYSED = "Stopped before it was known what the record fixes. Resume the run to find out."
+NOT_PREDICTED = "Stopped before the held-out records were scored. Resume the run to score them."
+"""Notes of a run that was interrupted after its search; no longer true once it was taken up again."""
+
 
 class Watching(Protocol):
     """Follows what comes after a search."""
@@ -109,7 +113,7 @@ class AfterSearch:
             found = analyse(self._task, trials, best, watched, budget, self._plugins.weighs_priors())
         except KeyboardInterrupt:
             self.cut_short = True
-            self._note("Stopped before it was known what the record fixes. Resume the run to find out.")
+            self._note(NOT_ANALYSED)
             return None
         if found is not None:
             self._journal.append(ANALYSIS, appraisal=found.as_json())
@@ -134,7 +138,7 @@ class AfterSearch:
             found = predict(self._task, best.candidate, self._task.held_out, watched, draws, misfits(fitted))
         except KeyboardInterrupt:
             self.cut_short = True
-            self._note("Stopped before the held-out records were scored. Resume the run to score them.")
+            self._note(NOT_PREDICTED)
             return ()
         predictions = [encode_prediction(one) for one in found]
         self._journal.append(HELD_OUT, base=best.index, predictions=predictions, draws=len(draws))

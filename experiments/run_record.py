@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..core.after_search import ANALYSIS, SCORE, read_record_errors
+from ..core.after_search import ANALYSIS, NOT_ANALYSED, NOT_PREDICTED, SCORE, read_record_errors
 from ..core.answer import answer
 from ..core.encoding import decode_task, decode_trial
 from ..core.errors import BsaError
@@ -173,6 +173,9 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
             _check_bounds(parameter, trial.candidate[parameter.name])
     best = answer(task, trials).index
     scores = {event["index"]: event for event in events if event["event"] == SCORE}
+    analysis, held_out = _analysis(events, best, task), _predictions(events, best)
+    mended = {NOT_ANALYSED: analysis is not None, NOT_PREDICTED: bool(held_out)}
+    told = [str(event["text"]) for event in events if event["event"] == "note"]
     return RunRecord(
         name=folder.resolve().name,
         task=task,
@@ -184,12 +187,12 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
         rounds=_rounds(events, trials),
         exchanges=tuple(exchange_of(event) for event in events if event["event"] in EXCHANGED),
         scores={index: decode_metrics(event["metrics"]) for index, event in scores.items()},
-        notes=(*task.notes, *(str(event["text"]) for event in events if event["event"] == "note")),
+        notes=(*task.notes, *(text for text in told if not mended.get(text))),
         resumed=sum(event["event"] == "resumed" for event in events),
-        analysis=_analysis(events, best, task),
+        analysis=analysis,
         records=read_record_errors(scores.get(best, {})),
         initial_records=read_record_errors(scores.get(0, {})),
-        held_out=_predictions(events, best),
+        held_out=held_out,
     )
 
 

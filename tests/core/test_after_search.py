@@ -88,11 +88,13 @@ def test_an_interrupt_after_the_search_is_told_and_the_run_goes_on(
         first = run_toy(**settings)
     assert first.cut_short
     assert first.analysis is None
+    assert after_search.NOT_ANALYSED in read_run(tmp_path / "run").notes
     second = run_toy(**settings)
     assert not second.cut_short
     assert second.status == first.status != "interrupted"
     assert second.analysis is not None
     assert second.analysis.budget == 40
+    assert after_search.NOT_ANALYSED not in read_run(tmp_path / "run").notes
 
 
 def test_the_time_of_a_run_that_is_taken_up_again_is_summed(run_toy: RunToy, tmp_path: Path) -> None:
