@@ -21,6 +21,10 @@ from .trial import Trial
 ANALYSIS, SCORE = "appraisal", "score"
 """Events of the journal; the first is called as it was when journals began."""
 
+NOT_ANALYSED = "Stopped before it was known what the record fixes. Resume the run to find out."
+NOT_PREDICTED = "Stopped before the held-out records were scored. Resume the run to score them."
+"""Notes of a run that was interrupted after its search; no longer true once it was taken up again."""
+
 
 class Watching(Protocol):
     """Follows what comes after a search."""
@@ -58,6 +62,8 @@ class AfterSearch:
         self._plugins = plugins
         self._journal = journal
         self._listener = listener
+        self.cut_short = False
+        """Whether a person interrupted it: what is lacking is found out when the run is taken up again."""
         self._analysed = JournalledSimulations(plugins, journal, earlier)
         self._scores = {event["index"]: event for event in earlier if event["event"] == SCORE}
         self._analyses = {event["appraisal"]["base"]: event for event in earlier if event["event"] == ANALYSIS}
@@ -95,7 +101,7 @@ class AfterSearch:
         )
         return Score(metrics, records)
 
-    def analyse(self, trials: Sequence[Trial], best: Trial) -> PostFitAnalysis | None:
+    def analyse(self, trials: Sequence[Trial], best: Trial, budget: int) -> PostFitAnalysis | None:
         """What the records fix at the best trial; from the journal if it was found out before."""
         known = self._analyses.get(best.index)
         if known is not None:
@@ -104,9 +110,10 @@ class AfterSearch:
             self._listener.noted("The search has ended; now what the record fixes, and what to measure next.")
         try:
             watched = WatchedSimulations(self._analysed, self._watch, exact=REFERENCE)
-            found = analyse(self._task, trials, best, watched, self._plugins.weighs_priors())
+            found = analyse(self._task, trials, best, watched, budget, self._plugins.weighs_priors())
         except KeyboardInterrupt:
-            self._note("Stopped before it was known what the record fixes. Resume the run to find out.")
+            self.cut_short = True
+            self._note(NOT_ANALYSED)
             return None
         if found is not None:
             self._journal.append(ANALYSIS, appraisal=found.as_json())
@@ -116,7 +123,7 @@ class AfterSearch:
         self, best: Trial, analysis: PostFitAnalysis | None, fitted: Sequence[RecordErrors] = ()
     ) -> tuple[Prediction, ...]:
         """The held-out records at the best trial's parameters, given the errors of those that were fitted."""
-        if not (best.ok and self._task.held_out):
+        if not (best.ok and self._task.held_out) or self.cut_short:
             return ()
         known = self._predictions.get(best.index)
         draws = () if analysis is None else analysis.identifiability.draws
@@ -130,7 +137,8 @@ class AfterSearch:
         try:
             found = predict(self._task, best.candidate, self._task.held_out, watched, draws, misfits(fitted))
         except KeyboardInterrupt:
-            self._note("Stopped before the held-out records were scored. Resume the run to score them.")
+            self.cut_short = True
+            self._note(NOT_PREDICTED)
             return ()
         predictions = [encode_prediction(one) for one in found]
         self._journal.append(HELD_OUT, base=best.index, predictions=predictions, draws=len(draws))

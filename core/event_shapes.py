@@ -85,7 +85,7 @@ def _shapes() -> dict[str, Any]:
         ),
         "refused": mapping_with(effect=str, why=str),
         "note": mapping_with(text=str),
-        "end": mapping_with(status=str),
+        "end": mapping_with(status=str, wall_s=(float, 0.0)),  # Earlier versions did not write the time.
     }
 
 

@@ -24,7 +24,7 @@ from .metrics import Metrics, evaluate
 from .parameters import Candidate
 from .post_fit_analysis import PostFitAnalysis
 from .prediction import Prediction
-from .proposal import Proposal
+from .proposal import LACKING, Proposal
 from .record_errors import RecordErrors
 from .recording import Recorder
 from .residuals import partial_residuals, residuals
@@ -72,14 +72,18 @@ class RunResult:
     # llm_calls, lost_calls: Calls of the backend, lost ones included; those that gave no reply.
     llm_calls: int
     lost_calls: int
-    # wall_s, simulator_s: Time of this process from start to end, and of all simulations of the search, in seconds.
+    # wall_s, simulator_s: Time from start to end, of each time the run was taken up, and of all simulations of the
+    # search, in seconds.
     wall_s: float
     simulator_s: float
     analysis: PostFitAnalysis | None = None  # What the records fix, where that was asked for and something simulated.
-    reason: str = ""  # Why the language model was not asked any more, where that stopped the run before its end.
+    # Why the language model was not asked any more, where that stopped the run before its end; of a finished search
+    # what it left out for lack of simulations.
+    reason: str = ""
     # Of the best candidate, record by record, with reference accuracy; empty where it was not scored so.
     records: tuple[RecordErrors, ...] = ()
     held_out: tuple[Prediction, ...] = ()  # Of the task's records that were not fitted.
+    cut_short: bool = False  # Whether what follows the finished search was interrupted; a resumed run goes on with it.
 
 
 class Run:
@@ -111,9 +115,11 @@ class Run:
         earlier = list(earlier)
         self._earlier_trials = {event["index"]: event for event in earlier if event["event"] == "trial"}
         self._earlier_proposals = sum(event["event"] == "proposal" for event in earlier)
+        self._earlier_s = sum(float(event.get("wall_s", 0.0)) for event in earlier if event["event"] == "end")
         self._analysing = analysing
         self._after = AfterSearch(task, plugins, journal, earlier, listener)
         self._trials: list[Trial] = []
+        self._lacking = ""
 
     @property
     def lowest(self) -> Trial:
@@ -133,6 +139,7 @@ class Run:
             self._simulate([self._task.space.initial], "initial", 0, None)
             self._warm_up()
             status = self._search()
+            reason = self._lacking
         except KeyboardInterrupt:
             status = "interrupted"
         except RunStopped as stopped:
@@ -165,6 +172,7 @@ class Run:
             unheard = self._recorder.lost > lost and self._recorder.replies == replies
             self._take(proposal, "search", number, self._simulations_left)
             if proposal.finished:
+                self._lacking = str(proposal.details.get(LACKING, ""))
                 return "finished"
             # Without candidates no simulation is spent, and nothing else would end the search.
             uncounted = proposal.by_simulations and bool(proposal.candidates)
@@ -308,7 +316,9 @@ class Run:
         fit = scores.get(best.index, Score(best.metrics))
         # A single simulation is no fit, and there is nothing to judge.
         analysing = last_word and self._analysing and len(self._trials) > 1
-        analysis = self._after.analyse(self._trials, best) if analysing else None
+        analysis = self._after.analyse(self._trials, best, self._config.simulations) if analysing else None
+        held_out = self._after.predict(best, analysis, fit.records) if last_word else ()
+        spent_s = time.perf_counter() - started
         result = RunResult(
             status=status,
             best=best,
@@ -320,12 +330,13 @@ class Run:
             usage=self._recorder.usage,
             llm_calls=self._recorder.calls,
             lost_calls=self._recorder.lost,
-            wall_s=time.perf_counter() - started,
+            wall_s=self._earlier_s + spent_s,
             simulator_s=sum(trial.seconds for trial in self._trials),
             analysis=analysis,
             reason=reason,
             records=fit.records,
-            held_out=self._after.predict(best, analysis, fit.records) if last_word else (),
+            held_out=held_out,
+            cut_short=self._after.cut_short,
         )
-        self._journal.append("end", status=status, best=best.index)
+        self._journal.append("end", status=status, best=best.index, wall_s=spent_s)
         return result

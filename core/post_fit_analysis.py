@@ -111,7 +111,7 @@ class PostFitAnalysis:
     reused: int = 0  # Derivatives that trials of the search had shown already.
     seconds: float = 0.0  # Wall time of these simulations, those that ran side by side added up.
     fade: tuple[FadeBand, ...] = ()  # Of each whole life the band of its capacity by cycle.
-    budget: int = 0  # Simulations that it might take: as many as the search.
+    budget: int = 0  # Simulations that it might take: as many as the search was allowed.
     # By what factor the noise was raised since the budget ended before draws came out as predicted; 1 if they did.
     widened: float = 1.0
     forgone: int = 0  # Simulations by which the budget does not suffice for further records; those are not looked for.
@@ -202,7 +202,7 @@ class _Spent:
 
 
 def analyse(
-    task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulating, priors: bool = False
+    task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulating, budget: int, priors: bool = False
 ) -> PostFitAnalysis | None:
     """Judge the fit that a run ended with.
 
@@ -212,6 +212,8 @@ def analyse(
         Everything that was tried: finite differences near the best candidate are not simulated again.
     plugins : Simulating
         Simulates what is missing, side by side where it can.
+    budget : int
+        Simulations that it may take; some are made in any case.
     priors : bool
         Whether the search weighed the priors of the search space.
 
@@ -222,7 +224,7 @@ def analyse(
     """
     if best.residuals is None:
         return None
-    spent = _Spent(len(trials))
+    spent = _Spent(budget)
     jacobian, reused, unknown, looked = _jacobian(task, trials, best, plugins, spent)
     errors = _errors(task, best, plugins, spent)
     residual = best.residuals + errors.shift

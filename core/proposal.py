@@ -18,6 +18,9 @@ CHANGE_PATTERN = rf"^[*+-]?{_NUMBER}$"
 FIT = "fit"
 """Among the ``authors`` in a proposal's details: a numerical fit beside the model asked for the candidate."""
 
+LACKING = "lacking"
+"""In the details of a proposal that ends a search: what is left out for lack of simulations, in a sentence."""
+
 
 def apply_change(value: float, change: str | float) -> float:
     """Apply one change in the paper's notation to a value.

@@ -40,7 +40,9 @@ def _begin(file: Journal, earlier: list[dict[str, Any]], asked: Mapping[str, Any
     known = {**first, "options": {**_defaults(), **first.get("options", {})}}
     changed = [key for key, value in asked.items() if known.get(key) != value]
     if changed:
-        what = f"a discovery with other {' and '.join(changed)}" if first.get("kind") == KIND else "a calibration"
+        if first.get("kind") != KIND:
+            raise BsaError(f"{file.path} belongs to a calibration.", "choose another --out folder.")
+        what = f"a discovery with other {' and '.join(changed)}"
         raise BsaError(f"{file.path} belongs to {what}.", "choose another --out folder, or resume with --resume alone.")
     file.append("resumed", versions=now)
 

@@ -111,7 +111,8 @@ def _open_chapter(journal: Journal, earlier: list[dict[str, Any]], task: Task, c
         journal.append("run", format=FORMAT, identity=identity, config=dumped, versions=now, task=encoded)
         return
     first = earlier[0]
-    if first["event"] != "run" or first.get("config") != dumped or first.get("task") != json.loads(json.dumps(encoded)):
+    check_calibration(first, journal.path)
+    if first.get("config") != dumped or first.get("task") != json.loads(json.dumps(encoded)):
         raise BsaError(
             f"{journal.path} belongs to another task or configuration.",
             "choose another --out folder, or resume with --resume alone.",

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..core.after_search import ANALYSIS, SCORE, read_record_errors
+from ..core.after_search import ANALYSIS, NOT_ANALYSED, NOT_PREDICTED, SCORE, read_record_errors
 from ..core.answer import answer
 from ..core.encoding import decode_task, decode_trial
 from ..core.errors import BsaError
@@ -16,6 +16,7 @@ from ..core.metrics import Metrics, decode_metrics
 from ..core.parameters import Parameter
 from ..core.post_fit_analysis import PostFitAnalysis
 from ..core.prediction import HELD_OUT, Prediction, decode_prediction
+from ..core.proposal import LACKING
 from ..core.record_errors import RecordErrors
 from ..core.shape import decoding, mapping_with, shaped
 from ..core.task import Task
@@ -77,6 +78,7 @@ class RunRecord:
     analysis: PostFitAnalysis | None = None  # What the records fix, if the run looked.
     # Of the best trial, record by record, where it was scored with reference accuracy.
     records: tuple[RecordErrors, ...] = ()
+    initial_records: tuple[RecordErrors, ...] = ()  # The same of the starting point.
     held_out: tuple[Prediction, ...] = ()  # Of the records that were not fitted, in the order of the task's.
 
     @property
@@ -107,6 +109,12 @@ class RunRecord:
     def best_metrics(self) -> Metrics | None:
         """Errors of the run's answer; see `metrics_of`."""
         return self.metrics_of(self.best)
+
+    @property
+    def lacking(self) -> str:
+        """What a finished search left out for lack of simulations, in a sentence; empty where nothing. Untrusted."""
+        last = self.rounds[-1] if self.rounds else None
+        return str(last.details.get(LACKING, "")) if last is not None and last.finished else ""
 
     @property
     def scored_exactly(self) -> bool:
@@ -165,6 +173,9 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
             _check_bounds(parameter, trial.candidate[parameter.name])
     best = answer(task, trials).index
     scores = {event["index"]: event for event in events if event["event"] == SCORE}
+    analysis, held_out = _analysis(events, best, task), _predictions(events, best)
+    mended = {NOT_ANALYSED: analysis is not None, NOT_PREDICTED: bool(held_out)}
+    told = [str(event["text"]) for event in events if event["event"] == "note"]
     return RunRecord(
         name=folder.resolve().name,
         task=task,
@@ -176,11 +187,12 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
         rounds=_rounds(events, trials),
         exchanges=tuple(exchange_of(event) for event in events if event["event"] in EXCHANGED),
         scores={index: decode_metrics(event["metrics"]) for index, event in scores.items()},
-        notes=(*task.notes, *(str(event["text"]) for event in events if event["event"] == "note")),
+        notes=(*task.notes, *(text for text in told if not mended.get(text))),
         resumed=sum(event["event"] == "resumed" for event in events),
-        analysis=_analysis(events, best, task),
+        analysis=analysis,
         records=read_record_errors(scores.get(best, {})),
-        held_out=_predictions(events, best),
+        initial_records=read_record_errors(scores.get(0, {})),
+        held_out=held_out,
     )
 
 

@@ -157,6 +157,7 @@ class Engine:
         if not (found and self._explains(known.base, found[0])):
             rest = [n for n in nominations if n.sensitivity is not None and n.promise > before.cost]
             self._say(f"none of them explains half of it; fitting {len(rest)} effects with strengths of either sign")
+            self._progress.estimate(self.problem.simulated, 2 * len(rest) * most_simulations(before))
             fitter.problem.misfit_v = misfit_v  # the scores were taken with it
             self._screen(rest, partial(screen, fitter, before, either_sign=True), before.cost)
             labels = {explanation.label for explanation in found}

@@ -19,10 +19,15 @@ class Progress:
         self._phase_began = self._began
 
     def estimate(self, simulated: float, left: int) -> None:
-        """Say how many simulations are left, and how long they take at the pace of those made since this began."""
+        """Say how many simulations the fits at hand take, and how long at the pace of those made since this began.
+
+        Nothing is said where there are none: other fits follow. More may follow in any case.
+        """
+        if not left:
+            return
         seconds = (self._clock() - self._began) / simulated * left if simulated else None
         pace = "" if seconds is None else f": {duration(seconds)} at the present pace"
-        self._say(f"at most {left} simulations are left{pace}")
+        self._say(f"at most {left} simulations until these are compared{pace}; more may follow")
 
     def begin(self, total: int) -> None:
         """Begin to fit so many candidates."""

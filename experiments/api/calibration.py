@@ -258,6 +258,8 @@ def _carried_out(
         raise  # not even the first simulation was finished: there is no result
     if result.status in STOPPED:
         _say_how_to_go_on(shown(result.reason or result.status, 400), asked.folder)
+    elif result.cut_short:
+        _say_how_to_go_on("interrupted; the search is finished, and what follows it is not", asked.folder)
     return CalibrationResult.of(asked.folder)
 
 

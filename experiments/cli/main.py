@@ -91,6 +91,11 @@ def _carry_out(commands: typer.Typer) -> NoReturn:
     except KeyboardInterrupt:
         print("Interrupted.", file=sys.stderr)
         sys.exit(INTERRUPTED)
+    except SystemExit as end:
+        # Typer makes an exit of an interrupt, without a word.
+        if isinstance(getattr(end.__context__, "__cause__", None), KeyboardInterrupt):
+            print("Interrupted.", file=sys.stderr)
+        raise
     except BrokenPipeError:
         # The reader of our output has gone (`bsa list | head`); nothing is wrong.
         sys.stdout = None

@@ -23,15 +23,29 @@ def printable(text: str, limit: int = 200) -> str:
     return line if len(line) <= limit else line[: limit - 1] + "…"
 
 
+def note_line(text: str, command: str = "") -> str:
+    """A note on one line, cut where it is long, but for a command of our own that it ends with: that can be pasted."""
+    if command and text.endswith(command):
+        return f"note: {printable(text.removesuffix(command), 400)} {_typed(command)}"
+    return f"note: {printable(text, 400)}"
+
+
+def _typed(command: str) -> str:
+    """A command without what steers a terminal; a file's name keeps its spaces."""
+    return strip_control(command).replace("\n", " ")
+
+
 class PlainProgress:
     """One line for each round and each better trial.
 
-    ``unit`` is that of the objective. Progress goes to standard error by default, results to standard output.
+    ``unit`` is that of the objective, ``command`` what a note may end with and is never cut. Progress goes to standard
+    error by default, results to standard output.
     """
 
-    def __init__(self, unit: str, stream: TextIO | None = None) -> None:
+    def __init__(self, unit: str, stream: TextIO | None = None, command: str = "") -> None:
         self._unit = unit
         self._stream = stream or sys.stderr
+        self._command = command
         self._best = float("inf")
 
     def proposed(self, proposal: Proposal, phase: Phase, number: int) -> None:
@@ -62,7 +76,7 @@ class PlainProgress:
 
     def noted(self, text: str) -> None:
         """See `Listener.noted`."""
-        self._say(f"note: {printable(text, 400)}")
+        self._say(note_line(text, self._command))
 
     def _say(self, line: str) -> None:
         print(line, file=self._stream, flush=True)
@@ -98,16 +112,17 @@ class Redrawn(ABC):
         self._live.stop()
 
     def say(self, line: str) -> None:
-        """Print a line above it."""
+        """Print a line above it, which only the terminal breaks: what is copied from there is one line."""
         from rich.text import Text
 
-        self._live.console.print(Text(line, style="yellow"))
+        self._live.console.print(Text(line, style="yellow"), soft_wrap=True)
 
 
 class LiveProgress(Redrawn):
-    """A panel with where a run stands."""
+    """A panel with where a run stands; ``command`` as in `PlainProgress`."""
 
-    def __init__(self, title: str, unit: str, simulations: int) -> None:
+    def __init__(self, title: str, unit: str, simulations: int, command: str = "") -> None:
+        self._command = command
         self._title, self._unit, self._simulations = title, unit, simulations
         self._started = time.monotonic()
         self._state: dict[str, Any] = {"phase": "starting the simulator", "hypothesis": "", "count": 0, "failed": 0}
@@ -136,7 +151,7 @@ class LiveProgress(Redrawn):
 
     def noted(self, text: str) -> None:
         """See `Listener.noted`."""
-        self.say(f"note: {printable(text, 400)}")
+        self.say(note_line(text, self._command))
 
     def drawn(self) -> Panel:
         """See `Redrawn.drawn`."""

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ...core.errors import BsaError
-from ...core.journal import check_run_folder
+from ...core.journal import FILE_NAME, check_run_folder
 from . import completion
 from . import shared_options as shared
-from .exit_codes import STOPPED
+from .exit_codes import INTERRUPTED, STOPPED
 from .option_groups import with_options
 
 if TYPE_CHECKING:
@@ -231,7 +231,10 @@ def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability
     listener: LiveProgress | PlainProgress
     title = f"{task.name} · {config.scaffold.name} · {backend.name}"
     live = sys.stderr.isatty() and not as_json
-    listener = LiveProgress(title, unit, config.simulations) if live else PlainProgress(unit)
+    if live:
+        listener = LiveProgress(title, unit, config.simulations, to_discover)
+    else:
+        listener = PlainProgress(unit, command=to_discover)
     print(f"{title} → {folder}", file=sys.stderr)
     if config.backend == "rules":
         print(
@@ -239,18 +242,30 @@ def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability
             "Choose a model with --backend NAME; bsa doctor shows which are ready here.",
             file=sys.stderr,
         )
-    with listener:
-        result = execute_run(
-            task, config, folder, backend, resources, listener, analysing=identifiability, to_discover=to_discover
-        )
+    go_on = f"bsa-run --resume {shlex.quote(str(folder))}"
+    try:
+        with listener:
+            result = execute_run(
+                task, config, folder, backend, resources, listener, analysing=identifiability, to_discover=to_discover
+            )
+    except KeyboardInterrupt:
+        if (folder / FILE_NAME).exists():
+            print(f"Stopped: interrupted. Go on with: {go_on}", file=sys.stderr)
+            raise typer.Exit(INTERRUPTED) from None
+        raise
     if as_json:
         print(json.dumps(summary(task, config, backend.name, result), indent=2))
     else:
         _print_summary(task, result, folder)
     if result.status in STOPPED:
         why = printable(result.reason or result.status, 400)
-        print(f"Stopped: {why}. Go on with: bsa-run --resume {shlex.quote(str(folder))}", file=sys.stderr)
+        print(f"Stopped: {why}. Go on with: {go_on}", file=sys.stderr)
         raise typer.Exit(STOPPED[result.status])
+    if result.cut_short:
+        print(
+            f"Stopped: interrupted. The search is finished; go on with what follows it with: {go_on}", file=sys.stderr
+        )
+        raise typer.Exit(INTERRUPTED)
 
 
 def _print_summary(task: Task, result: RunResult, folder: Path) -> None:
@@ -277,4 +292,6 @@ def _print_summary(task: Task, result: RunResult, folder: Path) -> None:
         lines = [words(result.analysis) for words in (verdict_line, caution_line, groups_line)]
         lines.append(next_line(result.analysis, task.domain))
         print(*(f"  {line}" for line in lines if line), "  (see the report)", sep="\n")
+    if result.reason and result.status not in STOPPED:
+        print(f"  {printable(result.reason, 600)}")
     print(f"  report: {folder / 'report.html'}")

@@ -11,7 +11,7 @@ from ...core.discovery.record_discovery import RecordDiscovery
 from ...core.discovery.simulator import Prediction
 from .chart import Chart, Key, horizontal, padded
 from .templates import template
-from .wording import number, time_unit
+from .wording import time_unit
 
 _VOLTAGE_HEIGHT, _RESIDUAL_HEIGHT = 210.0, 130.0
 
@@ -55,13 +55,12 @@ def _figure(place: int, observed: Observations, base: Prediction, augmented: Pre
     time, measured = observed.time / scale, observed.voltage
     residuals = {style: 1e3 * (values - measured) for style, values in simulated.items()}
     labels = {"initial": "base model", "best": "base model with the effect"}
-    rms = [f"{labels[style]} {number(float(np.sqrt(np.mean(r**2))))} mV" for style, r in residuals.items()]
     chart = Chart(
         f"record-{place}",
         "Voltage and residuals over time",
         horizontal(float(time[0]), float(time[-1])),
         f"Time / {unit}",
-        f"Measured and simulated voltage. Residuals, root mean square: {', '.join(rms)}.",
+        "Measured and simulated voltage.",
         [Key("measured", "measured"), *(Key(style, labels[style]) for style in simulated)],
     )
     limits = padded(float(np.min(measured)), float(np.max(measured)))

@@ -20,6 +20,7 @@ from ...plugins.feedback.ageing import told_cycles
 from ..run_record import RunRecord
 from .chart import Chart, Key, Marker, Panel, horizontal, limits_around
 from .nyquist import nyquist
+from .records import errors_words
 from .wording import number, time_unit, unit
 
 _DRIVEN_HEIGHT, _OBSERVED_HEIGHT, _RESIDUAL_HEIGHT, _CONVERGENCE_HEIGHT = 96.0, 210.0, 110.0, 250.0
@@ -38,7 +39,8 @@ class Overlay:
     name: str  # The record's name. Untrusted.
     chart: Chart  # What was driven above what was observed, each above its residual.
     remarks: tuple[str, ...]  # What the reader must know to read it.
-    # Root-mean-square residuals of the stored curves before and after, in a sentence for each observed signal.
+    # Its scored errors before and after, in a sentence for each observed signal; the drawn curves are thinned and tell
+    # others. Empty where it was not scored.
     fit: str
 
 
@@ -124,15 +126,16 @@ def prediction_overlays(task: Task, predictions: Sequence[Prediction]) -> list[O
         for shown in _cycles(experiment) if experiment.long else [experiment]:
             curve = scored_part(prediction.curve, shown)
             if curve is not None:
-                found.append(_predicted(task, place, shown, curve, misfits))
+                signals = task.observed_in(shown.scored_target)
+                fit = errors_words(signals, prediction.errors) if shown is experiment else ""
+                found.append(_predicted(task, place, shown, curve, misfits, fit))
     return found
 
 
 def _predicted(
-    task: Task, place: int, experiment: Experiment, curve: Trajectory, misfits: Mapping[str, float]
+    task: Task, place: int, experiment: Experiment, curve: Trajectory, misfits: Mapping[str, float], fit: str
 ) -> Overlay:
     measured, predicted = _Curve("measured", experiment.scored_target), _Curve("best", curve)
-    fit = _fit_after(task, predicted, measured)
     keys = [Key("measured", "measured"), Key("best", "predicted")]
     if experiment.is_spectrum:
         return _spectrum(experiment.name, f"held-out-{place}", fit, [measured, predicted], keys)
@@ -157,13 +160,6 @@ def _over_time(name: str, experiment: Experiment, title: str, longest_s: float) 
     return Chart(name, title, horizontal(0.0, longest_s / scale), f"Time / {clock_unit}"), scale
 
 
-def _fit_after(task: Task, predicted: _Curve, measured: _Curve) -> str:
-    return " ".join(
-        f"{signal.title} RMSE: {number(_rms(predicted, measured, signal))} {unit(signal.shown)}."
-        for signal in task.observed_in(measured.record)
-    )
-
-
 def _overlay(run: RunRecord, place: int, experiment: Experiment) -> Overlay:
     measured = _Curve("measured", experiment.scored_target)
     initial = _simulated(run.initial, place, experiment, "initial")
@@ -175,7 +171,7 @@ def _overlay(run: RunRecord, place: int, experiment: Experiment) -> Overlay:
         keys.append(Key("initial", "initial" if best is not None or run.best is not run.initial else "initial = best"))
     if best is not None:
         keys.append(Key("best", f"best (simulation {run.best.index})"))
-    fit = _fit(run.task, " of this record", initial, focus, measured)
+    fit = _scored(run, experiment)
     if experiment.is_spectrum:
         return _spectrum(experiment.name, f"overlay-{place}", fit, [measured, *simulated], keys)
     longest = max([measured.time[-1], *(min(curve.time[-1], 1.5 * measured.time[-1]) for curve in simulated)])
@@ -184,15 +180,24 @@ def _overlay(run: RunRecord, place: int, experiment: Experiment) -> Overlay:
     chart, scale = _over_time(f"overlay-{place}", experiment, title, float(longest))
     residuals = _draw(chart, run.task, measured, simulated, focus, scale)
     chart.keys += keys
-    chart.description = "Measured record against the initial and the best simulation. "
-    chart.description += _fit(run.task, "", initial, focus, measured)
+    chart.description = f"Measured record against the initial and the best simulation. {fit}".strip()
     remarks = _remarks(run, place, experiment, residuals, initial, measured)
     return Overlay(experiment.name, chart, tuple(remarks), fit)
 
 
+def _scored(run: RunRecord, experiment: Experiment) -> str:
+    """The errors of the initial and the best simulation; empty of one cycle of a life, which is scored as a whole."""
+    before, after = (
+        next((errors for errors in scored if errors.record == experiment.name), None)
+        for scored in (run.initial_records, run.records)
+    )
+    signals = run.task.observed_in(experiment.scored_target)
+    return "" if after is None else errors_words(signals, after, before, " of this record")
+
+
 def _spectrum(name: str, chart: str, fit: str, curves: Sequence[_Curve], keys: Sequence[Key]) -> Overlay:
     drawn = {curve.style: curve.record for curve in curves}
-    return Overlay(name, nyquist(chart, f"Measured and simulated impedance. {fit}", drawn, keys), (), fit)
+    return Overlay(name, nyquist(chart, f"Measured and simulated impedance. {fit}".strip(), drawn, keys), (), fit)
 
 
 def _simulated(trial: Trial, place: int, experiment: Experiment, style: str) -> _Curve | None:
@@ -266,24 +271,6 @@ def _remarks(
             + ("; larger values run off the panel." if beyond else ".")
         )
     return remarks
-
-
-def _fit(task: Task, where: str, initial: _Curve | None, best: _Curve | None, measured: _Curve) -> str:
-    """``"Voltage RMSE of this record: 12 mV before, 0.4 mV after."``, for each observed signal."""
-    sentences = []
-    for signal in task.observed_in(measured.record):
-        before, after = (f"{number(_rms(curve, measured, signal))} {unit(signal.shown)}" for curve in (initial, best))
-        sentences.append(f"{signal.title} RMSE{where}: {before} before, {after} after.")
-    return " ".join(sentences)
-
-
-def _rms(curve: _Curve | None, measured: _Curve, signal: Signal) -> float | None:
-    if curve is None:
-        return None
-    time, values = curve.residual(measured, signal)
-    if len(time) < 2 or time[-1] <= time[0]:
-        return None
-    return float(np.sqrt(np.trapezoid(values**2, time) / (time[-1] - time[0])))
 
 
 def convergence(run: RunRecord, objective: Quantity) -> Chart | None:

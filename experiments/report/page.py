@@ -39,6 +39,9 @@ _AT_BOUND = 1e-3
 
 _MOST_NOTES = 100
 
+_LONGEST_NOTE = 5000
+"""Characters of a note of the run: a command with the names of many records is to be whole."""
+
 MOST_STEPS = 40
 """Steps of a record that the page lists; a record of many cycles has thousands."""
 
@@ -71,6 +74,7 @@ def render(run: RunRecord) -> str:
         run=run,
         usage=run.usage,
         status=_STATUS.get(run.status, run.status),
+        lacking=clipped(run.lacking, 600),
         objective=objective,
         domain=run.task.domain,
         gain=change(objective.shown(run.initial_metrics), objective.shown(run.best_metrics)),
@@ -126,9 +130,9 @@ def _parameter_row(parameter: Parameter, run: RunRecord) -> dict[str, Any]:
 
 def _notes(run: RunRecord) -> Sequence[str]:
     """What the run and its backend had to say, each thing once."""
-    notes = list(run.notes)
+    notes = [clipped(note, _LONGEST_NOTE) for note in run.notes]
     counts = Counter(note for exchange in run.exchanges if exchange.made_by == "model" for note in exchange.notes)
-    notes += [f"{note} ({times} times)" if times > 1 else note for note, times in counts.items()]
+    notes += [clipped(f"{note} ({times} times)" if times > 1 else note, 600) for note, times in counts.items()]
     if run.lost_calls:
         notes.append(f"{run.lost_calls} of {run.calls} calls of the language model gave no reply.")
     if run.best_metrics is not None and not run.scored_exactly:
@@ -141,7 +145,7 @@ def _notes(run: RunRecord) -> Sequence[str]:
     left_out = len(notes) - _MOST_NOTES
     if left_out > 0:
         notes = [*notes[:_MOST_NOTES], f"{left_out} more notes are in journal.jsonl."]
-    return [clipped(note, 600) for note in notes]
+    return notes
 
 
 def render_prediction(run: RunRecord) -> str:

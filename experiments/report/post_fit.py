@@ -16,6 +16,8 @@ _NAMED = 6
 _WORTH_MEASURING = 0.9
 """Share of the widest interval that a protocol must come below to be advised: less is not worth hours of a cycler."""
 
+_LONGER = "A run that is allowed more simulations has a longer analysis, also where its search ends early."
+
 
 def best_score_line(objective: Quantity, best: Trial, lowest: Trial, metrics: Metrics | None) -> str:
     """Which simulation has a better score than the one that is reported; empty if none has.
@@ -34,13 +36,19 @@ def best_score_line(objective: Quantity, best: Trial, lowest: Trial, metrics: Me
 def verdict_line(analysis: PostFitAnalysis) -> str:
     """``"The record fixes 2 of 24 parameters: ..., ...; 18 are loose; 4 are open: ..."``; many names are a number."""
     found = analysis.identifiability
+    stopped = analysis.widened > 1.0
+    first = "The analysis stopped before its sample converged, so intervals are wider than the record's. " * stopped
+    begin = f"{first}With them the record" if stopped else "The record"
     if len(found.open) == len(found.intervals):
-        return f"The record fixes none of the {len(found.intervals)} parameters: all are open."
+        if len(found.intervals) == 1:
+            return f"{begin} does not fix {named(found.open)}: it is open."
+        return f"{begin} fixes none of the {len(found.intervals)} parameters: all are open."
 
     def listed(names: Sequence[str]) -> str:
         return f": {named(names)}" if 0 < len(names) <= _NAMED else ""
 
-    parts = [f"The record fixes {len(found.fixed)} of {len(found.intervals)} parameters{listed(found.fixed)}"]
+    number_of = f"{len(found.intervals)} parameter{'s' * (len(found.intervals) > 1)}"
+    parts = [f"{begin} fixes {len(found.fixed)} of {number_of}{listed(found.fixed)}"]
     for names, state in ((found.loose, "loose"), (found.open, "open")):
         if names:
             parts.append(f"{len(names)} {'is' if len(names) == 1 else 'are'} {state}{listed(names)}")
@@ -57,10 +65,10 @@ def caution_line(analysis: PostFitAnalysis) -> str:
         )
     if analysis.widened > 1.0:
         sentences.append(
-            f"The analysis stopped after {analysis.simulations} simulations, for the search had {analysis.budget}: the "
-            f"sample of the parameters had not converged. The assumed noise was raised {number(analysis.widened, 2)} "
-            "times for it, and every interval is at least as wide as a linear estimate. A longer search allows a "
-            "longer analysis."
+            f"The analysis stopped after {analysis.simulations} simulations, its budget being the {analysis.budget} "
+            "that the search was allowed: the sample of the parameters had not converged. The assumed noise was raised "
+            f"{number(analysis.widened, 2)} times for it, and every interval is at least as wide as a linear estimate. "
+            f"{_LONGER}"
         )
     return " ".join(sentences)
 
@@ -76,7 +84,7 @@ def next_line(analysis: PostFitAnalysis, domain: Domain) -> str:
     if analysis.forgone:
         return (
             f"What to measure next was not looked for: it takes {analysis.forgone} simulations more than the budget, "
-            f"the {analysis.budget} of the search. A longer search allows a longer analysis."
+            f"the {analysis.budget} that the search was allowed. {_LONGER}"
         )
     if not analysis.measure_next:
         return ""

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from ...core.ageing.fade_band import CAPACITY
 from ...core.cell import SPECTRUM, TEMPERATURE
 from ...core.prediction import Band, Prediction
 from ...core.record_errors import RecordErrors, SignalError
+from ...core.signals import Signal
 from ...core.task import Task
-from .wording import duration, number
+from .wording import duration, number, unit
 
 _DIGITS = 3
-
-TOO_WIDE = "the fitted records leave the parameters open, by a tenth of the measured range"
 
 FITTED, HELD_OUT = "fitted", "held out"
 
@@ -69,6 +68,25 @@ def error_rows(task: Task, records: Sequence[RecordErrors], held_out: Sequence[P
     return rows + [row for found in held_out for row in _rows(task, found.errors, HELD_OUT, dict(found.bands))]
 
 
+def errors_words(
+    signals: Iterable[Signal], errors: RecordErrors, before: RecordErrors | None = None, where: str = ""
+) -> str:
+    """``"Voltage RMSE of this record: 12 mV before, 0.4 mV after."``, for each of the signals that was compared."""
+    sentences = []
+    for signal in signals:
+        if signal.name not in errors.signals:
+            continue
+        sizes = [_size(errors.signals[signal.name])]
+        if before is not None and signal.name in before.signals:
+            sizes = [f"{_size(before.signals[signal.name])} before", f"{sizes[0]} after"]
+        sentences.append(f"{signal.title} RMSE{where}: {', '.join(sizes)}.")
+    return " ".join(sentences)
+
+
+def _size(error: SignalError) -> str:
+    return f"{number(error.rms, _DIGITS)} {unit(error.unit)}"
+
+
 def _rows(task: Task, errors: RecordErrors, use: str, bands: dict[str, Band]) -> list[ErrorRow]:
     if not errors.signals:
         return [ErrorRow(errors.record, "", use, "", "", "", "", "", remark=errors.failure)]
@@ -85,7 +103,7 @@ def _rows(task: Task, errors: RecordErrors, use: str, bands: dict[str, Band]) ->
         )
         band = bands.get(name)
         told = ("", "", "") if band is None else _band(band)
-        wide = TOO_WIDE if band is not None and band.wide else ""
+        wide = _left_open(band, error.unit) if band is not None and band.wide else ""
         remark = "; ".join(part for part in (stopped, *errors.limits, wide) if part)
         note = "" if errors.impedance is None or rows else errors.impedance.words
         row = ErrorRow(errors.record, "", use, *_printed(words[name], error), *told, remark, note, over, steps)
@@ -93,8 +111,18 @@ def _rows(task: Task, errors: RecordErrors, use: str, bands: dict[str, Band]) ->
     return rows
 
 
+def _left_open(band: Band, in_unit: str) -> str:
+    """How much of a wide band is the parameters': the squares of what they and the misfit add to its half add up."""
+    own = math.sqrt(max(_half(band) ** 2 - band.misfit**2, 0.0))
+    return f"the fitted records leave the parameters open, by ± {number(own, _DIGITS)} {unit(in_unit)} of this band"
+
+
+def _half(band: Band) -> float:
+    return band.rms if math.isnan(band.median) else band.median
+
+
 def _band(band: Band) -> tuple[str, str, str]:
-    half = band.rms if math.isnan(band.median) else band.median
+    half = _half(band)
     misfit = number(band.misfit, _DIGITS) if band.misfit else ""
     return number(half, _DIGITS), f"{number(100 * band.inside, 2)} %", misfit
 

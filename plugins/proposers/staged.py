@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field, model_validator
 from ...core.errors import did_you_mean
 from ...core.hooks import ProposeContext, RunContext, hookimpl
 from ...core.parameters import Candidate
-from ...core.proposal import Proposal
+from ...core.proposal import LACKING, Proposal
 from ...core.trial import Trial
 from .descent import Descent, DescentOptions
 from .equilibrium_fit import EquilibriumFit
@@ -66,6 +66,9 @@ class StagedProposer:
         self._stage: Stage | None = None
         self._finished: set[str] = set()
         self._skipped: dict[str, str] = {}
+        self._before: int | None = None  # Simulations before the first stage.
+        self._shares: list[float] = []  # Of the stages that were carried out or skipped for lack of simulations.
+        self._lacking: list[str] = []
         self._seen = 0
 
     @hookimpl
@@ -108,11 +111,14 @@ class StagedProposer:
 
     def _next_stage(self, context: ProposeContext) -> Stage | None:
         """The next stage that has something to do; why others are skipped is noted."""
+        if self._before is None:
+            self._before = len(context.trials)
         while self._plan:
             choice = self._plan.pop(0)
             assert self._here is not None
             stage, why = self._prepared(choice, context)
             if stage is not None:
+                self._shares.append(choice.share)
                 return stage
             self._skipped[choice.name] = why
         return None
@@ -131,8 +137,35 @@ class StagedProposer:
         if choice.data == "open-circuit" and context.equilibrium([start.candidate]) is not None:
             return EquilibriumFit(context.task, choice, view, free, start, budget, context.equilibrium), ""
         if budget < np.count_nonzero(free) + _FEWEST_STEPS:
-            return None, f"{budget} simulations do not suffice for its {np.count_nonzero(free)} parameters"
+            return None, self._too_few(choice, int(np.count_nonzero(free)), context)
         return StageFit(context.task, choice, view, free, start, budget), ""
+
+    def _too_few(self, choice: StageChoice, parameters: int, context: ProposeContext) -> str:
+        """That the simulations left do not suffice for a stage, and of how many a run would come to it."""
+        self._shares.append(choice.share)
+        left = f"{context.simulations_left} simulations left"
+        few = f"the {left} do" if choice.share == 1.0 else f"its share of {choice.share:g} of the {left} does"
+        why = f"{few} not suffice for its {parameters} parameters, which take {parameters + _FEWEST_STEPS}"
+        enough = self._enough(len(context.trials) + context.simulations_left, parameters + _FEWEST_STEPS)
+        told = why if enough is None else f"{why}; a run of {enough} simulations would have come to it"
+        self._lacking.append(f'Stage "{choice.name}" is skipped: {told}.')
+        return told
+
+    def _enough(self, allowed: int, needed: int) -> int | None:
+        """Of how many simulations a run comes to the last of the stages so far, though each before spends its share.
+
+        None where one of them may spend all.
+        """
+        *before, last = self._shares
+        if 1.0 in before:
+            return None
+        while True:
+            allowed += 1
+            left = allowed - (self._before or 0)
+            for share in before:
+                left -= int(np.ceil(share * left))
+            if np.ceil(last * left) >= needed:
+                return allowed
 
     def _start(self, context: ProposeContext, choice: StageChoice) -> Trial:
         """Where the stage before ended; for what is fitted to everything, the best trial if that is better."""
@@ -156,4 +189,10 @@ class StagedProposer:
 
     def _last_proposal(self) -> Proposal:
         notes = [f'Stage "{name}" is skipped: {why}.' for name, why in self._skipped.items()]
-        return Proposal((), rationale=" ".join([*notes, "All stages have ended."]), finished=True, by_simulations=True)
+        return Proposal(
+            (),
+            rationale=" ".join([*notes, "All stages have ended."]),
+            details={"skipped": self._skipped} | ({LACKING: " ".join(self._lacking)} if self._lacking else {}),
+            finished=True,
+            by_simulations=True,
+        )

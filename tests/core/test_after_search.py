@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bsa.core import after_search
 from bsa.core.after_search import AfterSearch
 from bsa.core.feedback import Feedback
 from bsa.core.identifiability import Identifiability
@@ -73,6 +74,34 @@ def test_a_run_that_is_taken_up_again_scores_nothing_twice(run_toy: RunToy, tmp_
     assert (again.best_metrics, again.records) == (whole.best_metrics, whole.records)
     added = (tmp_path / "run" / FILE_NAME).read_bytes()[len(events) :]
     assert b'"event":"score"' not in added
+
+
+def test_an_interrupt_after_the_search_is_told_and_the_run_goes_on(
+    run_toy: RunToy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    settings: dict[str, Any] = {"scaffold": toy_scaffold("least-squares"), "simulations": 40, "analysing": True}
+    with monkeypatch.context() as patched:
+        patched.setattr(after_search, "analyse", interrupted)
+        first = run_toy(**settings)
+    assert first.cut_short
+    assert first.analysis is None
+    assert after_search.NOT_ANALYSED in read_run(tmp_path / "run").notes
+    second = run_toy(**settings)
+    assert not second.cut_short
+    assert second.status == first.status != "interrupted"
+    assert second.analysis is not None
+    assert second.analysis.budget == 40
+    assert after_search.NOT_ANALYSED not in read_run(tmp_path / "run").notes
+
+
+def test_the_time_of_a_run_that_is_taken_up_again_is_summed(run_toy: RunToy, tmp_path: Path) -> None:
+    first = run_toy(simulations=10).wall_s
+    second, third = run_toy(simulations=10).wall_s, run_toy(simulations=10).wall_s
+    assert first < second < third
+    assert json.loads((tmp_path / "run" / "result.json").read_text())["wall_s"] == third
 
 
 class Stops:

@@ -219,6 +219,13 @@ def test_a_run_in_which_nothing_simulates_is_not_judged(run_toy: RunToy, tmp_pat
     assert result.analysis is None
 
 
+def test_a_search_that_ends_by_itself_leaves_the_analysis_what_it_was_allowed(run_toy: RunToy, tmp_path: Path) -> None:
+    result = fitted(run_toy, tmp_path)
+    assert len(result.trials) < 60
+    assert result.analysis is not None
+    assert result.analysis.budget == 60
+
+
 def test_a_fit_that_stopped_short_says_so(run_toy: RunToy, tmp_path: Path) -> None:
     result = run_toy(
         tmp_path, scaffold=toy_scaffold("least-squares"), simulations=5, rounds=5, warm_up=0, analysing=True
@@ -226,7 +233,7 @@ def test_a_fit_that_stopped_short_says_so(run_toy: RunToy, tmp_path: Path) -> No
     assert result.analysis is not None
     assert CAPACITY in result.analysis.unsettled
     report = (tmp_path / "report.html").read_text()
-    # Further records would take more simulations than the search had.
+    # Further records would take more simulations than the search was allowed.
     assert result.analysis.budget == 5
     assert result.analysis.forgone > 0
     assert "What to measure next was not looked for" in report

@@ -86,6 +86,17 @@ def test_files_of_one_cell_are_one_record_and_parameters_come_from_a_file(tmp_pa
         pass
 
 
+def test_a_folder_of_a_calibration_gets_no_advice_that_fails(tmp_path, run_toy):
+    run_toy(tmp_path / "run", simulations=2)
+    data = half_discharge(tmp_path / "a.csv", 0.0)
+    options = DiscoverOptions(data=[data], parameters="Chen2020", out=tmp_path / "run")
+    before = (tmp_path / "run" / "journal.jsonl").read_bytes()
+    with pytest.raises(BsaError, match="belongs to a calibration") as refused, opened(options):
+        pass
+    assert refused.value.hint == "choose another --out folder."
+    assert (tmp_path / "run" / "journal.jsonl").read_bytes() == before
+
+
 def test_a_journal_from_before_an_option_was_there_is_resumed(tmp_path):
     options = DiscoverOptions(
         data=[half_discharge(tmp_path / "a.csv", 0.0)], parameters="Chen2020", out=tmp_path / "out"

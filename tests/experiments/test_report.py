@@ -15,6 +15,7 @@ from bsa.core.journal import Journal
 from bsa.core.metrics import PaperMetrics
 from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.proposal import Proposal
+from bsa.core.record_errors import RecordErrors, SignalError
 from bsa.core.simulation import SimulationFailure
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
@@ -93,8 +94,12 @@ class Writer:
         proposal = Proposal(tuple({} for _ in range(candidates)), **fields)
         self.journal.append("proposal", phase=phase, round=number_, **encode_proposal(proposal))
 
-    def score(self, index, objective):
-        self.journal.append("score", index=index, metrics=asdict(metrics(objective)))
+    def score(self, index, objective, rms_mv=()):
+        records = [
+            RecordErrors(experiment.name, {"voltage": SignalError("mV", rms, 2 * rms, rms)}).as_json()
+            for experiment, rms in zip(self.task.experiments, rms_mv, strict=False)
+        ]
+        self.journal.append("score", index=index, metrics=asdict(metrics(objective)), records=records)
 
 
 @pytest.fixture
@@ -302,6 +307,33 @@ class TestPage:
         for place in range(3):
             assert f"<span>{place + 1}. cell {place}</span>" in html
             assert f"<h3>{place + 1}. cell {place}</h3>" in html
+
+    @pytest.mark.parametrize(
+        ("scored", "expected"),
+        [
+            ({0: (77.7, 66.6), 1: (4.52, 3.21)}, ["66.6 mV before, 3.21 mV after", "77.7 mV before, 4.52 mV after"]),
+            ({1: (4.52, 3.21)}, ["Voltage RMSE of this record: 3.21 mV.", "Voltage RMSE of this record: 4.52 mV."]),
+            ({}, []),
+        ],
+    )
+    def test_errors_beside_a_curve_are_those_that_were_scored(self, tmp_path, scored, expected):
+        writer = Writer(tmp_path, make_task(name="cell", experiments=2, protocol=None))
+        writer.trial(0, "initial", 0, 40.0)
+        writer.proposal("search", 1)
+        writer.trial(1, "search", 1, 4.0)
+        for index, rms_mv in scored.items():
+            writer.score(index, 4.0, rms_mv)
+        page, _ = page_of(tmp_path)
+        assert page.text.count("of this record:") == 2 * len(expected)  # Below each figure, and read aloud.
+        assert all(words in page.text for words in expected)
+
+    def test_a_command_in_a_note_is_whole(self, tmp_path):
+        writer = Writer(tmp_path, make_task())
+        writer.trial(0, "initial", 0, 40.0)
+        command = "bsa discover --data " + " ".join(f"record-{place}.csv" for place in range(100))
+        writer.journal.append("note", text=f"To look for it: {command}")
+        page, _ = page_of(tmp_path)
+        assert command in page.text
 
     def test_measured_current_is_judged_by_voltage(self, tmp_path):
         writer = Writer(tmp_path, make_task(protocol=None))

@@ -42,6 +42,15 @@ def test_a_forbidden_sign_is_not_named():
     assert findings.verdict == "unexplained"
 
 
+def test_progress_never_says_that_no_simulation_is_left_where_more_follow():
+    lines = []
+    problem, space = toy.problem(np.random.default_rng(0), {"sign": -0.01}, True)
+    Engine(problem, space, (toy.HYSTERESIS,), toy.EVIDENCE, listener=lines.append).run()
+    (place,) = (number for number, line in enumerate(lines) if line.startswith("none of them explains half of it"))
+    assert not any(line.startswith("at most 0 simulations") for line in lines)
+    assert lines[place + 1].startswith("at most ")
+
+
 def test_what_the_parameters_imitate_is_no_missing_effect():
     findings = run({"second-resistance": 0.02}, catalogue=(*CATALOGUE, toy.IMITATED))
     assert findings.verdict == "no-missing-effect"

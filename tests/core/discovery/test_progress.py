@@ -9,9 +9,11 @@ def test_each_candidate_has_a_line_with_the_time_that_is_left() -> None:
     now = iter([0.0, 100.0, 100.0, 130.0, 190.0])
     progress = Progress(lines.append, lambda: next(now))
     progress.estimate(50, 30)
-    assert lines == ["at most 30 simulations are left: about 60 s at the present pace"]
+    assert lines == ["at most 30 simulations until these are compared: about 60 s at the present pace; more may follow"]
     progress.estimate(0, 30)
-    assert lines.pop() == "at most 30 simulations are left"
+    assert lines.pop() == "at most 30 simulations until these are compared; more may follow"
+    progress.estimate(50, 0)
+    assert len(lines) == 1
     progress.begin(2)
     first, second = (Nomination(effect) for effect in (toy.QUADRATIC, toy.SLOW))
     progress.refitted(first, 10.0)

@@ -59,8 +59,8 @@ def test_a_discovery_that_is_done_simulates_nothing_again(tmp_path):
     wanted = discover(tmp_path / "run", Counting(), first.append)
     assert numbers(discover(tmp_path / "run", Counting(most=0), again.append)) == numbers(wanted)
     # What a journal answers at once is no pace at which the rest would go on.
-    (before,), (after,) = ([line for line in lines if "simulations are left" in line] for lines in (first, again))
-    assert before.startswith(f"{after}: about ")
+    (before,), (after,) = ([line for line in lines if "until these are compared" in line] for lines in (first, again))
+    assert before.startswith(f"{after.removesuffix('; more may follow')}: about ")
 
 
 def test_what_fails_and_what_is_refused_stands_in_the_journal(tmp_path):

@@ -7,7 +7,7 @@ import pytest
 from bsa.backends.rules.backend import RulesBackend
 from bsa.core.journal import read_events
 from bsa.core.run_config import RunConfig
-from bsa.experiments.cli.progress import LiveProgress, PlainProgress
+from bsa.experiments.cli.progress import LiveProgress, PlainProgress, note_line
 from bsa.experiments.run import execute_run
 from bsa_toy_cell import HIDDEN, POLARISATION, SERIES, toy_scaffold, toy_task
 from rich.console import Console
@@ -58,3 +58,24 @@ def test_a_run_without_a_fit_is_scored_once_and_not_judged(tmp_path: Path) -> No
     events = list(read_events(tmp_path / "run"))
     assert [event["index"] for event in events if event["event"] == "score"] == [0]
     assert not [event for event in events if event["event"].startswith("appraisal")]
+
+
+COMMAND = "bsa discover --data " + " ".join(f"'my  cell {place}.csv'" for place in range(40)) + " --column voltage=2"
+
+
+def test_a_command_at_the_end_of_a_note_is_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = f"The misfit that is left follows the curve. To look for it: {COMMAND}"
+    stream = io.StringIO()
+    PlainProgress("mV", stream, COMMAND).noted(text)
+    assert stream.getvalue() == f"note: {text}\n"
+    live = LiveProgress("title", "mV", 60, COMMAND)
+    monkeypatch.setattr(live._live, "console", Console(file=io.StringIO(), width=80))
+    live.noted(text)
+    assert live._live.console.file.getvalue() == f"note: {text}\n"  # type: ignore[attr-defined]
+
+
+def test_other_notes_are_cut_and_a_name_in_a_command_steers_no_terminal() -> None:
+    assert len(note_line("x" * 1000)) < 420
+    assert len(note_line(f"{COMMAND} {'x' * 1000}", COMMAND)) < 420
+    hostile = "bsa discover --data '\x1b[2Ja\n\u202e.csv'"
+    assert note_line(f"Look: {hostile}", hostile) == "note: Look: bsa discover --data 'a .csv'"

@@ -8,7 +8,7 @@ from bsa.core.forecast import Forecast
 from bsa.core.identifiability import Identifiability, Interval
 from bsa.core.journal import read_events
 from bsa.core.post_fit_analysis import PostFitAnalysis, Suggestion
-from bsa.experiments.cli.run import discover_command
+from bsa.experiments.cli.run import _print_summary, discover_command
 from bsa.experiments.report.identifiability import caution_line, next_line
 from bsa_toy_cell import toy_scaffold, toy_task
 
@@ -42,6 +42,18 @@ def test_a_structured_misfit_points_to_the_command_and_a_good_fit_does_not(run_t
     assert not any("bsa discover" in text for text in notes(40))
 
 
+def test_the_end_names_a_stage_that_lacked_simulations(run_toy, tmp_path, capsys) -> None:
+    stages = [
+        {"name": "ohmic", "data": "current-steps", "fits": ["Series", "Polarisation"], "share": 0.4},
+        {"name": "joint", "data": "everything"},
+    ]
+    scaffold = toy_scaffold("staged", proposer={"use": "staged", "options": {"stages": stages}})
+    _print_summary(toy_task(), run_toy(scaffold=scaffold, warm_up=0, simulations=12), tmp_path / "run")
+    *_, said, report = capsys.readouterr().out.splitlines()
+    assert said.startswith('  Stage "joint" is skipped: the 6 simulations left do not suffice')
+    assert report.startswith("  report: ")
+
+
 def analysis(worst_share: float) -> PostFitAnalysis:
     found = Identifiability({WIDE: Interval(0.1, 0.0, 0.3, 0.5, "open")}, (), (), 1.0, 40)
     forecast = Forecast("C/20 discharge", WIDE, worst_share, {WIDE: worst_share})
@@ -58,6 +70,6 @@ def test_advice_is_given_only_where_it_helps() -> None:
 def test_an_analysis_that_its_budget_ended_says_what_was_dropped() -> None:
     assert caution_line(analysis(0.3)) == ""
     ended = replace(analysis(0.3), measure_next=(), simulations=81, budget=92, widened=6.4, forgone=24)
-    assert "after 81 simulations, for the search had 92" in caution_line(ended)
+    assert "after 81 simulations, its budget being the 92 that the search was allowed" in caution_line(ended)
     assert "raised 6.4 times" in caution_line(ended)
-    assert "24 simulations more than the budget, the 92 of the search" in next_line(ended, CELL)
+    assert "24 simulations more than the budget, the 92 that the search was allowed" in next_line(ended, CELL)

@@ -1,5 +1,6 @@
 """What a fit fixes, in words."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,20 @@ def test_many_parameters_of_which_none_is_fixed_are_not_listed() -> None:
     )
     many = {f"p{n}": "loose" for n in range(7)}
     assert verdict_line(judged({**many, "c": "fixed"})) == "The record fixes 1 of 8 parameters: c; 7 are loose."
+
+
+def test_one_parameter_is_no_plural() -> None:
+    assert verdict_line(judged({"a": "open"})) == "The record does not fix a: it is open."
+    assert verdict_line(judged({"a": "loose"})) == "The record fixes 0 of 1 parameter; 1 is loose: a."
+
+
+@pytest.mark.parametrize("verdicts", [{"a": "open", "b": "open"}, {"a": "fixed", "b": "open"}])
+def test_an_analysis_that_did_not_converge_is_no_fact_about_the_record(verdicts: dict[str, Any]) -> None:
+    line = verdict_line(replace(judged(verdicts), widened=44.0))
+    assert line.startswith(
+        "The analysis stopped before its sample converged, so intervals are wider than the record's."
+    )
+    assert "With them the record fixes" in line
 
 
 def judged(verdicts: dict[str, Any]) -> PostFitAnalysis:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -109,6 +110,20 @@ def test_the_budget_is_kept(run_toy: RunToy, tmp_path: Path) -> None:
     for budget in (1, 4, 7, 12):
         result = run_toy(tmp_path / str(budget), scaffold=staged(), simulations=budget)
         assert len(result.trials) <= budget
+
+
+def test_a_stage_that_lacks_simulations_is_named_with_how_many_would_do(run_toy: RunToy, tmp_path: Path) -> None:
+    few = run_toy(tmp_path / "few", scaffold=staged(order=["ohmic", "all"]), warm_up=0, simulations=12)
+    assert few.status == "finished"
+    assert few.reason == (
+        'Stage "all" is skipped: the 6 simulations left do not suffice for its 4 parameters, which take 7; a run of '
+        "13 simulations would have come to it."
+    )
+    assert read_run(tmp_path / "few").lacking == few.reason
+    assert few.reason in unescape((tmp_path / "few" / "report.html").read_text())
+    enough = run_toy(tmp_path / "enough", scaffold=staged(order=["ohmic", "all"]), warm_up=0, simulations=13)
+    assert stages_of(tmp_path / "enough") == ["ohmic", "all"]
+    assert enough.reason == ""
 
 
 def test_a_run_that_was_cut_takes_the_same_path(run_toy: RunToy, tmp_path: Path) -> None:
