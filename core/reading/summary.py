@@ -7,6 +7,7 @@ import numpy as np
 
 from ..record import Record
 from ..trajectory import FloatArray, Step, StepKind, Trajectory
+from .switches import STEP_SHARE, switches
 
 SLOW_HOURS = 8.0
 """A charge or discharge at constant current that takes longer shows the open-circuit voltage nearly bare, in h: C/10 of
@@ -14,12 +15,6 @@ the nominal capacity, of which a measured cell gives down to five sixths."""
 
 SLOW_SWING_V = 0.5
 """A slow curve crosses at least this much voltage, in V."""
-
-STEP_SHARE = 0.1
-"""A change of current by this share of the largest one shows a resistance."""
-
-EARLY_V_SHARE = 0.3
-"""A cycler may log the voltage of a switch before its current: the sample before holds this share of the jump."""
 
 
 @dataclass(frozen=True)
@@ -162,22 +157,16 @@ def _resistances(trajectory: Trajectory) -> Iterator[ResistanceRow]:
     """Where a step begins or ends under current."""
     time, current, voltage = trajectory.time, trajectory.current, trajectory.voltage
     largest = float(np.max(np.abs(current), initial=0.0))
-    for step in trajectory.steps[1:]:
-        places = trajectory.measured_across(step)
-        if places is None:
-            continue
-        before, after = places
+    # An instrument may write the current of a switch before its voltage: that has then moved by its last digit.
+    digit = float(np.min(np.diff(np.unique(voltage)), initial=np.inf))
+    digit = digit if np.isfinite(digit) else 0.0
+    for switch in switches(trajectory):
+        before, after = switch.before, switch.after
         change = float(current[after] - current[before])
-        if abs(change) < STEP_SHARE * largest or step.kind is StepKind.CV_HOLD:
+        if abs(change) < STEP_SHARE * largest or switch.step.kind is StepKind.CV_HOLD:
             continue
-        if before > 0:
-            jump = abs(voltage[after] - voltage[before - 1])
-            early = abs(voltage[before] - voltage[before - 1]) > EARLY_V_SHARE * jump
-            still = abs(current[before] - current[before - 1]) < 0.05 * abs(change)
-            if early and still:
-                before -= 1
         ohm = -float(voltage[after] - voltage[before]) / change
-        if ohm > 0:
+        if ohm > 0 and abs(voltage[after] - voltage[before]) > 1.5 * digit:
             passed = float(time[after] - time[before])
             yield ResistanceRow(float(time[after]), float(voltage[before]), change, passed, ohm)
 
@@ -198,6 +187,12 @@ def _problems(record: Record) -> Iterator[str]:
         yield (
             f"the record starts under load ({-trajectory.current[0]:+.3g} A, positive on charge): its first voltage is "
             "no open-circuit voltage."
+        )
+    early = [switch for switch in switches(trajectory) if switch.early]
+    if early:
+        yield (
+            f"the voltage steps one sample before the current does (switches: {len(early)}, the first at "
+            f"{trajectory.time[early[0].before + 1]:.6g} s): what the cell showed before is read one sample earlier."
         )
     if trajectory.temperature is None:
         yield "there is no temperature of the cell."
