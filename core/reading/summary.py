@@ -19,7 +19,10 @@ SLOW_SWING_V = 0.5
 
 @dataclass(frozen=True)
 class StepRow:
-    """One step: times in s, current in A and charge in A.h positive on discharge, voltages in V."""
+    """One step: times in s, current in A and charge in A.h positive on discharge, voltages in V.
+
+    The current is the median; that of a hold or a drive, which has no usual one, the mean over time.
+    """
 
     kind: str
     cycle: int
@@ -124,13 +127,16 @@ def _step_row(trajectory: Trajectory, drawn: FloatArray, step: Step) -> StepRow:
     inside = slice(step.start, step.stop)
     time, voltage = trajectory.time[inside], trajectory.voltage[inside]
     duration = float(time[-1] - trajectory.time[max(step.start - 1, 0)])
+    charge, current = _charge(drawn, step), float(np.median(trajectory.current[inside]))
+    if step.kind in (StepKind.CV_HOLD, StepKind.DRIVE) and duration > 0.0:
+        current = 3600.0 * charge / duration
     return StepRow(
         kind=str(step.kind),
         cycle=step.cycle,
         start_s=float(time[0]),
         duration_s=duration,
-        current_a=float(np.median(trajectory.current[inside])),
-        charge_ah=_charge(drawn, step),
+        current_a=current,
+        charge_ah=charge,
         first_v=float(voltage[0]),
         last_v=float(voltage[-1]),
     )

@@ -74,6 +74,17 @@ def test_a_slow_step_is_an_open_circuit_curve_and_a_quick_one_is_none():
     assert not summary(record(np.full(1200, 2.0), interval=3.0)).slow
 
 
+def test_the_current_of_a_hold_is_its_mean_over_time():
+    # A cycler writes the beginning of a hold, where the current falls, more often than the rest.
+    time = np.concatenate([np.arange(0.0, 3600.0, 30.0), 3600.0 + 60.0 * np.linspace(0.0, 1.0, 100) ** 2 * 60.0])
+    current = np.concatenate([np.full(120, -1.0), -np.exp(-(time[120:] - 3600.0) / 900.0)])
+    voltage = np.concatenate([np.linspace(3.5, 4.2, 120), np.full(100, 4.2)])
+    hold = summary(Record("a", segment(Trajectory(time, current, voltage)))).steps[-1]
+    assert hold.kind == "CV hold"
+    assert hold.current_a == pytest.approx(3600.0 * hold.charge_ah / hold.duration_s)
+    assert abs(hold.current_a) < 0.8 * abs(np.median(current[120:]))
+
+
 def test_what_is_missing_is_said():
     said = " ".join(summary(record(np.full(100, 2.0))).problems)
     assert "starts under load (-2 A, positive on charge)" in said
