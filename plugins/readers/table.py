@@ -223,8 +223,6 @@ def no_row(source: str, where: Mapping[str, str], cells: Iterable[object]) -> Bs
     seen: dict[str, None] = {}
     for cell in cells:
         seen.setdefault(str(cell).strip())
-        if len(seen) > 20:
-            break
     wanted = " and ".join(f"{shown(name)} is {shown(value)}" for name, value in where.items())
     return BsaError(f"{source} has no row where {wanted}.", f"values there: {listed(seen, 8)}.")
 

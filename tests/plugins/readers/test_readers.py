@@ -126,6 +126,22 @@ def test_a_constant_current_can_be_said(tmp_path):
     assert np.all(record.trajectory.current == 2.28)
 
 
+def test_a_constant_current_beside_a_current_column_is_said_not_to_be_used(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("t [s],U [V],I [A]\n" + "".join(f"{k},{4.0 - 0.001 * k},-2.0\n" for k in range(100)))
+    record = read_record(path, ReadOptions(constant_current_a=-3.0))
+    assert record.trajectory.current[0] == 2.0
+    assert any('the current of column "I [A]" was used, not the constant -3 A' in note for note in record.notes)
+
+
+def test_all_values_that_a_row_could_be_chosen_by_are_counted(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("t [s],U [V],I [A],test_id\n" + "".join(f"{k},4.0,-2.0,{k}\n" for k in range(168)))
+    with pytest.raises(BsaError, match="no row where test_id is 999") as found:
+        read_record(path, ReadOptions(where={"test_id": "999"}))
+    assert found.value.hint.endswith(" and 160 more.")
+
+
 @pytest.mark.parametrize("sign", ["discharge-positive", "auto"])
 def test_the_sign_can_be_said_or_found(tmp_path, sign):
     made = discharge()
