@@ -96,6 +96,24 @@ def test_decimal_commas_are_read_and_noted(tmp_path):
     assert any("decimal commas" in note for note in record.notes)
 
 
+@pytest.mark.parametrize("separator", [",", ";"])
+def test_decimal_commas_in_quotation_marks_are_read_whatever_parts_the_cells(tmp_path, separator):
+    path = tmp_path / "a.csv"
+    rows = ([f'"{10 * k},5"', f'"4,{190 - k}"', "-2"] for k in range(50))
+    path.write_text(separator.join(["Time [s]", "U [V]", "I [A]"]) + "\n" + "\n".join(map(separator.join, rows)))
+    record = read_record(path)
+    assert record.trajectory.voltage[1] == 4.189
+    assert record.trajectory.time[1] == 10.5
+    assert any("decimal commas" in note for note in record.notes)
+
+
+def test_commas_beside_points_part_thousands_and_are_refused(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("Time [s],U [V],I [A]\n" + "".join(f'"1,{200 + k}",4.19,-2.5\n' for k in range(50)))
+    with pytest.raises(BsaError, match='"1,200" is not a number'):
+        read_record(path)
+
+
 def test_gzip_mapping_and_rows_of_one_test(tmp_path):
     made = discharge()
     rows = table(made, "x").splitlines()[1:]
