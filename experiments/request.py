@@ -9,7 +9,7 @@ from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
-from ..core.errors import BsaError
+from ..core.errors import BsaError, did_you_mean
 from ..core.printable import shown
 from ..core.record import ReadOptions, Record
 from ..core.run_config import RunConfig
@@ -60,6 +60,8 @@ def run_config(
         path = key.split(".")
         # `warm_up` is a number of simulations, `warm_up.use` a part of the scaffold.
         if path[0] not in RunConfig.model_fields or (len(path) > 1 and not isinstance(content.get(path[0]), dict)):
+            if path[0] not in Scaffold.model_fields:
+                raise _no_setting(key)
             path = ["scaffold", *path]
         _put(content, path, value, key)
     return validated(RunConfig, content, "run configuration")
@@ -73,12 +75,21 @@ def _put(content: dict[str, Any], path: Sequence[str], value: Any, key: str) -> 
             place[part] = {}  # a part of the scaffold that it leaves out
         place = place.get(part) if isinstance(place, dict) else None
         if not isinstance(place, dict):
-            raise BsaError(
-                f'--set {key}: there is no setting "{key}".',
-                f"settings of a run: {', '.join(RunConfig.model_fields)}; of its scaffold: simulator, feedback, "
-                "memories, warm_up and proposer, each with .use and .options.",
-            )
+            raise _no_setting(key)
     place[last] = value
+
+
+def _no_setting(key: str) -> BsaError:
+    first, dot, rest = shown(key).partition(".")
+    known = dict.fromkeys([*RunConfig.model_fields, *Scaffold.model_fields])
+    nearest = did_you_mean(first, [name for name in known if name != first])
+    return BsaError(
+        f'--set {first}{dot}{rest}: there is no setting "{first}{dot}{rest}".',
+        f"{nearest} "
+        * bool(nearest)
+        + f"Settings of a run: {', '.join(RunConfig.model_fields)}; of its scaffold: simulator, feedback, memories, "
+        "warm_up and proposer, each with .use and .options.",
+    )
 
 
 def key_texts(pairs: Sequence[str] | None, option: str) -> dict[str, str]:
