@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
-from ..core.errors import BsaError
+from ..core.errors import BsaError, did_you_mean
+from ..core.printable import shown
 from ..core.record import ReadOptions, Record
 from ..core.run_config import RunConfig
 from ..core.scaffold import Scaffold, load_scaffold
@@ -16,6 +18,7 @@ from ..core.spectrum import ImpedanceSpectrum
 from ..core.task import Task, Weight
 from ..core.validation import validated
 from ..core.yaml_text import parse_yaml
+from .checked_options import as_celsius, as_number, as_numbers, by_signal
 
 if TYPE_CHECKING:
     from .tasks.record_request import RecordRequest
@@ -57,6 +60,8 @@ def run_config(
         path = key.split(".")
         # `warm_up` is a number of simulations, `warm_up.use` a part of the scaffold.
         if path[0] not in RunConfig.model_fields or (len(path) > 1 and not isinstance(content.get(path[0]), dict)):
+            if path[0] not in Scaffold.model_fields:
+                raise _no_setting(key)
             path = ["scaffold", *path]
         _put(content, path, value, key)
     return validated(RunConfig, content, "run configuration")
@@ -70,12 +75,21 @@ def _put(content: dict[str, Any], path: Sequence[str], value: Any, key: str) -> 
             place[part] = {}  # a part of the scaffold that it leaves out
         place = place.get(part) if isinstance(place, dict) else None
         if not isinstance(place, dict):
-            raise BsaError(
-                f'--set {key}: there is no setting "{key}".',
-                f"settings of a run: {', '.join(RunConfig.model_fields)}; of its scaffold: simulator, feedback, "
-                "memories, warm_up and proposer, each with .use and .options.",
-            )
+            raise _no_setting(key)
     place[last] = value
+
+
+def _no_setting(key: str) -> BsaError:
+    first, dot, rest = shown(key).partition(".")
+    known = dict.fromkeys([*RunConfig.model_fields, *Scaffold.model_fields])
+    nearest = did_you_mean(first, [name for name in known if name != first])
+    return BsaError(
+        f'--set {first}{dot}{rest}: there is no setting "{first}{dot}{rest}".',
+        f"{nearest} "
+        * bool(nearest)
+        + f"Settings of a run: {', '.join(RunConfig.model_fields)}; of its scaffold: simulator, feedback, memories, "
+        "warm_up and proposer, each with .use and .options.",
+    )
 
 
 def key_texts(pairs: Sequence[str] | None, option: str) -> dict[str, str]:
@@ -104,7 +118,7 @@ def key_values(pairs: Sequence[str] | None, option: str) -> dict[str, Any]:
 
 
 def reading(
-    column: Mapping[str, str] | None = None,
+    column: Mapping[str, str | int] | None = None,
     unit: Mapping[str, str] | None = None,
     current_sign: str = "charge-positive",
     constant_current: float | None = None,
@@ -120,23 +134,23 @@ def reading(
     from .tasks.record_request import parse_cycles
 
     content: dict[str, Any] = {
-        "columns": dict(column or {}),
-        "units": dict(unit or {}),
+        "columns": by_signal(column, "--column"),
+        "units": by_signal(unit, "--unit"),
         "where": {key: str(value) for key, value in (where or {}).items()},
         "cycles": None if cycles is None else parse_cycles(str(cycles)),
         "current_sign": current_sign,
-        "constant_current_a": constant_current,
-        "current_offset_a": current_offset,
-        "voltage_lag_s": voltage_lag,
+        "constant_current_a": None if constant_current is None else as_number(constant_current, "--constant-current"),
+        "current_offset_a": as_number(current_offset, "--current-offset"),
+        "voltage_lag_s": None if voltage_lag is None else as_number(voltage_lag, "--voltage-lag"),
         "sheet": sheet,
-        "ambient_c": temperature,
+        "ambient_c": None if temperature is None else as_celsius(temperature, "--temperature"),
         "join": join,
     }
     return validated(ReadOptions, content, "the options of the record")
 
 
 def readings(
-    column: Mapping[str, str] | None = None,
+    column: Mapping[str, str | int] | None = None,
     unit: Mapping[str, str] | None = None,
     current_sign: str = "charge-positive",
     constant_current: Numbers = None,
@@ -153,10 +167,10 @@ def readings(
     Raises `BsaError` if an option is not valid, or two have different numbers of values.
     """
     several = {
-        "constant_current": as_list(constant_current),
-        "current_offset": as_list(current_offset),
-        "voltage_lag": as_list(voltage_lag),
-        "temperature": as_list(temperature),
+        "constant_current": as_numbers(constant_current, "--constant-current"),
+        "current_offset": as_numbers(current_offset, "--current-offset"),
+        "voltage_lag": as_numbers(voltage_lag, "--voltage-lag"),
+        "temperature": as_numbers(temperature, "--temperature"),
     }
     counts = {f"--{name.replace('_', '-')}": len(values) for name, values in several.items() if len(values) > 1}
     if len(set(counts.values())) > 1:
@@ -169,13 +183,6 @@ def readings(
     return [
         reading(column, unit, current_sign, where=where, cycles=cycles, sheet=sheet, join=join, **row) for row in rows
     ]
-
-
-def as_list(numbers: Numbers) -> list[float]:
-    """One number, several or none, as a list."""
-    if numbers is None:
-        return []
-    return [numbers] if isinstance(numbers, (int, float)) else list(numbers)
 
 
 def one_each(reads: Sequence[ReadOptions], count: int) -> list[ReadOptions]:
@@ -371,8 +378,16 @@ def named_after(sources: Sequence[Path | Record | ImpedanceSpectrum]) -> str:
 
 
 def simulation_workers(asked: int) -> int:
-    """How many simulations run side by side: what was asked for, or one on each of up to four cores."""
-    return asked or min(os.cpu_count() or 1, 4)
+    """How many simulations run side by side: what was asked for, or one on each of up to four cores.
+
+    Raises `BsaError` if it is no number of simulations.
+    """
+    if isinstance(asked, bool) or not isinstance(asked, Integral) or asked < 0:
+        raise BsaError(
+            f"--workers is {shown(repr(asked))}, which is no number of simulations.",
+            "give how many run side by side; 0 takes as many as there are cores, 4 at most.",
+        )
+    return int(asked) or min(os.cpu_count() or 1, 4)
 
 
 def backend_options(options: Mapping[str, Any], **given: Any) -> dict[str, Any]:

@@ -43,7 +43,8 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
     measured = Trajectory(
         samples.time, samples.current + 0.0, samples.voltage, samples.temperature, inserted=samples.inserted
     )
-    trajectory = segment(measured, samples.extra.get("step"), samples.extra.get("cycle"))
+    extra = samples.extra
+    trajectory = segment(measured, extra.get("step"), extra.get("cycle"), extra.get("test"))
     for note in charge_notes(samples, trajectory):
         samples = samples.noted(note)
     ambient = samples.ambient_k

@@ -34,28 +34,38 @@ def with_clock(samples: Samples) -> Samples:
     rising = np.diff(time[~back])
     usual = float(np.median(rising[rising > 0])) if np.any(rising > 0) else 0.0
     if usual == 0.0:
-        raise BsaError(
-            f"{samples.source}: column {samples.column('time')} never rises (it stays at {time[0]:g} s).",
-            "say which column is the time with --column time=NAME.",
-        )
-    fallen = np.flatnonzero(~spikes & (latest - time > max(RESTART_S, 10.0 * usual)))
+        raise _never_rises(samples)
+    # The row before a restart is no lone spike: those lie high above both of their neighbours.
+    fallen = np.flatnonzero(~spikes[:-1] & (np.diff(time) < -max(RESTART_S, 10.0 * usual))) + 1
     if len(fallen):
         k = int(fallen[0])
         raise BsaError(
-            f"{samples.source}: the clock restarts in {samples.place(k)} ({latest[k]:g} s, then {time[k]:g} s).",
+            f"{samples.source}: the clock restarts in {samples.place(k)} ({time[k - 1]:g} s, then {time[k]:g} s).",
             "it holds several tests: choose one with --where COLUMN=VALUE, or say --join where they follow each other.",
         )
     if np.count_nonzero(back) > max(BACKWARD_ROWS, BACKWARD_SHARE * len(samples)):
-        k = int(np.flatnonzero(back)[0])
+        k = int(np.flatnonzero(np.diff(time) < 0)[0]) + 1
         raise BsaError(
-            f"{samples.source}: the time runs back in {np.count_nonzero(back)} of {len(samples)} rows, first around "
-            f"{samples.place(k)} ({time[max(k - 1, 0)]:g} s, then {time[k]:g} s).",
+            f"{samples.source}: the time runs back in {np.count_nonzero(back)} of {len(samples)} rows, first in "
+            f"{samples.place(k)} ({time[k - 1]:g} s, then {time[k]:g} s).",
             "sort the rows by time, or say which column is the time with --column time=NAME.",
         )
     if back.any():
         rows = np.flatnonzero(back)
         samples = samples.kept(~back, f"{len(rows)} samples out of time order were left out ({samples.places(rows)}).")
     return _without_repeats(samples)
+
+
+def _never_rises(samples: Samples) -> BsaError:
+    first, least = float(samples.time[0]), float(samples.time.min())
+    name = samples.column("time")
+    if least == first:
+        hint = "say which column is the time with --column time=NAME."
+        return BsaError(f"{samples.source}: column {name} never rises (it stays at {first:g} s).", hint)
+    return BsaError(
+        f"{samples.source}: column {name} never rises (it falls from {first:g} to {least:g} s).",
+        "sort the rows by time, or say which column is the time with --column time=NAME.",
+    )
 
 
 def _without_repeats(samples: Samples) -> Samples:

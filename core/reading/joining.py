@@ -79,6 +79,8 @@ def _on(samples: Samples, bounds: NDArray[np.intp], everything: bool) -> Samples
     shift = np.zeros(len(samples))
     shift[places] = wanted - (time[places] - time[places - 1])
     extra = dict(samples.extra)
+    if falls.any():
+        extra["test"] = _tests_counted(samples.extra.get("test"), places[falls], len(samples))
     if cycle is not None:
         extra["cycle"] = _counted_on(cycle, np.intersect1d(places, bounds) if len(bounds) else places)
     result = replace(samples, time=time + np.cumsum(np.nan_to_num(shift)), extra=extra)
@@ -119,6 +121,15 @@ def _counted_on(cycle: FloatArray, places: NDArray[np.intp]) -> FloatArray:
     return cycle + np.cumsum(np.nan_to_num(shift))
 
 
+def _tests_counted(test: FloatArray | None, places: NDArray[np.intp], count: int) -> FloatArray:
+    """The number of each sample's test, with a new one at each of the places: a clock restarts with a test."""
+    begins = np.zeros(count, dtype=np.bool_)
+    if test is not None:
+        begins[1:] = np.diff(test) != 0
+    begins[places] = True
+    return np.cumsum(begins).astype(np.float64)
+
+
 def _concatenated(parts: Sequence[Samples], source: str) -> Samples:
     lengths = [len(part) for part in parts]
     names: dict[Extra, None] = {name: None for part in parts for name in part.extra}
@@ -151,8 +162,8 @@ def _merged(samples: Samples) -> Samples:
         time[inside] += samples.extra["date"][inside[0]] - time[inside[0]]
     time -= time.min()
     order = np.argsort(time, kind="stable")
-    # Numbers of steps and cycles are each part's own; a cycler's counters of charge run on through its files.
-    kept = {name: values[order] for name, values in samples.extra.items() if name not in ("step", "cycle")}
+    # Numbers of steps, cycles and tests are each part's own; a cycler's counters of charge run on through its files.
+    kept = {name: values[order] for name, values in samples.extra.items() if name not in ("step", "cycle", "test")}
     merged = replace(samples.kept(order), time=time[order], extra=kept)
     return merged.noted("the parts alternate in time; their samples were merged by date, to the second.")
 

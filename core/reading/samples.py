@@ -19,8 +19,9 @@ Mask = NDArray[np.bool_]
 Counter = Literal["net_ah", "charged_ah", "discharged_ah"]
 """A cycler's own counters of charge, in A.h."""
 
-Extra = Literal["step", "cycle", "date"] | Counter
-"""What a file may say beside the signals: numbers of steps and cycles, date in s since 1970, counters in A.h."""
+Extra = Literal["step", "cycle", "test", "date"] | Counter
+"""What a file may say beside the signals: numbers of steps, cycles and tests (a clock restarts with each), date in s
+since 1970, counters in A.h."""
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ import numpy as np
 
 from ..record import Record
 from ..trajectory import FloatArray, Step, StepKind, Trajectory
+from .switches import STEP_SHARE, switches
 
 SLOW_HOURS = 8.0
 """A charge or discharge at constant current that takes longer shows the open-circuit voltage nearly bare, in h: C/10 of
@@ -15,16 +16,13 @@ the nominal capacity, of which a measured cell gives down to five sixths."""
 SLOW_SWING_V = 0.5
 """A slow curve crosses at least this much voltage, in V."""
 
-STEP_SHARE = 0.1
-"""A change of current by this share of the largest one shows a resistance."""
-
-EARLY_V_SHARE = 0.3
-"""A cycler may log the voltage of a switch before its current: the sample before holds this share of the jump."""
-
 
 @dataclass(frozen=True)
 class StepRow:
-    """One step: times in s, current in A and charge in A.h positive on discharge, voltages in V."""
+    """One step: times in s, current in A and charge in A.h positive on discharge, voltages in V.
+
+    The current is the median; that of a hold or a drive, which has no usual one, the mean over time.
+    """
 
     kind: str
     cycle: int
@@ -129,13 +127,16 @@ def _step_row(trajectory: Trajectory, drawn: FloatArray, step: Step) -> StepRow:
     inside = slice(step.start, step.stop)
     time, voltage = trajectory.time[inside], trajectory.voltage[inside]
     duration = float(time[-1] - trajectory.time[max(step.start - 1, 0)])
+    charge, current = _charge(drawn, step), float(np.median(trajectory.current[inside]))
+    if step.kind in (StepKind.CV_HOLD, StepKind.DRIVE) and duration > 0.0:
+        current = 3600.0 * charge / duration
     return StepRow(
         kind=str(step.kind),
         cycle=step.cycle,
         start_s=float(time[0]),
         duration_s=duration,
-        current_a=float(np.median(trajectory.current[inside])),
-        charge_ah=_charge(drawn, step),
+        current_a=current,
+        charge_ah=charge,
         first_v=float(voltage[0]),
         last_v=float(voltage[-1]),
     )
@@ -162,22 +163,16 @@ def _resistances(trajectory: Trajectory) -> Iterator[ResistanceRow]:
     """Where a step begins or ends under current."""
     time, current, voltage = trajectory.time, trajectory.current, trajectory.voltage
     largest = float(np.max(np.abs(current), initial=0.0))
-    for step in trajectory.steps[1:]:
-        places = trajectory.measured_across(step)
-        if places is None:
-            continue
-        before, after = places
+    # An instrument may write the current of a switch before its voltage: that has then moved by its last digit.
+    digit = float(np.min(np.diff(np.unique(voltage)), initial=np.inf))
+    digit = digit if np.isfinite(digit) else 0.0
+    for switch in switches(trajectory):
+        before, after = switch.before, switch.after
         change = float(current[after] - current[before])
-        if abs(change) < STEP_SHARE * largest or step.kind is StepKind.CV_HOLD:
+        if abs(change) < STEP_SHARE * largest or switch.step.kind is StepKind.CV_HOLD:
             continue
-        if before > 0:
-            jump = abs(voltage[after] - voltage[before - 1])
-            early = abs(voltage[before] - voltage[before - 1]) > EARLY_V_SHARE * jump
-            still = abs(current[before] - current[before - 1]) < 0.05 * abs(change)
-            if early and still:
-                before -= 1
         ohm = -float(voltage[after] - voltage[before]) / change
-        if ohm > 0:
+        if ohm > 0 and abs(voltage[after] - voltage[before]) > 1.5 * digit:
             passed = float(time[after] - time[before])
             yield ResistanceRow(float(time[after]), float(voltage[before]), change, passed, ohm)
 
@@ -198,6 +193,12 @@ def _problems(record: Record) -> Iterator[str]:
         yield (
             f"the record starts under load ({-trajectory.current[0]:+.3g} A, positive on charge): its first voltage is "
             "no open-circuit voltage."
+        )
+    early = [switch for switch in switches(trajectory) if switch.early]
+    if early:
+        yield (
+            f"the voltage steps one sample before the current does (switches: {len(early)}, the first at "
+            f"{trajectory.time[early[0].before + 1]:.6g} s): what the cell showed before is read one sample earlier."
         )
     if trajectory.temperature is None:
         yield "there is no temperature of the cell."

@@ -31,7 +31,12 @@ FEWEST_SAMPLES = 4
 """Half of the steps of a file have at least so many samples, or they are the points of a drive cycle."""
 
 
-def segment(trajectory: Trajectory, steps: FloatArray | None = None, cycles: FloatArray | None = None) -> Trajectory:
+def segment(
+    trajectory: Trajectory,
+    steps: FloatArray | None = None,
+    cycles: FloatArray | None = None,
+    tests: FloatArray | None = None,
+) -> Trajectory:
     """Cut a record into steps and number its cycles.
 
     Parameters
@@ -43,6 +48,8 @@ def segment(trajectory: Trajectory, steps: FloatArray | None = None, cycles: Flo
         step of a cycler can be a charge at constant current and then at constant voltage. NaN is as the sample before.
     cycles : ndarray of shape (n,), optional
         The cycler's number of each sample's cycle; used where it rises, and never falls.
+    tests : ndarray of shape (n,), optional
+        The number of each sample's test, where several were joined: no step goes on from one test into the next.
 
     Returns
     -------
@@ -65,14 +72,15 @@ def segment(trajectory: Trajectory, steps: FloatArray | None = None, cycles: Flo
     signals = signals_of(trajectory)
     signs = signs_of(signals)
     numbers = _cycle_numbers(cycles, signs)
-    cuts = _cuts(steps, numbers)
+    begun = np.flatnonzero(np.diff(tests) != 0) + 1 if tests is not None else np.zeros(0, dtype=np.intp)
+    cuts = np.union1d(_cuts(steps, numbers), begun)
     levels: list[Level] = []
     for stretch in _stretches(levels_of(signals, signs, cuts), cuts):
         stretch = with_holds(signals, stretch)
         levels += without_edges(signals, smoothed(signals, stretch))
     levels = with_drives(signals, levels)
     name_steps(signals, levels)
-    return replace(trajectory, steps=numbered(trajectory, levels, numbers))
+    return replace(trajectory, steps=numbered(trajectory, levels, numbers, set(begun.tolist())))
 
 
 def _cycle_numbers(cycles: FloatArray | None, signs: Signs) -> NDArray[np.int64] | None:

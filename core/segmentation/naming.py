@@ -1,5 +1,6 @@
 """Names what the other passes left, and numbers cycles."""
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -40,10 +41,17 @@ def _drifts(signals: Signals, level: Level) -> bool:
     return bool(high - low > max(0.1 * abs(level.mean), 10.0 * signals.noise))
 
 
-def numbered(trajectory: Trajectory, levels: list[Level], cycles: NDArray[np.int64] | None) -> tuple[Step, ...]:
-    """Steps with their cycles: the given ones, or by the rule that stands with `segment`."""
+def numbered(
+    trajectory: Trajectory, levels: list[Level], cycles: NDArray[np.int64] | None, tests: Collection[int] = ()
+) -> tuple[Step, ...]:
+    """Steps with their cycles: the given ones, or by the rule that stands with `segment`.
+
+    ``tests`` are the first samples of tests that were joined to the first one.
+    """
     if cycles is not None:
-        return _merged([Step(str(level.kind), level.start, level.stop, int(cycles[level.start])) for level in levels])
+        return _merged(
+            [Step(str(level.kind), level.start, level.stop, int(cycles[level.start])) for level in levels], tests
+        )
     passed = trajectory.discharge_capacity
     carried = [
         0.0 if level.kind in (StepKind.REST, StepKind.PULSE) else float(passed[level.stop - 1] - passed[level.start])
@@ -61,15 +69,16 @@ def numbered(trajectory: Trajectory, levels: list[Level], cycles: NDArray[np.int
             latest = way
         assert level.kind is not None
         steps.append(Step(level.kind, level.start, level.stop, cycle))
-    return _merged(steps)
+    return _merged(steps, tests)
 
 
-def _merged(steps: list[Step]) -> tuple[Step, ...]:
-    """Neighbouring rests are one rest; then each step gets its place in its cycle."""
+def _merged(steps: list[Step], tests: Collection[int]) -> tuple[Step, ...]:
+    """Neighbouring rests of one test are one rest; then each step gets its place in its cycle."""
     merged: list[Step] = []
     for step in steps:
         latest = merged[-1] if merged else None
-        if latest and step.kind is latest.kind is StepKind.REST and step.cycle == latest.cycle:
+        rests = latest is not None and step.kind is latest.kind is StepKind.REST and step.start not in tests
+        if latest and rests and step.cycle == latest.cycle:
             merged[-1] = replace(latest, stop=step.stop)
             continue
         follows = bool(merged) and merged[-1].cycle == step.cycle

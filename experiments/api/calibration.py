@@ -14,11 +14,11 @@ from ...core.printable import shown
 from ...core.reading.part_of_file import file_and_part
 from ...core.record import ReadOptions
 from ...core.task import Task
+from ..checked_options import as_numbers
 from ..request import (
     CellChoice,
     Records,
     RunRequest,
-    as_list,
     backend_options,
     readings,
     run_config,
@@ -33,7 +33,7 @@ def calibrate(
     data: Task | Data | Sequence[Data] | None = None,
     *,
     holdout: Data | Sequence[Data] | None = None,
-    column: Mapping[str, str] | None = None,
+    column: Mapping[str, str | int] | None = None,
     unit: Mapping[str, str] | None = None,
     current_sign: str = "charge-positive",
     constant_current: float | Sequence[float] | None = None,
@@ -194,7 +194,7 @@ def calibrate(
                 reads,
                 reader,
                 reader_option or {},
-                as_list(initial_soc),
+                as_numbers(initial_soc, "--initial-soc"),
                 as_protocol,
                 life,
                 fit_cycles,

@@ -149,8 +149,9 @@ class CalibrationResult:
         BsaError
             If the data cannot be read, or was fitted.
         """
+        from ..checked_options import as_numbers
         from ..predict import predict_records, write_scores
-        from ..request import Records, as_list, named_after, numbered_folder, readings, simulation_workers
+        from ..request import Records, named_after, numbered_folder, readings, simulation_workers
         from .prediction_result import PredictionResult
 
         reader, reader_option = options.pop("reader", None), options.pop("reader_option", None) or {}
@@ -159,7 +160,7 @@ class CalibrationResult:
             raise BsaError(f'there is no option "{unknown[0]}" for reading.', did_you_mean(unknown[0], READING))
         reads = readings(**options)
         given, _ = sources(data, None, reads)
-        records = Records(given, (), reads, reader, reader_option, as_list(initial_soc))
+        records = Records(given, (), reads, reader, reader_option, as_numbers(initial_soc, "--initial-soc"))
         scored = predict_records(self.folder, records.requests(), simulation_workers(workers))
         folder = Path(out) if out is not None else numbered_folder(self.folder / "predictions", named_after(given))
         return PredictionResult(folder, write_scores(scored, folder), scored)

@@ -21,7 +21,7 @@ def discover(
     data: Data | Sequence[Data] | None = None,
     *,
     holdout: Data | Sequence[Data] | None = None,
-    column: Mapping[str, str] | None = None,
+    column: Mapping[str, str | int] | None = None,
     unit: Mapping[str, str] | None = None,
     where: Mapping[str, Any] | None = None,
     current_sign: str = "charge-positive",

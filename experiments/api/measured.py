@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from ...core.errors import BsaError
 from ...core.printable import shown
 from ...core.record import ReadOptions, Record
+from ..checked_options import FIELDS
 from ..request import one_each, reading
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ def read_record(
     data: str | Path | Sequence[str | Path] | pandas.DataFrame,
     *,
     name: str | None = None,
-    column: Mapping[str, str] | None = None,
+    column: Mapping[str, str | int] | None = None,
     unit: Mapping[str, str] | None = None,
     current_sign: str = "charge-positive",
     constant_current: float | None = None,
@@ -50,8 +51,9 @@ def read_record(
         ``"Temperature [degC]"``. Without a unit in its name a column is in s, A, V or degC.
     name : str, optional
         What a DataFrame is called in messages and reports; a file has its own name.
-    column, unit : mapping of str to str, optional
-        Column and unit of a signal (``"time"``, ``"current"``, ``"voltage"``, ``"temperature"``).
+    column, unit : mapping, optional
+        Column and unit of a signal (``"time"``, ``"current"``, ``"voltage"``, ``"temperature"``); a column by its name,
+        or its number where it has none.
     current_sign : {'charge-positive', 'discharge-positive', 'auto'}
         Sign of the current in ``data``: cyclers write it positive on charge.
     constant_current : float, optional
@@ -116,7 +118,7 @@ def source(data: Data, options: ReadOptions, number: int) -> Path | Record:
     if not isinstance(data, Record):
         return _read_frame(data, options, f"DataFrame {number}")
     if options != ReadOptions():
-        given = ", ".join(sorted(options.model_fields_set - _left(options)))
+        given = ", ".join(sorted(FIELDS.get(name, name) for name in options.model_fields_set - _left(options)))
         raise BsaError(
             f"options for reading ({given}) were given for {shown(data.name)}, which is read already.",
             "give them to read_record instead.",

@@ -104,9 +104,11 @@ def _export(found: Record | ImpedanceSpectrum, out: Path) -> None:
 def _content(found: Record | ImpedanceSpectrum) -> dict[str, Any]:
     from ...core.reading.summary import summary
     from ...core.record import Record
+    from ..data.signs import positive_on_charge
 
     if isinstance(found, Record):
-        return {"kind": "record", **asdict(summary(found))}
+        signed = {"kind": "record", "sign": "current is positive on charge"}
+        return signed | asdict(positive_on_charge(summary(found)))
     return {
         "kind": "impedance spectrum",
         "name": found.name,

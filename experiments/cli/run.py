@@ -49,7 +49,8 @@ def run(
         str | None,
         shared.model_option(
             metavar="NAME|FILE|RUN",
-            help="Parameters to start from, for --data: a PyBaMM set, a BPX or JSON file, or an earlier run.",
+            help="Parameters to start from, for --data: a PyBaMM set, nearest (of all sets, to a slow record), a "
+            "BPX or JSON file, or an earlier run.",
             autocompletion=completion.parameter_sets,
         ),
     ] = None,
@@ -66,8 +67,8 @@ def run(
         str | None,
         shared.model_option(
             metavar="NAME|FILE",
-            help="What is searched, for --data: a preset (cell, the default; life, that of --life; geometry, sei, "
-            "ageing) or a YAML file.",
+            help="What is searched, for --data: a preset (cell, the default; life, that of --life; silicon-cell, "
+            "geometry, sei, ageing) or a YAML file.",
             autocompletion=completion.search_presets,
         ),
     ] = None,

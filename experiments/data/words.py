@@ -8,6 +8,7 @@ import numpy as np
 
 from ...core.reading.summary import RecordSummary, ResistanceRow, StepRow
 from ...core.spectrum import ImpedanceSpectrum
+from .signs import positive_on_charge
 
 WIDTH = 80
 
@@ -33,13 +34,14 @@ def record_lines(found: RecordSummary) -> Iterator[str]:
 
     Current is positive on charge here, as in the files of cyclers.
     """
+    found = positive_on_charge(found)
     yield found.name
     least, usual, most = found.interval_s
     yield f"  {found.samples:,} samples over {duration(found.duration_s)}, one in {duration(usual)}" + (
         f" ({duration(least)} to {duration(most)})" if most > 1.5 * least else ""
     )
     yield f"  voltage      {found.voltage[0]:.3f} to {found.voltage[1]:.3f} V"
-    yield f"  current      {-found.current[1] + 0.0:+.4g} to {-found.current[0] + 0.0:+.4g} A (positive on charge)"
+    yield f"  current      {found.current[0]:+.4g} to {found.current[1]:+.4g} A (positive on charge)"
     if found.temperature_c is None:
         yield "  temperature  not measured"
     else:
@@ -125,13 +127,13 @@ def _table(title: str, header: str, rows: Sequence[_Row], line: Callable[[_Row],
 def _step_line(row: StepRow) -> str:
     return (
         f"  {row.cycle:5d}  {row.kind:12s} {duration(row.start_s):>8s}  {duration(row.duration_s):>9s}"
-        f"  {-row.current_a + 0.0:+9.4g} {-row.charge_ah + 0.0:+9.4f}  {row.first_v:7.3f} {row.last_v:7.3f}"
+        f"  {row.current_a:+9.4g} {row.charge_ah:+9.4f}  {row.first_v:7.3f} {row.last_v:7.3f}"
     )
 
 
 def _resistance_line(row: ResistanceRow) -> str:
     return (
-        f"  {duration(row.time_s):>9s}  {row.voltage:9.3f}  {-row.current_change_a:+14.4g}"
+        f"  {duration(row.time_s):>9s}  {row.voltage:9.3f}  {row.current_change_a:+14.4g}"
         f"  {duration(row.after_s):>10s}  {1e3 * row.ohm:7.1f}"
     )
 

@@ -161,7 +161,9 @@ def with_chosen_potentials(
         ]
         if not wanted:
             return parameter_set, [f"{words[0]}: --ocp nearest looks for nearer ones among the installed sets."] * far
-    found = chosen_potentials(wanted or NEAREST, measured)
+    named = "name a set with --parameters (bsa list parameters shows all)"
+    without = [named] * (parameter_set == NEAREST) + ["leave --ocp out"] * bool(wanted)
+    found = chosen_potentials(wanted or NEAREST, measured, " and ".join(without))
     taken = found[0]
     base = taken.positive if parameter_set == NEAREST else parameter_set
     left = "" if words else "leave "

@@ -3,17 +3,12 @@
 import numpy as np
 
 from ...core.prediction import begins_under_load
+from ...core.reading.switches import resting_voltage, switches
 from ...core.trajectory import StepKind, Trajectory
 
 _PROMPT_S, _NEARLY_EMPTY = 10.0, 0.1
 """Latest sample after a current step that shows its resistance, s, and the share of the voltage range at whose bottom
 none does: a minute late, or at the end of a discharge, the same cells show two to ten times as much."""
-
-
-def resting_voltage(record: Trajectory) -> float:
-    """The open-circuit voltage that the record starts from, as near as it shows, V."""
-    first = record.steps[0]
-    return float(record.voltage[first.stop - 1 if first.kind is StepKind.REST else 0])
 
 
 def _starts_at_rest(record: Trajectory) -> bool:
@@ -27,7 +22,10 @@ def open_circuit_start(record: Trajectory) -> tuple[float, str]:
     """
     voltage = resting_voltage(record)
     if _starts_at_rest(record):
-        return voltage, f"starts at {voltage:.3f} V"
+        first = next(switches(record), None)
+        early = first is not None and first.early and record.steps[0].kind is StepKind.REST
+        why = " (its last sample at rest has the voltage under load already)" * early
+        return voltage, f"starts at {voltage:.3f} V{why}"
     current, jumps = float(record.current[0]), jump_resistances(record)
     ohm = float(np.median(jumps)) if jumps else 0.0
     loss = f"{1e3 * ohm:.3g} mOhm at its current steps" if jumps else "no current step that would show its resistance"
@@ -55,7 +53,7 @@ def jump_resistances(record: Trajectory) -> list[float]:
     Left out are jumps that the record shows too late, and those of a cell that is nearly empty: both hold more
     diffusion than resistance.
     """
-    places = [found for step in record.steps[1:] if (found := record.measured_across(step)) is not None]
+    places = [(switch.before, switch.after) for switch in switches(record)]
     last, first = np.array(places, dtype=np.intp).reshape(-1, 2).T
     current, voltage = record.current[first] - record.current[last], record.voltage[first] - record.voltage[last]
     large = np.abs(current) > 0.2 * np.max(np.abs(record.current), initial=1e-9)

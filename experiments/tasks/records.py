@@ -13,6 +13,7 @@ from ...core.cell import CELL, SPECTRUM, TEMPERATURE
 from ...core.errors import BsaError
 from ...core.parameters import ParameterSpace
 from ...core.prediction import begins_under_load
+from ...core.reading.switches import resting_voltage
 from ...core.recognised_protocol import with_switches
 from ...core.record import Record
 from ...core.spectrum import ImpedanceSpectrum
@@ -22,7 +23,7 @@ from ...core.trajectory import FloatArray, Trajectory
 from .cell_for_records import ISOTHERMAL, THERMAL, warms_by
 from .measured_cell import CellRequest, MeasuredCell, measured_cell, searched_space
 from .record_request import RECOGNISED, RecordRequest
-from .record_start import open_circuit_start, resting_voltage, with_room_for
+from .record_start import open_circuit_start, with_room_for
 from .sensor_offset import from_ambient, offset_note
 from .spectra import spectrum_experiment, spectrum_notes
 

@@ -117,18 +117,20 @@ def _halfway(at: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
     return np.where(np.isfinite(one), one + half, other - half)
 
 
-def chosen_potentials(wanted: str, records: Iterable[Trajectory]) -> list[Potentials]:
+def chosen_potentials(
+    wanted: str, records: Iterable[Trajectory], otherwise: str = "leave --ocp out"
+) -> list[Potentials]:
     """Published potentials, those that describe the slow records best first.
 
     ``wanted`` is ``"nearest"`` for the potentials of all installed sets, or the set, or two with a slash between them:
     ``"Mohtat2020/NCA_Kim2011"`` for the negative and the positive electrode. Raises `BsaError` if there is no such set,
-    or no slow record.
+    or no slow record: ``otherwise`` is then what to do without one.
     """
     slow = slow_curve(records)
     if slow is None:
         raise BsaError(
             "no record holds a charge or discharge at C/10 or less that crosses half of its charge.",
-            "open-circuit potentials are chosen by such a record: add one, or leave --ocp out.",
+            f"open-circuit potentials are chosen by such a record: add one, or {otherwise}.",
         )
     known = {which: published_potentials(which) for which in ELECTRODES}
     if wanted == NEAREST:

@@ -58,6 +58,11 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
         assert options.constant_current_a is not None
         signals["current"] = signals["time"] * 0.0 + options.constant_current_a
         said.append(f"the file has no current; {options.constant_current_a:g} A was used throughout, as said.")
+    elif options.constant_current_a is not None:
+        said.append(
+            f'the current of column "{shown(found["current"].name)}" was used, not the constant '
+            f"{options.constant_current_a:g} A that was said: that is for a file without a current."
+        )
     return Samples(
         source=table.source,
         rows=read.rows,

@@ -92,8 +92,10 @@ def _tests(
     """Every struct that has columns, in the order of the file."""
     if isinstance(content, Mapping):
         start = next(filter(None, map(_date_vector, content.values())), start)
-        inside = {**fields, **{name: str(value) for name, value in content.items() if _is_single(value)}}
         columns = _columns(content)
+        size = len(next(iter(columns.values()), ()))
+        single = {name: str(value) for name, value in content.items() if _is_single(value, size)}
+        inside = {**fields, **single}
         if columns:
             yield _Test(path, columns, inside, start)
         children = list(content.items())
@@ -118,8 +120,10 @@ def _date_vector(value: Any) -> float | None:
     return date if YEARS_S[0] < date < YEARS_S[1] else None
 
 
-def _is_single(value: Any) -> bool:
-    return isinstance(value, str | int | float | np.number) and len(str(value)) <= 60
+def _is_single(value: Any, size: int) -> bool:
+    """Whether a field says one thing of a test with columns of this length: a letter for each sample is a text too."""
+    letters = isinstance(value, str) and len(value) == size > 0
+    return isinstance(value, str | int | float | np.number) and len(str(value)) <= 60 and not letters
 
 
 def _holds_structs(content: Any) -> bool:
@@ -194,7 +198,8 @@ def _chosen(tests: Sequence[_Test], options: ReadOptions, source: str) -> list[_
         )
     raise BsaError(
         f"{source} holds {len(found)} tests" + " that fit." * (len(found) < len(tests)) + "." * (found == tests),
-        f"choose one with --sheet {shown(_example(found))} (or --join all); there are {_overview(found)}.",
+        f"choose one with --sheet {shown(_example(found[0], tests))}, or say --join to join them; "
+        f"there are {_overview(found)}.",
     )
 
 
@@ -218,9 +223,10 @@ def _levels(tests: Sequence[_Test]) -> list[list[str]]:
     return [list(dict.fromkeys(test.path[k] for test in tests if k < len(test.path))) for k in range(depth)]
 
 
-def _example(tests: Sequence[_Test]) -> str:
-    """The names that tell the first test from the others."""
-    return "/".join(name for name, level in zip(tests[0].path, _levels(tests), strict=False) if len(level) > 1)
+def _example(test: _Test, tests: Sequence[_Test]) -> str:
+    """The names that tell a test from all others of the file; its whole path where fewer do not."""
+    few = "/".join(name for name, level in zip(test.path, _levels(tests), strict=False) if len(level) > 1)
+    return few if [one for one in tests if _lies_at(one, few)] == [test] else test.name
 
 
 def _overview(tests: Sequence[_Test]) -> str:

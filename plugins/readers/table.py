@@ -93,11 +93,11 @@ def find_table(text: str, source: str) -> Table:
     start = min(len(lines), _PREAMBLE_LINES)
     for separator in _SEPARATORS:
         top = [_split(line, separator) for line in lines[:start]]
-        first = next((k for k in range(len(top)) if _numeric(top, k, separator)), None)
+        first = next((k for k in range(len(top)) if _numeric(top, k)), None)
         if first is None:
             continue
         header, units = _header(top, first)
-        comma = separator != "," and any("," in cell and "." not in cell for cell in top[first])
+        comma = _has_decimal_commas(top[first], separator)
         return Table(source, header, units, partial(_rows, lines, first, separator, source), separator, comma)
     heading = next((line for line in lines[:start] if len(_split(line, ",")) > 1 or len(_split(line, ";")) > 1), None)
     if heading is not None:
@@ -120,20 +120,26 @@ def _split(line: str, separator: str | None) -> list[str]:
         return []
 
 
-def _is_number(cell: str, comma: bool) -> bool:
+def _is_number(cell: str) -> bool:
+    """Whether a cell is a number, also with a decimal comma: between commas it is in quotation marks."""
     try:
-        float(cell.replace(",", ".") if comma else cell)
+        float(cell.replace(",", "."))
     except ValueError:
         return False
     return True
 
 
-def _numeric(top: Sequence[Sequence[str]], index: int, separator: str | None) -> bool:
+def _has_decimal_commas(cells: Sequence[str], separator: str | None) -> bool:
+    """Whether the first row of numbers has decimal commas; between commas, one beside a point parts thousands."""
+    commas = any("," in cell and "." not in cell for cell in cells)
+    return commas and not (separator == "," and any("." in cell and _is_number(cell) for cell in cells))
+
+
+def _numeric(top: Sequence[Sequence[str]], index: int) -> bool:
     """Whether the line begins the numbers: two numbers in it, and no fewer cells in the next line."""
-    comma = separator != ","
 
     def looks(cells: Sequence[str]) -> bool:
-        return len(cells) >= 2 and sum(_is_number(cell, comma) for cell in cells) >= 2
+        return len(cells) >= 2 and sum(map(_is_number, cells)) >= 2
 
     if not looks(top[index]):
         return False
@@ -146,7 +152,7 @@ def _header(top: Sequence[Sequence[str]], first: int) -> tuple[tuple[str, ...], 
     if above and len(above) >= 2 and _are_units(above[-1]) and len(above[-1]) == len(above[-2]):
         return _named(above[-2]), tuple(above[-1])
     fits = above and abs(len(above[-1]) - len(top[first])) <= 1
-    if fits and not all(_is_number(cell, False) for cell in above[-1] if cell):
+    if fits and not all(map(_is_number, filter(None, above[-1]))):
         return _named(above[-1]), None
     return tuple(str(k + 1) for k in range(len(top[first]))), None
 
@@ -223,8 +229,6 @@ def no_row(source: str, where: Mapping[str, str], cells: Iterable[object]) -> Bs
     seen: dict[str, None] = {}
     for cell in cells:
         seen.setdefault(str(cell).strip())
-        if len(seen) > 20:
-            break
     wanted = " and ".join(f"{shown(name)} is {shown(value)}" for name, value in where.items())
     return BsaError(f"{source} has no row where {wanted}.", f"values there: {listed(seen, 8)}.")
 

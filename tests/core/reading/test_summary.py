@@ -43,12 +43,46 @@ def test_a_resistance_is_found_even_where_the_voltage_was_logged_before_the_curr
     assert all(row.after_s <= 2.0 for row in found)
 
 
+def test_a_voltage_that_was_logged_before_its_current_is_said():
+    current = np.repeat([0.0, 4.0, 0.0], [60, 10, 60])
+    said = " ".join(summary(record(current, early=True)).problems)
+    assert "the voltage steps one sample before the current does (switches: 2, the first at 59 s)" in said
+    assert "one sample before" not in " ".join(summary(record(current)).problems)
+
+
+def test_a_voltage_that_falls_steeply_before_a_discharge_ends_is_none_of_before_its_current():
+    known = record(np.repeat([0.0, 4.0, 0.0], [60, 10, 60]))
+    voltage = known.trajectory.voltage.copy()
+    voltage[69] -= 0.15  # the last sample under load
+    steep = replace(known, trajectory=known.trajectory.changed(voltage=voltage))
+    assert summary(steep).resistances[-1].voltage == voltage[69]
+
+
+def test_a_voltage_that_has_moved_by_its_last_digit_shows_no_resistance():
+    known = record(np.repeat([0.0, 4.0, 0.0], [60, 10, 60]))
+    voltage = np.round(known.trajectory.voltage, 4)
+    voltage[70] = voltage[69] + 1e-4  # the current is off already
+    late = replace(known, trajectory=known.trajectory.changed(voltage=voltage))
+    assert len(summary(late).resistances) == 1
+
+
 def test_a_slow_step_is_an_open_circuit_curve_and_a_quick_one_is_none():
     slow = summary(record(np.full(1200, 0.1), interval=60.0))
     assert len(slow.slow) == 1
     assert slow.slow[0].hours == pytest.approx(20.0, rel=0.01)
     assert slow.slow[0].charge_ah == pytest.approx(2.0, rel=0.01)
     assert not summary(record(np.full(1200, 2.0), interval=3.0)).slow
+
+
+def test_the_current_of_a_hold_is_its_mean_over_time():
+    # A cycler writes the beginning of a hold, where the current falls, more often than the rest.
+    time = np.concatenate([np.arange(0.0, 3600.0, 30.0), 3600.0 + 60.0 * np.linspace(0.0, 1.0, 100) ** 2 * 60.0])
+    current = np.concatenate([np.full(120, -1.0), -np.exp(-(time[120:] - 3600.0) / 900.0)])
+    voltage = np.concatenate([np.linspace(3.5, 4.2, 120), np.full(100, 4.2)])
+    hold = summary(Record("a", segment(Trajectory(time, current, voltage)))).steps[-1]
+    assert hold.kind == "CV hold"
+    assert hold.current_a == pytest.approx(3600.0 * hold.charge_ah / hold.duration_s)
+    assert abs(hold.current_a) < 0.8 * abs(np.median(current[120:]))
 
 
 def test_what_is_missing_is_said():

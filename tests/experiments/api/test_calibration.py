@@ -117,7 +117,7 @@ def test_a_mistake_is_one_line_and_leaves_nothing(data, options, words, tmp_path
 
 def test_a_record_that_is_read_takes_no_options_for_reading() -> None:
     record = bsa.read_record(DEMO)
-    with pytest.raises(BsaError, match="ambient_c"):
+    with pytest.raises(BsaError, match="temperature"):
         bsa.calibrate(record, parameters="Chen2020", temperature=20)
 
 

@@ -48,6 +48,10 @@ def test_the_same_as_json():
     found = json.loads(said("a.csv", "--json"))
     assert found["kind"] == "record"
     assert [step["kind"] for step in found["steps"]] == ["rest", "CC discharge", "rest"]
+    assert found["current"] == [-5.0, 0.0]
+    assert found["steps"][1]["current_a"] == -5.0
+    assert found["steps"][1]["charge_ah"] < 0.0
+    assert found["resistances"][0]["current_change_a"] == -5.0
     assert found["resistances"][0]["ohm"] == pytest.approx(0.02, rel=0.02)
     both = json.loads(said("a.csv", "z.csv", "--json"))
     assert [one["kind"] for one in both] == ["record", "impedance spectrum"]

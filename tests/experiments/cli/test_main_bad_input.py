@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from bsa.core.errors import BsaError
 from bsa.core.journal import FILE_NAME
 from bsa.core.reading.reading import read_record
 from bsa.experiments.cli.main import main, run_main
@@ -208,3 +209,18 @@ def test_a_warm_up_is_chosen_where_the_scaffold_has_none() -> None:
     assert config.warm_up == 2
     assert config.scaffold.warm_up is not None
     assert config.scaffold.warm_up.use == "random"
+
+
+@pytest.mark.parametrize(
+    ("key", "hint"),
+    [
+        ("patiense", 'did you mean "patience"? Settings of a run: scaffold, backend,'),
+        ("feedbak.use", 'did you mean "feedback"?'),
+        ("zz", "Settings of a run: "),
+    ],
+)
+def test_a_setting_is_looked_for_among_those_of_the_run_and_of_its_scaffold(key: str, hint: str) -> None:
+    with pytest.raises(BsaError) as found:
+        run_config("hybrid", "rules", {}, {key: 5})
+    assert found.value.message == f'--set {key}: there is no setting "{key}".'
+    assert found.value.hint.startswith(hint)

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 import typer
+from bsa.experiments.cli.completion import search_presets
 from bsa.experiments.cli.main import app
 from typer.testing import CliRunner
 
@@ -49,6 +50,12 @@ def test_options_stand_in_their_groups_and_no_word_is_broken(words: str) -> None
     titles = [found.group(1) for line in lines if (found := re.match(r"╭─ ([A-Z][a-z ]+) ─", line))]
     assert [title for title in titles if title in GROUPS] == [group for group in GROUPS if group in titles]
     assert "…" not in "".join(lines)
+
+
+def test_the_help_of_a_run_names_every_preset_and_the_nearest_set() -> None:
+    helps = {parameter.name: parameter.help for parameter in COMMANDS["run"].params}
+    assert set(search_presets()) <= set(re.findall(r"[\w-]+", helps["search"]))
+    assert "nearest" in helps["parameters"]
 
 
 def test_the_blind_cases_have_a_command_for_each_step() -> None:

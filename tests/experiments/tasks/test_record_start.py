@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from bsa.core.trajectory import Step, StepKind, Trajectory
-from bsa.experiments.tasks.record_start import jump_resistances, with_room_for
+from bsa.experiments.tasks.record_start import jump_resistances, open_circuit_start, with_room_for
 
 
 def test_a_resistance_is_read_off_prompt_jumps_away_from_the_empty_end() -> None:
@@ -12,6 +12,20 @@ def test_a_resistance_is_read_off_prompt_jumps_away_from_the_empty_end() -> None
     record = Trajectory(time, current, voltage, None, steps)
     # 50 mOhm when the discharge begins; 400 from empty, and 200 a minute late.
     assert jump_resistances(record) == pytest.approx([0.05])
+
+
+def test_a_record_starts_at_rest_though_its_last_resting_sample_has_the_voltage_under_load() -> None:
+    time = np.array([0.0, 0.1, 0.2, 10.0])
+    record = Trajectory(
+        time,
+        np.array([0.0, 0.0, 7.5, 7.5]),
+        np.array([3.701, 3.467, 3.465, 3.43]),
+        steps=(Step(StepKind.REST, 0, 2), Step(StepKind.PULSE, 2, 4, position=1)),
+    )
+    voltage, words = open_circuit_start(record)
+    assert voltage == 3.701
+    assert words == "starts at 3.701 V (its last sample at rest has the voltage under load already)"
+    assert jump_resistances(record) == pytest.approx([0.236 / 7.5])
 
 
 def test_a_discharge_that_begins_under_load_starts_with_the_charge_that_it_gives() -> None:

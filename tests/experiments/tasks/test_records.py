@@ -278,3 +278,19 @@ def test_a_slow_charge_far_above_the_discharge_is_a_hysteresis(gap_v: float, sai
     notes = task_of(both, ocp="Ecker2015").notes
     assert any("50 mV apart" in note and "--effect ocp-hysteresis" in note for note in notes) == said
     assert not any("--effect" in note for note in task_of(both, effects=["ocp-hysteresis"]).notes)
+
+
+@pytest.mark.parametrize(
+    ("parameter_set", "ocp", "hint"),
+    [
+        ("nearest", "", "add one, or name a set with --parameters (bsa list parameters shows all)."),
+        ("nearest", "nearest", "name a set with --parameters (bsa list parameters shows all) and leave --ocp out."),
+        ("Chen2020", "nearest", "add one, or leave --ocp out."),
+    ],
+)
+def test_without_a_slow_record_what_was_asked_for_is_to_be_left_out(parameter_set, ocp, hint):
+    time = np.linspace(0.0, 3600.0, 61)
+    fast = Trajectory(time, np.full(61, 5.0), 4.0 - time / 3600.0, steps=(Step(StepKind.CC_DISCHARGE, 0, 61),))
+    with pytest.raises(BsaError, match="at C/10 or less") as found:
+        with_chosen_potentials(parameter_set, ocp, [Record("fast", fast)])
+    assert found.value.hint.endswith(hint)

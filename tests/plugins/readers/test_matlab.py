@@ -72,6 +72,28 @@ def test_one_of_several_tests(tmp_path, sheet):
     assert record.name == "a.mat: RateTest/T25/cRate_2C"
 
 
+def test_the_test_that_a_message_offers_is_one(tmp_path):
+    cell = {"RateTest": {name: {"Cell1": tests, "Cell2": tests} for name, tests in rate_test()["RateTest"].items()}}
+    flat = {name: {c: {"data": columns("t", "U", "I")} for c in ("Cell1", "Cell2")} for name in ("T0", "T25")}
+    for content, sheet in ((flat, "T25/*"), (flat, None), (cell, "T25/*")):
+        path = saved(tmp_path / "a.mat", content)
+        with pytest.raises(BsaError, match="holds") as found:
+            read_record(path, ReadOptions(sheet=sheet))
+        offered = found.value.hint.partition("--sheet ")[2].partition(", or say --join to join")[0]
+        assert len(read_record(path, ReadOptions(sheet=offered)).trajectory) == 200
+
+
+def test_letters_for_each_sample_are_no_field_to_choose_by(tmp_path):
+    tests = {
+        name: {**columns("t", "U", "I", n=n), "Status": "R" * n, "Operator": name}
+        for name, n in (("one", 45), ("two", 50))
+    }
+    with pytest.raises(BsaError, match="holds 2 tests") as found:
+        read_record(saved(tmp_path / "a.mat", tests))
+    assert "--where Operator= one, two" in found.value.hint
+    assert "Status" not in found.value.hint
+
+
 def test_a_test_chosen_by_a_field_around_it(tmp_path):
     path = saved(tmp_path / "a.mat", nasa())
     record = read_record(path, ReadOptions(where={"type": "discharge"}))
@@ -118,7 +140,7 @@ def test_an_open_circuit_curve_is_a_very_slow_discharge(tmp_path, full):
             rate_test(),
             {},
             "a.mat holds 4 tests.",
-            "--sheet T0/cRate_1C (or --join all); there are T0, T25 / cRate_1C, cRate_2C.",
+            "--sheet T0/cRate_1C, or say --join to join them; there are T0, T25 / cRate_1C, cRate_2C.",
         ),
         (rate_test(), {"sheet": "T25"}, "a.mat holds 2 tests that fit.", "cRate_1C, cRate_2C"),
         (rate_test(), {"sheet": "T25/x"}, 'no test for --sheet "T25/x"', "it has cRate_1C, cRate_2C."),

@@ -96,6 +96,24 @@ def test_decimal_commas_are_read_and_noted(tmp_path):
     assert any("decimal commas" in note for note in record.notes)
 
 
+@pytest.mark.parametrize("separator", [",", ";"])
+def test_decimal_commas_in_quotation_marks_are_read_whatever_parts_the_cells(tmp_path, separator):
+    path = tmp_path / "a.csv"
+    rows = ([f'"{10 * k},5"', f'"4,{190 - k}"', "-2"] for k in range(50))
+    path.write_text(separator.join(["Time [s]", "U [V]", "I [A]"]) + "\n" + "\n".join(map(separator.join, rows)))
+    record = read_record(path)
+    assert record.trajectory.voltage[1] == 4.189
+    assert record.trajectory.time[1] == 10.5
+    assert any("decimal commas" in note for note in record.notes)
+
+
+def test_commas_beside_points_part_thousands_and_are_refused(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("Time [s],U [V],I [A]\n" + "".join(f'"1,{200 + k}",4.19,-2.5\n' for k in range(50)))
+    with pytest.raises(BsaError, match='"1,200" is not a number'):
+        read_record(path)
+
+
 def test_gzip_mapping_and_rows_of_one_test(tmp_path):
     made = discharge()
     rows = table(made, "x").splitlines()[1:]
@@ -124,6 +142,22 @@ def test_a_constant_current_can_be_said(tmp_path):
     options = ReadOptions(columns={"time": "1", "voltage": "2"}, constant_current_a=-2.28)
     record = read_record(path, options)
     assert np.all(record.trajectory.current == 2.28)
+
+
+def test_a_constant_current_beside_a_current_column_is_said_not_to_be_used(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("t [s],U [V],I [A]\n" + "".join(f"{k},{4.0 - 0.001 * k},-2.0\n" for k in range(100)))
+    record = read_record(path, ReadOptions(constant_current_a=-3.0))
+    assert record.trajectory.current[0] == 2.0
+    assert any('the current of column "I [A]" was used, not the constant -3 A' in note for note in record.notes)
+
+
+def test_all_values_that_a_row_could_be_chosen_by_are_counted(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("t [s],U [V],I [A],test_id\n" + "".join(f"{k},4.0,-2.0,{k}\n" for k in range(168)))
+    with pytest.raises(BsaError, match="no row where test_id is 999") as found:
+        read_record(path, ReadOptions(where={"test_id": "999"}))
+    assert found.value.hint.endswith(" and 160 more.")
 
 
 @pytest.mark.parametrize("sign", ["discharge-positive", "auto"])

@@ -97,7 +97,7 @@ CASES = {
     "restart": ("a.csv", text(rows() + rows()), "the clock restarts in row 102 (990 s, then 0 s)", "--where"),
     "shuffled": (
         *("a.csv", text([rows()[k ^ 1] for k in range(100)])),
-        *("the time runs back in 50 of 100 rows, first around row", "sort"),
+        *("the time runs back in 50 of 100 rows, first in row", "sort"),
     ),
     "still clock": ("a.csv", text(rows(time=0)), "never rises (it stays at 0 s)", "--column time=NAME"),
     "coarse clock": (

@@ -1,0 +1,65 @@
+"""What a person said of files, checked in the words that were used: options, not fields."""
+
+from collections.abc import Iterable, Mapping
+from math import isfinite
+from typing import Any, get_args
+
+from ..core.errors import BsaError, did_you_mean
+from ..core.printable import shown
+from ..core.record import Signal
+
+FIELDS: Mapping[str, str] = {
+    "columns": "column",
+    "units": "unit",
+    "constant_current_a": "constant_current",
+    "current_offset_a": "current_offset",
+    "voltage_lag_s": "voltage_lag",
+    "ambient_c": "temperature",
+}
+"""Fields of `ReadOptions` that are said under another name."""
+
+_COLDEST_C, _WARMEST_C = -100.0, 200.0
+_SIGNALS: tuple[str, ...] = get_args(Signal)
+
+
+def as_number(value: Any, option: str) -> float:
+    """The number that was given for an option. Raises `BsaError` if it is none."""
+    try:
+        found = float(value)
+    except (TypeError, ValueError):
+        found = float("nan")
+    if isinstance(value, bool) or not isfinite(found):
+        raise BsaError(f"{option} is {shown(repr(value))}, which is no number.", "give a number.")
+    return found
+
+
+def as_numbers(given: Any, option: str) -> list[float]:
+    """One number, several or none, as a list. Raises `BsaError` if one is no number."""
+    if given is None:
+        return []
+    several = isinstance(given, Iterable) and not isinstance(given, str | bytes | Mapping)
+    return [as_number(value, option) for value in (given if several else [given])]
+
+
+def as_celsius(value: Any, option: str) -> float:
+    """The ambient temperature that was given, in degC. Raises `BsaError` if it is none, or one in kelvin."""
+    found = as_number(value, option)
+    if _COLDEST_C < found < _WARMEST_C:
+        return found
+    kelvin = _WARMEST_C <= found <= _WARMEST_C + 273.15
+    raise BsaError(
+        f"{option} is {found:g}: it is in degC, between {_COLDEST_C:g} and {_WARMEST_C:g}.",
+        f"{found:g} K are {found - 273.15:.6g} degC." if kelvin else "give the temperature around the cell in degC.",
+    )
+
+
+def by_signal(given: Mapping[str, Any] | None, option: str) -> dict[str, str]:
+    """What was given for each signal, as text: a column may be numbered. Raises `BsaError` if one is no signal."""
+    for key, value in (given or {}).items():
+        if key not in _SIGNALS:
+            nearest = did_you_mean(str(key), _SIGNALS)
+            raise BsaError(
+                f'{option} {shown(key)}={shown(value)}: there is no signal "{shown(key)}".',
+                f"{nearest} " * bool(nearest) + f"Signals: {', '.join(_SIGNALS)}.",
+            )
+    return {key: str(value) for key, value in (given or {}).items()}

@@ -1,0 +1,59 @@
+"""What a person said of files is refused in the words that were typed."""
+
+from __future__ import annotations
+
+import bsa
+import numpy as np
+import pandas as pd
+import pytest
+from bsa.core.errors import BsaError
+from bsa.experiments.checked_options import as_numbers
+from bsa.experiments.request import reading, readings, simulation_workers
+
+
+@pytest.mark.parametrize(
+    ("said", "message", "hint"),
+    [
+        ({"temperature": 298}, "--temperature is 298: it is in degC", "298 K are 24.85 degC"),
+        ({"temperature": -300}, "--temperature is -300", "in degC"),
+        ({"temperature": "hot"}, "--temperature is 'hot', which is no number", "give a number"),
+        ({"constant_current": "much"}, "--constant-current is 'much'", "give a number"),
+        ({"voltage_lag": [None]}, "--voltage-lag is None", "give a number"),
+        ({"column": {"volt": "U"}}, '--column volt=U: there is no signal "volt"', "Signals: time, voltage, current"),
+        ({"unit": {"curent": "A"}}, '--unit curent=A: there is no signal "curent"', 'did you mean "current"? Signals'),
+    ],
+)
+def test_the_option_is_named_as_it_was_said(said, message, hint):
+    with pytest.raises(BsaError) as found:
+        readings(**said)
+    assert message in found.value.message
+    assert hint in found.value.hint
+
+
+def test_one_number_several_or_none():
+    assert as_numbers(None, "--x") == []
+    assert as_numbers(np.float32(2.0), "--x") == [2.0]
+    assert as_numbers(np.int64(2), "--x") == [2.0]
+    assert as_numbers(np.arange(2), "--x") == [0.0, 1.0]
+    assert as_numbers((1, "2"), "--x") == [1.0, 2.0]
+    with pytest.raises(BsaError, match="--x is True"):
+        as_numbers(True, "--x")
+
+
+def test_a_column_may_be_numbered():
+    assert reading({"time": 0}).columns == {"time": "0"}
+    time = np.arange(0.0, 1000.0, 10.0)
+    frame = pd.DataFrame({0: time, 1: 4.0 - time / 5000, 2: np.full(100, -2.0)})
+    record = bsa.read_record(frame, column={"time": 0, "voltage": 1, "current": 2})
+    assert record.trajectory.voltage[0] == 4.0
+
+
+@pytest.mark.parametrize("workers", ["a", -1, 1.5, True])
+def test_workers_are_a_number_of_simulations(workers):
+    with pytest.raises(BsaError, match="--workers is"):
+        simulation_workers(workers)
+
+
+def test_two_workers_are_two():
+    assert simulation_workers(np.int64(2)) == 2
+    assert simulation_workers(0) >= 1
