@@ -8,6 +8,7 @@ from ..trajectory import FloatArray, StepKind, Trajectory
 from .clock import gaps_in
 from .counters import LATE_S, counted_between
 from .samples import Samples
+from .switches import resting_voltage
 
 NOTED_SHARE = 0.005
 """Charge that is uncertain by less than this share of the record's range goes unsaid."""
@@ -67,7 +68,9 @@ def _of_offset(trajectory: Trajectory) -> list[str]:
     first, last = trajectory.steps[0], trajectory.steps[-1]
     if first is last or first.kind is not StepKind.REST or last.kind is not StepKind.REST:
         return []
-    began_v, ended_v = trajectory.voltage[first.stop - 1], trajectory.voltage[last.stop - 1]
+    if np.all(trajectory.current >= 0.0) or np.all(trajectory.current <= 0.0):
+        return []  # a pulse, behind which the voltage comes back though the charge does not
+    began_v, ended_v = resting_voltage(trajectory), trajectory.voltage[last.stop - 1]
     drawn = trajectory.discharge_capacity
     passing = np.abs(trajectory.current) > 0.0
     hours = float(np.sum(np.diff(trajectory.time)[passing[:-1]])) / 3600.0

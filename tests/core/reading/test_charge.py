@@ -31,3 +31,10 @@ def test_a_sound_record_and_one_that_ends_elsewhere_say_nothing_of_an_offset() -
     whole = there_and_back(-0.005)
     half = whole.kept(whole.time < 21.9 * 3600.0)
     assert not any("offset" in note for note in to_record(half, ReadOptions()).notes)
+
+
+def test_a_pulse_one_way_says_nothing_of_an_offset() -> None:
+    time = np.arange(0.0, 4000.0, 1.0)
+    current = np.where((time >= 600.0) & (time < 610.0), -5.0, 0.0)
+    pulse = Samples("a", time, 3.7 + 0.03 * current, current)
+    assert not any("offset" in note for note in to_record(pulse, ReadOptions()).notes)
