@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +87,7 @@ class RunRecord:
         """The task's starting point."""
         return self.trials[0]
 
-    @property
+    @cached_property
     def best(self) -> Trial:
         """The trial whose parameters and intervals are the run's answer; the initial one if all failed."""
         return answer(self.task, self.trials)
