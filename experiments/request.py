@@ -361,13 +361,39 @@ def run_request(
     """
     from .tasks.records import holding_out
 
-    if named is not None and cell.start_from is not None:
-        raise BsaError("a run to start from goes with records.", "give records as data; a task has its own parameters.")
+    if named is not None:
+        _check_of_task(named, records, cell)
     config = configured("" if named is None else named.simulator)
     task = task_of_records(records, cell) if named is None else holding_out(named, records.held_out_requests())
     if weight is not None:
         task = replace(task, weight=cast("Weight", weight))
     return RunRequest(task, config, out or numbered_folder(Path("runs"), f"{task.name}-{config.scaffold.name}"))
+
+
+def _check_of_task(named: Task, records: Records, cell: CellChoice) -> None:
+    """Refuse what goes with records where a task was named, which says it itself."""
+    said = {
+        "--parameters": cell.parameters is not None,
+        "--start-from": cell.start_from is not None,
+        "--model": cell.model is not None,
+        "--options": bool(cell.options),
+        "--search": cell.search is not None,
+        "--effect": bool(cell.effects),
+        "--ocp": bool(cell.ocp),
+        "--no-scale": not cell.scale,
+        "--initial-soc": bool(records.initial_soc),
+        "--as-protocol": records.as_protocol,
+        "--life": records.life,
+        "--fit-cycles": records.fit_cycles is not None,
+        "options for reading": not records.held_out and list(records.reads) != [ReadOptions()],
+    }
+    given = [name for name, is_given in said.items() if is_given]
+    if given:
+        verb = "goes" if len(given) == 1 and given[0].startswith("-") else "go"
+        raise BsaError(
+            f'{", ".join(given)} {verb} with records, but "{named.name}" is a task, which has its own.',
+            "give records as data, or leave that out; a task file says it under keys of its own.",
+        )
 
 
 def named_after(sources: Sequence[Path | Record | ImpedanceSpectrum]) -> str:

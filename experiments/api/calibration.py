@@ -8,11 +8,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ...core.errors import BsaError
 from ...core.journal import check_run_folder
 from ...core.printable import shown
 from ...core.reading.part_of_file import file_and_part
-from ...core.record import ReadOptions
 from ...core.task import Task
 from ..checked_options import as_numbers
 from ..request import (
@@ -171,12 +169,6 @@ def calibrate(
             column, unit, current_sign, constant_current, current_offset, voltage_lag, where, cycles, sheet, temperature
         )
         fitted, held = sources(None if named else data, holdout, reads)  # type: ignore[arg-type]
-        if named and (parameters is not None or not (held or reads == [ReadOptions()])):
-            what = "the demonstration" if data is None else data.name if isinstance(data, Task) else str(data)
-            raise BsaError(
-                f'a parameter set or options for reading were given, but "{shown(what)}" is a task, which has its own.',
-                "give a record as data, or leave them out.",
-            )
         budgets = {"rounds": rounds, "warm_up": warmup, "simulations": simulations, "seed": seed}
         reached = backend_options(
             backend_option or {},

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 @with_options(shared.Reading)
 def discover(
+    context: typer.Context,
     *,
     data: Annotated[
         list[Path] | None, shared.records_option("--data", metavar="FILE...", help="Records to explain.")
@@ -94,6 +95,7 @@ def discover(
     if resume is not None:
         from ..discovery_journal import read_options
 
+        shared.note_what_resuming_leaves(context, ("workers", "as_json"))
         _carry_out(read_options(resume), workers, as_json)
         return
     if not data or parameters is None:

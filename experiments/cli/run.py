@@ -29,6 +29,7 @@ DEMO = "demo"
 
 @with_options(shared.Reading)
 def run(
+    context: typer.Context,
     task: Annotated[
         str | None,
         typer.Argument(
@@ -163,6 +164,7 @@ def run(
         check_run_folder(out)
     resources = Resources(simulation_workers(workers), max_tokens, max_cost)
     if resume is not None:
+        shared.note_what_resuming_leaves(context, ("workers", "identifiability", "max_tokens", "max_cost", "as_json"))
         _execute(RunRequest(*read_request(resume), resume), resources, as_json, identifiability)
         return
     if data and task is not None:

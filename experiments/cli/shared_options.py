@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Collection
 from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
@@ -91,6 +93,19 @@ SimulationWorkers = Annotated[
     search_option("--workers", min=0, metavar="N", help="Simulations side by side; 0: as many as cores, 4 at most."),
 ]
 Resume = Annotated[Path | None, output_option(metavar="FOLDER", help="Go on with the interrupted run in this folder.")]
+
+
+def note_what_resuming_leaves(context: typer.Context, taken: Collection[str]) -> None:
+    """Say which of the typed options a run that is gone on with does not take; those of these names it takes."""
+    left = [
+        parameter.opts[-1] if parameter.opts[-1].startswith("-") else f"the argument {str(parameter.name).upper()}"
+        for parameter in context.command.params
+        if parameter.name not in ("resume", *taken)
+        and getattr(context.get_parameter_source(str(parameter.name)), "name", "") == "COMMANDLINE"
+    ]
+    if left:
+        verb = "is" if len(left) == 1 else "are"
+        print(f"note: a resumed run goes on as it was begun; {', '.join(left)} {verb} not taken.", file=sys.stderr)
 
 
 def _show_version(wanted: bool) -> None:

@@ -35,7 +35,7 @@ def test_options_and_their_defaults_are_those_of_the_command() -> None:
         return {one.name: one.default for one in found if one.name not in without}
 
     # Files of one cell are joined by read_record, whose result is the data.
-    said_otherwise = ("task", "data", "join", "as_json", "version")
+    said_otherwise = ("context", "task", "data", "join", "as_json", "version")
     assert options(bsa.calibrate, "data", "progress") == options(command, *said_otherwise)
 
 

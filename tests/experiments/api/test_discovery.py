@@ -20,7 +20,7 @@ def test_options_and_their_defaults_are_those_of_the_command() -> None:
         found = inspect.signature(function).parameters.values()
         return {one.name: one.default for one in found if one.name not in without}
 
-    assert options(bsa.discover, "progress") == options(command, "as_json", "join")  # join: read_record
+    assert options(bsa.discover, "progress") == options(command, "context", "as_json", "join")  # join: read_record
 
 
 @pytest.mark.parametrize(

@@ -224,3 +224,17 @@ def test_a_setting_is_looked_for_among_those_of_the_run_and_of_its_scaffold(key:
         run_config("hybrid", "rules", {}, {key: 5})
     assert found.value.message == f'--set {key}: there is no setting "{key}".'
     assert found.value.hint.startswith(hint)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--model", "SPM"], "--model goes with records"),
+        (["--effect", "contact-resistance", "--temperature", "40"], "--effect, options for reading go with records"),
+        (["--life", "--no-scale", "--initial-soc", "0.5"], "--no-scale, --initial-soc, --life go with records"),
+    ],
+)
+def test_what_goes_with_records_is_refused_for_a_task(
+    options: list[str], words: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert words in told(["demo", *options], capsys, monkeypatch)
