@@ -245,7 +245,7 @@ def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability
             "Choose a model with --backend NAME; bsa doctor shows which are ready here.",
             file=sys.stderr,
         )
-    go_on = f"bsa-run --resume {shlex.quote(str(folder))}"
+    go_on = f"bsa-run --resume {shlex.quote(str(folder))}" + " --no-identifiability" * (not identifiability)
     try:
         with listener:
             result = execute_run(

@@ -31,15 +31,16 @@ def test_an_interrupt_after_the_search_says_how_to_go_on(
     assert last.endswith(f"bsa-run --resume {tmp_path / 'run'}")
 
 
+@pytest.mark.parametrize(("analysing", "also"), [(True, ""), (False, " --no-identifiability")])
 def test_an_interrupt_of_the_final_scores_says_how_to_go_on(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, analysing: bool, also: str
 ) -> None:
     monkeypatch.setattr(after_search.AfterSearch, "score", interrupted)
     config = RunConfig(scaffold=toy_scaffold("least-squares"), backend="rules", simulations=5, warm_up=0)
     with pytest.raises(typer.Exit) as ended:
-        _execute(RunRequest(toy_task(), config, tmp_path / "run"), Resources(), False, True)
+        _execute(RunRequest(toy_task(), config, tmp_path / "run"), Resources(), False, analysing)
     assert ended.value.exit_code == INTERRUPTED
-    line = f"Stopped: interrupted. Go on with: bsa-run --resume {tmp_path / 'run'}"
+    line = f"Stopped: interrupted. Go on with: bsa-run --resume {tmp_path / 'run'}{also}"
     assert capsys.readouterr().err.splitlines()[-1] == line
 
 
