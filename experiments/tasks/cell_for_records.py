@@ -200,9 +200,12 @@ def hysteresis_note(records: Sequence[Record]) -> list[str]:
     slow = slow_curve(record.trajectory for record in records)
     if slow is None or not slow.gap_v > _HYSTERESIS_V:
         return []
+    offset = any("--current-offset" in note for record in records for note in record.notes)
     return [
         f"Slow charge and discharge are {1e3 * slow.gap_v:.0f} mV apart at the same charge, more than polarisation "
         "explains: --effect ocp-hysteresis adds a hysteresis of the open-circuit voltage to the model."
+        + " The offset of the current that is noted moves them apart too: take it off first."
+        * offset
     ]
 
 
