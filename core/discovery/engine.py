@@ -124,7 +124,10 @@ class Engine:
             return base, explanations
         if better.inflated_noise_v < self.problem.misfit_v:
             better = self._fitter.temper(better)
-        self._say(f"base model, from where {explanations[0].label} ended: {1e3 * better.rmse_v:.2f} mV")
+        # The gap is measured from the nearer of the two, see `Gap`.
+        farther = better.rmse_v > base.rmse_v
+        why = " (likelier, though farther off than the first fit, from which the report measures the gap)" * farther
+        self._say(f"base model, from where {explanations[0].label} ended: {1e3 * better.rmse_v:.2f} mV{why}")
         behind = [e for e in explanations if e.rmse_v > better.rmse_v]
         fits = [partial(self._fitter.from_neighbour, e.effects, e.fit, better) for e in behind]
         again = {e.label: found for e, found in zip(behind, self.problem.side_by_side(fits), strict=True) if found}

@@ -23,20 +23,21 @@ class Place:
 
     by: str  # What the map is laid out by.
     where: str
-    # rms_mv, bias_mv: Root mean square and mean of measured minus simulated voltage, mV.
+    # rms_mv, bias_mv: Root mean square and mean of simulated minus measured voltage, mV.
     rms_mv: float
     bias_mv: float
     z: float  # The bias over its standard error.
     share: float  # Share of the whole excess (squared error beyond noise) that lies here, 0 to 1.
-    trend_mv_per_h: float  # Slope of the residual with time within the place, mV per hour.
+    trend_mv_per_h: float  # Slope of that difference with time within the place, mV per hour.
     samples: int  # Averages that it rests on.
 
 
 def localise(
     observations: Sequence[Observations], errors: Sequence[FloatArray], capacity_ah: float | None = None
 ) -> list[Place]:
-    """Lay the residual out: measured minus simulated voltage by record, V.
+    """Lay the residual out; ``errors`` are measured minus simulated voltage by record, V.
 
+    A bias is simulated minus measured, as on the page of a calibration.
     The capacity makes C-rates of currents; left out, it is the largest charge drawn in any record.
     """
     drawn = max(float(np.ptp(o.charge)) for o in observations)
@@ -71,25 +72,25 @@ def _lay_out(
         for name in dict.fromkeys(names.tolist()):
             labels.setdefault(name, []).append((observed, error, names == name))
     for name, parts in labels.items():
-        error = np.concatenate([e[mask] for _, e, mask in parts])
+        difference = -np.concatenate([e[mask] for _, e, mask in parts])
         sigma = np.concatenate([o.sigma[mask] for o, _, mask in parts])
         count = np.concatenate([o.count[mask] for o, _, mask in parts])
         since = np.concatenate([o.since[mask] for o, _, mask in parts])
         share = sum(float(np.sum((_excess(e, o) * o.count)[mask])) for o, e, mask in parts)
         weight = 1 / sigma**2
-        bias = float(np.sum(weight * error) / np.sum(weight))
+        bias = float(np.sum(weight * difference) / np.sum(weight))
         spread = float(np.ptp(since))
         centred = since - np.mean(since)
-        slope = float(np.sum(centred * error) / np.sum(centred**2)) if len(error) > 3 and spread > 60 else 0.0
+        slope = float(np.sum(centred * difference) / np.sum(centred**2)) if len(difference) > 3 and spread > 60 else 0.0
         yield Place(
             by,
             str(name),
-            1e3 * float(np.sqrt(np.sum(count * error**2) / np.sum(count))),
+            1e3 * float(np.sqrt(np.sum(count * difference**2) / np.sum(count))),
             1e3 * bias,
             bias * float(np.sqrt(np.sum(weight))),
             share / whole if whole > 0 else 0.0,
             1e3 * 3600 * slope,
-            len(error),
+            len(difference),
         )
 
 
@@ -149,7 +150,7 @@ def in_words(places: Sequence[Place], noise_v: float) -> list[str]:
     for place in segments[:4]:
         if place.share < 0.05:
             continue
-        direction = "above" if place.bias_mv > 0 else "below"
+        direction = "below" if place.bias_mv > 0 else "above"
         growing = ""
         if abs(place.trend_mv_per_h) > 2 * max(noise, 1.0):
             same = place.trend_mv_per_h * place.bias_mv > 0
@@ -164,7 +165,7 @@ def in_words(places: Sequence[Place], noise_v: float) -> list[str]:
             worst = max(rows, key=lambda p: p.rms_mv)
             best = min(rows, key=lambda p: p.rms_mv)
             sentences.append(
-                f"by {by}: {worst.rms_mv:.1f} mV rms ({worst.bias_mv:+.1f} mV) for {worst.where}, "
+                f"by {by}: {worst.rms_mv:.1f} mV rms (bias {worst.bias_mv:+.1f} mV) for {worst.where}, "
                 f"{best.rms_mv:.1f} mV for {best.where}"
             )
     return sentences

@@ -29,6 +29,7 @@ class NextExperiment:
 
     title: str
     steps: tuple[str, ...]  # As PyBaMM step strings.
+    start_soc: float  # State of charge at which it starts, 0 to 1.
     # rms_mv, largest_mv: Root mean square and largest difference between the two predictions, mV.
     rms_mv: float
     largest_mv: float
@@ -56,7 +57,7 @@ PROTOCOLS = (
     _protocol("long rest after a partial discharge", 0.9, (0.5, 2400), (0, 86400)),
     _protocol("discharge at high rate, then relaxation", 0.95, (2.0, 1000), (0, 5400)),
     _protocol(
-        "very high rate for a minute at three depths", 0.9, (3, 60), (0, 1800), (1, 900), (0, 1800), (3, 60), (0, 900)
+        "very high rate for a minute at two depths", 0.9, (3, 60), (0, 1800), (1, 900), (0, 1800), (3, 60), (0, 900)
     ),
     _protocol(
         "short pulses of four rates", 0.6, (0.5, 10), (0, 300), (1, 10), (0, 300), (2, 10), (0, 300), (4, 10), (0, 300)
@@ -100,7 +101,8 @@ def propose(
             largest = float(np.max(np.abs(difference)))
             enough = largest > max(3 * noise_v, 1e-3)
             names = (first.label, second.label)
-            best = NextExperiment(protocol.title, protocol.steps, 1e3 * rms, 1e3 * largest, names, enough)
+            found_mv = (1e3 * rms, 1e3 * largest)
+            best = NextExperiment(protocol.title, protocol.steps, protocol.soc, *found_mv, names, enough)
     return best
 
 

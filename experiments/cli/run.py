@@ -280,7 +280,8 @@ def _print_summary(task: Task, result: RunResult, folder: Path) -> None:
 
     failed = sum(trial.failed for trial in result.trials)
     lost = f", {result.lost_calls} of {result.llm_calls} model calls lost" * bool(result.lost_calls)
-    print(f"{result.status} after {len(result.trials)} simulations ({failed} failed){lost}, {result.wall_s:.0f} s")
+    ended = result.status + ", with stages left out," * bool(result.reason and result.status not in STOPPED)
+    print(f"{ended} after {len(result.trials)} simulations ({failed} failed){lost}, {result.wall_s:.0f} s")
     shown = headline_of(task)
     width = max(len(quantity.words) for quantity in shown)
     for quantity in shown:

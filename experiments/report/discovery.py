@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...core.discovery.findings import Nomination
 from ...core.discovery.observations import Observations
 from ...core.discovery.problem import Problem
 from ...core.discovery.record_discovery import RecordDiscovery
@@ -35,7 +36,20 @@ def render(discovery: RecordDiscovery, problem: Problem) -> str:
     """The page as HTML: no scripts, nothing loaded from elsewhere; the problem draws the curves again."""
     figures = _figures(discovery, problem)
     content = discovery.to_json()
-    return template("record_discovery.html.j2").render(d=content, headline=VERDICTS[discovery.verdict], figures=figures)
+    with_effect = bool(discovery.findings.best.effects)
+    page = template("record_discovery.html.j2")
+    headline = _headline(discovery.verdict, discovery.findings.nominations)
+    return page.render(d=content, headline=headline, figures=figures, with_effect=with_effect)
+
+
+def _headline(verdict: str, nominations: Sequence[Nomination]) -> str:
+    """The verdict; with how many effects were tried, where none of them explains the discrepancy."""
+    tried = sum(not nomination.lacks for nomination in nominations)
+    if verdict != "unexplained" or not tried:
+        return VERDICTS[verdict]
+    if tried == 1:
+        return "A discrepancy remains that the one effect that was tried does not explain"
+    return f"A discrepancy remains that none of the {tried} effects that were tried explains"
 
 
 def _figures(discovery: RecordDiscovery, problem: Problem) -> list[_Figure]:

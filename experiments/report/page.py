@@ -34,6 +34,9 @@ _STATUS = {
     UNFINISHED: "not finished: still running, or killed; the run can be resumed",
 }
 
+_STAGES_LEFT_OUT = "ended with stages left out for lack of simulations"
+"""Of a run that is finished, in place of its status."""
+
 _AT_BOUND = 1e-3
 """A value this close to a bound, as a share of its range, is taken to sit on it."""
 
@@ -73,7 +76,7 @@ def render(run: RunRecord) -> str:
     return template("report.html.j2").render(
         run=run,
         usage=run.usage,
-        status=_STATUS.get(run.status, run.status),
+        status=_STAGES_LEFT_OUT if run.lacking else _STATUS.get(run.status, run.status),
         lacking=clipped(run.lacking, 600),
         objective=objective,
         domain=run.task.domain,

@@ -36,9 +36,8 @@ def best_score_line(objective: Quantity, best: Trial, lowest: Trial, metrics: Me
 def verdict_line(analysis: PostFitAnalysis) -> str:
     """``"The record fixes 2 of 24 parameters: ..., ...; 18 are loose; 4 are open: ..."``; many names are a number."""
     found = analysis.identifiability
-    stopped = analysis.widened > 1.0
-    first = "The analysis stopped before its sample converged, so intervals are wider than the record's. " * stopped
-    begin = f"{first}With them the record" if stopped else "The record"
+    doubt = _doubt(analysis)
+    begin = f"{doubt} With them the record" if doubt else "The record"
     if len(found.open) == len(found.intervals):
         if len(found.intervals) == 1:
             return f"{begin} does not fix {named(found.open)}: it is open."
@@ -55,22 +54,31 @@ def verdict_line(analysis: PostFitAnalysis) -> str:
     return "; ".join(parts) + "."
 
 
-def caution_line(analysis: PostFitAnalysis) -> str:
-    """Why the intervals are not to be trusted, or are wider than they need be; empty if nothing speaks against them."""
-    sentences = []
+def _doubt(analysis: PostFitAnalysis) -> str:
+    """What keeps the intervals from being the record's, in a sentence or two; empty if nothing does."""
     if analysis.unsettled:
-        sentences.append(
+        return (
             f"The fit has not settled: {named(analysis.unsettled)} would move by more than the interval with another "
-            "step, so the intervals are too narrow. More simulations would tell."
+            "step, so the intervals say little in either direction. More simulations would tell."
         )
     if analysis.widened > 1.0:
-        sentences.append(
-            f"The analysis stopped after {analysis.simulations} simulations, its budget being the {analysis.budget} "
-            "that the search was allowed: the sample of the parameters had not converged. The assumed noise was raised "
-            f"{number(analysis.widened, 2)} times for it, and every interval is at least as wide as a linear estimate. "
-            f"{_LONGER}"
-        )
-    return " ".join(sentences)
+        return "The analysis stopped before its sample converged, so intervals are wider than the record's."
+    return ""
+
+
+def caution_line(analysis: PostFitAnalysis) -> str:
+    """What the analysis did where its budget ended first; empty if it did not."""
+    if analysis.widened <= 1.0:
+        return ""
+    budget = f"its budget being the {analysis.budget} that the search was allowed"
+    if analysis.simulations > analysis.budget:
+        budget = f"some of which are made in any case, {budget}"
+    # Beside a fit that has not settled, an interval as wide as a linear estimate is no wider than it should be.
+    wide = "" if analysis.unsettled else ", and every interval is at least as wide as a linear estimate"
+    return (
+        f"The analysis stopped after {analysis.simulations} simulations, {budget}: the sample of the parameters had "
+        f"not converged. The assumed noise was raised {number(analysis.widened, 2)} times for it{wide}. {_LONGER}"
+    )
 
 
 def groups_line(analysis: PostFitAnalysis) -> str:

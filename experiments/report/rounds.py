@@ -9,6 +9,7 @@ from typing import Any
 from markupsafe import escape
 
 from ...core.parameters import ParameterSpace
+from ...core.proposal import LACKING
 from ...core.reply_parsing import strip_control
 from ...core.trial import Trial
 from ..exchanges import Exchange
@@ -114,7 +115,7 @@ def _remarks(round_: Round) -> list[str]:
     # A lost round already gives them as its reason.
     if isinstance(problems, list) and problems and not round_.lost:
         remarks += [f"A reply was refused: {clipped(str(problem), 500)}" for problem in problems[:5]]
-    if round_.finished:
+    if round_.finished and LACKING not in details:
         remarks.append("The proposer had nothing better to offer and asked to stop.")
     return remarks
 

@@ -105,4 +105,5 @@ def _part(
         (*(record.notes if notes else ()), *notes),
         record.ambient_k,
     )
-    return replace(request, source=part, shown_protocol=(cycle.steps,) * last, detailed_cycles=kept)
+    protocol = (cycle.steps,) * last
+    return replace(request, source=part, shown_protocol=protocol, detailed_cycles=kept, whole_name=record.name)

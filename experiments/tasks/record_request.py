@@ -41,6 +41,7 @@ class RecordRequest:
     fit_cycles: int | None = None
     shown_protocol: Protocol = ()  # What a recognised protocol came to, where that is known already.
     initial_voltage: float | None = None  # Open-circuit voltage at the start of the life that it is a part of, V.
+    whole_name: str = ""  # Name of the life that it is a part of, which its notes describe; empty where it is none.
 
     @property
     def as_measured(self) -> bool:

@@ -81,7 +81,11 @@ def build_task(
     space = searched_space(wanted, cell.model, loaded, spectra)
     space = _with_initial_soc(space, experiments, socs, INITIAL_SOC in wanted.given, alone=len(asked) == 1)
     notes = [
-        *(f"{record.name}: {note}" for record in loaded for note in (*record.notes, *_too_many_cycles(record))),
+        *(
+            f"{request.whole_name or record.name}: {note}"
+            for request, record in zip(records, loaded, strict=True)
+            for note in (*record.notes, *_too_many_cycles(record))
+        ),
         *(note for request in spectra for note in spectrum_notes(request)),
         *cell.notes,
         *said,
@@ -197,7 +201,11 @@ def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
     parts = [part for request in requests for part in request.parts()]
     requests, spectra = _over_time(_with_own_names(parts, (*task.experiments, *task.held_out)))
     loaded = [_as_asked(request) for request in requests]
-    notes = [f"{record.name} (held out): {note}" for record in loaded for note in record.notes]
+    notes = [
+        f"{request.whole_name or record.name} (held out): {note}"
+        for request, record in zip(requests, loaded, strict=True)
+        for note in record.notes
+    ]
     experiments = [_held_out(request, record) for request, record in zip(requests, loaded, strict=True)]
     for record, experiment in zip(loaded, experiments, strict=True):
         notes += offset_note(f"{record.name} (held out)", record.trajectory, experiment.target)

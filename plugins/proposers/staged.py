@@ -141,13 +141,13 @@ class StagedProposer:
         return StageFit(context.task, choice, view, free, start, budget), ""
 
     def _too_few(self, choice: StageChoice, parameters: int, context: ProposeContext) -> str:
-        """That the simulations left do not suffice for a stage, and of how many a run would come to it."""
+        """That the simulations left do not suffice for a stage, and of how many a run comes to it in any case."""
         self._shares.append(choice.share)
         left = f"{context.simulations_left} simulations left"
         few = f"the {left} do" if choice.share == 1.0 else f"its share of {choice.share:g} of the {left} does"
         why = f"{few} not suffice for its {parameters} parameters, which take {parameters + _FEWEST_STEPS}"
         enough = self._enough(len(context.trials) + context.simulations_left, parameters + _FEWEST_STEPS)
-        told = why if enough is None else f"{why}; a run of {enough} simulations would have come to it"
+        told = why if enough is None else f"{why}; at most {enough} simulations would have been needed"
         self._lacking.append(f'Stage "{choice.name}" is skipped: {told}.')
         return told
 

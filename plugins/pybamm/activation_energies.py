@@ -41,6 +41,9 @@ RATES = (
 )
 """What records at several temperatures tell an activation energy of, by PyBaMM's names."""
 
+_WITH_ENERGIES = " with activation energies"
+"""Ends the name of a set that was given some."""
+
 _COLD_AND_WARM_K = (298.15, 308.15)
 
 
@@ -89,7 +92,7 @@ def with_activation_energies(base: ParameterSource, transport: tuple[str, ...]) 
         values.update({energy_name(name): TRANSPORT[name].energy}, check_already_exists=False)
         arguments = (TRANSPORT[name].argument, "T")
         values.update({name: _arrhenius(values[name], arguments, energy_name(name))})
-    return ParameterFile(f"{base} with activation energies", "parameter-values", as_json(values))
+    return ParameterFile(f"{base}{_WITH_ENERGIES}", "parameter-values", as_json(values))
 
 
 def with_additional_energies(base: ParameterSource, rates: Iterable[str] = RATES) -> ParameterFile:
@@ -110,7 +113,8 @@ def with_additional_energies(base: ParameterSource, rates: Iterable[str] = RATES
         arguments = arguments_of(own) if callable(own) else (TRANSPORT[name].argument, "T")
         values.update({energy: 0.0}, check_already_exists=False)
         values.update({name: _arrhenius(own, arguments, energy)})
-    return ParameterFile(f"{base} with additional activation energies", "parameter-values", as_json(values))
+    name = f"{base} (searched)" if str(base).endswith(_WITH_ENERGIES) else f"{base} with additional activation energies"
+    return ParameterFile(name, "parameter-values", as_json(values))
 
 
 def _arrhenius(own: Any, arguments: tuple[str, ...], energy: str) -> Callable[..., Any]:

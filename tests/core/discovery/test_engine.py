@@ -315,3 +315,9 @@ def test_an_effect_is_no_worse_than_the_base_model_that_it_contains():
     # What is said of an effect is measured against the base model that the verdict is.
     assert [line for line in said if "from where quadratic ended" in line]
     assert said[-1].strip().startswith("quadratic: ")
+    # Two errors of a base model, the larger of them the later, are told apart.
+    assert not any("likelier" in line for line in said)
+    engine._fitter.without = lambda known, best: replace(base, rmse_v=2 * known.rmse_v)
+    engine._fitter.temper = lambda explanation: explanation
+    engine._with_better_base(poor, [stopped])
+    assert any("mV (likelier, though farther off than the first fit" in line for line in said)

@@ -23,11 +23,14 @@ def test_an_error_under_load_is_found_under_load():
     by_segment = {p.where: p for p in places if p.by == "segment"}
     worst = max(by_segment.values(), key=lambda p: p.share)
     assert "2.5C" in worst.where
-    assert worst.bias_mv == pytest.approx(20.0, rel=0.01)
+    assert worst.bias_mv == pytest.approx(-20.0, rel=0.01)  # simulated minus measured
+    assert worst.z < 0
     for by in ("segment", "rate", "charge", "since step", "temperature"):
         assert sum(p.share for p in places if p.by == by) == pytest.approx(1.0, abs=1e-6)
     sentences = in_words(places, 1e-3)
     assert sentences[0].startswith("measured voltage lies 20.0 mV above the model during a: CC discharge at 2.5C")
+    (by_rate,) = (sentence for sentence in sentences if sentence.startswith("by rate: "))
+    assert "15.5 mV rms (bias -11.4 mV)" in by_rate
 
 
 def test_a_closure_describes_a_resistance():

@@ -49,7 +49,8 @@ def test_the_end_names_a_stage_that_lacked_simulations(run_toy, tmp_path, capsys
     ]
     scaffold = toy_scaffold("staged", proposer={"use": "staged", "options": {"stages": stages}})
     _print_summary(toy_task(), run_toy(scaffold=scaffold, warm_up=0, simulations=12), tmp_path / "run")
-    *_, said, report = capsys.readouterr().out.splitlines()
+    first, *_, said, report = capsys.readouterr().out.splitlines()
+    assert first.startswith("finished, with stages left out, after 6 simulations")
     assert said.startswith('  Stage "joint" is skipped: the 6 simulations left do not suffice')
     assert report.startswith("  report: ")
 

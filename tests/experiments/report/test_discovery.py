@@ -1,10 +1,19 @@
 """The report of a discovery."""
 
+from dataclasses import asdict
+from typing import Any
+
 import numpy as np
+import pytest
+from bsa.core.discovery.closure import Closure
+from bsa.core.discovery.findings import Nomination
+from bsa.core.discovery.next_experiment import NextExperiment
 from bsa.core.discovery.observations import observe
 from bsa.core.discovery.simulator import MeasuredRecord, Prediction
+from bsa.core.effect_choice import effects_of
 from bsa.core.trajectory import Step, StepKind, Trajectory
-from bsa.experiments.report.discovery import _figure
+from bsa.experiments.report.discovery import _figure, _headline
+from bsa.experiments.report.templates import template
 
 
 def test_a_figure_claims_no_error_that_was_not_scored() -> None:
@@ -13,3 +22,54 @@ def test_a_figure_claims_no_error_that_was_not_scored() -> None:
     observed = observe(MeasuredRecord("a.csv", record))
     figure = _figure(0, observed, Prediction(observed.voltage + 0.01), Prediction(observed.voltage + 0.001))
     assert figure.chart.description == "Measured and simulated voltage."
+
+
+@pytest.mark.parametrize(
+    ("tried", "expected"),
+    [
+        (0, "no effect of the catalogue explains"),
+        (1, "the one effect that was tried does not explain"),
+        (3, "none of the 3 effects that were tried explains"),
+    ],
+)
+def test_an_unexplained_discrepancy_is_told_of_the_effects_that_were_tried(tried: int, expected: str) -> None:
+    nominations = [Nomination(effect, "" if n < tried else "no rest") for n, effect in enumerate(effects_of(None)[:4])]
+    assert _headline("unexplained", nominations) == f"A discrepancy remains that {expected}"
+    assert _headline("effect-found", nominations) == "An effect explains the discrepancy"
+
+
+_ERRORS = ("final_rmse_mv", "base_rmse_mv", "closed")
+
+
+def page(**given: Any) -> str:
+    """The page of an answer that has no more than what is given."""
+    place = {"where": "rest", "rms_mv": 5.0, "bias_mv": 4.34, "z": 77.3, "share": 1.0}
+    content: dict[str, Any] = {
+        "verdict": "unexplained",
+        "localisation": [place],
+        "localisation_after": [place | {"rms_mv": 1.25}],
+        "gap": dict.fromkeys((*_ERRORS, *(f"holdout_{name}" for name in _ERRORS), "noise_mv"), 1.0),
+    }
+    lists: dict[str, Any] = {name: [] for name in ("effects", "partial", "notes", "in_words", "candidates")}
+    unset = lists | dict.fromkeys(("next_experiment", "closure", "backend_ranking"))
+    numbers = {"simulations": 1, "wall_s": 1.0, "mesh_correction_mv": 0.0, "false_alarm_rate": 0.01}
+    content |= unset | numbers | {"reason": "", "temperature_rms_k": {}} | given.pop("d", {})
+    shown = {"d": content, "headline": "", "figures": [], "with_effect": False}
+    return template("record_discovery.html.j2").render(**shown | given)
+
+
+def test_the_map_has_one_sign_and_no_effect_where_none_was_found() -> None:
+    without = page()
+    assert '4.34</td><td class="n">77.3</td>' in without
+    assert "rms with the effect" not in without
+    assert "1.25" not in without
+    assert "rms with the effect" in page(with_effect=True)
+    assert "1.25" in page(with_effect=True)
+
+
+def test_a_proposed_experiment_says_where_it_starts_and_a_correction_what_it_is_over() -> None:
+    proposed = NextExperiment("short pulses", ("Rest for 5 minutes",), 0.6, 1.0, 2.0, ("a", "b"), True)
+    assert "short pulses, from a state of charge of 60 %: the two" in page(d={"next_experiment": asdict(proposed)})
+    closure = asdict(Closure(("1",), (1.0,), 24.53, 4.0))
+    assert "24.53 mV before" in page(d={"closure": closure})
+    assert "Both are over averages of samples" in page(d={"closure": closure})

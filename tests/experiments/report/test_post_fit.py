@@ -14,7 +14,7 @@ from bsa.core.spectrum_record import spectrum_record
 from bsa.core.target import Value
 from bsa.core.task import CellModel, Experiment, Protocol, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
-from bsa.experiments.report.post_fit import tolerance_words, verdict_line
+from bsa.experiments.report.post_fit import caution_line, tolerance_words, verdict_line
 
 
 @pytest.mark.parametrize(
@@ -59,6 +59,25 @@ def test_an_analysis_that_did_not_converge_is_no_fact_about_the_record(verdicts:
         "The analysis stopped before its sample converged, so intervals are wider than the record's."
     )
     assert "With them the record fixes" in line
+
+
+def test_where_the_fit_has_not_settled_intervals_say_little_in_either_direction() -> None:
+    both = replace(judged({"a": "open"}), widened=44.0, unsettled=("a",), simulations=22, budget=3)
+    first = "The fit has not settled: a would move by more than the interval with another step"
+    assert verdict_line(both).startswith(f"{first}, so the intervals say little in either direction.")
+    said = f"{verdict_line(both)} {caution_line(both)}"
+    assert said.count("has not settled") == 1
+    assert "the sample of the parameters had not converged. The assumed noise was raised 44 times for it. " in said
+    assert not any(words in said for words in ("wide", "narrow"))
+
+
+def test_an_analysis_beyond_its_budget_says_that_some_simulations_are_made_in_any_case() -> None:
+    ended = replace(judged({"a": "open"}), widened=44.0, simulations=22, budget=3)
+    assert (
+        "after 22 simulations, some of which are made in any case, its budget being the 3 that the search was allowed"
+        in caution_line(ended)
+    )
+    assert "in any case" not in caution_line(replace(ended, budget=30))
 
 
 def judged(verdicts: dict[str, Any]) -> PostFitAnalysis:

@@ -116,11 +116,13 @@ def test_a_stage_that_lacks_simulations_is_named_with_how_many_would_do(run_toy:
     few = run_toy(tmp_path / "few", scaffold=staged(order=["ohmic", "all"]), warm_up=0, simulations=12)
     assert few.status == "finished"
     assert few.reason == (
-        'Stage "all" is skipped: the 6 simulations left do not suffice for its 4 parameters, which take 7; a run of '
-        "13 simulations would have come to it."
+        'Stage "all" is skipped: the 6 simulations left do not suffice for its 4 parameters, which take 7; at most '
+        "13 simulations would have been needed."
     )
     assert read_run(tmp_path / "few").lacking == few.reason
-    assert few.reason in unescape((tmp_path / "few" / "report.html").read_text())
+    page = unescape((tmp_path / "few" / "report.html").read_text())
+    assert f"The run ended with stages left out for lack of simulations. {few.reason}" in page
+    assert "nothing better to offer" not in page
     enough = run_toy(tmp_path / "enough", scaffold=staged(order=["ohmic", "all"]), warm_up=0, simulations=13)
     assert stages_of(tmp_path / "enough") == ["ohmic", "all"]
     assert enough.reason == ""

@@ -66,6 +66,11 @@ def test_an_additional_energy_changes_nothing_until_it_is_given(base: str) -> No
         assert at(more, name, kelvin) == pytest.approx(law * at(own, name, kelvin), rel=1e-6)
 
 
+def test_the_name_of_a_set_tells_of_its_activation_energies_once(warmed: ParameterFile) -> None:
+    assert with_additional_energies(warmed).name == "Chen2020 with activation energies (searched)"
+    assert with_additional_energies("OKane2022").name == "OKane2022 with additional activation energies"
+
+
 @pytest.mark.slow
 def test_a_warm_cell_is_less_polarised_and_a_cold_one_the_same(warmed: ParameterFile) -> None:
     nothing = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
