@@ -165,7 +165,7 @@ def in_words(places: Sequence[Place], noise_v: float) -> list[str]:
             worst = max(rows, key=lambda p: p.rms_mv)
             best = min(rows, key=lambda p: p.rms_mv)
             sentences.append(
-                f"by {by}: {worst.rms_mv:.1f} mV rms (bias {worst.bias_mv:+.1f} mV) for {worst.where}, "
-                f"{best.rms_mv:.1f} mV for {best.where}"
+                f"by {by}: {worst.rms_mv:.1f} mV rms (simulated minus measured {worst.bias_mv:+.1f} mV) for "
+                f"{worst.where}, {best.rms_mv:.1f} mV for {best.where}"
             )
     return sentences

@@ -30,7 +30,7 @@ def test_an_error_under_load_is_found_under_load():
     sentences = in_words(places, 1e-3)
     assert sentences[0].startswith("measured voltage lies 20.0 mV above the model during a: CC discharge at 2.5C")
     (by_rate,) = (sentence for sentence in sentences if sentence.startswith("by rate: "))
-    assert "15.5 mV rms (bias -11.4 mV)" in by_rate
+    assert "15.5 mV rms (simulated minus measured -11.4 mV)" in by_rate
 
 
 def test_a_closure_describes_a_resistance():
