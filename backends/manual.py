@@ -9,7 +9,16 @@ from typing import Any, TextIO
 
 from ..core.errors import BsaError
 from ..core.files import write_json
-from ..core.messages import BackendFailure, BudgetSpent, JsonSchema, Message, Reply, Usage, without_alternatives
+from ..core.messages import (
+    UNUSABLE,
+    BackendFailure,
+    BudgetSpent,
+    JsonSchema,
+    Message,
+    Reply,
+    Usage,
+    without_alternatives,
+)
 from ..core.reply_parsing import MAX_REPLY_CHARS, strip_control
 
 _POLL_S = 0.2
@@ -71,14 +80,16 @@ class ExchangeBackend:
 
     A prompt appears whole or not at all. A reply counts once it holds a JSON object, or has not grown for two looks;
     whoever writes it elsewhere and renames it is on the safe side. The folder is made if missing; without ``timeout_s``
-    there is no end to the wait.
+    there is no end to the wait. Standard error, or another ``target``, is told what is waited for and why a reply was
+    refused.
     """
 
     name = "manual"
     sees_images = True
 
-    def __init__(self, folder: Path, timeout_s: float | None = None) -> None:
+    def __init__(self, folder: Path, timeout_s: float | None = None, target: TextIO | None = None) -> None:
         self._folder = folder
+        self._target = target
         self._timeout_s = timeout_s
         self._mine: set[int] = set()
         try:
@@ -97,8 +108,16 @@ class ExchangeBackend:
         ]
         prompt: dict[str, Any] = {"messages": turns, "schema": without_alternatives(schema), "seed": seed}
         number = self._place(prompt)
+        self._tell(messages, number)
         text = self._wait(self._folder / f"reply-{number:03d}.txt", started)
         return Reply(text, Usage(seconds=time.monotonic() - started), model="manual")
+
+    def _tell(self, messages: Sequence[Message], number: int) -> None:
+        said = messages[-1].text if messages else ""
+        refused = f"{' '.join(strip_control(said).split())} " if said.startswith(UNUSABLE) else ""
+        reply = self._folder / f"reply-{number:03d}.txt"
+        line = f"note: {refused}Waiting for {reply}, the reply to prompt-{number:03d}.json."
+        print(line, file=self._target or sys.stderr, flush=True)
 
     def _place(self, prompt: dict[str, Any]) -> int:
         """Write the prompt, unless a run before this one left the very same unanswered or unread."""

@@ -21,6 +21,10 @@ def without_alternatives(schema: JsonSchema) -> dict[str, Any]:
     return {key: value for key, value in schema.items() if key != ALTERNATIVES}
 
 
+UNUSABLE = "That reply cannot be used:"
+"""How a message begins that asks again, before what was wrong with the reply."""
+
+
 @dataclass(frozen=True)
 class Message:
     """One turn of a conversation.

@@ -1,7 +1,8 @@
 """What is wrong with what people wrote, in one line."""
 
 import re
-from typing import Any, TypeVar
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -10,6 +11,8 @@ from .redaction import redact
 
 _NO_MAPPING = ("model_type", "dict_type", "model_attributes_type", "dataclass_type")
 """What pydantic calls a value where keys with values should be; its words name Python's classes."""
+
+_QUOTED = re.compile(r"'([^']*)'")
 
 _LENGTH = re.compile(r"^(?:Tuple|List) should have (at \w+) (\d+) items?.*$")
 
@@ -30,11 +33,12 @@ def explain(error: ValidationError, where: str, model: type[BaseModel]) -> BsaEr
 
     ``where`` is the file or plugin at fault, ``model`` what it was checked against, for the nearest valid key.
     """
+    found_wrong = _of_the_kind_meant(error.errors(include_url=False))
     # A mistyped key is both missing and unknown; the unknown one tells what was meant.
-    first = min(error.errors(include_url=False), key=lambda found: found["type"] != "extra_forbidden")
+    first = min(found_wrong, key=lambda found: found["type"] != "extra_forbidden")
     path = [str(part) for part in first["loc"]]
     key = ".".join(path)
-    more = f" ({error.error_count() - 1} more)" if error.error_count() > 1 else ""
+    more = f" ({len(found_wrong) - 1} more)" if len(found_wrong) > 1 else ""
     if first["type"] == "extra_forbidden":
         valid = _keys_at(model, path[:-1])
         hint = did_you_mean(path[-1], valid) or (f"valid keys: {', '.join(valid)}." if valid else "remove it.")
@@ -51,15 +55,44 @@ def explain(error: ValidationError, where: str, model: type[BaseModel]) -> BsaEr
             f"{where}: {found}: keys with values were expected{more}.", f'write one "key: value" a line{keys}.'
         )
     reason = _LENGTH.sub(r"a list should have \1 \2 entries", first["msg"].removeprefix("Value error, "))
-    return BsaError(f"{where}: {found}: {reason}{more}.", "")
+    hint = did_you_mean(first["input"], _allowed(first)) if isinstance(first.get("input"), str) else ""
+    return BsaError(f"{where}: {found}: {reason}{more}.", hint)
+
+
+def _of_the_kind_meant(found: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """What is wrong where a name or a mapping may stand and a mapping does: not that it is no name.
+
+    Behind the place, pydantic names the kind that it tried; nobody wrote that word, and it is left out.
+    """
+    mappings = [one["loc"][:-1] for one in found if one["type"] == "string_type" and isinstance(one["input"], dict)]
+    kept: list[dict[str, Any]] = []
+    for one in found:
+        place = next((place for place in mappings if one["loc"][: len(place)] == place), None)
+        inside = place is not None and len(one["loc"]) > len(place) + 1
+        if place is None:
+            kept.append(dict(one))
+        elif inside:
+            kept.append({**one, "loc": (*place, *one["loc"][len(place) + 1 :])})
+    return kept or [dict(one) for one in found]
+
+
+def _allowed(found: Mapping[str, Any]) -> list[str]:
+    """The words that may stand where another one does."""
+    expected = found.get("ctx", {}).get("expected", "") if found["type"] == "literal_error" else ""
+    return _QUOTED.findall(expected)
 
 
 def _keys_at(model: type[BaseModel], path: list[str]) -> list[str]:
     """The valid keys at a place inside what a model describes; none where another kind of thing stands on the way."""
+    models = [model]
     for part in path:
-        field = model.model_fields.get(part)
-        inner = None if field is None else field.annotation
-        if not (isinstance(inner, type) and issubclass(inner, BaseModel)):
-            return []
-        model = inner
-    return list(model.model_fields)
+        if not part.isdigit():  # a place in a list
+            fields = [one.model_fields[part] for one in models if part in one.model_fields]
+            models = [inner for field in fields for inner in _models_in(field.annotation)]
+    return [name for one in models for name in one.model_fields]
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for part in get_args(annotation) for model in _models_in(part)]

@@ -7,6 +7,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+from ...core.errors import BsaError, did_you_mean
 from ...core.run_config import RunConfig
 from ...core.scaffold import Scaffold
 from ...core.yaml_text import YAML_SUFFIXES
@@ -58,15 +59,36 @@ def expand(
     """The cells of a grid, task by task, so that a grid cut short has whole rows.
 
     Targets that are not in the store are simulated only if ``make``; without them cells have no identity. Raises
-    `BsaError` if a task, scaffold, backend or setting does not exist.
+    `BsaError` if a task, scaffold, backend or setting does not exist, or the grid has not what `exclude` or
+    `reference` names.
     """
     configs = _Configs(near)
     cells: dict[tuple[str, str], Calibration] = {}
-    for cell in _all(grid, configs, store, near, say, make):
+    everything = list(_all(grid, configs, store, near, say, make))
+    _check_excluded(grid, [cell.axes for cell in everything])
+    for cell in everything:
         if not any(_fits(cell.axes, condition) for condition in grid.exclude):
             # Without an identity the configuration tells cells apart.
             cells.setdefault((cell.task.key, cell.identity or cell.config.model_dump_json()), cell)
+    _check_reference(grid, [cell.axes.scaffold for cell in cells.values()])
     return list(cells.values())
+
+
+def _check_excluded(grid: GridFile, cells: Sequence[Axes]) -> None:
+    """Whether the grid has what its exclusions name; a pattern may fit nothing."""
+    for condition in grid.exclude:
+        for axis, value in condition.items():
+            known = {str(getattr(axes, axis)) for axes in cells}
+            for name in map(str, value if isinstance(value, list) else [value]):
+                if name not in known and not any(sign in name for sign in "*?["):
+                    hint = did_you_mean(name, known) or f"it has {', '.join(sorted(known))}."
+                    raise BsaError(f'exclude: the grid "{grid.name}" has no {axis} "{name}".', hint)
+
+
+def _check_reference(grid: GridFile, scaffolds: Sequence[str]) -> None:
+    if scaffolds and grid.reference and grid.reference not in scaffolds:
+        hint = did_you_mean(grid.reference, scaffolds) or f"it has {', '.join(sorted(set(scaffolds)))}."
+        raise BsaError(f'reference: the grid "{grid.name}" has no scaffold "{grid.reference}".', hint)
 
 
 def _all(grid: GridFile, configs: _Configs, store: Store, near: Path, say: Say, make: bool) -> Iterator[Calibration]:

@@ -1,11 +1,11 @@
 """From the tasks that a grid names to tasks in the store, with the words by which tables group them."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from ...core.errors import BsaError
+from ...core.errors import BsaError, did_you_mean
 from ...core.files import read_json, write_json
 from ...core.run_config import hash_of
 from ...core.task import Task
@@ -83,10 +83,17 @@ def suite_cases(wanted: SuiteFilter) -> dict[str, SuiteCase]:
     ):
         allowed = [value] if isinstance(value, str) else value
         if allowed:
+            known = {getattr(case, attribute) for case in cases.values()}
             cases = {key: case for key, case in cases.items() if getattr(case, attribute) in allowed}
-    if not cases:
-        raise BsaError(f"no case of the {wanted.suite} suite fits {wanted.model_dump(exclude_none=True)}.", "widen it.")
+            if not cases:
+                raise _none_has(wanted, attribute.replace("_", " "), allowed, known)
     return choose(cases, wanted.cases, wanted.draw)
+
+
+def _none_has(wanted: SuiteFilter, what: str, allowed: Sequence[str], known: Iterable[str]) -> BsaError:
+    said = f"no case of the {wanted.suite} suite has the {what} {' or '.join(allowed)}"
+    nearest = next(filter(None, (did_you_mean(name, known) for name in allowed)), "")
+    return BsaError(f"{said}.", nearest or f"it has {', '.join(sorted(known))}.")
 
 
 def _case(case: SuiteCase, search: str | None, start: int, store: Store, say: Say, make: bool) -> TaskLabel:

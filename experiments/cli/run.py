@@ -34,7 +34,7 @@ def run(
         str | None,
         typer.Argument(
             metavar="TASK",
-            help="Task by name (bsa list tasks), published case (regular-134) or task file; default: demo.",
+            help="Task by name (bsa list tasks), task file, or case of the published suite where it is; default demo.",
             autocompletion=completion.tasks,
         ),
     ] = None,
@@ -226,6 +226,7 @@ def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability
     from ...backends.opening import open_backend
     from ...core.metrics import objective_of
     from ..run import execute_run, summary
+    from .no_model import NoModelTold
     from .progress import LiveProgress, PlainProgress, printable
 
     task, config, folder = request.task, request.config, request.folder
@@ -240,11 +241,7 @@ def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability
         listener = PlainProgress(unit, command=to_discover)
     print(f"{title} → {folder}", file=sys.stderr)
     if config.backend == "rules":
-        print(
-            "No language model: the rules backend reasons from the prompt alone. "
-            "Choose a model with --backend NAME; bsa doctor shows which are ready here.",
-            file=sys.stderr,
-        )
+        backend = NoModelTold(backend, listener.noted)
     go_on = f"bsa-run --resume {shlex.quote(str(folder))}" + " --no-identifiability" * (not identifiability)
     try:
         with listener:

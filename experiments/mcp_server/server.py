@@ -14,7 +14,7 @@ from mcp.server.mcpserver.exceptions import ToolError
 from mcp.types import CallToolResult, InputRequiredResult
 from pydantic import Field, ValidationError
 
-from ...core.errors import BsaError
+from ...core.errors import BsaError, did_you_mean
 from ...core.printable import shown
 from ...core.redaction import redact
 from ...core.validation import explain
@@ -34,7 +34,7 @@ results, and positive on charge in files. Paths are relative to the first folder
 
 Data = Annotated[
     str | list[str],
-    Field(description='Path of a record, or several; or the name of a task, "demo" or "regular-134" (without `cell`).'),
+    Field(description='Path of a record, or several; or the name of a task, "demo" (without `cell`).'),
 ]
 Values = Annotated[
     dict[str, float], Field(description="Values of searched parameters by name; the others keep their initial ones.")
@@ -200,12 +200,23 @@ class Server(MCPServer[Any]):
         self, name: str, arguments: dict[str, Any], context: Context[Any, Any] | None = None
     ) -> CallToolResult | InputRequiredResult:
         """See the SDK; raises `ToolError`."""
+        await self._check_names(name, arguments)
         try:
             return await super().call_tool(name, arguments, context)
         except ToolError as error:
             if not isinstance(error.__cause__, ValidationError):
                 raise
             raise ToolError(redact(str(explain(error.__cause__, name, Arguments)))) from None
+
+    async def _check_names(self, name: str, arguments: Mapping[str, Any]) -> None:
+        """Whether the tool has these arguments; the SDK passes over those that it has not."""
+        for tool in await self.list_tools():
+            known = list(tool.input_schema.get("properties", {}))
+            unknown = [key for key in arguments if tool.name == name and key not in known]
+            if unknown:
+                hint = did_you_mean(unknown[0], known) or f"its arguments: {', '.join(known)}."
+                error = BsaError(f"{name}: {shown(repr(unknown[0]))} is not an argument.", hint)
+                raise ToolError(redact(str(error)))
 
 
 def server(folders: Sequence[Path]) -> MCPServer[Any]:

@@ -1,5 +1,6 @@
 """The published tasks, read from where they lie: three YAML files that are not part of this package."""
 
+import os
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
@@ -17,6 +18,9 @@ FILES = {
 
 SEI_CYCLES = 200
 """Cycles of the paper's ageing tasks."""
+
+FOLDER_VARIABLE = "BSA_PUBLISHED_SUITE"
+"""Environment variable that names the folder of the published files."""
 
 _BESIDE_THE_REPOSITORY = Path(__file__).resolve().parents[3] / "shared" / "reference-suite"
 
@@ -37,14 +41,16 @@ class PublishedEntry(BaseModel):
 def find_reference_suite(folder: Path | None = None) -> Path:
     """The folder of the published files.
 
-    By default ``../shared/reference-suite`` beside the repository. Raises `BsaError` if they are not there.
+    By default what ``BSA_PUBLISHED_SUITE`` names, else ``../shared/reference-suite`` beside the repository. Raises
+    `BsaError` if they are not there.
     """
-    place = folder or _BESIDE_THE_REPOSITORY
+    named = os.environ.get(FOLDER_VARIABLE)
+    place = folder or (Path(named) if named else _BESIDE_THE_REPOSITORY)
     if not all((place / name).is_file() for name in FILES.values()):
         raise BsaError(
-            f"the published tasks are not in {place}.",
-            f"put {', '.join(FILES.values())} there; `bsa bench` also takes another folder (--published) or "
-            "tasks of its own making (--suite generated).",
+            f"the published tasks are not in {place}; they are not part of this package.",
+            f"set {FOLDER_VARIABLE} to the folder that holds {', '.join(FILES.values())}. Without them: the task demo; "
+            "for studies, --suite generated.",
         )
     return place
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from ...core.errors import BsaError
-from ...core.messages import Backend, BackendFailure, JsonSchema, Message, Reply, ReplyRefused
+from ...core.messages import UNUSABLE, Backend, BackendFailure, JsonSchema, Message, Reply, ReplyRefused
 from ...core.reply_parsing import parse_object
 
 T = TypeVar("T")
@@ -54,7 +54,7 @@ def ask(
             except BsaError as error:
                 problem = str(error)
         problems.append(problem)
-        complaint = f"That reply cannot be used: {problem} Answer again with one valid JSON object."
+        complaint = f"{UNUSABLE} {problem} Answer again with one valid JSON object."
         conversation = answered(conversation, reply.text, complaint)
     return Answer(None, tuple(problems), reply)
 

@@ -326,3 +326,17 @@ def test_an_interrupted_exchange_waits_for_the_same_reply(tmp_path, messages, sc
     (tmp_path / "reply-002.txt").write_text('{"stale": 1}')
     with pytest.raises(BackendFailure, match=r"reply-003\.txt within"):
         ExchangeBackend(tmp_path, timeout_s=0.1).complete(messages, schema, seed=9)
+
+
+def test_an_exchange_says_what_it_waits_for_and_why_a_reply_was_refused(tmp_path, schema):
+    told = io.StringIO()
+    backend = ExchangeBackend(tmp_path, timeout_s=0.0, target=told)
+    refusal = "That reply cannot be used: no such\nparameter. Answer again."
+    for text in ("Propose.", refusal):
+        with pytest.raises(BackendFailure):
+            backend.complete([Message("user", text)], schema, seed=1)
+    assert told.getvalue().splitlines() == [
+        f"note: Waiting for {tmp_path / 'reply-001.txt'}, the reply to prompt-001.json.",
+        "note: That reply cannot be used: no such parameter. Answer again. "
+        f"Waiting for {tmp_path / 'reply-002.txt'}, the reply to prompt-002.json.",
+    ]

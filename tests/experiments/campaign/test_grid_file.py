@@ -105,6 +105,27 @@ def test_a_grid_without_patience_has_that_of_its_rounds_and_may_set_its_own(make
     assert patience(settings={"simulator.use": "toy-cell", "patience": 4}) == {4}
 
 
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"exclude": [{"scaffold": "no-memry"}]}, 'no scaffold "no-memry". Hint: did you mean "no-memory"'),
+        ({"reference": "fulll"}, 'no scaffold "fulll". Hint: did you mean "full"'),
+        ({"changes": {"tasks": [{"suite": "generatd", "cases": 2}]}}, "\"tasks.0.suite\" is 'generatd'"),
+        ({"changes": {"tasks.0": {"suite": "generatd"}}}, 'did you mean "generated"'),
+        ({"changes": {"tasks.0": {"suite": "generated", "case": 2}}}, 'did you mean "cases"'),
+    ],
+)
+def test_names_that_the_grid_has_not_are_refused_with_the_nearest(make_plan, changes, words):
+    with pytest.raises(BsaError) as refused:
+        make_plan(**changes)
+    assert words in str(refused.value)
+
+
+def test_an_exclusion_by_name_or_pattern_leaves_cells_out(make_plan):
+    exclude = [{"scaffold": "no-memory", "task": "toy-1"}, {"task": "extreme-*"}]
+    assert len(make_plan(exclude=exclude, reference="no-memory").cells) == 3
+
+
 def test_samplers_of_a_grid_spend_their_whole_budget(make_plan):
     plan = make_plan(tasks=1, scaffolds=["random", "cma-es", "de"], rounds=2, simulations=30)
     rows, _ = run_campaign(plan, Here(), lambda plan, pool: Quiet())

@@ -34,3 +34,11 @@ def test_starts_are_checked(tmp_path, starts):
     path = write_grid(tmp_path)
     with pytest.raises(BsaError, match="starts"):
         load_grid(str(path), {"tasks.0": {"suite": "generated", "starts": starts}})
+
+
+def test_a_filter_that_leaves_nothing_says_of_what(one_case, tmp_path):
+    wanted = SuiteFilter(suite="generated", chemistry="Chen2021")
+    words = 'no case of the generated suite has the parameter set Chen2021. Hint: did you mean "Chen2020"'
+    with pytest.raises(BsaError) as refused:
+        gather([wanted], Store(tmp_path), tmp_path)
+    assert words in str(refused.value)

@@ -74,6 +74,10 @@ def test_tools_are_described_and_mistakes_are_told_with_a_hint(use: Use, tmp_pat
         )
         said = await refused(client, "simulate", data="cell.csv")
         assert said == 'simulate: "values" is missing. Hint: add it.'
+        said = await refused(client, "read_record", pat="cell.csv")
+        assert said == """read_record: 'pat' is not an argument. Hint: did you mean "path"?"""
+        said = await refused(client, "calibrate", dat="cell.csv")
+        assert said == """calibrate: 'dat' is not an argument. Hint: did you mean "data"?"""
         assert "holds no run" in await refused(client, "report", folder=".")
         assert "is a task file" in await refused(client, "simulate", data="cell.yaml", values={})
         cell = {"parameters": "Chen2020", "search": "../x.yaml"}

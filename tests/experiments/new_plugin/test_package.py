@@ -35,7 +35,8 @@ def test_the_module_is_the_example_of_the_page(kind: Kind) -> None:
     name = DOCUMENTED[kind]
     files = package_files(kind, name, simulator="ohmic")
     title, _, code = files[f"bsa_{name.replace('-', '_')}.py"].partition("\n\n")
-    assert title == f'"""A {kind} for battery-sim-agent: {name}."""'
+    article = "An" if kind == "effect" else "A"
+    assert title == f'"""{article} {kind} for battery-sim-agent: {name}."""'
     assert f"```python\n{code}```" in PAGE
 
 

@@ -103,6 +103,12 @@ def test_our_tables_make_the_published_cases() -> None:
             assert (case.mode, case.parameter_set, case.rates, truth) in made
 
 
+def test_published_files_are_where_the_variable_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("BSA_PUBLISHED_SUITE", str(tmp_path))
+    with pytest.raises(BsaError, match=f"not in {tmp_path};.*set BSA_PUBLISHED_SUITE to the folder"):
+        published_cases()
+
+
 def test_published_files_elsewhere_are_named(tmp_path: Path) -> None:
     with pytest.raises(BsaError, match="not in"):
         published_cases(tmp_path)
