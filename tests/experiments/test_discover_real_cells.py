@@ -55,7 +55,8 @@ def test_lgm50_lacks_self_heating(tmp_path):
         model="SPMe",
         ambient_c=25.0,
         max_effects=1,
-        effects=["self-heating"],  # the whole catalogue takes half an hour
+        effects=["self-heating"],  # the whole catalogue takes half an hour, and all base parameters twice as long
+        search="capacity",
         out=tmp_path,
     )
     found = discover(options, workers=2)
