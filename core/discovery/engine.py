@@ -123,7 +123,8 @@ class Engine:
         if better is base:
             return base, explanations
         if better.inflated_noise_v < self.problem.misfit_v:
-            better = self._fitter.temper(better)
+            self.problem.misfit_v = better.inflated_noise_v
+            better = self._fitter.again(better, self.settings.refit_budget // 2)
         # The gap is measured from the nearer of the two, see `Gap`.
         farther = better.rmse_v > base.rmse_v
         why = " (likelier, though farther off than the first fit, from which the report measures the gap)" * farther

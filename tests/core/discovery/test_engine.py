@@ -318,6 +318,6 @@ def test_an_effect_is_no_worse_than_the_base_model_that_it_contains():
     # Two errors of a base model, the larger of them the later, are told apart.
     assert not any("likelier" in line for line in said)
     engine._fitter.without = lambda known, best: replace(base, rmse_v=2 * known.rmse_v)
-    engine._fitter.temper = lambda explanation: explanation
+    engine._fitter.again = lambda explanation, budget: explanation
     engine._with_better_base(poor, [stopped])
     assert any("mV (likelier, though farther off than the first fit" in line for line in said)
