@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 Signal = Literal["time", "voltage", "current", "temperature"]
 CurrentSign = Literal["charge-positive", "discharge-positive", "auto"]
 
+AMBIENT_C = (-100.0, 200.0)
+"""Between these an ambient temperature lies, degC: beyond is one in another unit."""
+
 
 @dataclass(frozen=True, eq=False)
 class Record:
@@ -78,7 +81,10 @@ class ReadOptions(BaseModel, extra="forbid", frozen=True):
     cycles: tuple[int, int] | None = Field(default=None, description="First and last cycle to keep, counted from 1.")
     sheet: str | None = Field(default=None, description="Sheet of a workbook, or test inside a file of several.")
     ambient_c: float | None = Field(
-        default=None, gt=-100.0, lt=200.0, description="Ambient temperature in degC, where the file has none."
+        default=None,
+        gt=AMBIENT_C[0],
+        lt=AMBIENT_C[1],
+        description="Ambient temperature in degC, where the file has none.",
     )
 
     @field_validator("cycles")

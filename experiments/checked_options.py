@@ -6,7 +6,7 @@ from typing import Any, get_args
 
 from ..core.errors import BsaError, did_you_mean
 from ..core.printable import shown
-from ..core.record import Signal
+from ..core.record import AMBIENT_C, Signal
 
 FIELDS: Mapping[str, str] = {
     "columns": "column",
@@ -18,7 +18,6 @@ FIELDS: Mapping[str, str] = {
 }
 """Fields of `ReadOptions` that are said under another name."""
 
-_COLDEST_C, _WARMEST_C = -100.0, 200.0
 _SIGNALS: tuple[str, ...] = get_args(Signal)
 
 
@@ -43,12 +42,12 @@ def as_numbers(given: Any, option: str) -> list[float]:
 
 def as_celsius(value: Any, option: str) -> float:
     """The ambient temperature that was given, in degC. Raises `BsaError` if it is none, or one in kelvin."""
-    found = as_number(value, option)
-    if _COLDEST_C < found < _WARMEST_C:
+    found, (coldest, warmest) = as_number(value, option), AMBIENT_C
+    if coldest < found < warmest:
         return found
-    kelvin = _WARMEST_C <= found <= _WARMEST_C + 273.15
+    kelvin = warmest <= found <= warmest + 273.15
     raise BsaError(
-        f"{option} is {found:g}: it is in degC, between {_COLDEST_C:g} and {_WARMEST_C:g}.",
+        f"{option} is {found:g}: it is in degC, between {coldest:g} and {warmest:g}.",
         f"{found:g} K are {found - 273.15:.6g} degC." if kelvin else "give the temperature around the cell in degC.",
     )
 

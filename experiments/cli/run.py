@@ -277,7 +277,8 @@ def _print_summary(task: Task, result: RunResult, folder: Path) -> None:
 
     failed = sum(trial.failed for trial in result.trials)
     lost = f", {result.lost_calls} of {result.llm_calls} model calls lost" * bool(result.lost_calls)
-    ended = result.status + ", with stages left out," * bool(result.reason and result.status not in STOPPED)
+    left_out = "" if result.status in STOPPED else result.reason
+    ended = result.status + ", with stages left out," * bool(left_out)
     print(f"{ended} after {len(result.trials)} simulations ({failed} failed){lost}, {result.wall_s:.0f} s")
     shown = headline_of(task)
     width = max(len(quantity.words) for quantity in shown)
@@ -293,6 +294,6 @@ def _print_summary(task: Task, result: RunResult, folder: Path) -> None:
         lines = [words(result.analysis) for words in (verdict_line, caution_line, groups_line)]
         lines.append(next_line(result.analysis, task.domain))
         print(*(f"  {line}" for line in lines if line), "  (see the report)", sep="\n")
-    if result.reason and result.status not in STOPPED:
-        print(f"  {printable(result.reason, 600)}")
+    if left_out:
+        print(f"  {printable(left_out, 600)}")
     print(f"  report: {folder / 'report.html'}")
