@@ -43,3 +43,9 @@ def did_you_mean(name: str, choices: Iterable[str]) -> str:
     starts = [key for key in by_folded if key.startswith(folded)]
     close = difflib.get_close_matches(folded, by_folded, n=1, cutoff=0.6) or starts[:1]
     return f'did you mean "{by_folded[close[0]]}"?' if close else ""
+
+
+def unknown(message: str, name: str, choices: Iterable[str], listed: str = "choose one of {}.") -> BsaError:
+    """The error of a name that is none of the choices; its hint is the closest one, or all of them as ``listed``."""
+    known = list(choices)
+    return BsaError(message, did_you_mean(name, known) or listed.format(", ".join(known)))

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, Field, model_validator
 
-from .errors import BsaError, did_you_mean
+from .errors import unknown
 from .validation import validated
 from .yaml_text import YAML_SUFFIXES, read_yaml
 
@@ -67,11 +67,8 @@ def load_scaffold(name_or_path: str) -> Scaffold:
         path = BUILT_IN / f"{name_or_path}.yaml"
         names = built_in_names()
         if name_or_path not in names:
-            raise BsaError(
-                f'there is no scaffold "{name_or_path}".',
-                did_you_mean(name_or_path, names)
-                or f"built in: {', '.join(names)}; or give the path of a .yaml file of your own.",
-            )
+            listed = "built in: {}; or give the path of a .yaml file of your own."
+            raise unknown(f'there is no scaffold "{name_or_path}".', name_or_path, names, listed)
     return validated(Scaffold, read_yaml(path), str(path))
 
 

@@ -12,7 +12,7 @@ from pydantic import BaseModel, Field, model_validator
 from ..core.discovery.findings import Settings
 from ..core.discovery.observations import FLOOR_V
 from ..core.discovery.simulator import MeasuredRecord
-from ..core.errors import BsaError, did_you_mean
+from ..core.errors import BsaError, unknown
 from ..core.journal import check_run_folder
 from ..core.record import ReadOptions, Record
 from ..core.target import CyclableLithium, Factor, Value, factor_name, target_named
@@ -259,8 +259,8 @@ def spreads_of(search: str | dict[str, Uncertainty | None], cell: CellModel) -> 
         if search in PRESETS:
             return dict(PRESETS[search])
         if not Path(search).exists():
-            hint = did_you_mean(search, PRESETS) or f"presets: {', '.join(PRESETS)}; or the path of a YAML file."
-            raise BsaError(f'there is no preset or file "{search}" of uncertain parameters.', hint)
+            message = f'there is no preset or file "{search}" of uncertain parameters.'
+            raise unknown(message, search, PRESETS, "presets: {}; or the path of a YAML file.")
         search = validated(SearchFile, read_yaml(Path(search)), search).factors
     spreads = {}
     for name, own in search.items():

@@ -7,7 +7,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from ...core.errors import BsaError, did_you_mean
+from ...core.errors import unknown
 from ...core.run_config import RunConfig
 from ...core.scaffold import Scaffold
 from ...core.yaml_text import YAML_SUFFIXES
@@ -81,14 +81,14 @@ def _check_excluded(grid: GridFile, cells: Sequence[Axes]) -> None:
             known = {str(getattr(axes, axis)) for axes in cells}
             for name in map(str, value if isinstance(value, list) else [value]):
                 if name not in known and not any(sign in name for sign in "*?["):
-                    hint = did_you_mean(name, known) or f"it has {', '.join(sorted(known))}."
-                    raise BsaError(f'exclude: the grid "{grid.name}" has no {axis} "{name}".', hint)
+                    message = f'exclude: the grid "{grid.name}" has no {axis} "{name}".'
+                    raise unknown(message, name, sorted(known), "it has {}.")
 
 
 def _check_reference(grid: GridFile, scaffolds: Sequence[str]) -> None:
     if scaffolds and grid.reference and grid.reference not in scaffolds:
-        hint = did_you_mean(grid.reference, scaffolds) or f"it has {', '.join(sorted(set(scaffolds)))}."
-        raise BsaError(f'reference: the grid "{grid.name}" has no scaffold "{grid.reference}".', hint)
+        message = f'reference: the grid "{grid.name}" has no scaffold "{grid.reference}".'
+        raise unknown(message, grid.reference, sorted(set(scaffolds)), "it has {}.")
 
 
 def _all(grid: GridFile, configs: _Configs, store: Store, near: Path, say: Say, make: bool) -> Iterator[Calibration]:

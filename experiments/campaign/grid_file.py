@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, Field, NonNegativeInt
 
-from ...core.errors import BsaError, did_you_mean
+from ...core.errors import BsaError, unknown
 from ...core.scaffold import PluginChoice, Scaffold
 from ...core.validation import validated
 from ...core.yaml_text import YAML_SUFFIXES, read_yaml
@@ -117,10 +117,8 @@ def grid_path(name_or_path: str) -> Path:
         return path
     names = shipped_names()
     if name_or_path not in names:
-        raise BsaError(
-            f'there is no grid "{name_or_path}".',
-            did_you_mean(name_or_path, names) or f"shipped: {', '.join(names)}; or give the path of a .yaml file.",
-        )
+        listed = "shipped: {}; or give the path of a .yaml file."
+        raise unknown(f'there is no grid "{name_or_path}".', name_or_path, names, listed)
     return SHIPPED / f"{name_or_path}.yaml"
 
 
@@ -134,10 +132,7 @@ def _put(content: dict[str, Any], key: str, value: Any) -> None:
     # Settings of a run are dotted paths themselves.
     path: Sequence[str] = [first, ".".join(rest)] if first == "settings" and rest else [first, *rest]
     if first not in GridFile.model_fields:
-        raise BsaError(
-            f'--set {key}: a grid has no key "{first}".',
-            did_you_mean(first, GridFile.model_fields) or f"keys: {', '.join(GridFile.model_fields)}.",
-        )
+        raise unknown(f'--set {key}: a grid has no key "{first}".', first, GridFile.model_fields, "keys: {}.")
     place: Any = content
     for part, following in pairwise(path):
         if isinstance(place, list):

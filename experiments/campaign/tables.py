@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...core.errors import BsaError, did_you_mean
+from ...core.errors import unknown
 from ...core.files import begins, entries, foreign, write_text
 from ...core.signal_metrics import MISFIT
 from .columns import COLUMNS
@@ -87,9 +87,7 @@ def open_campaign(grid: str | Path, store: Path = RESULTS, metric: str = "mape")
     in this store, or there is no such error.
     """
     if metric not in METRICS:
-        raise BsaError(
-            f'there is no error "{metric}".', did_you_mean(metric, METRICS) or f"choose one of {', '.join(METRICS)}."
-        )
+        raise unknown(f'there is no error "{metric}".', metric, METRICS)
     place = Store(store)
     folder = grid_folder(grid, place)
     manifest = read_manifest(folder)

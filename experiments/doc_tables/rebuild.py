@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from ...core.errors import BsaError, did_you_mean
+from ...core.errors import BsaError, unknown
 from ...core.files import write_text
 from .catalogue import TABLES
 from .results import Results
@@ -53,9 +53,7 @@ def with_tables(text: str, results: Results, path: Path) -> str:
         if name is None:
             continue
         if name not in TABLES:
-            raise BsaError(
-                f'{path}: there is no table "{name}".', did_you_mean(name, TABLES) or f"tables: {', '.join(TABLES)}."
-            )
+            raise unknown(f'{path}: there is no table "{name}".', name, TABLES)
         parts += [text[after : marker.end()], f"\n{TABLES[name](results)}\n"]
         after = markers[place + 1].start()
     return "".join([*parts, text[after:]])

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from ...core.errors import BsaError, did_you_mean
+from ...core.errors import BsaError, unknown
 from ...core.hooks import RunContext
 from ...core.journal import read_events
 from ...core.metrics import errors_of, evaluate
@@ -165,10 +165,10 @@ def _told(found: CalibrationResult | DiscoveryResult, **head: Any) -> Json:
 
 
 def _candidate(task: Task, values: Mapping[str, float]) -> Candidate:
-    unknown = [name for name in values if name not in task.space]
-    if unknown:
-        hint = did_you_mean(unknown[0], task.space.names) or f"searched are {', '.join(task.space.names)}."
-        raise BsaError(f'"{unknown[0]}" is not searched in this task.', hint)
+    others = [name for name in values if name not in task.space]
+    if others:
+        message = f'"{others[0]}" is not searched in this task.'
+        raise unknown(message, others[0], task.space.names, "searched are {}.")
     return task.space.project({**task.space.initial, **values})
 
 

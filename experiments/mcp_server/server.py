@@ -14,7 +14,7 @@ from mcp.server.mcpserver.exceptions import ToolError
 from mcp.types import CallToolResult, InputRequiredResult
 from pydantic import Field, ValidationError
 
-from ...core.errors import BsaError, did_you_mean
+from ...core.errors import BsaError, unknown
 from ...core.printable import shown
 from ...core.redaction import redact
 from ...core.validation import explain
@@ -212,10 +212,10 @@ class Server(MCPServer[Any]):
         """Whether the tool has these arguments; the SDK passes over those that it has not."""
         for tool in await self.list_tools():
             known = list(tool.input_schema.get("properties", {}))
-            unknown = [key for key in arguments if tool.name == name and key not in known]
-            if unknown:
-                hint = did_you_mean(unknown[0], known) or f"its arguments: {', '.join(known)}."
-                error = BsaError(f"{name}: {shown(repr(unknown[0]))} is not an argument.", hint)
+            others = [key for key in arguments if tool.name == name and key not in known]
+            if others:
+                message = f"{name}: {shown(repr(others[0]))} is not an argument."
+                error = unknown(message, others[0], known, "its arguments: {}.")
                 raise ToolError(redact(str(error)))
 
 

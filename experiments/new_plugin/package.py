@@ -6,7 +6,7 @@ from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from ...core.errors import BsaError, did_you_mean
+from ...core.errors import BsaError, unknown
 from ...core.files import entries, write_text
 from ...core.printable import shown
 from ...core.registry import KINDS, Kind, installed
@@ -71,9 +71,7 @@ def write_package(kind: str, name: str, folder: Path | None = None) -> list[Path
     """
     known = next((one for one in KINDS if one == kind), None)
     if known is None:
-        raise BsaError(
-            f"there is no kind {shown(repr(kind))} of plugin.", did_you_mean(kind, KINDS) or ", ".join(KINDS)
-        )
+        raise unknown(f"there is no kind {shown(repr(kind))} of plugin.", kind, KINDS)
     if not _NAME.fullmatch(name) or keyword.iskeyword(name):
         raise BsaError(
             f"a plugin cannot be named {shown(repr(name))}.",

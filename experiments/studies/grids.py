@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ...core.errors import BsaError, did_you_mean
+from ...core.errors import unknown
 from ...core.scaffold import Scaffold
 from ..campaign.grid_file import BackendChoice, GridFile, Included, SuiteFilter, TaskChoice
 from ..campaign.store import Store
@@ -54,10 +54,8 @@ def _only(cases: SuiteFilter, keys: list[str]) -> SuiteFilter:
 
 def _keys(of_set: Mapping[str, list[str]], base: str) -> list[str]:
     if base not in of_set:
-        raise BsaError(
-            f'no case is of the base cell "{base}", which has a budget of its own.',
-            did_you_mean(base, of_set) or f"base cells of these cases: {', '.join(sorted(of_set))}.",
-        )
+        message = f'no case is of the base cell "{base}", which has a budget of its own.'
+        raise unknown(message, base, sorted(of_set), "base cells of these cases: {}.")
     return of_set[base]
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 from ...backends.opening import open_backend
-from ...core.errors import BsaError, did_you_mean
+from ...core.errors import BsaError, unknown
 from ...core.loop import RunResult
 from ...core.reading.part_of_file import file_and_part
 from ...core.record_errors import RecordErrors
@@ -94,8 +94,7 @@ def chosen(names: Sequence[str], study: str = MEASURED_CURRENT) -> list[TaskFile
     known = {cell.name: cell for cell in cells(study)}
     for name in names:
         if name not in known:
-            hint = did_you_mean(name, known) or f"cells: {', '.join(known)}."
-            raise BsaError(f'there is no measured cell "{name}".', hint)
+            raise unknown(f'there is no measured cell "{name}".', name, known, "cells: {}.")
     return [known[name] for name in names] or list(cells(study))
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...core.errors import BsaError, did_you_mean
+from ...core.errors import BsaError, did_you_mean, unknown
 from .case import Noise, SuiteCase
 from .generated import generated_cases
 from .lives import life_cases
@@ -32,7 +32,7 @@ def load_suite(
     Raises `BsaError` if there is no such suite, or its files are missing.
     """
     if name not in SUITES:
-        raise BsaError(f'there is no suite "{name}".', did_you_mean(name, SUITES) or f"suites: {', '.join(SUITES)}.")
+        raise unknown(f'there is no suite "{name}".', name, SUITES)
     if name == "random":
         return random_cases(seed, count, noise)
     if name == "lives":

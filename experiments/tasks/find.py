@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ...core.border import border
-from ...core.errors import BsaError, did_you_mean
+from ...core.errors import BsaError, did_you_mean, unknown
 from ...core.products import instance
 from ...core.registry import installed
 from ...core.task import Task
@@ -37,11 +37,8 @@ def find_task(name_or_path: str) -> Task:
     names = [*packaged, *installed().names("task")]
     if name_or_path in names or any(item.kind == "task" and item.name == name_or_path for item in installed().unusable):
         return _offered(name_or_path)
-    raise BsaError(
-        f'there is no task "{name_or_path}".',
-        did_you_mean(name_or_path, names)
-        or f"known: {', '.join(names)}; or give a .yaml or .json task file, or --data with a record.",
-    )
+    listed = "known: {}; or give a .yaml or .json task file, or --data with a record."
+    raise unknown(f'there is no task "{name_or_path}".', name_or_path, names, listed)
 
 
 def _offered(name: str) -> Task:

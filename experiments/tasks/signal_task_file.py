@@ -11,7 +11,7 @@ from pydantic import BaseModel, Field, model_validator
 
 from ...core.cell import CELL
 from ...core.domain import Domain
-from ...core.errors import BsaError, did_you_mean
+from ...core.errors import BsaError, unknown
 from ...core.parameters import Parameter, ParameterSpace, Scale
 from ...core.printable import listed, shown
 from ...core.registry import installed
@@ -155,10 +155,8 @@ def _experiment(record: SignalRecord, signals: Sequence[Signal], folder: Path, n
     names = [TIME, *(signal.name for signal in signals)]
     for given in (*record.columns, *(record.values or ())):
         if given not in names:
-            raise BsaError(
-                f'"{shown(given)}" is neither time nor a signal of the task.',
-                did_you_mean(given, names) or f"they are {', '.join(names)}.",
-            )
+            message = f'"{shown(given)}" is neither time nor a signal of the task.'
+            raise unknown(message, given, names, "they are {}.")
     if record.data is not None:
         name = record.name or shown(Path(record.data).name)
         columns = _table_columns(folder / record.data, {key: record.columns.get(key, key) for key in names}, notes)

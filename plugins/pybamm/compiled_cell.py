@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ...core.effect import Effect
-from ...core.errors import BsaError, did_you_mean
+from ...core.errors import BsaError, unknown
 from ...core.parameters import Candidate
 from ...core.target import CellChange, CyclableLithium, InitialSoc, Target, Value, change_of
 from ...core.task import CellModel, Experiment
@@ -45,10 +45,7 @@ def start_of(experiment: Experiment) -> Start:
 def make_model(cell: CellModel) -> Any:
     """The PyBaMM model of a cell. Raises `BsaError` if the model or one of its options does not exist."""
     if cell.model not in MODELS:
-        raise BsaError(
-            f'there is no model "{cell.model}".',
-            did_you_mean(cell.model, MODELS) or f"choose one of {', '.join(MODELS)}.",
-        )
+        raise unknown(f'there is no model "{cell.model}".', cell.model, MODELS)
     options = {key: tuple(value) if isinstance(value, list) else value for key, value in cell.options.items()}
     try:
         return getattr(pybamm.lithium_ion, cell.model)(options)

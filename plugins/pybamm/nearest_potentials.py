@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 from scipy.optimize import least_squares
 
-from ...core.errors import BsaError, did_you_mean
+from ...core.errors import BsaError, unknown
 from ...core.reading.summary import SLOW_HOURS, SLOW_SWING_V
 from ...core.target import CellChange, ocp_name
 from ...core.task import NEAREST, ParameterFile, ParameterSource
@@ -139,10 +139,8 @@ def chosen_potentials(
         names = wanted.split("/")
         for which, name in zip(ELECTRODES, (names[0], names[-1]), strict=True):
             if name not in known[which]:
-                raise BsaError(
-                    f'"{name}" is no set with an open-circuit potential of the {which.lower()} electrode.',
-                    did_you_mean(name, known[which]) or f'choose "nearest", or of {", ".join(known[which])}.',
-                )
+                message = f'"{name}" is no set with an open-circuit potential of the {which.lower()} electrode.'
+                raise unknown(message, name, known[which], 'choose "nearest", or of {}.')
         chosen = [[names[0]], [names[-1]]]
     found = []
     for negative, positive in product(*chosen):

@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import BaseModel, Field, model_validator
 
-from ...core.errors import BsaError, did_you_mean
+from ...core.errors import BsaError, unknown
 from ...core.parameters import Parameter, ParameterSpace, Scale
 from ...core.target import Factor, Target, Value, factor_name, target_named
 from ...core.task import ParameterSource
@@ -99,11 +99,8 @@ def preset_space(
     """
     known = presets()
     if preset_name not in known:
-        raise BsaError(
-            f'there is no search preset "{preset_name}".',
-            did_you_mean(preset_name, known)
-            or f"presets: {', '.join(known)}; or write the parameters in a .yaml file.",
-        )
+        listed = "presets: {}; or write the parameters in a .yaml file."
+        raise unknown(f'there is no search preset "{preset_name}".', preset_name, known, listed)
     given = overrides or {}
     chosen = {
         name: entry
