@@ -18,7 +18,7 @@ from .post_fit_analysis import Simulating
 from .record_errors import RecordErrors, errors_of_record
 from .shape import shaped
 from .signals import Signal
-from .simulation import ExperimentRun, Outcome
+from .simulation import ExperimentRun, Outcome, in_order
 from .task import Experiment, Task
 from .trajectory import FloatArray, Trajectory
 
@@ -171,8 +171,7 @@ def _simulated(
             "this simulator simulates the records of its task alone, and predicts no others.",
             "leave the held-out records away, or give the simulator the hook simulate_variant.",
         )
-    found = dict(pairs)
-    return [found[place] for place in range(len(candidates))]
+    return in_order(pairs)
 
 
 def _meeting_beginnings(

@@ -18,7 +18,7 @@ from .parameters import Candidate
 from .proposal import Proposal
 from .registry import Registry
 from .scaffold import Part, Scaffold
-from .simulation import Outcome
+from .simulation import Outcome, in_order
 from .task import Experiment, Protocol
 from .task_reduction import TaskReduction
 from .trial import Trial
@@ -93,14 +93,10 @@ class RunPlugins:
     def _only(self, hook: str) -> Participant | None:
         return next((participant for participant in self._participants if hook in participant.hooks), None)
 
-    def _main(self, hook: str) -> Participant:
-        found = self._only(hook)
-        assert found is not None  # `_participant` has checked that the plugin of this kind has it
-        return found
-
     def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
         """See `RunHooks.simulate`."""
-        simulator = self._main("simulate")
+        simulator = self._only("simulate")
+        assert simulator is not None  # `_participant` has checked that the plugin of this kind has it
         pairs = simulator.call("simulate", candidates=[dict(candidate) for candidate in candidates], exact=exact)
         return self._outcomes(simulator, "simulate", pairs, len(candidates), self._context.task.experiments)
 
@@ -143,8 +139,7 @@ class RunPlugins:
         pairs = simulator and simulator.call(hook, candidates=[dict(candidate) for candidate in candidates])
         if simulator is None or pairs is None:
             return None
-        found = dict(self._outcomes(simulator, hook, pairs, len(candidates), self._context.task.experiments))
-        return [found[place] for place in range(len(candidates))]
+        return in_order(self._outcomes(simulator, hook, pairs, len(candidates), self._context.task.experiments))
 
     def _optional(self, hook: str, check: Callable[[Any], Any], **arguments: Any) -> Any:
         """The checked answer of the plugin that implements the hook; that of none is None."""

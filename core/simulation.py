@@ -1,5 +1,6 @@
 """What comes back when a candidate is simulated, whole or in part."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from .trajectory import Trajectory
@@ -83,3 +84,8 @@ class Outcome:
     def ok(self) -> bool:
         """Whether every experiment ran to its end."""
         return self.failure is None
+
+
+def in_order(pairs: Iterable[tuple[int, Outcome]]) -> list[Outcome]:
+    """The outcomes in the order of their places; simulations side by side finish in any."""
+    return [outcome for _, outcome in sorted(pairs, key=lambda pair: pair[0])]

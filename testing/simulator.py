@@ -9,7 +9,7 @@ import pytest
 from ..core.overlap import overlap_rms
 from ..core.parameters import Candidate
 from ..core.run_plugins import RunPlugins
-from ..core.simulation import Outcome
+from ..core.simulation import Outcome, in_order
 from ..core.task import Task
 from ..core.task_reduction import TaskReduction
 from ..core.trajectory import FloatArray
@@ -119,8 +119,7 @@ class SimulatorConformance(RunPluginConformance):
 
 def simulated(plugins: RunPlugins, candidates: Sequence[Candidate], exact: bool = False) -> list[Outcome]:
     """The outcomes in the order of their candidates."""
-    found = dict(plugins.simulate(candidates, exact))
-    return [found[place] for place in range(len(candidates))]
+    return in_order(plugins.simulate(candidates, exact))
 
 
 def _size(values: FloatArray) -> float:

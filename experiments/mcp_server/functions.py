@@ -2,7 +2,7 @@
 
 import json
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -19,7 +19,7 @@ from ...core.reading.summary import summary
 from ...core.registry import installed
 from ...core.run_plugins import RunPlugins
 from ...core.scaffold import load_scaffold
-from ...core.simulation import Outcome
+from ...core.simulation import in_order
 from ...core.task import Task
 from ...core.trajectory import Trajectory
 from ..api import calibration, discovery, measured
@@ -60,7 +60,7 @@ def simulate(
     task = _task(data, options, cell)
     candidate = _candidate(task, values)
     with _plugins(task) as plugins:
-        (outcome,) = _outcomes(plugins, [candidate], exact=True)
+        ((_, outcome),) = plugins.simulate([candidate], exact=True)
         metrics = evaluate(task, outcome)
         told = plugins.build_feedback(outcome, metrics, 0).content
     return {
@@ -91,7 +91,7 @@ def sensitivities(
         one.name: {**base, one.name: one.project(apply_change(base[one.name], one.typical_step))} for one in task.space
     }
     with _plugins(task) as plugins:
-        outcomes = _outcomes(plugins, [base, *moved.values()], exact=False)
+        outcomes = in_order(plugins.simulate([base, *moved.values()], exact=False))
         start, *ends = (
             plugins.build_feedback(outcome, evaluate(task, outcome), place).numbers
             for place, outcome in enumerate(outcomes)
@@ -182,8 +182,3 @@ def _plugins(task: Task) -> Iterator[RunPlugins]:
             yield plugins
         finally:
             plugins.close()
-
-
-def _outcomes(plugins: RunPlugins, candidates: Sequence[Candidate], exact: bool) -> list[Outcome]:
-    found = dict(plugins.simulate(candidates, exact))
-    return [found[place] for place in range(len(candidates))]
