@@ -2,10 +2,7 @@
 
 import pprint
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
-
-import jinja2
 
 from ...core.discovery.observations import after_jumps
 from ...core.discovery.simulator import MeasuredRecord
@@ -18,13 +15,13 @@ from ...core.thinning import evenly
 from .augmentation import augmented_cell
 from .drive import current_function
 from .driven_cell import FINE
-from .export import parameter_values_json
+from .export import filled, parameter_values_json
 from .parameter_sets import FILL_FROM, load, pybamm
 from .quoted_effects import quoted
 from .resolution import Resolution
 from .state_of_charge import InitialState, initial_concentration
 
-_TEMPLATE = Path(__file__).with_name("augmented_model.py.j2")
+_TEMPLATE = "augmented_model.py.j2"
 _LONGEST = 4000
 """Samples of a record that the script carries at most."""
 
@@ -65,13 +62,9 @@ def augmented_script(
                 "measured": [round(float(v), 5) for v in measured_record.record.voltage[kept]],
             }
         )
-    environment = jinja2.Environment(
-        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
-    )
-    environment.filters["literal"] = _literal
-    environment.filters["comment"] = _one_line
-    template = environment.from_string(_TEMPLATE.read_text(encoding="utf-8"))
-    return template.render(
+    return filled(
+        _TEMPLATE,
+        _literal,
         version=pybamm.__version__,
         fill_from=FILL_FROM,
         parameter_set=str(cell.parameter_set),
@@ -90,8 +83,3 @@ def _literal(value: Any) -> str:
     """A value as Python, in ASCII: a name must not disguise what the script does."""
     text = pprint.pformat(value, width=110, compact=True, sort_dicts=False)
     return text.encode("ascii", "backslashreplace").decode()
-
-
-def _one_line(text: str) -> str:
-    """Words of other people for a comment: no line of theirs may become code."""
-    return shown(text, 1000)

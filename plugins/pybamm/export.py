@@ -1,7 +1,7 @@
 """The calibrated cell as a Python script that needs pybamm alone."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -43,25 +43,15 @@ def script(
     will be called ``file_name``. Names and protocol strings come from files and models: they enter as literals only,
     never as code or comments. ``candidate`` has a value for every searched parameter and for the effects' parameters.
     """
-    import jinja2
-
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent),
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        autoescape=False,  # the product is Python: every value goes through `literal` instead
-    )
-    environment.filters["literal"] = literal
-    environment.filters["comment"] = lambda text: shown(text, 1000)
     change = task.space.change(candidate)
     cell = augmented_cell(task.cell, effects)
     from_file = isinstance(task.cell.parameter_set, ParameterFile)
     tables: dict[str, str] = {}
     cut_offs: dict[str, float] = {}
     drive.widen_cut_offs(cut_offs)
-    return environment.get_template(_TEMPLATE).render(
+    return filled(
+        _TEMPLATE,
+        literal,
         pybamm_version=pybamm.__version__,
         fill_from=FILL_FROM,
         parameter_set=str(task.cell.parameter_set),
@@ -85,6 +75,23 @@ def script(
         max_solver_steps=_MAX_SOLVER_STEPS,
         cut_offs=cut_offs,
     )
+
+
+def filled(template: str, as_literal: Callable[[Any], str], **content: Any) -> str:
+    """A template of a script, filled in: every value stands in it as a literal, or in a comment of one line."""
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,  # the product is Python: every value goes through `as_literal` instead
+    )
+    environment.filters["literal"] = as_literal
+    environment.filters["comment"] = lambda text: shown(text, 1000)
+    return environment.get_template(template).render(**content)
 
 
 def parameter_values_json(cell: CellModel, change: CellChange) -> str:

@@ -74,19 +74,23 @@ def last_moments(simulation: Any, step: Any, inputs: dict[str, float], window_v:
 
 def _advance(simulation: Any, state: Any, step: Any, length_s: float, inputs: dict[str, float]) -> Any:
     """The step's first seconds; None if they cannot be solved or end by an event of their own."""
-    model = simulation._get_built_experiment_model(step)
-    solver = simulation._get_built_experiment_solver(step)
-    start_s = float(state.t[-1])
     try:
-        step_inputs = simulation._build_experiment_step_inputs(inputs, step, start_s, None, include_temperature=False)
-        t_eval, t_interp = step.setup_timestepping(solver, length_s, None)
-        mapper = simulation._get_state_mapper_for_solution(state, model)
-        found = solver.step(
-            state, model, length_s, t_eval, t_interp=t_interp, save=False, inputs=step_inputs, state_mapper=mapper
-        )
+        found = solve_step(simulation, state, step, length_s, inputs)
     except SOLVER_ERRORS:
         return None
     return found if found.termination == "final time" else None
+
+
+def solve_step(simulation: Any, state: Any, step: Any, length_s: float, inputs: dict[str, float]) -> Any:
+    """So many seconds of a step from a state, by the model that an experiment's simulation has built for the step."""
+    model, solver = simulation._get_built_experiment_model(step), simulation._get_built_experiment_solver(step)
+    start_s = float(state.t[-1])
+    inputs = simulation._build_experiment_step_inputs(inputs, step, start_s, None, include_temperature=False)
+    t_eval, t_interp = step.setup_timestepping(solver, length_s, None)
+    mapper = simulation._get_state_mapper_for_solution(state, model)
+    return solver.step(
+        state, model, length_s, t_eval, t_interp=t_interp, save=False, inputs=inputs, state_mapper=mapper
+    )
 
 
 def nearest_limit(solution: Any, window_v: Window) -> str:

@@ -19,7 +19,7 @@ from ...core.trajectory import FloatArray, Trajectory
 from .compiled import CompiledExperiment
 from .compiled_cell import SOLVER_ERRORS, first_line
 from .cycle_jumps import TOLERANCE, CycleFailed, CycleRunner, SolvedCycle
-from .last_moments import last_moments, nearest_limit
+from .last_moments import last_moments, nearest_limit, solve_step
 from .parameter_sets import pybamm
 from .resolution import SEARCH, Resolution
 from .step_solutions import Unfinished, to_trajectory
@@ -194,26 +194,11 @@ class _Steps:
         return SolvedCycle(number, state, _vector(state), discharged_ah(record), record, _losses(state))
 
     def _step(self, step: Any, state: Any) -> Any:
-        simulation = self._compiled.simulation
-        model, solver = simulation._get_built_experiment_model(step), simulation._get_built_experiment_solver(step)
-        start_s = float(state.t[-1])
-        inputs = simulation._build_experiment_step_inputs(self._inputs, step, start_s, None, include_temperature=False)
-        t_eval, t_interp = step.setup_timestepping(solver, step.duration, None)
-        mapper = simulation._get_state_mapper_for_solution(state, model)
         try:
-            return solver.step(
-                state,
-                model,
-                step.duration,
-                t_eval,
-                t_interp=t_interp,
-                save=False,
-                inputs=inputs,
-                state_mapper=mapper,
-            )
+            return solve_step(self._compiled.simulation, state, step, step.duration, self._inputs)
         except pybamm.SolverError as error:
             if "non-positive at initial conditions" in str(error) and "[experiment]" in str(error):
-                return pybamm.EmptySolution("Event exceeded in initial conditions", t=start_s)
+                return pybamm.EmptySolution("Event exceeded in initial conditions", t=float(state.t[-1]))
             raise
 
     def _gave_up(self, cause: str, number: int, position: int, parts: list[Any], state: Any) -> _Failed:
