@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from functools import partial
+from importlib import import_module
 
 from ..core.errors import BsaError
 from ..core.hooks import Entry, hookimpl
@@ -33,51 +34,30 @@ def bsa_backends() -> Iterable[Entry]:
     )
 
 
+_ROUTES = (
+    ("openai", ".openai_route", "OpenAIRoute", "MODEL of an OpenAI-compatible server at --base-url (vLLM, llama.cpp)."),
+    ("ollama", ".ollama_route", "OllamaRoute", "MODEL of an Ollama server."),
+    (
+        "transformers",
+        ".transformers_route",
+        "TransformersRoute",
+        "FOLDER_OR_NAME, a Hugging Face model in this process.",
+    ),
+    ("litellm", ".litellm_route", "LiteLLMRoute", "PROVIDER/MODEL, any hosted model that litellm knows."),
+)
+"""The ways to language models: name, module, class, and what is written behind the name and a colon."""
+
+
 @hookimpl
 def bsa_routes() -> Iterable[Entry]:
     """The ways to language models."""
-    yield Entry(
-        "openai",
-        _openai,
-        "openai:MODEL of an OpenAI-compatible server at --base-url (vLLM, llama.cpp).",
-        BackendOptions,
-        api=1,
-    )
-    yield Entry("ollama", _ollama, "ollama:MODEL of an Ollama server.", BackendOptions, api=1)
-    yield Entry(
-        "transformers",
-        _transformers,
-        "transformers:FOLDER_OR_NAME, a Hugging Face model in this process.",
-        BackendOptions,
-        api=1,
-    )
-    yield Entry(
-        "litellm", _litellm, "litellm:PROVIDER/MODEL, any hosted model that litellm knows.", BackendOptions, api=1
-    )
+    for name, module, kind, written in _ROUTES:
+        yield Entry(name, partial(_route, module, kind), f"{name}:{written}", BackendOptions, api=1)
 
 
-def _openai(options: BackendOptions) -> Route:
-    from .openai_route import OpenAIRoute
-
-    return OpenAIRoute(options)
-
-
-def _ollama(options: BackendOptions) -> Route:
-    from .ollama_route import OllamaRoute
-
-    return OllamaRoute(options)
-
-
-def _transformers(options: BackendOptions) -> Route:
-    from .transformers_route import TransformersRoute
-
-    return TransformersRoute(options)
-
-
-def _litellm(options: BackendOptions) -> Route:
-    from .litellm_route import LiteLLMRoute
-
-    return LiteLLMRoute(options)
+def _route(module: str, name: str, options: BackendOptions) -> Route:
+    made: Route = getattr(import_module(module, __package__), name)(options)
+    return made
 
 
 def _replay(options: BackendOptions) -> Backend:

@@ -174,8 +174,7 @@ def identify(
     residual: FloatArray,
     space: ParameterSpace,
     candidate: Candidate,
-    noise_floor: float = 0.0,
-    noise: float | None = None,
+    noise: float,
 ) -> Identifiability:
     """Judge a fit by its Jacobian.
 
@@ -185,22 +184,16 @@ def identify(
         Derivatives of the residuals in the unit box at the optimum.
     residual : ndarray of shape (m,)
         Residuals there.
-    noise_floor : float, optional
-        See `residual_noise`.
-    noise : float, optional
-        Standard deviation to reckon with, for example `effective_noise`; by default that of the residuals,
-        taken as independent.
+    noise : float
+        Standard deviation to reckon with, in tolerances, for example `effective_noise`.
 
     Notes
     -----
     The intervals are linear approximations (delta method) in the unit box, carried to the parameter's
     unit along its own scale. They take the model as right; where it is not, the values are off by more.
     """
-    count = len(space)
-    if noise is None:
-        noise = residual_noise(residual, count, noise_floor)
     covariance = covariance_of(jacobian, noise)
-    factor = float(student.ppf(0.5 + _CONFIDENCE / 2, max(len(residual) - count, 1)))
+    factor = float(student.ppf(0.5 + _CONFIDENCE / 2, max(len(residual) - len(space), 1)))
     half = factor * np.sqrt(np.diag(covariance))
     return Identifiability(
         intervals=_about(space, candidate, half),

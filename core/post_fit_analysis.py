@@ -231,7 +231,7 @@ def analyse(
     prior, centre = Prior.of(task.space, priors), task.space.to_unit(best.candidate)
     sampled, noise = _posterior(task, trials, best, looked, jacobian, errors, prior, plugins, spent)
     informed = prior.jacobian(jacobian, noise)
-    straight = identify(informed, residual, task.space, best.candidate, noise=noise)
+    straight = identify(informed, residual, task.space, best.candidate, noise)
     found = with_sample(straight, sampled.draws, task.space)
     if sampled.widened > 1.0:
         # A sample that was cut short may not have seen the ends of a valley.

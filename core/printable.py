@@ -12,6 +12,14 @@ def shown(text: object, limit: int = 60) -> str:
     return printable if len(printable) <= limit else printable[: limit - 3] + "..."
 
 
+def described(value: object) -> str:
+    """What Python writes for a value, as `shown`; its type where the value's own code fails at that."""
+    try:
+        return shown(repr(value))
+    except Exception:  # a plugin's code, perhaps
+        return type(value).__name__
+
+
 def listed(names: Iterable[object], limit: int = 20) -> str:
     """Names in quotes, the first ``limit`` of them."""
     everything = [f'"{shown(name, 40)}"' for name in names]

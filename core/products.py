@@ -17,7 +17,7 @@ from .feedback import Feedback
 from .hooks import Recollection
 from .messages import Reply, StructuredBy, Usage
 from .parameters import Candidate, ParameterSpace
-from .printable import listed, shown
+from .printable import described, listed, shown
 from .proposal import Proposal
 from .simulation import ExperimentRun, Outcome, SimulationFailure
 from .task import Experiment, Protocol
@@ -34,16 +34,9 @@ def instance(value: object, kind: type[T], what: str = "returned {}") -> T:
     """The value, if it is of this type; ``what`` says where the value stands in the product."""
     if isinstance(value, kind) and not (kind is not bool and isinstance(value, bool)):
         return value
-    found = "None" if value is None else f"{shown(_repr(value))} ({type(value).__name__})"
+    found = "None" if value is None else f"{described(value)} ({type(value).__name__})"
     article = "an" if kind.__name__[0].lower() in "aeiou" else "a"
     raise Unfit(f"{what.format(found)}, not {article} {kind.__name__}")
-
-
-def _repr(value: object) -> str:
-    try:
-        return repr(value)
-    except Exception:  # a product's methods are a plugin's code
-        return type(value).__name__
 
 
 def _number(value: object, what: str) -> float:
@@ -52,7 +45,7 @@ def _number(value: object, what: str) -> float:
     except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
-        raise Unfit(f"gave {what} = {shown(_repr(value))}, which is not a finite number")
+        raise Unfit(f"gave {what} = {described(value)}, which is not a finite number")
     return number
 
 
@@ -72,13 +65,13 @@ def _json(value: object, what: str) -> int:
 
 def _mapping(value: object, what: str) -> dict[Any, Any]:
     if not isinstance(value, Mapping):
-        raise Unfit(f"gave {what} = {shown(_repr(value))}, not a mapping", "give a dict.")
+        raise Unfit(f"gave {what} = {described(value)}, not a mapping", "give a dict.")
     return dict(value)
 
 
 def _texts(values: object, what: str) -> tuple[str, ...]:
     if isinstance(values, str) or not isinstance(values, Sequence):
-        raise Unfit(f"gave {what} = {shown(_repr(values))}, not a tuple of texts")
+        raise Unfit(f"gave {what} = {described(values)}, not a tuple of texts")
     return tuple(_text(value, f"one of the {what}") for value in values)
 
 
@@ -88,20 +81,20 @@ def outcomes(pairs: object, candidates: int, signals: Sequence[Sequence[str]]) -
     ``signals`` are the names of those that each experiment's simulation has.
     """
     if not hasattr(pairs, "__iter__"):
-        found = "None" if pairs is None else shown(_repr(pairs))
+        found = "None" if pairs is None else described(pairs)
         raise Unfit(f"returned {found}, not pairs of place and Outcome", "yield place, outcome for each candidate.")
     missing = set(range(candidates))
     for pair in pairs:
         if not isinstance(pair, tuple) or len(pair) != 2:
             raise Unfit(
-                f"yielded {shown(_repr(pair))}, not a pair of place and Outcome",
+                f"yielded {described(pair)}, not a pair of place and Outcome",
                 "yield place, outcome for each candidate.",
             )
         place, found = pair
         if not isinstance(place, int) or place not in missing:
             again = isinstance(place, int) and 0 <= place < candidates
             raise Unfit(
-                f"answered candidate {shown(_repr(place))} " + ("twice" if again else f"of {candidates}"),
+                f"answered candidate {described(place)} " + ("twice" if again else f"of {candidates}"),
                 f"places are 0 to {candidates - 1}, each answered once.",
             )
         missing.discard(place)
@@ -118,7 +111,7 @@ def outcome(product: object, signals: Sequence[Sequence[str]]) -> Outcome:
     found = instance(product, Outcome, "yielded {}")
     _number(found.seconds, "Outcome.seconds")
     if not isinstance(found.runs, tuple) or len(found.runs) != len(signals):
-        count = len(found.runs) if isinstance(found.runs, (tuple, list)) else shown(_repr(found.runs))
+        count = len(found.runs) if isinstance(found.runs, (tuple, list)) else described(found.runs)
         raise Unfit(f"yielded an Outcome with {count} runs for {len(signals)} experiments", "Outcome.runs is a tuple.")
     for run, names in zip(found.runs, signals, strict=True):
         _run(instance(run, ExperimentRun, "yielded an Outcome with a run that is {}"), names)
@@ -156,7 +149,7 @@ def feedback(product: object, folder: Path) -> Feedback:
     _json(_mapping(found.content, "Feedback.content"), "Feedback.content")
     for image in found.images:
         if not isinstance(image, Path) or not image.is_relative_to(folder) or not image.is_file():
-            raise Unfit(f"gave the image {shown(_repr(image))}", "give paths of PNG files in the run's folder.")
+            raise Unfit(f"gave the image {described(image)}", "give paths of PNG files in the run's folder.")
     return found
 
 
@@ -170,12 +163,12 @@ def proposal(product: object, space: ParameterSpace) -> Proposal:
     for name in ("updates", "details"):
         _json(_mapping(getattr(found, name), f"Proposal.{name}"), f"Proposal.{name}")
     if not isinstance(found.candidates, (tuple, list)):
-        raise Unfit(f"gave Proposal.candidates = {shown(_repr(found.candidates))}, not a tuple of candidates")
+        raise Unfit(f"gave Proposal.candidates = {described(found.candidates)}, not a tuple of candidates")
     if len(found.reductions) not in (0, len(found.candidates)) or not all(
         reduction is None or isinstance(reduction, TaskReduction) for reduction in found.reductions
     ):
         raise Unfit(
-            f"gave Proposal.reductions = {shown(_repr(found.reductions))}",
+            f"gave Proposal.reductions = {described(found.reductions)}",
             "give one TaskReduction or None a candidate.",
         )
     return replace(found, candidates=tuple(_candidate(candidate, space) for candidate in found.candidates))
@@ -217,7 +210,7 @@ def reply(product: object) -> Reply:
             raise Unfit(f"gave Usage.{name} = {getattr(usage, name)}, which is negative")
     if found.structured_by not in get_args(StructuredBy):
         known = ", ".join(get_args(StructuredBy))
-        raise Unfit(f"gave Reply.structured_by = {shown(_repr(found.structured_by))}", f"it is one of {known}.")
+        raise Unfit(f"gave Reply.structured_by = {described(found.structured_by)}", f"it is one of {known}.")
     return replace(found, notes=_texts(found.notes, "Reply.notes"))
 
 

@@ -16,7 +16,7 @@ from .domain import Domain
 from .errors import BsaError, did_you_mean
 from .hook_methods import call, hook_methods
 from .hooks import API_VERSION, PROJECT, CatalogueHooks, Entry
-from .printable import shown
+from .printable import described, shown
 from .validation import validated
 
 Kind = Literal["simulator", "feedback", "memory", "proposer", "warm-up", "backend", "route", "reader", "effect", "task"]
@@ -228,27 +228,20 @@ def _is(kind: Kind, asked: Kind) -> bool:
 def _fault(entry: Any) -> str:
     """Why an entry cannot be used; empty if it can."""
     if not isinstance(entry, Entry):
-        return f"it lists {shown(_described(entry))}: yield bsa.core.hooks.Entry objects"
+        return f"it lists {described(entry)}: yield bsa.core.hooks.Entry objects"
     if not isinstance(entry.name, str) or not _NAME.fullmatch(entry.name):
         return f"the name {shown(repr(entry.name))}: use lower-case letters, digits, hyphens, dots and plus"
     if not isinstance(entry.api, int) or entry.api != API_VERSION:
         return f"it was written for plugin interface {shown(repr(entry.api))}, but this is interface {API_VERSION}"
     if not callable(entry.factory):
-        return f"its factory {shown(_described(entry.factory))} cannot be called"
+        return f"its factory {described(entry.factory)} cannot be called"
     if not isinstance(entry.summary, str):
-        return f"its summary {shown(_described(entry.summary))} is no text"
+        return f"its summary {described(entry.summary)} is no text"
     if not isinstance(entry.config_type, type) or not issubclass(entry.config_type, BaseModel):
-        return f"its config_type {shown(_described(entry.config_type))} is no pydantic model"
+        return f"its config_type {described(entry.config_type)} is no pydantic model"
     if entry.domain is not None and not isinstance(entry.domain, Domain):
-        return f"its domain {shown(_described(entry.domain))} is no bsa.core.domain.Domain"
+        return f"its domain {described(entry.domain)} is no bsa.core.domain.Domain"
     return ""
-
-
-def _described(value: object) -> str:
-    try:
-        return repr(value)
-    except Exception:
-        return type(value).__name__
 
 
 def _reason(error: BaseException) -> str:

@@ -3,9 +3,9 @@ import json
 import numpy as np
 import pytest
 from bsa.core.forecast import what_to_measure_next
-from bsa.core.identifiability import identify, not_narrower, residual_noise
+from bsa.core.identifiability import Identifiability, identify, not_narrower, residual_noise
 from bsa.core.least_squares import LeastSquares, solve
-from bsa.core.parameters import Parameter, ParameterSpace
+from bsa.core.parameters import Candidate, Parameter, ParameterSpace
 
 SPACE = ParameterSpace(
     (
@@ -14,6 +14,12 @@ SPACE = ParameterSpace(
         Parameter("exponent", 1.5, 1.0, 4.0),
     )
 )
+
+
+def identified(
+    matrix: np.ndarray, residual: np.ndarray, at: Candidate = SPACE.initial, floor: float = 0.0
+) -> Identifiability:
+    return identify(matrix, residual, SPACE, at, residual_noise(residual, len(SPACE), floor))
 
 
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
@@ -25,7 +31,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     for _ in range(repeats):
         noisy = matrix @ truth + rng.normal(size=40)
         estimate = np.linalg.lstsq(matrix, noisy, rcond=None)[0]
-        found = identify(matrix, matrix @ estimate - noisy, SPACE, SPACE.from_unit(estimate))
+        found = identified(matrix, matrix @ estimate - noisy, SPACE.from_unit(estimate))
         wanted = SPACE.from_unit(truth)
         hits += [found.intervals[n].lower <= wanted[n] <= found.intervals[n].upper for n in SPACE.names]
     assert hits / repeats == pytest.approx(np.full(3, 0.95), abs=0.035)
@@ -34,7 +40,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
 def test_a_product_is_one_combination_and_its_factors_a_correlated_group() -> None:
     # Only the sum of the first two coordinates shows.
     matrix = np.random.default_rng(1).normal(size=(50, 2)) @ np.array([[100.0, 100.0, 0.0], [0.0, 0.0, 80.0]])
-    found = identify(matrix, np.full(50, 0.5), SPACE, SPACE.initial)
+    found = identified(matrix, np.full(50, 0.5))
     assert found.correlated == (("radius [m]", "porosity"),)
     assert found.intervals["exponent"].verdict == "fixed"
     assert found.open == ("radius [m]", "porosity")
@@ -47,21 +53,21 @@ def test_a_product_is_one_combination_and_its_factors_a_correlated_group() -> No
 
 def test_a_parameter_that_does_nothing_is_known_only_by_its_bounds() -> None:
     matrix = np.random.default_rng(2).normal(size=(30, 3)) * [50.0, 50.0, 0.0]
-    found = identify(matrix, np.ones(30), SPACE, SPACE.initial)
+    found = identified(matrix, np.ones(30))
     assert (found.intervals["exponent"].lower, found.intervals["exponent"].upper) == (1.0, pytest.approx(3.2, abs=0.3))
     assert found.combinations[-1].singular_value == pytest.approx(0.0, abs=1e-12)
 
 
 def test_fewer_residuals_than_parameters_are_no_error() -> None:
-    found = identify(np.array([[100.0, 0.0, 0.0]]), np.array([0.1]), SPACE, SPACE.initial)
+    found = identified(np.array([[100.0, 0.0, 0.0]]), np.array([0.1]))
     assert len(found.combinations) == 3
     assert found.open == ("porosity", "exponent")
 
 
 def test_the_floor_keeps_a_noiseless_record_from_claiming_perfection() -> None:
     matrix = np.random.default_rng(3).normal(size=(30, 3))
-    sharp = identify(matrix, np.zeros(30), SPACE, SPACE.initial)
-    honest = identify(matrix, np.zeros(30), SPACE, SPACE.initial, noise_floor=0.5)
+    sharp = identified(matrix, np.zeros(30))
+    honest = identified(matrix, np.zeros(30), floor=0.5)
     assert sharp.intervals["porosity"].share_of_range == pytest.approx(0.0)
     assert honest.intervals["porosity"].share_of_range > 0.05
     assert residual_noise(np.zeros(4), 1, floor=0.2) == 0.2
@@ -69,7 +75,7 @@ def test_the_floor_keeps_a_noiseless_record_from_claiming_perfection() -> None:
 
 def test_intervals_of_two_analyses_are_taken_together() -> None:
     matrix = np.random.default_rng(3).normal(size=(30, 3)) * 10.0
-    sharp, wide = (identify(matrix, np.zeros(30), SPACE, SPACE.initial, noise=noise) for noise in (0.1, 1.0))
+    sharp, wide = (identify(matrix, np.zeros(30), SPACE, SPACE.initial, noise) for noise in (0.1, 1.0))
     both = not_narrower(sharp, wide, SPACE).intervals
     for name, interval in wide.intervals.items():
         assert both[name].lower == pytest.approx(interval.lower)
@@ -80,7 +86,7 @@ def test_intervals_of_two_analyses_are_taken_together() -> None:
 
 def test_the_report_is_json() -> None:
     matrix = np.random.default_rng(4).normal(size=(30, 3))
-    found = identify(matrix, np.ones(30), SPACE, SPACE.initial)
+    found = identified(matrix, np.ones(30))
     again = json.loads(json.dumps(found.as_json()))
     assert again["intervals"]["porosity"]["value"] == 0.3
     assert len(again["combinations"]) == 3
@@ -112,7 +118,7 @@ def test_it_judges_a_fit() -> None:
     solve(fit, function, budget=30)
     assert fit.jacobian is not None
     assert fit.residual is not None
-    found = identify(fit.jacobian, fit.residual, SPACE, SPACE.from_unit(fit.point), noise_floor=1.0)
+    found = identified(fit.jacobian, fit.residual, SPACE.from_unit(fit.point), 1.0)
     assert found.intervals["radius [m]"].lower < 4e-6 < found.intervals["radius [m]"].upper
     assert found.intervals["porosity"].lower < 0.4 < found.intervals["porosity"].upper
     assert found.open == ("exponent",)

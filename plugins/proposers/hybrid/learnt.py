@@ -11,7 +11,7 @@ def settled_questions(
 ) -> dict[str, list[str] | list[list[str]]]:
     """What the records do not fix where the fit stands: left open, merely narrowed down, or told only together."""
     noise = effective_noise(residual, len(space), NOISE_FLOOR)
-    found = identify(jacobian, residual, space, candidate, noise=noise)
+    found = identify(jacobian, residual, space, candidate, noise)
     return {
         "leaves_open": list(found.open),
         "narrows": list(found.loose),
