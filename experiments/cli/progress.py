@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from abc import ABC, abstractmethod
@@ -163,7 +164,7 @@ class LiveProgress(Redrawn):
         rows = {
             "now": self._state["phase"],
             "hypothesis": printable(self._state["hypothesis"], 160) or "–",
-            "error": f"{_number(self._first)} → {_number(self._best)} {self._unit}",
+            "error": f"{brief(self._first)} → {brief(self._best)} {self._unit}",
             "simulations": f"{self._state['count']} of {self._simulations}"
             + f" ({self._state['failed']} failed)" * bool(self._state["failed"]),
             "model": f"{self._usage.tokens} tokens, ${self._usage.cost_usd:.4f}",
@@ -174,5 +175,6 @@ class LiveProgress(Redrawn):
         return Panel(grid, title=Text(self._title), border_style="cyan")
 
 
-def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.4g}"
+def brief(value: float | None) -> str:
+    """A number to four digits; a dash for none, and for one that is not finite."""
+    return f"{value:.4g}" if value is not None and math.isfinite(value) else "–"

@@ -59,9 +59,10 @@ def _remedy(run: RunRecord) -> list[str]:
         if good is not None:
             error = f"{number(good.objective)} {objective_of(run.task).of_unit}"
             found = f"Simulation {good.index} ran to its end, with {error}."
-            return [*(f"{words} ({count} simulations)" for words, count in spent.items()), found]
-    tried = [f"{words} ({count} simulations)" for words, count in spent.items()]
-    return [*tried, "Nothing was found that runs to its end."]
+            break
+    else:
+        found = "Nothing was found that runs to its end."
+    return [*(f"{words} ({count} simulations)" for words, count in spent.items()), found]
 
 
 def _row(run: RunRecord, trial: Trial) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from ...core.hooks import ProposeContext, RunContext, hookimpl
 from ...core.parameters import ParameterSpace
 from ...core.proposal import Proposal
 from ...core.trajectory import FloatArray
-from .trial_errors import by_round, finite_errors, searched
+from .trial_errors import errors_by_round
 
 
 class CmaEsOptions(BaseModel, extra="forbid"):
@@ -37,14 +37,9 @@ class CmaEsProposer:
         """See `RunHooks.propose`."""
         space = context.task.space
         strategy = self._strategy(space)
-        generations = by_round(searched(context))
-        errors = finite_errors(searched(context))
-        place = 0
-        for generation in generations:
-            asked = strategy.ask()
-            told = errors[place : place + len(generation)]
-            place += len(generation)
-            strategy.tell(asked[: len(told)], told.tolist())
+        generations = errors_by_round(context)
+        for told in generations:
+            strategy.tell(strategy.ask()[: len(told)], told.tolist())
         candidates = tuple(space.from_unit(_outwards(position, len(space))) for position in strategy.ask())
         return Proposal(
             candidates,

@@ -11,7 +11,7 @@ from ...core.paper_metrics import require_paper
 from ...core.proposal import Proposal
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial
-from .trial_errors import by_round, finite_errors, searched, total_error
+from .trial_errors import errors_by_round, total_error
 
 _GENERATIONS = 10_000
 """More than any budget of simulations holds."""
@@ -60,16 +60,13 @@ class DifferentialEvolutionProposer:
     def propose(self, context: ProposeContext) -> Proposal:
         """See `RunHooks.propose`."""
         space = context.task.space
-        generations = by_round(searched(context))
-        errors = finite_errors(searched(context), self._error(context.trials))
-        sizes = [len(generation) for generation in generations]
-        known = np.split(errors, np.cumsum(sizes)[:-1]) if sizes else []
+        known = errors_by_round(context, self._error(context.trials))
         population = self._next_population(space.to_unit(space.initial), known)
         if population is None:
             return Proposal((), rationale=f"{_GENERATIONS} generations are over.", action="none", finished=True)
         return Proposal(
             tuple(space.from_unit(position) for position in population),
-            rationale=f"Generation {len(generations) + 1}.",
+            rationale=f"Generation {len(known) + 1}.",
             action="sample",
             by_simulations=True,
         )

@@ -34,14 +34,10 @@ def finite_errors(trials: Sequence[Trial], error: Callable[[Trial], float] = tot
     return np.where(np.isfinite(values), values, 2.0 * max(worst, ALL_WRONG))
 
 
-def searched(context: ProposeContext) -> list[Trial]:
-    """The trials of the search so far, without the initial one and the warm-up."""
-    return [trial for trial in context.trials if trial.phase == "search"]
-
-
-def by_round(trials: Sequence[Trial]) -> list[list[Trial]]:
-    """Trials grouped by their round, in order."""
-    rounds: dict[int, list[Trial]] = {}
-    for trial in trials:
-        rounds.setdefault(trial.round, []).append(trial)
-    return [rounds[number] for number in sorted(rounds)]
+def errors_by_round(context: ProposeContext, error: Callable[[Trial], float] = total_error) -> list[FloatArray]:
+    """The errors of the search so far (`finite_errors`), an array a round; without start and warm-up."""
+    trials = [trial for trial in context.trials if trial.phase == "search"]
+    if not trials:
+        return []
+    _, begins = np.unique([trial.round for trial in trials], return_index=True)
+    return np.split(finite_errors(trials, error), begins[1:])
