@@ -41,7 +41,7 @@ _STRANDED = 4
 """Of so many draws one goes on, the one of least cost: what a first guess left far from everything stays there."""
 
 
-def beginning(centre: FloatArray, residual: FloatArray, jacobian: FloatArray, seed: int = 0) -> FloatArray:
+def beginning(centre: FloatArray, residual: FloatArray, jacobian: FloatArray) -> FloatArray:
     """Walkers spread as the posterior of a linear response; an even number.
 
     Parameters
@@ -51,14 +51,14 @@ def beginning(centre: FloatArray, residual: FloatArray, jacobian: FloatArray, se
     """
     covariance = np.linalg.inv(jacobian.T @ jacobian + np.eye(len(centre)))
     mean = centre - covariance @ (jacobian.T @ residual + centre)
-    normal = np.random.default_rng(seed).standard_normal((_count(len(centre)), len(centre)))
+    normal = np.random.default_rng(0).standard_normal((_count(len(centre)), len(centre)))
     return np.asarray(mean + normal @ np.linalg.cholesky(covariance).T)
 
 
-def going_on(draws: FloatArray, costs: Callable[[FloatArray], FloatArray], seed: int = 0) -> FloatArray:
+def going_on(draws: FloatArray, costs: Callable[[FloatArray], FloatArray]) -> FloatArray:
     """Walkers from the draws of a sample, for one of another cost; as many as `beginning` makes."""
     count = _count(draws.shape[1])
-    some = np.random.default_rng(seed).permutation(len(draws))[: _STRANDED * count]
+    some = np.random.default_rng(0).permutation(len(draws))[: _STRANDED * count]
     order = np.argsort(costs(draws[some]))[:count]
     return np.asarray(draws[some[order]])
 

@@ -52,7 +52,7 @@ def _smooth(values: np.ndarray) -> np.ndarray:
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1))
 
 
-def kept_cycles(count: int, table: CycleTable | None = None, most: int = KEPT) -> tuple[int, ...]:
+def kept_cycles(count: int, table: CycleTable | None = None) -> tuple[int, ...]:
     """The cycles of a record whose curves are kept.
 
     Of ``count`` cycles those of the table alone are chosen, where there is one: the first, the last, its bends, and
@@ -62,7 +62,7 @@ def kept_cycles(count: int, table: CycleTable | None = None, most: int = KEPT) -
     if table is not None:
         wanted += [cycle for cycle in (knee(table), levelling(table)) if cycle is not None]
     # Between even spacing, which would miss the first cycles, and logarithmic, which would miss the last ones.
-    spread = 1.0 + (count - 1.0) * np.linspace(0.0, 1.0, max(most - len(set(wanted)) + 2, 2)) ** 2
+    spread = 1.0 + (count - 1.0) * np.linspace(0.0, 1.0, max(KEPT - len(set(wanted)) + 2, 2)) ** 2
     wanted += [round(float(cycle)) for cycle in spread]
     if table is not None:
         wanted = [int(table.cycle[np.argmin(np.abs(table.cycle - cycle))]) for cycle in wanted]
@@ -70,18 +70,14 @@ def kept_cycles(count: int, table: CycleTable | None = None, most: int = KEPT) -
 
 
 def shown_cycles(
-    kept: Sequence[int],
-    measured: CycleTable,
-    simulated: CycleTable | None,
-    asked: Sequence[int] = (),
-    most: int = SHOWN,
+    kept: Sequence[int], measured: CycleTable, simulated: CycleTable | None, asked: Sequence[int] = ()
 ) -> dict[int, str]:
     """The cycles to look at in one round, each with the reason for it: the same number for any length of record.
 
     For cycles that were asked for stand the nearest kept ones. In the order of the cycles.
     """
     wanted: list[tuple[float | None, str]] = [(kept[0], "first"), (kept[-1], "last")]
-    wanted += [(cycle, f"asked for ({cycle})") for cycle in asked[:most]]
+    wanted += [(cycle, f"asked for ({cycle})") for cycle in asked[:SHOWN]]
     wanted += [(knee(measured), "knee of the fade"), (levelling(measured), "fade levels off")]
     if simulated is not None:
         off = np.abs(simulated.at(np.asarray(kept, dtype=np.float64)) - measured.at(np.asarray(kept, dtype=np.float64)))
@@ -95,6 +91,6 @@ def shown_cycles(
         nearest = min(kept, key=lambda known: abs(known - cycle))
         if nearest in chosen:
             chosen[nearest] += f", {reason}"
-        elif len(chosen) < most:
+        elif len(chosen) < SHOWN:
             chosen[nearest] = reason
     return dict(sorted(chosen.items()))

@@ -41,11 +41,6 @@ FEW = 12
 """Steps described in detail; of longer records the longest steps stand for all."""
 
 
-def features(task: Task, outcome: Outcome) -> dict[str, float]:
-    """Signed mismatches, simulated minus measured, by name: the values of `mismatches`."""
-    return {name: found.value for name, found in mismatches(task, outcome).items()}
-
-
 @dataclass(frozen=True)
 class Mismatch:
     """A feature's value, simulated minus measured, and the size that counts as one."""

@@ -8,11 +8,12 @@ from typing import get_args
 
 import numpy as np
 
-from ...core.errors import BsaError, did_you_mean
+from ...core.errors import BsaError
 from ...core.printable import listed, shown
 from ...core.reading.samples import Extra
 from ...core.record import ReadOptions, Signal
 from ...core.trajectory import FloatArray
+from .table import no_column
 
 SIGNALS: tuple[Signal, ...] = get_args(Signal)
 
@@ -184,11 +185,7 @@ def _index(header: Sequence[str], signal: Signal, options: ReadOptions, source: 
     if wanted is not None:
         places = [k for k, name in enumerate(header) if name == wanted]
         if not places:
-            nearest = did_you_mean(wanted, header)
-            raise BsaError(
-                f'"{shown(wanted)}" is not a column of {source}.',
-                shown(f"{nearest} ", 100) * bool(nearest) + f"Columns: {listed(header)}.",
-            )
+            raise no_column(wanted, header, source)
     else:
         bases = [split_name(name)[0] for name in header]
         preferred = next((base for base in NAMES[signal] if base in bases), None)

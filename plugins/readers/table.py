@@ -204,13 +204,16 @@ def row_conditions(header: Sequence[str], where: Mapping[str, str], source: str)
     found = []
     for name, value in where.items():
         if name not in header:
-            nearest = did_you_mean(name, header)
-            raise BsaError(
-                f'"{shown(name)}" is not a column of {source}.',
-                shown(f"{nearest} ", 100) * bool(nearest) + f"Columns: {listed(header)}.",
-            )
+            raise no_column(name, header, source)
         found.append((header.index(name), value))
     return found
+
+
+def no_column(name: str, header: Sequence[str], source: str) -> BsaError:
+    """The error of a column that a table does not have, with the nearest one and all others."""
+    nearest = did_you_mean(name, header)
+    hint = shown(f"{nearest} ", 100) * bool(nearest) + f"Columns: {listed(header)}."
+    return BsaError(f'"{shown(name)}" is not a column of {source}.', hint)
 
 
 def same(cell: str, value: str) -> bool:

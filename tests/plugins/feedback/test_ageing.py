@@ -6,9 +6,14 @@ from dataclasses import replace
 import pytest
 from bsa.core.ageing.choice import SHOWN
 from bsa.core.simulation import ExperimentRun, Outcome
+from bsa.core.task import Task
 from bsa.plugins.feedback.ageing import cycles_in_detail, fade_features, measured_life, told_cycles
-from bsa.plugins.feedback.features import features
+from bsa.plugins.feedback.features import mismatches
 from bsa_toy_life import life, life_task
+
+
+def features(task: Task, outcome: Outcome) -> dict[str, float]:
+    return {name: found.value for name, found in mismatches(task, outcome).items()}
 
 
 def told(count: int, lost: float) -> dict[str, float]:

@@ -10,11 +10,15 @@ from bsa.core.signals import Signal
 from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, Trajectory
-from bsa.plugins.feedback.features import features, mismatches
+from bsa.plugins.feedback.features import mismatches
 
 TIME = np.linspace(0.0, 10.0, 2001)
 HEIGHT = Signal("height", "m", tolerance=1e-3, shown_unit="mm", shown_scale=1e3, oscillates=True)
 WARMTH = Signal("warmth", "K", tolerance=0.1)
+
+
+def features(task: Task, outcome: Outcome) -> dict[str, float]:
+    return {name: found.value for name, found in mismatches(task, outcome).items()}
 
 
 def record(size: float = 0.05, delay_s: float = 0.0, warmer: float = 0.0) -> Trajectory:

@@ -5,11 +5,16 @@ import pytest
 from bsa.core.hooks import NoOptions, RunContext
 from bsa.core.metrics import evaluate
 from bsa.core.simulation import ExperimentRun, Outcome, SimulationFailure
-from bsa.plugins.feedback.features import features
+from bsa.core.task import Task
+from bsa.plugins.feedback.features import mismatches
 from bsa.plugins.feedback.overlay import OverlayFeedback
 from bsa.plugins.feedback.rounding import rounded
 from bsa.plugins.feedback.structured import ScalarFeedback, StructuredFeedback
 from bsa_toy_cell import CAPACITY, HIDDEN, SERIES, record, toy_task
+
+
+def features(task: Task, outcome: Outcome) -> dict[str, float]:
+    return {name: found.value for name, found in mismatches(task, outcome).items()}
 
 
 def outcome(**changes: float) -> Outcome:
