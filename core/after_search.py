@@ -45,10 +45,7 @@ class Score:
 
 
 class AfterSearch:
-    """The steps of a run after its search.
-
-    What the events of an interrupted run hold is not found out again.
-    """
+    """The steps of a run after its search. What the events of an interrupted run hold is not found out again."""
 
     def __init__(
         self,

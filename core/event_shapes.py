@@ -53,12 +53,7 @@ def _shapes() -> dict[str, Any]:
         "run": mapping_with(config=(dict[str, Any], {}), task=(dict[str, Any], {}), versions=(dict[str, str], {})),
         "trial": TrialRecord,
         "reply": mapping_with(
-            text=str,
-            usage=Usage,
-            model=str,
-            structured_by=str,
-            notes=list[str],
-            prompt=list_of(turn),
+            text=str, usage=Usage, model=str, structured_by=str, notes=list[str], prompt=list_of(turn)
         ),
         "lost-call": mapping_with(reason=str, prompt=list_of(turn), refused=(bool, False)),
         "vote": mapping_with(text=str, rule=str, ballots=list_of(ballot)),

@@ -170,11 +170,7 @@ def effective_noise(residual: FloatArray, parameters: int, floor: float) -> floa
 
 
 def identify(
-    jacobian: FloatArray,
-    residual: FloatArray,
-    space: ParameterSpace,
-    candidate: Candidate,
-    noise: float,
+    jacobian: FloatArray, residual: FloatArray, space: ParameterSpace, candidate: Candidate, noise: float
 ) -> Identifiability:
     """Judge a fit by its Jacobian.
 

@@ -257,10 +257,7 @@ class LeastSquares:
         assert self._jacobian is not None
         assert self._residual is not None
         prior = self._box.prior
-        return (
-            np.vstack([self._jacobian, np.diag(prior)]),
-            np.concatenate([self._residual, prior * self._point]),
-        )
+        return (np.vstack([self._jacobian, np.diag(prior)]), np.concatenate([self._residual, prior * self._point]))
 
     def _predicted_gain(self, step: FloatArray) -> float:
         jacobian, residual = self._linear_model()

@@ -35,10 +35,7 @@ def _by_paper(task: Task) -> bool:
 
 
 def evaluate(task: Task, outcome: Outcome) -> Metrics | None:
-    """Compare an outcome with the task's targets.
-
-    None if an experiment failed before the part that is scored.
-    """
+    """Compare an outcome with the task's targets. None if an experiment failed before the part that is scored."""
     if not _by_paper(task):
         return evaluate_signals(task, outcome)
     return ageing.evaluate(task, outcome) if task.long else paper.evaluate(task, outcome)

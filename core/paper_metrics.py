@@ -106,10 +106,7 @@ def require_paper(task: Task, who: str) -> None:
 
 
 def evaluate(task: Task, outcome: Outcome) -> PaperMetrics | None:
-    """Compare an outcome with the task's targets.
-
-    None if an experiment failed before the part that is scored.
-    """
+    """Compare an outcome with the task's targets. None if an experiment failed before the part that is scored."""
     rows: list[PaperMetrics] = []
     for experiment, run in zip(task.experiments, outcome.runs, strict=True):
         simulated = scored_part(run.trajectory, experiment)

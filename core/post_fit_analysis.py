@@ -15,14 +15,7 @@ from .ageing.fade_band import FadeBand
 from .ageing.residuals import CAPACITY_TOLERANCE, compared_cycles
 from .derivatives import DIFFERENCE, beside, known_derivatives
 from .forecast import Forecast, what_to_measure_next
-from .identifiability import (
-    Identifiability,
-    identify,
-    not_narrower,
-    open_directions,
-    unsettled,
-    with_sample,
-)
+from .identifiability import Identifiability, identify, not_narrower, open_directions, unsettled, with_sample
 from .parameters import Candidate
 from .prior import Prior
 from .residuals import capacity_rows, noise_of_residuals, residuals, rms, rows_of

@@ -168,8 +168,7 @@ def proposal(product: object, space: ParameterSpace) -> Proposal:
         reduction is None or isinstance(reduction, TaskReduction) for reduction in found.reductions
     ):
         raise Unfit(
-            f"gave Proposal.reductions = {described(found.reductions)}",
-            "give one TaskReduction or None a candidate.",
+            f"gave Proposal.reductions = {described(found.reductions)}", "give one TaskReduction or None a candidate."
         )
     return replace(found, candidates=tuple(_candidate(candidate, space) for candidate in found.candidates))
 

@@ -75,8 +75,7 @@ class ReadOptions(BaseModel, extra="forbid", frozen=True):
         default={}, description='Keep only the rows in which a column has this value: {"test_id": "1"}.'
     )
     join: bool = Field(
-        default=False,
-        description="Whether all files, and the tests in a file, are of one cell and follow each other.",
+        default=False, description="Whether all files, and the tests in a file, are of one cell and follow each other."
     )
     cycles: tuple[int, int] | None = Field(default=None, description="First and last cycle to keep, counted from 1.")
     sheet: str | None = Field(default=None, description="Sheet of a workbook, or test inside a file of several.")

@@ -87,10 +87,7 @@ def misfits(records: Sequence[RecordErrors]) -> dict[str, float]:
 
 
 def errors_of_record(task: Task, experiment: Experiment, run: ExperimentRun) -> RecordErrors:
-    """The errors of one record.
-
-    Of a simulation that is whole or was cut short.
-    """
+    """The errors of one record. Of a simulation that is whole or was cut short."""
     failure = "" if run.failure is None else _why(run.failure, experiment)
     simulated = scored_part(run.trajectory, experiment)
     if simulated is None or run.trajectory is None:

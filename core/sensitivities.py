@@ -151,12 +151,7 @@ class Sensitivities:
 
 
 def linear_change(
-    slopes: FloatArray,
-    mismatch: FloatArray,
-    tolerance: FloatArray,
-    lower: FloatArray,
-    upper: FloatArray,
-    radius: float,
+    slopes: FloatArray, mismatch: FloatArray, tolerance: FloatArray, lower: FloatArray, upper: FloatArray, radius: float
 ) -> FloatArray:
     """The change that removes most of the mismatch if all acts linearly, in typical steps, shape (p,).
 

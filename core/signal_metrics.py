@@ -89,10 +89,7 @@ MISFIT = Quantity("objective", "RMS misfit", "tolerances", told="rms_misfit_tole
 
 
 def evaluate_signals(task: Task, outcome: Outcome) -> SignalMetrics | None:
-    """Compare an outcome with the task's targets.
-
-    None if a simulation failed.
-    """
+    """Compare an outcome with the task's targets. None if a simulation failed."""
     found = residuals(task, outcome)
     if found is None:
         return None

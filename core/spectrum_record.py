@@ -44,11 +44,7 @@ def inductive_points(spectrum: ImpedanceSpectrum) -> int:
 
 def parts_of(impedance: ComplexArray) -> dict[str, FloatArray]:
     """The signals of an impedance: real part, negative imaginary part and size, ohm."""
-    return {
-        RESISTANCE.name: impedance.real,
-        REACTANCE.name: -impedance.imag,
-        RESISTANCE.share_of: np.abs(impedance),
-    }
+    return {RESISTANCE.name: impedance.real, REACTANCE.name: -impedance.imag, RESISTANCE.share_of: np.abs(impedance)}
 
 
 def recorded_spectrum(name: str, record: Trajectory) -> ImpedanceSpectrum:

@@ -88,8 +88,7 @@ def parse_yaml(text: str, where: str) -> Any:
         line = f" at line {mark.line + 1}" if mark is not None else ""
         what = f": {problem}" if problem else ""
         raise BsaError(
-            f"{where} is not valid YAML{line}{what}.",
-            "check indentation, colons, brackets and quotes there.",
+            f"{where} is not valid YAML{line}{what}.", "check indentation, colons, brackets and quotes there."
         ) from None
 
 

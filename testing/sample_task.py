@@ -17,10 +17,7 @@ _RESISTANCE, _CAPACITY = "Positive particle radius [m]", "Negative particle radi
 """Parameters of Chen2020, so that PyBaMM can simulate the task as well; here they act like these two."""
 
 _SPACE = ParameterSpace(
-    (
-        Parameter(_RESISTANCE, 5.22e-6, 1.3e-6, 20.9e-6, "log"),
-        Parameter(_CAPACITY, 5.86e-6, 1.5e-6, 23.4e-6, "log"),
-    )
+    (Parameter(_RESISTANCE, 5.22e-6, 1.3e-6, 20.9e-6, "log"), Parameter(_CAPACITY, 5.86e-6, 1.5e-6, 23.4e-6, "log"))
 )
 _BREAKS_ABOVE = 3.0
 """Above this multiple of its initial resistance the cell fails, so that every search meets failures."""

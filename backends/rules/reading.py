@@ -114,9 +114,7 @@ def _rows(content: object) -> list[dict[str, Any]]:
     return [dict(zip(columns, row, strict=True)) for row in rows]
 
 
-def _parameters(
-    task: Mapping[str, Any],
-) -> tuple[dict[str, float], dict[str, str], dict[str, tuple[float, float]]]:
+def _parameters(task: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, str], dict[str, tuple[float, float]]]:
     """Present values, typical steps, and bounds where both can be counted in typical steps."""
     values: dict[str, float] = {}
     steps: dict[str, str] = {}

@@ -31,11 +31,7 @@ def without_missing(samples: Samples) -> Samples:
     if len(samples) == 0:
         return samples
     gone = np.zeros(len(samples), dtype=np.bool_)
-    signals: dict[Signal, FloatArray] = {
-        "time": samples.time,
-        "voltage": samples.voltage,
-        "current": samples.current,
-    }
+    signals: dict[Signal, FloatArray] = {"time": samples.time, "voltage": samples.voltage, "current": samples.current}
     for signal, values in signals.items():
         bad = ~np.isfinite(values)
         if np.count_nonzero(bad) > max(MISSING_ROWS, MISSING_SHARE * len(samples)):

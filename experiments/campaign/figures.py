@@ -31,10 +31,7 @@ _COLOURS = (
 
 
 def draw_all(rows: Sequence[Row], store: Store, metric: str = "mape") -> dict[str, str]:
-    """Every figure that the results allow, by name.
-
-    The traces of the runs lie in the store.
-    """
+    """Every figure that the results allow, by name. The traces of the runs lie in the store."""
     done = [row for row in rows if row["state"] == "done" and row[metric] is not None]
     if not done:
         return {}

@@ -139,10 +139,7 @@ def _state(
 
 
 def write_rows(rows: Sequence[Row], folder: Path) -> list[str]:
-    """Write ``cells.csv`` and ``cells.parquet``.
-
-    Gives what could not be written, and what would make it so.
-    """
+    """Write ``cells.csv`` and ``cells.parquet``. Gives what could not be written, and what would make it so."""
     write_csv(folder / "cells.csv", rows)
     if importlib.util.find_spec("pyarrow") is None:
         return ['cells.parquet needs pyarrow, which is not installed: pip install "battery-sim-agent[cluster]"']

@@ -76,11 +76,7 @@ def suite_cases(wanted: SuiteFilter) -> dict[str, SuiteCase]:
         count=count if wanted.chemistry is None else 8 * count,
         noise=Noise(voltage_v=wanted.noise_mv / 1e3),
     )
-    for attribute, value in (
-        ("mode", wanted.mode),
-        ("parameter_set", wanted.chemistry),
-        ("rates", wanted.rates),
-    ):
+    for attribute, value in (("mode", wanted.mode), ("parameter_set", wanted.chemistry), ("rates", wanted.rates)):
         allowed = [value] if isinstance(value, str) else value
         if allowed:
             known = {getattr(case, attribute) for case in cases.values()}

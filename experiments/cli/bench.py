@@ -278,8 +278,7 @@ def coverage_command(
 @bench_app.command("real-cells")
 def real_cells_command(
     data: Annotated[
-        Path,
-        shared.records_option(metavar="FOLDER", help="Where the records are (they are not shipped)."),
+        Path, shared.records_option(metavar="FOLDER", help="Where the records are (they are not shipped).")
     ],
     only: Annotated[
         list[str] | None, shared.records_option("--cell", metavar="NAME", help="Run this cell alone; repeat.")

@@ -22,13 +22,9 @@ discovery_app = typer.Typer(
 
 Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the blind cases.")]
 Only = Annotated[
-    list[str] | None,
-    shared.records_option(metavar="CASE", help="Case to run, case_07; repeat; left out, all."),
+    list[str] | None, shared.records_option(metavar="CASE", help="Case to run, case_07; repeat; left out, all.")
 ]
-Results = Annotated[
-    str,
-    shared.output_option(metavar="NAME", help="Name of the results in the folder, under grids."),
-]
+Results = Annotated[str, shared.output_option(metavar="NAME", help="Name of the results in the folder, under grids.")]
 
 
 @discovery_app.command("make")

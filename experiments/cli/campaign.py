@@ -21,12 +21,10 @@ if TYPE_CHECKING:
     from ..campaign.summary import Row
 
 StoreOption = Annotated[
-    Path,
-    shared.output_option(metavar="FOLDER", help="Holds cells and grids; grids share cells in it."),
+    Path, shared.output_option(metavar="FOLDER", help="Holds cells and grids; grids share cells in it.")
 ]
 Metric = Annotated[
-    str,
-    shared.output_option(metavar="NAME", help="Error that is compared and drawn: mape, rmse or v_rmse_mv."),
+    str, shared.output_option(metavar="NAME", help="Error that is compared and drawn: mape, rmse or v_rmse_mv.")
 ]
 
 RESULTS = Path("results")
@@ -57,10 +55,7 @@ class Executors:
             check_cluster(self.cluster)
 
     def run(self, plan: Plan[Any]) -> list[Row]:
-        """Run what is missing of a campaign.
-
-        Gives the results table; `finish` says what is missing in it.
-        """
+        """Run what is missing of a campaign. Gives the results table; `finish` says what is missing in it."""
         from ..campaign.running import run_campaign
 
         rows, remarks = run_campaign(plan, self._pool(), _watcher, self._allowance)
@@ -144,8 +139,7 @@ def grid(
 
 def report(
     grid: Annotated[
-        str,
-        typer.Argument(metavar="GRID", help="A grid that was run, by name, file or folder; or a run's folder."),
+        str, typer.Argument(metavar="GRID", help="A grid that was run, by name, file or folder; or a run's folder.")
     ],
     store: StoreOption = RESULTS,
     out: Annotated[

@@ -36,12 +36,7 @@ def app() -> typer.Typer:
     from .run import run
     from .several_files import RecordsCommand
 
-    result = typer.Typer(
-        name="bsa",
-        no_args_is_help=True,
-        context_settings=_CONTEXT,
-        pretty_exceptions_enable=False,
-    )
+    result = typer.Typer(name="bsa", no_args_is_help=True, context_settings=_CONTEXT, pretty_exceptions_enable=False)
     result.callback()(_bsa)
     result.command("run", cls=RecordsCommand)(run)
     result.command("predict", cls=RecordsCommand)(predict)

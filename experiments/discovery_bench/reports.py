@@ -40,10 +40,7 @@ class Report:
 
 
 def read_reports(path: Path) -> list[Report]:
-    """The reports of a file that `write_reports` made.
-
-    Raises `BsaError` if it is no such file.
-    """
+    """The reports of a file that `write_reports` made. Raises `BsaError` if it is no such file."""
     with decoding(path, "a file of discrepancy reports", "bsa bench discovery shortlist makes one."):
         return [shaped(Report, row) for row in (read_json(path) or {})["reports"]]
 

@@ -108,10 +108,7 @@ def _sizes(graded: Sequence[Graded]) -> list[str]:
     if not right:
         return []
     lines = []
-    for words, values in (
-        ("fitted", [m.closed for m in right]),
-        ("held-out", [m.held_closed for m in right]),
-    ):
+    for words, values in (("fitted", [m.closed for m in right]), ("held-out", [m.held_closed for m in right])):
         low, middle, high = np.quantile(values, (0.1, 0.5, 0.9))
         lines.append(
             f"* gap closed on {words} data where the name is right: median {middle:.3f}, 10-90 % {low:.3f} "

@@ -44,9 +44,7 @@ def methods(results: Results, name: str) -> str:
         f"{method} {sum(found[task, method] < begun[task] for task in tasks)} of {len(tasks)}" for method in compared
     ]
     return results.framed(
-        name,
-        markdown_table(["task", "start", *compared], lines),
-        f"* Better than the start: {', '.join(gained)}.",
+        name, markdown_table(["task", "start", *compared], lines), f"* Better than the start: {', '.join(gained)}."
     )
 
 

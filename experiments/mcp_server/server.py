@@ -33,8 +33,7 @@ a model lacks. Look at a record first (read_record). Try values by hand (simulat
 results, and positive on charge in files. Paths are relative to the first folder of the server."""
 
 Data = Annotated[
-    str | list[str],
-    Field(description='Path of a record, or several; or the name of a task, "demo" (without `cell`).'),
+    str | list[str], Field(description='Path of a record, or several; or the name of a task, "demo" (without `cell`).')
 ]
 Values = Annotated[
     dict[str, float], Field(description="Values of searched parameters by name; the others keep their initial ones.")
@@ -225,13 +224,6 @@ def server(folders: Sequence[Path]) -> MCPServer[Any]:
         "battery-sim-agent", instructions=INSTRUCTIONS, version=version("battery-sim-agent"), log_level="WARNING"
     )
     tools = Tools(Folders(folders))
-    for tool in (
-        tools.read_record,
-        tools.simulate,
-        tools.sensitivities,
-        tools.calibrate,
-        tools.discover,
-        tools.report,
-    ):
+    for tool in (tools.read_record, tools.simulate, tools.sensitivities, tools.calibrate, tools.discover, tools.report):
         made.add_tool(tool)
     return made

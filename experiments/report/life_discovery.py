@@ -14,10 +14,7 @@ _LOST_HEIGHT, _OTHER_HEIGHT = 210.0, 110.0
 
 
 def render(content: Mapping[str, Any]) -> str:
-    """The page as HTML.
-
-    ``content`` is what ``discovery.json`` holds.
-    """
+    """The page as HTML. ``content`` is what ``discovery.json`` holds."""
     chart = _modes(content["modes"])
     return template("life_discovery.html.j2").render(d=content, headline=VERDICTS[content["verdict"]], chart=chart)
 

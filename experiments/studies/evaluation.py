@@ -54,10 +54,7 @@ def write_evaluation(plan: Plan[StudyCell]) -> str:
 
 
 def measure_evaluation(task_name: str = "demo", repeats: int = 15) -> EvaluationCost:
-    """Time a task's evaluations in every way, one after the other.
-
-    The task is named as ``bsa run`` takes it.
-    """
+    """Time a task's evaluations in every way, one after the other. The task is named as ``bsa run`` takes it."""
     task = find_task(task_name)
     (experiment, *_), candidate = task.experiments, task.space.initial
     compiled = CompiledExperiment(task.cell, experiment, task.space.targets)

@@ -105,9 +105,7 @@ def all_cases() -> Iterator[SuiteCase]:
 
 
 def generate(
-    seed: int = SEED,
-    per_set_and_mode: int = PER_SET_AND_MODE,
-    keep: Callable[[SuiteCase], bool] | None = None,
+    seed: int = SEED, per_set_and_mode: int = PER_SET_AND_MODE, keep: Callable[[SuiteCase], bool] | None = None
 ) -> list[SuiteCase]:
     """Draw cases at random and filter them until each base cell and mode has enough.
 

@@ -24,10 +24,7 @@ _ATTEMPTS = 60
 
 
 def random_cases(
-    seed: int,
-    count: int = 40,
-    noise: Noise | None = None,
-    keep: Callable[[SuiteCase], bool] | None = None,
+    seed: int, count: int = 40, noise: Noise | None = None, keep: Callable[[SuiteCase], bool] | None = None
 ) -> dict[str, SuiteCase]:
     """Random cases that pass the filters, by key (``random-0``, ``random-1``, ...).
 

@@ -20,11 +20,7 @@ _LEAVE_OUT_UNLESS_NAMED = "sei"
 
 
 def load_suite(
-    name: str = "published",
-    folder: Path | None = None,
-    seed: int = 1,
-    count: int = 40,
-    noise: Noise | None = None,
+    name: str = "published", folder: Path | None = None, seed: int = 1, count: int = 40, noise: Noise | None = None
 ) -> dict[str, SuiteCase]:
     """The cases of a suite, by key.
 

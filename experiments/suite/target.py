@@ -35,10 +35,7 @@ def cell_of(case: SuiteCase) -> CellModel:
 
 
 def experiment_of(case: SuiteCase, charge_rate: float | None = None, discharge_rate: float | None = None) -> Experiment:
-    """The case's experiment without its target.
-
-    Other C-rates than the case's are for held-out protocols.
-    """
+    """The case's experiment without its target. Other C-rates than the case's are for held-out protocols."""
     from ...plugins.pybamm.parameter_sets import load
 
     values = load(case.parameter_set)

@@ -71,10 +71,7 @@ class MeasuredCell:
 
 
 def measured_cell(
-    wanted: CellRequest,
-    requests: Sequence[RecordRequest],
-    records: Sequence[Record],
-    ambient_k: Sequence[float | None],
+    wanted: CellRequest, requests: Sequence[RecordRequest], records: Sequence[Record], ambient_k: Sequence[float | None]
 ) -> MeasuredCell:
     """The cell model for records: potentials, temperature, electrolyte, size and options.
 
@@ -88,10 +85,7 @@ def measured_cell(
 
 
 def _set_and_options(
-    wanted: CellRequest,
-    requests: Sequence[RecordRequest],
-    records: Sequence[Record],
-    ambient_k: Sequence[float | None],
+    wanted: CellRequest, requests: Sequence[RecordRequest], records: Sequence[Record], ambient_k: Sequence[float | None]
 ) -> tuple[ParameterSource, dict[str, Any], list[str]]:
     from ...plugins.pybamm.model_options import in_pybamm_spelling
 

@@ -122,11 +122,7 @@ class Situation:
         if told.get("events") == [SUCCESS]:
             # Its errors say so.
             told.pop("events")
-        return {
-            **self.standing(),
-            **told,
-            **{key: rounded(told[key], SHOWN_DIGITS) for key in shown},
-        }
+        return {**self.standing(), **told, **{key: rounded(told[key], SHOWN_DIGITS) for key in shown}}
 
     def _remembered(self, trial: Trial) -> bool:
         """Whether the history tells a trial's values and features."""
@@ -147,12 +143,7 @@ class Situation:
         now, then = self.base.feedback.numbers, trial.feedback.numbers
         if content.get("features"):
             told[TRIAL_FEATURES] = rounded([then.get(name) for name in now], SHOWN_DIGITS)
-        return {
-            "trial": trial.index,
-            **self._misfit(trial),
-            "changed_by_steps": changes,
-            **told,
-        }
+        return {"trial": trial.index, **self._misfit(trial), "changed_by_steps": changes, **told}
 
     def _told(self, part: Recollection) -> Mapping[str, Any]:
         """A memory's content, without what the table of parameters says: of the priors bounds, of effects names."""

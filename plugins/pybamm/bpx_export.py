@@ -130,10 +130,7 @@ class _Writer:
         content = {
             "Header": {"BPX": VERSION, "Title": "", "Model": "SPMe" if cell.model == "SPMe" else "DFN"},
             "Parameterisation": parts,
-            "State": {
-                "Initial conditions": initial,
-                "Thermal environment": {"Ambient temperature [K]": self._kelvin},
-            },
+            "State": {"Initial conditions": initial, "Thermal environment": {"Ambient temperature [K]": self._kelvin}},
         }
         return content, tuple(self._left_out)
 

@@ -196,11 +196,7 @@ def current_function(record: Trajectory) -> CurrentFunction:
     current = np.concatenate([[before, before], current, [current[-1]]])
     apart = np.append(np.diff(time) > 0, True)
     return CurrentFunction(
-        time[apart],
-        current[apart],
-        np.unique([first, *stops]),
-        min(drives) if drives else None,
-        np.array(varying),
+        time[apart], current[apart], np.unique([first, *stops]), min(drives) if drives else None, np.array(varying)
     )
 
 

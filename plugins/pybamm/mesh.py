@@ -88,13 +88,7 @@ class SymbolicFiniteVolume(pybamm.FiniteVolume):  # type: ignore[misc]
             ]
         )
         # Symbolic part: the weighted jump across each interior edge
-        jump = vstack(
-            [
-                csr_matrix((1, n)),
-                diags([-1.0, 1.0], [0, 1], shape=(n - 1, n)),
-                csr_matrix((1, n)),
-            ]
-        )
+        jump = vstack([csr_matrix((1, n)), diags([-1.0, 1.0], [0, 1], shape=(n - 1, n)), csr_matrix((1, n))])
         d_edges = self._get_d_edges_symbolic_mesh(nodal.domain)
         left = pybamm.Matrix(csr_matrix(diags([1.0], [0], shape=(n - 1, n)))) @ d_edges
         right = pybamm.Matrix(csr_matrix(diags([1.0], [1], shape=(n - 1, n)))) @ d_edges
