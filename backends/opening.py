@@ -15,7 +15,6 @@ from .presets import Preset
 _WRAPPERS = {"votes", "review"}
 """Options that stand around any backend and are none of its own."""
 
-
 Given = Mapping[str, Any] | BackendOptions
 """Options of a backend, as written; as `BackendOptions` where it is one of ours."""
 

@@ -16,7 +16,6 @@ _QUOTED = re.compile(r"'([^']*)'")
 
 _LENGTH = re.compile(r"^(?:Tuple|List) should have (at \w+) (\d+) items?.*$")
 
-
 Model = TypeVar("Model", bound=BaseModel)
 
 

@@ -26,7 +26,6 @@ from .smooth_runs import smoothed, without_edges
 
 __all__ = ["segment"]
 
-
 FEWEST_SAMPLES = 4
 """Half of the steps of a file have at least so many samples, or they are the points of a drive cycle."""
 

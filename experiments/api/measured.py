@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 Data: TypeAlias = "str | Path | Record | pandas.DataFrame"
 """One record: a file, a DataFrame, or what `read_record` returned."""
 
-
 READING = tuple(name for name in inspect.signature(reading).parameters if name != "join")
 """The options of reading a record."""
 

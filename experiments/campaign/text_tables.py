@@ -10,7 +10,6 @@ from .summary import Statistic, statistic
 Emphasis = int | None
 """Rank of an entry: 0 the best, bold; 1 the second, underlined."""
 
-
 Entry = str | Callable[[Any], str]
 """How an entry is made of a row: ``"{mape:brief} %"``, or a function where more is to be said."""
 

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 bench_app = typer.Typer(help="Run the studies: one command each, seeded, resumable.", no_args_is_help=True)
 
-
 Suite = Annotated[str, shared.records_option(metavar="NAME", help="published, generated or random.")]
 Published = Annotated[
     Path | None,

@@ -14,7 +14,6 @@ Result = Mapping[str, Any]
 CLEAR_EVIDENCE = math.log(20.0)
 """Log odds of the true model over the base fit from which an effect counts as detectable: 20 to 1."""
 
-
 _SURFACES = {
     "double-layer-capacitance": ("Negative", "Positive"),
     "sei-growth": ("Negative",),

@@ -23,7 +23,6 @@ _PROMPTS, _REPLIES, _LEAST = 500_000, 250_000, 400
 
 _SHOWN_CHANGES = 3
 
-
 Printed = dict[str, Any]
 """A part of the page, its texts as they are printed."""
 

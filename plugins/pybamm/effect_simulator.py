@@ -33,7 +33,6 @@ _RTOL_OF_MANY_CYCLES = 3e-6
 """Relative tolerance for records of many cycles. Errors of the charge add up: at 1e-5 the voltage after the twentieth
 discharge jumps by ten millivolts from one candidate to the next, and no slope can be taken."""
 
-
 _Key = tuple[tuple[str, ...], int, bool, bool]
 """Effects, identity of the record, whether on the fine mesh, whether on the cheaper model."""
 

@@ -17,7 +17,6 @@ from .resolution import Resolution
 _TIME_LIMIT_S = 120.0
 """Longest time for one simulation, s. Twenty cycles with a layer that grows take ten; what crawls on has failed."""
 
-
 _LARGE = ("measured_record", "moments")
 """Parts of a request that are sent as files, which a worker reads once."""
 

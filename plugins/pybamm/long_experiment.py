@@ -27,7 +27,6 @@ from .step_solutions import Unfinished, to_trajectory
 _COMPILED_REPEATS = 2
 """Of equal cycles so many are compiled, so that the way from the last step of one to the first of the next is there."""
 
-
 _LOSS_VARIABLES = (
     "Loss of lithium inventory [%]",
     "Loss of active material in negative electrode [%]",

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 _CYCLES_IN_THE_LIMIT = 20
 """Cycles for which the time limit is meant: a cycle of the slowest parameter set takes about a second."""
 
-
 _SAMPLES_IN_THE_LIMIT = 10_000
 """Samples of measured currents for which it is meant: of a drive cycle every sample is a change of the current."""
 

@@ -12,7 +12,6 @@ from .parameter_sets import pybamm
 _FIRST_SAMPLE_S, _SAMPLE_GROWTH, _LONGEST_SAMPLE_S = 0.1, 1.15, 30.0
 """Sampling of a voltage hold, whose current falls fastest at its start: every 30 s would miss 1 % of its charge."""
 
-
 _CURRENT, _VOLTAGE, _TEMPERATURE = "Current [A]", "Voltage [V]", "Volume-averaged cell temperature [K]"
 
 

@@ -12,7 +12,6 @@ from ...core.trajectory import FloatArray
 YEARS_S = (631152000.0, 4102444800.0)
 """1990 and 2100, in seconds since 1970: a number outside is no date of a measurement."""
 
-
 _DAY = re.compile(r"\d+[-/.]\d+[-/.]\d+")
 _ISO = re.compile(r"\d{4}-\d\d-\d\d")
 

@@ -15,7 +15,6 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 _HDF5_OFFSETS = (0, 512)
 """MATLAB writes a header of 512 bytes before the HDF5 file."""
 
-
 _COMPRESSED = 15
 """The type of an element that is a compressed variable."""
 
