@@ -145,7 +145,10 @@ def blocks(rows: Sequence[Row], metric: str, quoting: bool = False) -> list[Bloc
                 f"{mode}, {label_of(metric)}",
                 (*chemistries, "all") if several else tuple(chemistries),
                 {
-                    method: (*(_entry(mine, name, metric) for name in chemistries), *[_all(mine, metric)] * several)
+                    method: (
+                        *(_entry(mine, name, metric) for name in chemistries),
+                        *[statistic([row[metric] for row in mine])] * several,
+                    )
                     for method, mine in grouped(own, "method").items()
                 },
                 {
@@ -160,10 +163,6 @@ def blocks(rows: Sequence[Row], metric: str, quoting: bool = False) -> list[Bloc
 def _entry(rows: Sequence[Row], chemistry: str, metric: str) -> Statistic | None:
     values = [row[metric] for row in rows if row["chemistry"] == chemistry]
     return statistic(values) if values else None
-
-
-def _all(rows: Sequence[Row], metric: str) -> Statistic:
-    return statistic([row[metric] for row in rows])
 
 
 def markdown(campaign: Campaign) -> str:

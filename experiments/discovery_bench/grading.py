@@ -145,10 +145,7 @@ def graded_row(graded: Graded) -> dict[str, Any]:
 def graded_of(row: Mapping[str, Any]) -> Graded:
     """The case of a row that `graded_row` made and `read_table` read."""
     texts = {name: tuple(row[name].split(" + ")) if isinstance(row[name], str) else () for name in ("hidden", "named")}
-    numbers = {name: _or_none(row.get(name)) for name in ("parameter_error", "evidence", "covered")}
+    known = {name: row.get(name, math.nan) for name in ("parameter_error", "evidence", "covered")}
+    numbers = {name: None if value is None or math.isnan(value) else float(value) for name, value in known.items()}
     model = row["model"] if isinstance(row.get("model"), str) else ""
     return Graded(**{**row, **texts, **numbers, "model": model})
-
-
-def _or_none(value: Any) -> float | None:
-    return None if value is None or math.isnan(value) else float(value)

@@ -32,16 +32,12 @@ reason. A "*" multiplies the present value by the number behind it."""
 _MEASURE = "Answer with one JSON object. This one measures what each parameter does here, which comes first now."
 
 
-def actions_told(offer: Offer, gentler: str = "") -> str:
-    """The list of the actions, a line each."""
+def instruction(offer: Offer, gentler: str) -> str:
+    """What may be asked for, a line an action, and how it is written."""
     told = {**_ACTIONS, "reduce": gentler}
-    return "\n".join(f'- "{kind}": {told[kind]}' for kind in offer.kinds)
-
-
-def instruction(offer: Offer, gentler: str = "") -> str:
-    """What may be asked for, and how it is written."""
+    actions = "\n".join(f'- "{kind}": {told[kind]}' for kind in offer.kinds)
     more = f"\n{LOOK_AT}" if offer.cycles else ""
-    return f"{_WRITTEN} The actions:\n{actions_told(offer, gentler)}{more}"
+    return f"{_WRITTEN} The actions:\n{actions}{more}"
 
 
 def build_messages(situation: Situation, offer: Offer) -> list[Message]:

@@ -16,10 +16,8 @@ class Priors:
 
     def __init__(self, options: NoOptions, context: RunContext) -> None:
         self._space = context.task.space
-        self._rules = [rule for rule in context.task.domain.rules if self._applies(rule["parameter"])]
-
-    def _applies(self, parameter: str) -> bool:
-        return any(parameter in name for name in self._space.names)
+        names = self._space.names
+        self._rules = [rule for rule in context.task.domain.rules if any(rule["parameter"] in name for name in names)]
 
     @hookimpl
     def recall(self, budget: int) -> Recollection | None:

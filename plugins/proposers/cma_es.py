@@ -8,7 +8,6 @@ from pydantic import BaseModel, Field
 from ...core.hooks import ProposeContext, RunContext, hookimpl
 from ...core.parameters import ParameterSpace
 from ...core.proposal import Proposal
-from ...core.trajectory import FloatArray
 from .trial_errors import errors_by_round
 
 
@@ -40,7 +39,7 @@ class CmaEsProposer:
         generations = errors_by_round(context)
         for told in generations:
             strategy.tell(strategy.ask()[: len(told)], told.tolist())
-        candidates = tuple(space.from_unit(_outwards(position, len(space))) for position in strategy.ask())
+        candidates = tuple(space.from_unit(position[: len(space)]) for position in strategy.ask())
         return Proposal(
             candidates,
             rationale=f"Generation {len(generations) + 1}, step size {strategy.sigma:.3g}.",
@@ -66,8 +65,3 @@ class CmaEsProposer:
             # pycma refuses one dimension; a second one that does nothing is its author's own advice.
             origin = np.append(origin, 0.5)
         return cma.CMAEvolutionStrategy(origin, self._options.sigma, settings)
-
-
-def _outwards(position: FloatArray, size: int) -> FloatArray:
-    """The axes that are parameters."""
-    return np.asarray(position[:size], dtype=np.float64)

@@ -10,7 +10,7 @@ from ...core.parameters import Candidate
 from ...core.simulation import ExperimentRun, SimulationFailure
 from ...core.target import CellChange, Target
 from ...core.task import CellModel, Experiment
-from ...core.trajectory import Step, Trajectory
+from ...core.trajectory import Trajectory
 from .compiled_cell import start_of
 from .drive import JUMP_S
 from .driven_cell import DrivenCell, Pause
@@ -71,12 +71,8 @@ def _until(
     cut = replace(steps[-1], stop=min(steps[-1].stop, count))
     reached = whole.slice(0, cut.stop)
     trajectory = Trajectory(reached.time, steps=(*steps[:-1], cut), signals=reached.signals)
-    failure = SimulationFailure(cause, _named(cut), cut.cycle, reached_s, unfinished=cut != steps[-1])
+    failure = SimulationFailure(cause, cut.label or str(cut.kind), cut.cycle, reached_s, unfinished=cut != steps[-1])
     return trajectory, failure
-
-
-def _named(step: Step) -> str:
-    return step.label or str(step.kind)
 
 
 def _in_words(pauses: Sequence[Pause], record: Trajectory) -> tuple[str, ...]:

@@ -232,9 +232,9 @@ class HybridProposer:
         if action.cycles is not None:
             return FirstCycleContinuation(self._space, point, action.cycles, count)
         assert action.rate is not None
-        return CurrentRateContinuation(
-            self._space, point, gentle_direction(context.task), (action.rate, *_below(action.rate))
-        )
+        # Lower rates to fall back on, should the cell not run at this one either.
+        rates = (action.rate, *(lower for lower in LOWERED if lower < action.rate))
+        return CurrentRateContinuation(self._space, point, gentle_direction(context.task), rates)
 
     def _search_from(self, start: Trial, main_fit: Descent, count: int, allowance: int) -> AgentSearch:
         """From a trial, with derivatives of its own where the allowance covers them."""
@@ -285,11 +285,6 @@ def _jacobian(main_fit: Descent) -> Any:
 
 def _padded(reductions: Reductions, count: int) -> Reductions:
     return (*reductions[:count], *[None] * (count - len(reductions)))
-
-
-def _below(rate: float) -> list[float]:
-    """Lower rates to fall back on, should the cell not run at this one either."""
-    return [lower for lower in LOWERED if lower < rate]
 
 
 def _known(candidate: Candidate, context: ProposeContext) -> bool:
