@@ -73,6 +73,17 @@ class LeastSquares:
     fresh : bool
         Whether the derivatives were measured at the start itself.
 
+    Attributes
+    ----------
+    point, residual : ndarray of shapes (p,) and (m,)
+        The best point found, and the residuals there; None if the start failed.
+    jacobian : ndarray of shape (m, p) or None
+        What is known of the derivatives at the best point; None before the first batch.
+    damping : float
+        How little the linear model is trusted.
+    stage : {'start', 'jacobian', 'step', 'done'}
+        What the next batch is for.
+
     Notes
     -----
     Deterministic: the same answers lead to the same questions. `ask` repeats itself until it is told.
@@ -90,11 +101,11 @@ class LeastSquares:
     ) -> None:
         self.settings = settings or Settings()
         self._box = box or Box.unit(len(start))
-        self._point = np.clip(np.asarray(start, dtype=np.float64), self._box.lower, self._box.upper)
-        self._free = np.ones(len(self._point), dtype=bool) if free is None else np.asarray(free, dtype=bool)
-        self._damping = self._known_damping = self.settings.damping
-        self._residual = residual
-        self._jacobian = None if jacobian is None else jacobian.copy()
+        self.point = np.clip(np.asarray(start, dtype=np.float64), self._box.lower, self._box.upper)
+        self._free = np.ones(len(self.point), dtype=bool) if free is None else np.asarray(free, dtype=bool)
+        self.damping = self._known_damping = self.settings.damping
+        self.residual = residual
+        self.jacobian = None if jacobian is None else jacobian.copy()
         self._fresh = fresh
         self._poor_steps = self._idle_rounds = 0
         self._closer = False
@@ -103,39 +114,19 @@ class LeastSquares:
         self._round_cost = self._first_cost = np.inf
         self.simulations = 0
         self.ending: Ending = ""
-        self._stage: Stage = "start"
+        self.stage: Stage = "start"
         if residual is not None:
             self._begin()
 
     @property
-    def point(self) -> FloatArray:
-        """The best point found, shape (p,)."""
-        return self._point
-
-    @property
-    def residual(self) -> FloatArray | None:
-        """The residuals at the best point, shape (m,); None if the start failed."""
-        return self._residual
-
-    @property
-    def jacobian(self) -> FloatArray | None:
-        """What is known of the derivatives at the best point, shape (m, p); None before the first batch."""
-        return self._jacobian
-
-    @property
     def cost(self) -> float:
         """Sum of squares at the best point, the price of departing from the prior included; infinite if it failed."""
-        return np.inf if self._residual is None else self._cost_of(self._residual, self._point)
-
-    @property
-    def damping(self) -> float:
-        """How little the linear model is trusted."""
-        return self._damping
+        return np.inf if self.residual is None else self._cost_of(self.residual, self.point)
 
     @property
     def round_gain(self) -> float:
         """Share of the cost that the steps since the last Jacobian took off."""
-        return 1.0 - self.cost / self._round_cost if self._residual is not None and self._round_cost > 0 else 0.0
+        return 1.0 - self.cost / self._round_cost if self.residual is not None and self._round_cost > 0 else 0.0
 
     @property
     def predicted(self) -> float:
@@ -143,14 +134,9 @@ class LeastSquares:
         return self._full_gain if self._fresh else np.inf
 
     @property
-    def stage(self) -> Stage:
-        """What the next batch is for."""
-        return self._stage
-
-    @property
     def done(self) -> bool:
         """Whether nothing is left to ask."""
-        return self._stage == "done"
+        return self.stage == "done"
 
     @property
     def converged(self) -> bool:
@@ -167,16 +153,16 @@ class LeastSquares:
             hand is used to the end.
         """
         if not self._batch:
-            if self._stage == "jacobian" and self._jacobian is not None and limit is not None:
-                self._stage = "step" if limit <= self._free.sum() else "jacobian"
-            if self._stage == "step":
+            if self.stage == "jacobian" and self.jacobian is not None and limit is not None:
+                self.stage = "step" if limit <= self._free.sum() else "jacobian"
+            if self.stage == "step":
                 self._batch = self._step()
-            if self._stage == "start":
-                self._batch = [self._point]
-            elif self._stage == "jacobian":
-                assert self._residual is not None
+            if self.stage == "start":
+                self._batch = [self.point]
+            elif self.stage == "jacobian":
+                assert self.residual is not None
                 self._differences = Differences(
-                    self._point, self._residual, self._jacobian, self._box, self.settings, self._free, self._closer
+                    self.point, self.residual, self.jacobian, self._box, self.settings, self._free, self._closer
                 )
                 self._batch = self._differences.points
         return [point.copy() for point in self._batch]
@@ -191,27 +177,27 @@ class LeastSquares:
         self.simulations += len(residuals)
         usable = [value if value is not None and np.all(np.isfinite(value)) else None for value in residuals]
         batch, self._batch = self._batch, []
-        if self._stage == "start":
-            self._residual = usable[0]
+        if self.stage == "start":
+            self.residual = usable[0]
             self._begin()
-        elif self._stage == "step":
+        elif self.stage == "step":
             self._take_step(batch[0], usable[0])
         else:
             self._take_differences(usable)
 
     def _begin(self) -> None:
         self._first_cost = self._round_cost = self.cost
-        self._stage = "jacobian" if self._jacobian is None else "step"
-        if self._residual is None:
+        self.stage = "jacobian" if self.jacobian is None else "step"
+        if self.residual is None:
             self._end("failed")
 
     def renew_jacobian(self) -> None:
         """Ask for a new Jacobian next, whatever the one at hand still promises."""
-        self._batch, self._stage = [], "jacobian"
+        self._batch, self.stage = [], "jacobian"
 
     def _end(self, ending: Ending) -> None:
         self.ending = ending
-        self._stage = "done"
+        self.stage = "done"
 
     # --- derivatives ----------------------------------------------------------------------------------------
 
@@ -220,27 +206,27 @@ class LeastSquares:
         self._differences.take(residuals)
         self._batch = self._differences.points
         if not self._batch:
-            self._jacobian = self._differences.jacobian
+            self.jacobian = self._differences.jacobian
             self._fresh, self._poor_steps = True, 0
             # It was the Jacobian that disappointed, perhaps not the length of the steps.
-            self._damping = self._known_damping
-            too_short = self._predicted_gain(self._linear_step(self._damping)) <= self._worth
+            self.damping = self._known_damping
+            too_short = self._predicted_gain(self._linear_step(self.damping)) <= self._worth
             if too_short and self._idle_rounds < _IDLE_ROUNDS:
-                self._damping = self.settings.damping
+                self.damping = self.settings.damping
             self._round_cost = self.cost
-            self._stage = "step"
+            self.stage = "step"
 
     # --- steps ----------------------------------------------------------------------------------------------
 
     def _step(self) -> list[FloatArray]:
         """The next point; none where another Jacobian is wanted, or the fit has ended."""
-        step = self._linear_step(self._damping)
+        step = self._linear_step(self.damping)
         if self._perfect():
             self._end("perfect")
         elif self._predicted_gain(step) > self._worth:
-            return [np.clip(self._point + step, self._box.lower, self._box.upper)]
+            return [np.clip(self.point + step, self._box.lower, self._box.upper)]
         elif self._another_round():
-            self._stage = "jacobian"
+            self.stage = "jacobian"
         else:
             self._end(self._why_nothing_is_left())
         return []
@@ -248,16 +234,16 @@ class LeastSquares:
     def _linear_step(self, damping: float) -> FloatArray:
         jacobian, residual = self._linear_model()
         reach = np.where(self._free, self.settings.radius, 0.0)
-        lower = np.maximum(self._box.lower - self._point, -reach)
-        upper = np.minimum(self._box.upper - self._point, reach)
+        lower = np.maximum(self._box.lower - self.point, -reach)
+        upper = np.minimum(self._box.upper - self.point, reach)
         return damped_step(jacobian, residual, lower, upper, damping)
 
     def _linear_model(self) -> tuple[FloatArray, FloatArray]:
         """Jacobian and residuals at the best point, the prior's rows included."""
-        assert self._jacobian is not None
-        assert self._residual is not None
+        assert self.jacobian is not None
+        assert self.residual is not None
         prior = self._box.prior
-        return (np.vstack([self._jacobian, np.diag(prior)]), np.concatenate([self._residual, prior * self._point]))
+        return (np.vstack([self.jacobian, np.diag(prior)]), np.concatenate([self.residual, prior * self.point]))
 
     def _predicted_gain(self, step: FloatArray) -> float:
         jacobian, residual = self._linear_model()
@@ -278,8 +264,8 @@ class LeastSquares:
         return "noise" if gain <= self.settings.noise**2 else "misfit" if gain <= self._worth else "no progress"
 
     def _perfect(self) -> bool:
-        assert self._residual is not None
-        return self.cost <= max(_EXACT * self._first_cost, len(self._residual) * self.settings.enough**2)
+        assert self.residual is not None
+        return self.cost <= max(_EXACT * self._first_cost, len(self.residual) * self.settings.enough**2)
 
     def _another_round(self) -> bool:
         """Whether a new Jacobian may show more than the one at hand."""
@@ -292,37 +278,37 @@ class LeastSquares:
         return self.settings.ends_on_fresh or self._idle_rounds < _IDLE_ROUNDS
 
     def _take_step(self, point: FloatArray, residual: FloatArray | None) -> None:
-        assert self._residual is not None
-        assert self._jacobian is not None
-        step = point - self._point
+        assert self.residual is not None
+        assert self.jacobian is not None
+        step = point - self.point
         gained = -np.inf if residual is None else self.cost - self._cost_of(residual, point)
         ratio = gained / max(self._predicted_gain(step), 1e-300)
         fresh, failed = self._fresh, gained <= 0
         if failed:
-            self._damping = self._shortening(step)
+            self.damping = self._shortening(step)
         if residual is not None and not (failed and fresh):
             # Far away a rejected point says little of the slope here, if that was measured here.
-            surprise = residual - self._residual - self._jacobian @ step
-            self._jacobian += np.outer(surprise, step) / _squares(step)
+            surprise = residual - self.residual - self.jacobian @ step
+            self.jacobian += np.outer(surprise, step) / _squares(step)
             self._fresh = fresh and _squares(surprise) <= _FORETOLD * self.cost
         if not failed:
             assert residual is not None
-            self._point, self._residual = point, residual
-            self._damping = max(self._damping * (_LESS if ratio > _GOOD else _MORE if ratio < _POOR else 1.0), _LEAST)
+            self.point, self.residual = point, residual
+            self.damping = max(self.damping * (_LESS if ratio > _GOOD else _MORE if ratio < _POOR else 1.0), _LEAST)
         if fresh or not failed:
-            self._known_damping = self._damping
+            self._known_damping = self.damping
         # On a fresh Jacobian a failed step was too long; else it may be the Jacobian that is wrong.
         self._poor_steps = self._poor_steps + 1 if ratio < _POOR and not (failed and fresh) else 0
         if self._poor_steps >= _POOR_STEPS:
             if self._another_round():
-                self._stage = "jacobian"
+                self.stage = "jacobian"
             else:
                 self._end("no progress")
 
     def _shortening(self, failed: FloatArray) -> float:
         """The damping by which the next step is at most half as long as one that failed."""
         norms = np.linalg.norm(self._linear_model()[0], axis=0)
-        damping = self._damping
+        damping = self.damping
         for _ in range(_RAISES):
             damping *= _MUCH_MORE
             if np.linalg.norm(norms * self._linear_step(damping)) <= 0.5 * np.linalg.norm(norms * failed):

@@ -90,7 +90,8 @@ class Descent:
         self._left_crawling: LeastSquares | None = None
         self._objective_before = float("inf")
         self._first_misfit = 0.0
-        self._out_of_ideas = False
+        self.done = False
+        """Whether the fit has nothing left to try."""
         self._told: list[Trial] = [start]
         self._noise_of_each = noise_of_residuals(task)
         self.noise = max(rms(self._noise_of_each), PERFECT)
@@ -107,7 +108,7 @@ class Descent:
         """Where the fit stands."""
         if self._search is None:
             return "infeasible"
-        if self._out_of_ideas:
+        if self.done:
             return "done"
         return "restarting" if self._restarting else "descending"
 
@@ -126,11 +127,6 @@ class Descent:
     def cost(self) -> float:
         """Sum of squares of the best residuals."""
         return self.best.cost if self.best is not None else float("inf")
-
-    @property
-    def done(self) -> bool:
-        """Whether the fit has nothing left to try."""
-        return self._out_of_ideas
 
     @property
     def misfit(self) -> float:
@@ -175,7 +171,7 @@ class Descent:
         return [self._task.space.from_unit(point) for point in points]
 
     def _points(self, limit: int, planning_budget: int) -> list[FloatArray]:
-        if limit <= 0 or self._out_of_ideas:
+        if limit <= 0 or self.done:
             return []
         if self._search is None:
             assert self._feasibility is not None
@@ -190,7 +186,7 @@ class Descent:
             # Nothing else was better: crawl on.
             self._search, self._left_crawling = self._left_crawling, None
             points = self._search.ask(planning_budget)
-        self._out_of_ideas = not points
+        self.done = not points
         return points[:limit]
 
     def tell(self, trials: Sequence[Trial]) -> None:
@@ -210,7 +206,7 @@ class Descent:
             self._take_starts(trials)
             return
         if len(trials) < len(self._search.ask()):
-            self._out_of_ideas = True
+            self.done = True
             return
         measured = self.jacobian_next
         self._search.tell([trial.residuals for trial in trials])
@@ -230,7 +226,7 @@ class Descent:
         self._search = self._search_from(
             trial.candidate, trial.residuals, self._jacobian_at(trial, trials), _SAVED * PERFECT
         )
-        self._out_of_ideas = self._restarting = False
+        self.done = self._restarting = False
         self._polled = []
 
     def _jacobian_at(self, here: Trial, trials: Sequence[Trial]) -> FloatArray | None:
