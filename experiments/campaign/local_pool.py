@@ -48,7 +48,8 @@ class LocalPool:
     def __init__(
         self, size: int, cells_per_worker: int = CELLS_PER_WORKER, memory_limit_mb: float = MEMORY_LIMIT_MB
     ) -> None:
-        self._size = max(size, 1)
+        self.workers = max(size, 1)
+        """How many cells run side by side."""
         self._cells_per_worker = cells_per_worker
         self._memory_limit_mb = memory_limit_mb
         self._workers: list[_Worker] = []
@@ -56,14 +57,9 @@ class LocalPool:
         self._environment.enter_context(one_thread_for_children())
 
     @property
-    def workers(self) -> int:
-        """How many cells run side by side."""
-        return self._size
-
-    @property
     def free(self) -> int:
         """How many more orders may be handed over now."""
-        return self._size - sum(worker.order is not None for worker in self._workers)
+        return self.workers - sum(worker.order is not None for worker in self._workers)
 
     def submit(self, order: Order) -> None:
         """Hand an order to an idle worker, started if need be."""

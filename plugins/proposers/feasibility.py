@@ -105,12 +105,8 @@ class Feasibility:
         # Lower currents do not empty a cell that is too large any sooner.
         self._continuations = (["shortened"] if too_large else ["shortened", "slowed"]) if can_be_reduced(task) else []
         self._continuation: Continuation | None = None
-        self._asked: Reductions = ()
-
-    @property
-    def reductions(self) -> Reductions:
+        self.reductions: Reductions = ()
         """How the task is reduced for each of the points just asked for; empty where it is not."""
-        return self._asked
 
     @property
     def words(self) -> str:
@@ -123,7 +119,7 @@ class Feasibility:
 
     def ask(self) -> list[FloatArray]:
         """The points to try next, in the unit box."""
-        self._asked = ()
+        self.reductions = ()
         if not self._strides:
             points = self._by_continuation()
             if points:
@@ -146,7 +142,7 @@ class Feasibility:
                 continue
             candidates = self._continuation.ask(_NO_LIMIT)
             if candidates:
-                self._asked = self._continuation.reductions
+                self.reductions = self._continuation.reductions
                 return [self._space.to_unit(candidate) for candidate in candidates]
             self._continuation = None
         return []
@@ -161,7 +157,7 @@ class Feasibility:
 
     def tell(self, trials: Sequence[Trial]) -> Trial | None:
         """Take in the trials; the one nearest the record, if any ran to its end."""
-        if self._asked and self._continuation is not None:
+        if self.reductions and self._continuation is not None:
             self._continuation.tell(trials)
             if self._continuation.over:
                 self._continuation = None

@@ -1,8 +1,9 @@
 """An experiment of hundreds of cycles: compiled once, run with nothing kept but the last state and a few curves."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import accumulate
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -32,20 +33,6 @@ _LOSS_VARIABLES = (
     "Loss of active material in negative electrode [%]",
     "Loss of active material in positive electrode [%]",
 )
-
-
-@dataclass(frozen=True)
-class _OneCycle:
-    """What `to_trajectory` reads of a cycle."""
-
-    steps: list[Any]
-
-
-@dataclass(frozen=True)
-class _Solved:
-    """What `to_trajectory` reads of a solution."""
-
-    cycles: list[_OneCycle]
 
 
 class _Failed(CycleFailed):
@@ -228,7 +215,9 @@ class _Steps:
         return _Failed(failure, record)
 
     def _record(self, parts: list[Any], unfinished: Unfinished | None) -> Trajectory | None:
-        return to_trajectory(_Solved([_OneCycle(parts)]), [self._recipe], self._compiled.cell.heats, unfinished)
+        # All that is read of a solution is its cycles, and of a cycle its steps.
+        solved = SimpleNamespace(cycles=[SimpleNamespace(steps=parts)])
+        return to_trajectory(solved, [self._recipe], self._compiled.cell.heats, unfinished)
 
 
 def _losses(state: Any) -> tuple[float, ...]:
