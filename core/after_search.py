@@ -32,6 +32,9 @@ class Watching(Protocol):
     def counted(self, purpose: str, done: int, total: int) -> None:
         """So many of the simulations after the search that serve a purpose are done."""
 
+    def cycled(self, cycle: int, cycles: int) -> None:
+        """A simulation of a whole life, that which is farthest of those side by side, has come to this cycle."""
+
     def noted(self, text: str) -> None:
         """Something worth saying happened."""
 

@@ -78,7 +78,8 @@ def execute_run(
         recorder = Recorder(journal, earlier, resources.max_tokens, resources.max_cost_usd)
         if listener:
             recorder.say = listener.noted
-        context = RunContext(task, config.seed, folder, recorder.around(backend), resources.workers)
+        watched = {"cycled": listener.cycled} if listener else {}
+        context = RunContext(task, config.seed, folder, recorder.around(backend), resources.workers, **watched)
 
         def note(text: str) -> None:
             journal.append("note", text=text)
