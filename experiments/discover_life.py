@@ -66,9 +66,12 @@ def discover_over_life(
         changes = Changes(task, fit_cycles, new)
         engine = LifeEngine(simulate, changes, listener, options.max_effects, simulator.at_once)
         findings = engine.run([one.effect for one in considered if not one.lacks])
+    tried = tuple(one.effect.key for one in findings.nominations)
     findings.nominations += [one for one in considered if one.lacks]
     notes += [f"not built: {name}: {why}" for name, why in simulator.refused.items()]
-    found = LifeDiscovery(findings, tuple(modes), fit_cycles, cell, notes=notes, simulations=simulator.simulations)
+    found = LifeDiscovery(
+        findings, tuple(modes), fit_cycles, cell, tried=tried, notes=notes, simulations=simulator.simulations
+    )
     found.script = script(task, found.parameters, findings.best.effects, "augmented_model.py")
     found.wall_s = time.perf_counter() - began
     return found
