@@ -27,6 +27,7 @@ from .degradation_modes import degradation_modes
 from .discovery_case import DiscoverOptions, read_life
 from .request import run_config
 from .run import Resources, execute_run
+from .told_run import ToldRun
 
 CELL = "cell"
 """Folder of the run that fits the cell, in that of the discovery."""
@@ -50,7 +51,7 @@ def discover_over_life(
     # What is wrong with the options is said before the first simulation.
     fit_cycles, considered = _fit_cycles(task, options.fit_cycles), _considered(task, options, notes)
     listener("fitting the cell to its first cycle")
-    cell = _first_cycle(task, options, workers)
+    cell = _first_cycle(task, options, workers, listener)
     with closing(LifeSimulatorPool(task, workers)) as pool:
         simulator = RecordedSimulator(pool, LifeResiduals, journal.file, journal.earlier)
         modes = degradation_modes(task, cell, simulator)
@@ -111,14 +112,15 @@ def _simulating(simulator: Answering[LifeRequest, LifeResiduals], cell: Candidat
     return simulate
 
 
-def _first_cycle(task: Task, options: DiscoverOptions, workers: int) -> Candidate:
+def _first_cycle(task: Task, options: DiscoverOptions, workers: int, listener: Listener) -> Candidate:
     """The cell that shows the first cycle best, by a run in a folder of its own, which is resumed like any other."""
     (experiment,) = task.experiments
     first = shortened(experiment, experiment.target.steps[0].cycle)
     alone = replace(task, name=f"{task.name}, first cycle", experiments=(first,), held_out=())
     budget = {"rounds": _CELL_SIMULATIONS, "simulations": _CELL_SIMULATIONS, "proposer.options.order": ["joint"]}
     config = run_config("ageing", "rules", {}, budget)
-    found = execute_run(alone, config, options.out / CELL, open_backend("rules", {}), Resources(workers))
+    told = ToldRun(alone, _CELL_SIMULATIONS, listener)
+    found = execute_run(alone, config, options.out / CELL, open_backend("rules", {}), Resources(workers), told)
     if found.status == "interrupted":
         raise KeyboardInterrupt
     if not found.best.ok:
