@@ -54,6 +54,8 @@ def discover_over_life(
     cell = _first_cycle(task, options, workers, listener)
     with closing(LifeSimulatorPool(task, workers)) as pool:
         simulator = RecordedSimulator(pool, LifeResiduals, journal.file, journal.earlier)
+        kept = task.experiments[0].target.cycles[1:]
+        listener(f"fitting what was lost to each of {len(kept)} cycles alone, from cycle {kept[0]} to {kept[-1]}")
         modes = degradation_modes(task, cell, simulator)
         for mode in modes:
             listener(f"{mode.name}: {mode.per_100_cycles:+.2g} ± {mode.half_per_100_cycles:.1g} in 100 cycles")
