@@ -16,6 +16,7 @@ from .later_simulations import (
     REFERENCE,
     JournalledSimulations,
     WatchedSimulations,
+    simulated,
 )
 from .metrics import Metrics, decode_metrics, evaluate
 from .post_fit_analysis import PostFitAnalysis, analyse
@@ -76,7 +77,7 @@ class AfterSearch:
         self._listener = listener
         self.cut_short = False
         """Whether a person interrupted it: what is lacking is found out when the run is taken up again."""
-        self._simulated = [event for event in earlier if event["event"] == ANALYSIS_SIMULATION]
+        self._simulated: list[Mapping[str, Any]] = [event for event in earlier if event["event"] == ANALYSIS_SIMULATION]
         self._scores = {event["index"]: event for event in earlier if event["event"] == SCORE}
         self._analyses = {event["appraisal"]["base"]: event for event in earlier if event["event"] == ANALYSIS}
         self._predictions: dict[int, Mapping[str, Any]] = {
@@ -96,6 +97,9 @@ class AfterSearch:
             simulations = WatchedSimulations(self._plugins, self._watch)
             for place, outcome in simulations.simulate([trial.candidate for trial in missing], True):
                 scores[missing[place].index] = self._scored(missing[place], outcome)
+                if self._task.long:
+                    # The analysis asks for that of the best trial again, and every cycle of a life takes minutes.
+                    self._simulated.append(simulated(missing[place].candidate, outcome, exact=True))
         return scores
 
     def _scored(self, trial: Trial, outcome: Outcome) -> Score:

@@ -52,9 +52,9 @@ class JournalledSimulations(_SimulatingAround):
 
     def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
         """See `RunHooks.simulate`."""
-        known, missing = self._sorted(candidates, _WHOLE_TASK)
+        known, missing = self._sorted(candidates, _WHOLE_TASK, exact)
         made = self._inner.simulate([candidates[place] for place in missing], exact) if missing else ()
-        return self._all(candidates, _WHOLE_TASK, known, missing, made)
+        return self._all(candidates, _WHOLE_TASK, known, missing, made, exact)
 
     def simulate_variant(
         self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...], exact: bool = False
@@ -67,7 +67,7 @@ class JournalledSimulations(_SimulatingAround):
         return None if made is None else self._all(candidates, names, known, missing, made, exact)
 
     def _sorted(
-        self, candidates: Sequence[Candidate], experiments: list[str], exact: bool = False
+        self, candidates: Sequence[Candidate], experiments: list[str], exact: bool
     ) -> tuple[dict[int, Outcome], list[int]]:
         """The outcomes that are known, by place, and the places of the others."""
         known = {
@@ -87,22 +87,25 @@ class JournalledSimulations(_SimulatingAround):
         known: Mapping[int, Outcome],
         missing: Sequence[int],
         made: Iterable[tuple[int, Outcome]],
-        exact: bool = False,
+        exact: bool,
     ) -> Iterator[tuple[int, Outcome]]:
         yield from known.items()
         for number, outcome in made:
             place = missing[number]
-            event = {
-                "experiments": experiments,
-                "candidate": dict(candidates[place]),
-                "outcome": encode_outcome(outcome),
-                **({"exact": True} if exact else {}),
-            }
+            event = simulated(candidates[place], outcome, experiments, exact)
             self._journal.append(ANALYSIS_SIMULATION, **event)
             if exact:
                 # A forecast is simulated before its band, which begins with it.
                 self._known.append(event)
             yield place, outcome
+
+
+def simulated(
+    candidate: Candidate, outcome: Outcome, experiments: Sequence[str] = (), exact: bool = False
+) -> dict[str, Any]:
+    """What an event `ANALYSIS_SIMULATION` holds: an outcome of the whole task, or of experiments by their names."""
+    event = {"experiments": [*experiments], "candidate": dict(candidate), "outcome": encode_outcome(outcome)}
+    return event | ({"exact": True} if exact else {})
 
 
 class WatchedSimulations(_SimulatingAround):

@@ -106,26 +106,27 @@ def test_the_time_of_a_run_that_is_taken_up_again_is_summed(run_toy: RunToy, tmp
     assert json.loads((tmp_path / "run" / "result.json").read_text())["wall_s"] == third
 
 
+def executed(folder: Path, plugins: FadingLives, soon: list[RunResult]) -> RunResult:
+    earlier = list(read_events(folder)) if (folder / FILE_NAME).exists() else []
+    config = RunConfig(scaffold=toy_scaffold(), simulations=20, rounds=1, warm_up=0)
+    with closing(Journal(folder)) as journal:
+        if not earlier:
+            journal.append("run", format=1, identity="x", config={}, versions={}, task={})
+        recorder = Recorder(journal, earlier)
+        run = Run(fading_task(), config, plugins, recorder, journal, folder, earlier, None, True, soon.append)  # type: ignore[arg-type]
+        return run.execute()
+
+
 def test_a_life_is_forecast_before_its_analysis_which_may_be_interrupted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def executed(plugins: FadingLives, soon: list[RunResult]) -> RunResult:
-        earlier = list(read_events(tmp_path)) if (tmp_path / FILE_NAME).exists() else []
-        config = RunConfig(scaffold=toy_scaffold(), simulations=20, rounds=1, warm_up=0)
-        with closing(Journal(tmp_path)) as journal:
-            if not earlier:
-                journal.append("run", format=1, identity="x", config={}, versions={}, task={})
-            recorder = Recorder(journal, earlier)
-            run = Run(fading_task(), config, plugins, recorder, journal, tmp_path, earlier, None, True, soon.append)  # type: ignore[arg-type]
-            return run.execute()
-
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
     first, soon = FadingLives(), list[RunResult]()
     with monkeypatch.context() as patched:
         patched.setattr(after_search, "analyse", interrupted)
-        stopped = executed(first, soon)
+        stopped = executed(tmp_path, first, soon)
     (early,) = soon
     assert early.held_out[0].curve is not None
     assert early.analysis is None
@@ -134,7 +135,7 @@ def test_a_life_is_forecast_before_its_analysis_which_may_be_interrupted(
     assert [one.as_json() for one in stopped.held_out] == [one.as_json() for one in early.held_out]
 
     second, later = FadingLives(), list[RunResult]()
-    whole = executed(second, later)
+    whole = executed(tmp_path, second, later)
     assert not later
     assert whole.analysis is not None
     assert early.held_out[0].fade is None
@@ -168,3 +169,11 @@ def test_a_forecast_goes_on_in_the_middle_of_its_band(tmp_path: Path) -> None:
     assert (first.made, second.made) == (2, 1)  # the fit's life and one for each draw
     assert found.fade is not None
     assert found.fade.half_ah[-1] == pytest.approx(1.96 * 0.01, rel=1e-6)
+
+
+def test_a_life_is_simulated_once_with_reference_accuracy(tmp_path: Path) -> None:
+    plugins = FadingLives()
+    result = executed(tmp_path, plugins, [])
+    assert result.analysis is not None
+    # The start and the best: the analysis takes the latter from its score.
+    assert (plugins.scored, len(result.trials)) == (2, 2)

@@ -60,16 +60,20 @@ class FadingLives:
     """
 
     def __init__(self, after: int = 1000) -> None:
-        self.left, self.made, self.exact = after, 0, 0
+        self.left, self.made, self.exact, self.scored = after, 0, 0, 0
 
     def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
+        self.scored += exact * len(candidates)
+        return self._lives(candidates)
+
+    def _lives(self, candidates: Sequence[Candidate]) -> Iterator[tuple[int, Outcome]]:
         for place, candidate in enumerate(candidates):
             yield place, Outcome((ExperimentRun(life(100, candidate["rate"])),))
 
     def simulate_variant(
         self, candidates: Sequence[Candidate], experiments: object, exact: bool = False
     ) -> Iterator[tuple[int, Outcome]]:
-        for place, outcome in self.simulate(candidates, exact):
+        for place, outcome in self._lives(candidates):
             if not exact and self.left == 0:
                 raise KeyboardInterrupt
             self.left -= not exact
