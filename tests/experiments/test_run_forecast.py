@@ -11,6 +11,7 @@ from bsa.core import after_search
 from bsa.core.run_config import RunConfig
 from bsa.experiments import run
 from bsa.experiments.cli.progress import PlainProgress
+from bsa.experiments.cli.run import _print_summary
 from bsa.experiments.run_record import read_run
 from bsa_toy_cell import toy_scaffold
 from bsa_toy_life import FadingLives, fading_task
@@ -62,3 +63,9 @@ def test_the_forecast_is_in_the_folder_and_told_while_the_intervals_are_sought(
     assert "band of the forecast: 0 of" in again.getvalue()
     assert records(tmp_path)[0]["bands"]
     assert not {after_search.NOT_ANALYSED, after_search.NO_BAND} & set(read_run(tmp_path).notes)
+
+
+def test_the_summary_tells_the_forecast(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    result = run.execute_run(fading_task(), CONFIG, tmp_path, RulesBackend(), report=False)
+    _print_summary(fading_task(), result, tmp_path)
+    assert "\n  Forecast of later: capacity 0.8 A h in cycle 100, measured 0.8; off by " in capsys.readouterr().out
