@@ -8,7 +8,16 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from .journal import Journal
-from .later_simulations import NOT_FITTED, REFERENCE, JournalledSimulations, WatchedSimulations
+from .later_simulations import (
+    ANALYSIS_SIMULATION,
+    BAND,
+    FORECAST,
+    NOT_FITTED,
+    REFERENCE,
+    JournalledSimulations,
+    WatchedSimulations,
+    simulated,
+)
 from .metrics import Metrics, decode_metrics, evaluate
 from .post_fit_analysis import PostFitAnalysis, analyse
 from .prediction import HELD_OUT, Prediction, decode_prediction, encode_prediction, predict
@@ -23,6 +32,7 @@ ANALYSIS, SCORE = "appraisal", "score"
 
 NOT_ANALYSED = "Stopped before it was known what the record fixes. Resume the run to find out."
 NOT_PREDICTED = "Stopped before the held-out records were scored. Resume the run to score them."
+NO_BAND = "Stopped before the band of the forecast was known. Resume the run to find out."
 """Notes of a run that was interrupted after its search; no longer true once it was taken up again."""
 
 
@@ -31,6 +41,9 @@ class Watching(Protocol):
 
     def counted(self, purpose: str, done: int, total: int) -> None:
         """So many of the simulations after the search that serve a purpose are done."""
+
+    def cycled(self, cycle: int, cycles: int) -> None:
+        """A simulation of a whole life, that which is farthest of those side by side, has come to this cycle."""
 
     def noted(self, text: str) -> None:
         """Something worth saying happened."""
@@ -61,10 +74,12 @@ class AfterSearch:
         self._listener = listener
         self.cut_short = False
         """Whether a person interrupted it: what is lacking is found out when the run is taken up again."""
-        self._analysed = JournalledSimulations(plugins, journal, earlier)
+        self._simulated: list[Mapping[str, Any]] = [event for event in earlier if event["event"] == ANALYSIS_SIMULATION]
         self._scores = {event["index"]: event for event in earlier if event["event"] == SCORE}
         self._analyses = {event["appraisal"]["base"]: event for event in earlier if event["event"] == ANALYSIS}
-        self._predictions = {event["base"]: event for event in earlier if event["event"] == HELD_OUT}
+        self._predictions: dict[int, Mapping[str, Any]] = {
+            event["base"]: event for event in earlier if event["event"] == HELD_OUT
+        }
 
     def score(self, trials: Iterable[Trial]) -> dict[int, Score]:
         """Score trials with the simulator's reference accuracy; each is simulated once, however often it is given."""
@@ -79,6 +94,9 @@ class AfterSearch:
             simulations = WatchedSimulations(self._plugins, self._watch)
             for place, outcome in simulations.simulate([trial.candidate for trial in missing], True):
                 scores[missing[place].index] = self._scored(missing[place], outcome)
+                if self._task.long:
+                    # The analysis asks for that of the best trial again, and every cycle of a life takes minutes.
+                    self._simulated.append(simulated(missing[place].candidate, outcome, exact=True))
         return scores
 
     def _scored(self, trial: Trial, outcome: Outcome) -> Score:
@@ -103,11 +121,13 @@ class AfterSearch:
         known = self._analyses.get(best.index)
         if known is not None:
             return PostFitAnalysis.from_json(known["appraisal"])
-        if self._listener and best.ok:
-            self._listener.noted("The search has ended; now what the record fixes, and what to measure next.")
+        if self.cut_short:
+            return None
+        if best.ok:
+            self._say("The search has ended; now what the record fixes, and what to measure next.")
         try:
-            watched = WatchedSimulations(self._analysed, self._watch, exact=REFERENCE)
-            found = analyse(self._task, trials, best, watched, budget, self._plugins.weighs_priors())
+            simulating = self._journalled(exact=REFERENCE)
+            found = analyse(self._task, trials, best, simulating, budget, self._plugins.weighs_priors())
         except KeyboardInterrupt:
             self.cut_short = True
             self._note(NOT_ANALYSED)
@@ -116,30 +136,51 @@ class AfterSearch:
             self._journal.append(ANALYSIS, appraisal=found.as_json())
         return found
 
+    def forecast(self, best: Trial) -> tuple[Prediction, ...]:
+        """The rest of a life, before it is known what the records fix: what that adds is its band.
+
+        Nothing if it was predicted before, or the task is no life.
+        """
+        if not self._task.long or best.index in self._predictions:
+            return ()
+        return self.predict(best, None)
+
     def predict(
         self, best: Trial, analysis: PostFitAnalysis | None, fitted: Sequence[RecordErrors] = ()
     ) -> tuple[Prediction, ...]:
         """The held-out records at the best trial's parameters, given the errors of those that were fitted."""
-        if not (best.ok and self._task.held_out) or self.cut_short:
+        if not (best.ok and self._task.held_out):
             return ()
         known = self._predictions.get(best.index)
+        before = () if known is None else tuple(decode_prediction(content) for content in known["predictions"])
         draws = () if analysis is None else analysis.identifiability.draws
-        # Those of a run that was stopped before the posterior was known have no bands yet.
-        if known is not None and not (draws and known.get("draws") == 0):
-            return tuple(decode_prediction(content) for content in known["predictions"])
+        # Those from before the posterior was known have no bands yet.
+        lacking = known is None or (draws and known.get("draws") == 0)
+        if self.cut_short or not lacking:
+            return before
         # A life takes minutes for each simulation of its band: none is made twice. Other records may be simulated from
         # several starts, by which the journal does not tell them apart.
-        simulating = self._analysed if self._task.long else self._plugins
-        watched = WatchedSimulations(simulating, self._watch, variants=NOT_FITTED)
+        simulating = (
+            self._journalled(variants=BAND if draws else FORECAST)
+            if self._task.long
+            else WatchedSimulations(self._plugins, self._watch, variants=NOT_FITTED)
+        )
         try:
-            found = predict(self._task, best.candidate, self._task.held_out, watched, draws, misfits(fitted))
+            found = predict(self._task, best.candidate, self._task.held_out, simulating, draws, misfits(fitted))
         except KeyboardInterrupt:
             self.cut_short = True
-            self._note(NOT_PREDICTED)
-            return ()
-        predictions = [encode_prediction(one) for one in found]
-        self._journal.append(HELD_OUT, base=best.index, predictions=predictions, draws=len(draws))
+            self._note(NO_BAND if before else NOT_PREDICTED)
+            return before
+        event = {"predictions": [encode_prediction(one) for one in found], "draws": len(draws)}
+        self._journal.append(HELD_OUT, base=best.index, **event)
+        self._predictions[best.index] = event
         return found
+
+    def _journalled(self, **purposes: str) -> JournalledSimulations:
+        """Simulations that are written down and not made again; those that are made are counted aloud."""
+        return JournalledSimulations(
+            WatchedSimulations(self._plugins, self._watch, **purposes), self._journal, self._simulated
+        )
 
     def _watch(self, purpose: str, done: int, total: int) -> None:
         if self._listener:
@@ -147,6 +188,9 @@ class AfterSearch:
 
     def _note(self, text: str) -> None:
         self._journal.append("note", text=text)
+        self._say(text)
+
+    def _say(self, text: str) -> None:
         if self._listener:
             self._listener.noted(text)
 

@@ -104,6 +104,9 @@ class RunContext:
         The language model, for plugins that ask one.
     workers : int
         How many simulations run side by side when a proposal holds several candidates.
+    cycled : callable
+        ``cycled(cycle, cycles)`` may be called while a long simulation goes on: it has come to this cycle of so many.
+        It is shown to whoever waits, and of no other consequence.
     """
 
     task: Task
@@ -111,6 +114,7 @@ class RunContext:
     folder: Path
     backend: Backend | None = None
     workers: int = 1
+    cycled: Callable[[int, int], None] = field(default=lambda cycle, cycles: None)
 
 
 @dataclass(frozen=True)

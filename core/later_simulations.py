@@ -15,7 +15,7 @@ ANALYSIS_SIMULATION = "appraisal-simulation"
 _WHOLE_TASK: list[str] = []
 
 FINAL_SCORES, FIXED, NEXT = "final scores", "what the record fixes", "what to measure next"
-NOT_FITTED = "records that were not fitted"
+NOT_FITTED, FORECAST, BAND = "records that were not fitted", "forecast", "band of the forecast"
 REFERENCE = "residuals with reference accuracy"
 """What the simulations after a search are for."""
 
@@ -41,41 +41,42 @@ class _SimulatingAround:
 class JournalledSimulations(_SimulatingAround):
     """A simulator behind the journal; see `Simulating`.
 
-    ``inner`` simulates what the events of the interrupted run do not hold. Each outcome is written whole, for what is
-    judged of it depends on others.
+    ``inner`` simulates what ``known`` does not hold, the run's events `ANALYSIS_SIMULATION` so far. Each outcome is
+    written whole, for what is judged of it depends on others.
     """
 
-    def __init__(self, inner: Simulating, journal: Journal, earlier: Iterable[Mapping[str, Any]]) -> None:
+    def __init__(self, inner: Simulating, journal: Journal, known: list[Mapping[str, Any]]) -> None:
         super().__init__(inner)
         self._journal = journal
-        self._known = [event for event in earlier if event["event"] == ANALYSIS_SIMULATION]
+        self._known = known
 
     def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
         """See `RunHooks.simulate`."""
-        known, missing = self._sorted(candidates, _WHOLE_TASK)
+        known, missing = self._sorted(candidates, _WHOLE_TASK, exact)
         made = self._inner.simulate([candidates[place] for place in missing], exact) if missing else ()
-        return self._all(candidates, _WHOLE_TASK, known, missing, made)
+        return self._all(candidates, _WHOLE_TASK, known, missing, made, exact)
 
     def simulate_variant(
         self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...], exact: bool = False
     ) -> Iterator[tuple[int, Outcome]] | None:
         """See `RunHooks.simulate_variant`."""
-        if exact:
-            # Names do not tell the two accuracies apart, and final scores are written down by themselves.
-            return self._inner.simulate_variant(candidates, experiments, exact)
         names = [experiment.name for experiment in experiments]
-        known, missing = self._sorted(candidates, names)
+        known, missing = self._sorted(candidates, names, exact)
         left = [candidates[place] for place in missing]
-        made = self._inner.simulate_variant(left, experiments) if missing else ()
-        return None if made is None else self._all(candidates, names, known, missing, made)
+        made = self._inner.simulate_variant(left, experiments, exact) if missing else ()
+        return None if made is None else self._all(candidates, names, known, missing, made, exact)
 
-    def _sorted(self, candidates: Sequence[Candidate], experiments: list[str]) -> tuple[dict[int, Outcome], list[int]]:
+    def _sorted(
+        self, candidates: Sequence[Candidate], experiments: list[str], exact: bool
+    ) -> tuple[dict[int, Outcome], list[int]]:
         """The outcomes that are known, by place, and the places of the others."""
         known = {
             place: decode_outcome(event["outcome"])
             for place, candidate in enumerate(candidates)
             for event in self._known
-            if event["experiments"] == experiments and event["candidate"] == dict(candidate)
+            if event["experiments"] == experiments
+            and event["candidate"] == dict(candidate)
+            and event.get("exact", False) == exact
         }
         return known, [place for place in range(len(candidates)) if place not in known]
 
@@ -86,17 +87,25 @@ class JournalledSimulations(_SimulatingAround):
         known: Mapping[int, Outcome],
         missing: Sequence[int],
         made: Iterable[tuple[int, Outcome]],
+        exact: bool,
     ) -> Iterator[tuple[int, Outcome]]:
         yield from known.items()
         for number, outcome in made:
             place = missing[number]
-            self._journal.append(
-                ANALYSIS_SIMULATION,
-                experiments=experiments,
-                candidate=dict(candidates[place]),
-                outcome=encode_outcome(outcome),
-            )
+            event = simulated(candidates[place], outcome, experiments, exact)
+            self._journal.append(ANALYSIS_SIMULATION, **event)
+            if exact:
+                # A forecast is simulated before its band, which begins with it.
+                self._known.append(event)
             yield place, outcome
+
+
+def simulated(
+    candidate: Candidate, outcome: Outcome, experiments: Sequence[str] = (), exact: bool = False
+) -> dict[str, Any]:
+    """What an event `ANALYSIS_SIMULATION` holds: an outcome of the whole task, or of experiments by their names."""
+    event = {"experiments": [*experiments], "candidate": dict(candidate), "outcome": encode_outcome(outcome)}
+    return event | ({"exact": True} if exact else {})
 
 
 class WatchedSimulations(_SimulatingAround):

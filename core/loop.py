@@ -5,7 +5,7 @@ journal. Proposers and memories so rebuild their state by being asked the same q
 """
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal, Protocol
@@ -91,6 +91,7 @@ class Run:
 
     ``recorder`` keeps the books of the language model; ``earlier`` are the events of the interrupted run, if any.
     ``analysing`` looks, after the search, at what the records fix, which costs simulations that are not the search's.
+    ``forecast`` is given the result as soon as the rest of a life is forecast, before that analysis.
     """
 
     def __init__(
@@ -104,7 +105,9 @@ class Run:
         earlier: Iterable[Mapping[str, Any]] = (),
         listener: Listener | None = None,
         analysing: bool = False,
+        forecast: Callable[[RunResult], None] = lambda result: None,
     ) -> None:
+        self._forecast = forecast
         self._task = task
         self._config = config
         self._plugins = plugins
@@ -316,27 +319,32 @@ class Run:
         fit = scores.get(best.index, Score(best.metrics))
         # A single simulation is no fit, and there is nothing to judge.
         analysing = last_word and self._analysing and len(self._trials) > 1
+
+        def result(analysis: PostFitAnalysis | None, held_out: tuple[Prediction, ...]) -> RunResult:
+            return RunResult(
+                status=status,
+                best=best,
+                lowest=scored_best,
+                initial_metrics=scores.get(initial.index, Score(initial.metrics)).metrics,
+                best_metrics=fit.metrics,
+                lowest_metrics=scores.get(scored_best.index, Score(scored_best.metrics)).metrics,
+                trials=tuple(self._trials),
+                usage=self._recorder.usage,
+                llm_calls=self._recorder.calls,
+                lost_calls=self._recorder.lost,
+                wall_s=self._earlier_s + time.perf_counter() - started,
+                simulator_s=sum(trial.seconds for trial in self._trials),
+                analysis=analysis,
+                reason=reason,
+                records=fit.records,
+                held_out=held_out,
+                cut_short=self._after.cut_short,
+            )
+
+        soon = self._after.forecast(best) if analysing else ()
+        if soon:
+            self._forecast(result(None, soon))
         analysis = self._after.analyse(self._trials, best, self._config.simulations) if analysing else None
         held_out = self._after.predict(best, analysis, fit.records) if last_word else ()
-        spent_s = time.perf_counter() - started
-        result = RunResult(
-            status=status,
-            best=best,
-            lowest=scored_best,
-            initial_metrics=scores.get(initial.index, Score(initial.metrics)).metrics,
-            best_metrics=fit.metrics,
-            lowest_metrics=scores.get(scored_best.index, Score(scored_best.metrics)).metrics,
-            trials=tuple(self._trials),
-            usage=self._recorder.usage,
-            llm_calls=self._recorder.calls,
-            lost_calls=self._recorder.lost,
-            wall_s=self._earlier_s + spent_s,
-            simulator_s=sum(trial.seconds for trial in self._trials),
-            analysis=analysis,
-            reason=reason,
-            records=fit.records,
-            held_out=held_out,
-            cut_short=self._after.cut_short,
-        )
-        self._journal.append("end", status=status, best=best.index, wall_s=spent_s)
-        return result
+        self._journal.append("end", status=status, best=best.index, wall_s=time.perf_counter() - started)
+        return result(analysis, held_out)

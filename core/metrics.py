@@ -60,18 +60,18 @@ def headline_of(task: Task) -> tuple[Quantity, ...]:
     """The errors that are shown first."""
     if not _by_paper(task):
         return (MISFIT, *signal_errors(task))
-    return (*paper.headline_of(task), *_of_a_life(task))
+    return _with_those_of_a_life(paper.headline_of(task), task)
 
 
 def errors_of(task: Task) -> tuple[Quantity, ...]:
     """All errors, for a table."""
-    return (*paper.errors_of(task), *_of_a_life(task)) if _by_paper(task) else (MISFIT, *signal_errors(task))
+    return _with_those_of_a_life(paper.errors_of(task), task) if _by_paper(task) else (MISFIT, *signal_errors(task))
 
 
 def told_of(task: Task) -> tuple[Quantity, ...]:
     """The errors that a proposer is told."""
-    return (*paper.told_of(task), *_of_a_life(task)) if _by_paper(task) else (MISFIT, *signal_errors(task))
+    return _with_those_of_a_life(paper.told_of(task), task) if _by_paper(task) else (MISFIT, *signal_errors(task))
 
 
-def _of_a_life(task: Task) -> tuple[Quantity, ...]:
-    return (ageing.FADE, ageing.RESISTANCE) if task.long else ()
+def _with_those_of_a_life(quantities: tuple[Quantity, ...], task: Task) -> tuple[Quantity, ...]:
+    return (*ageing.over_cycles(quantities, task), ageing.FADE, ageing.RESISTANCE) if task.long else quantities

@@ -27,6 +27,7 @@ from .degradation_modes import degradation_modes
 from .discovery_case import DiscoverOptions, read_life
 from .request import run_config
 from .run import Resources, execute_run
+from .told_run import ToldRun
 
 CELL = "cell"
 """Folder of the run that fits the cell, in that of the discovery."""
@@ -50,9 +51,11 @@ def discover_over_life(
     # What is wrong with the options is said before the first simulation.
     fit_cycles, considered = _fit_cycles(task, options.fit_cycles), _considered(task, options, notes)
     listener("fitting the cell to its first cycle")
-    cell = _first_cycle(task, options, workers)
+    cell = _first_cycle(task, options, workers, listener)
     with closing(LifeSimulatorPool(task, workers)) as pool:
         simulator = RecordedSimulator(pool, LifeResiduals, journal.file, journal.earlier)
+        kept = task.experiments[0].target.cycles[1:]
+        listener(f"fitting what was lost to each of {len(kept)} cycles alone, from cycle {kept[0]} to {kept[-1]}")
         modes = degradation_modes(task, cell, simulator)
         for mode in modes:
             listener(f"{mode.name}: {mode.per_100_cycles:+.2g} ± {mode.half_per_100_cycles:.1g} in 100 cycles")
@@ -66,9 +69,12 @@ def discover_over_life(
         changes = Changes(task, fit_cycles, new)
         engine = LifeEngine(simulate, changes, listener, options.max_effects, simulator.at_once)
         findings = engine.run([one.effect for one in considered if not one.lacks])
+    tried = tuple(one.effect.key for one in findings.nominations)
     findings.nominations += [one for one in considered if one.lacks]
     notes += [f"not built: {name}: {why}" for name, why in simulator.refused.items()]
-    found = LifeDiscovery(findings, tuple(modes), fit_cycles, cell, notes=notes, simulations=simulator.simulations)
+    found = LifeDiscovery(
+        findings, tuple(modes), fit_cycles, cell, tried=tried, notes=notes, simulations=simulator.simulations
+    )
     found.script = script(task, found.parameters, findings.best.effects, "augmented_model.py")
     found.wall_s = time.perf_counter() - began
     return found
@@ -108,14 +114,15 @@ def _simulating(simulator: Answering[LifeRequest, LifeResiduals], cell: Candidat
     return simulate
 
 
-def _first_cycle(task: Task, options: DiscoverOptions, workers: int) -> Candidate:
+def _first_cycle(task: Task, options: DiscoverOptions, workers: int, listener: Listener) -> Candidate:
     """The cell that shows the first cycle best, by a run in a folder of its own, which is resumed like any other."""
     (experiment,) = task.experiments
     first = shortened(experiment, experiment.target.steps[0].cycle)
     alone = replace(task, name=f"{task.name}, first cycle", experiments=(first,), held_out=())
     budget = {"rounds": _CELL_SIMULATIONS, "simulations": _CELL_SIMULATIONS, "proposer.options.order": ["joint"]}
     config = run_config("ageing", "rules", {}, budget)
-    found = execute_run(alone, config, options.out / CELL, open_backend("rules", {}), Resources(workers))
+    told = ToldRun(alone, _CELL_SIMULATIONS, listener)
+    found = execute_run(alone, config, options.out / CELL, open_backend("rules", {}), Resources(workers), told)
     if found.status == "interrupted":
         raise KeyboardInterrupt
     if not found.best.ok:

@@ -57,7 +57,8 @@ def predict_records(
     scaffold = Scaffold.model_validate(
         {"name": "predict", "simulator": run.config["scaffold"]["simulator"], "proposer": "default"}
     )
-    context = RunContext(task, int(run.config["seed"]), folder, None, workers)
+    watching = {"cycled": listener.cycled} if listener else {}
+    context = RunContext(task, int(run.config["seed"]), folder, None, workers, **watching)
     plugins = RunPlugins(scaffold, context, installed())
     watched = WatchedSimulations(plugins, listener.counted if listener else _unwatched, variants=NOT_FITTED)
     draws = () if run.analysis is None else run.analysis.identifiability.draws

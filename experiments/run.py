@@ -4,6 +4,7 @@ import json
 import platform
 from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,8 @@ from ..core.shape import decoding, shaped
 from ..core.task import Task
 from .misfit_notes import misfit_notes
 from .run_record import read_run
+
+RESULT = "result.json"
 
 _VERSIONED = ("battery-sim-agent", "pybamm", "numpy", "scipy")
 
@@ -62,12 +65,17 @@ def execute_run(
 ) -> RunResult:
     """Run a task in a folder, or go on where an interrupted run of the same task and configuration stopped.
 
-    Journal, results and report go to the folder; the backend is closed at the end. Without ``report`` no
-    ``report.html`` is written: the journal is enough to write it later. ``analysing`` finds out after the search what
-    the records fix and what to measure next; studies count simulations and leave it out. ``to_discover`` is the command
-    that looks for what the model lacks; it is told where the misfit of the best candidate is no noise. Raises
-    `BsaError` if the folder holds a run of another task or configuration, or a plugin cannot be used.
+    Journal, results and report go to the folder, those of a life first when its later cycles are forecast; the backend
+    is closed at the end. Without ``report`` no ``report.html`` is written: the journal is enough to write it later.
+    ``analysing`` finds out after the search what the records fix and what to measure next; studies count simulations
+    and leave it out. ``to_discover`` is the command that looks for what the model lacks; it is told where the misfit of
+    the best candidate is no noise. Raises `BsaError` if the folder holds a run of another task or configuration, or a
+    plugin cannot be used.
     """
+    from .report.forecast_line import forecast_line
+    from .report.page import FILE_NAME as REPORT
+    from .report.page import build_report
+
     resources = resources or Resources()
     config = config.model_copy(update={"scaffold": config.scaffold.made_for(task.simulator)})
     with closing(backend), opened(folder, "trial") as book:
@@ -78,7 +86,8 @@ def execute_run(
         recorder = Recorder(journal, earlier, resources.max_tokens, resources.max_cost_usd)
         if listener:
             recorder.say = listener.noted
-        context = RunContext(task, config.seed, folder, recorder.around(backend), resources.workers)
+        watched = {"cycled": listener.cycled} if listener else {}
+        context = RunContext(task, config.seed, folder, recorder.around(backend), resources.workers, **watched)
 
         def note(text: str) -> None:
             journal.append("note", text=text)
@@ -89,17 +98,35 @@ def execute_run(
             if listener:
                 for text in (*task.notes, *journal.warnings):
                     listener.noted(text)
-            result = Run(task, config, plugins, recorder, journal, folder, earlier, listener, analysing).execute()
+
+            write = partial(_write_products, folder, task, config, backend.name, plugins)
+
+            def forecast(result: RunResult) -> None:
+                write(result)
+                if report:
+                    build_report(folder)
+                if listener:
+                    for one, measured in zip(result.held_out, task.held_out, strict=True):
+                        listener.noted(forecast_line(one, measured))
+                    listener.noted(f"{folder / (REPORT if report else RESULT)} has it; its 95 % band follows.")
+
+            result = Run(
+                task, config, plugins, recorder, journal, folder, earlier, listener, analysing, forecast
+            ).execute()
             for text in misfit_notes(task, result.best, to_discover) if to_discover else ():
                 note(text)
-            write_results(folder, task, config, backend.name, result)
-            for name, content in plugins.export(result.best.candidate).items():
-                write_text(folder / name, content)
+            write(result)
     if report:
-        from .report import build_report
-
         build_report(folder)
     return result
+
+
+def _write_products(
+    folder: Path, task: Task, config: RunConfig, backend_name: str, plugins: RunPlugins, result: RunResult
+) -> None:
+    write_results(folder, task, config, backend_name, result)
+    for name, content in plugins.export(result.best.candidate).items():
+        write_text(folder / name, content)
 
 
 def _open_chapter(journal: Journal, earlier: list[dict[str, Any]], task: Task, config: RunConfig) -> None:
@@ -177,5 +204,5 @@ def _numbers(task: Task, metrics: Metrics | None) -> dict[str, float | None]:
 
 def write_results(folder: Path, task: Task, config: RunConfig, backend_name: str, result: RunResult) -> None:
     """Write ``result.json`` and ``best_parameters.json``, each whole or not at all."""
-    write_json(folder / "result.json", summary(task, config, backend_name, result), indent=2)
+    write_json(folder / RESULT, summary(task, config, backend_name, result), indent=2)
     write_json(folder / "best_parameters.json", dict(result.best.candidate), indent=2)

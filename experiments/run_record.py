@@ -7,7 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from ..core.after_search import ANALYSIS, NOT_ANALYSED, NOT_PREDICTED, SCORE, read_record_errors
+from ..core.after_search import ANALYSIS, NO_BAND, NOT_ANALYSED, NOT_PREDICTED, SCORE, read_record_errors
 from ..core.answer import answer
 from ..core.encoding import decode_task, decode_trial
 from ..core.errors import BsaError
@@ -175,7 +175,11 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
     best = answer(task, trials).index
     scores = {event["index"]: event for event in events if event["event"] == SCORE}
     analysis, held_out = _analysis(events, best, task), _predictions(events, best)
-    mended = {NOT_ANALYSED: analysis is not None, NOT_PREDICTED: bool(held_out)}
+    mended = {
+        NOT_ANALYSED: analysis is not None,
+        NOT_PREDICTED: bool(held_out),
+        NO_BAND: any(one.bands for one in held_out),
+    }
     told = [str(event["text"]) for event in events if event["event"] == "note"]
     return RunRecord(
         name=folder.resolve().name,

@@ -48,8 +48,10 @@ def ctrl_c() -> Iterator[Any]:
 class HerePool:
     """A pool without processes: each would import PyBaMM for seconds, and processes have tests of their own."""
 
-    def __init__(self, service: Any, size: int, time_limit_s: float) -> None:
-        self._service = service
+    def __init__(
+        self, service: Any, size: int, time_limit_s: float, watch: Callable[[list[Any]], None] = lambda reports: None
+    ) -> None:
+        self._service, self._watch = service, watch
         self._prepared = False
 
     def run(self, jobs: Sequence[Any], allowance: float = 1.0) -> Iterator[tuple[int, Any]]:
@@ -57,7 +59,7 @@ class HerePool:
             self._service.prepare()
             self._prepared = True
         for place, job in enumerate(jobs):
-            yield place, self._service.work(job, lambda report: None)
+            yield place, self._service.work(job, lambda report: self._watch([report]))
 
     def close(self) -> None:
         pass

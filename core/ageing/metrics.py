@@ -1,6 +1,7 @@
 """How well a simulation of a long record matches it: cycle by cycle on each cycle's own clock, and the fade."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,6 +30,18 @@ class AgeingMetrics(PaperMetrics):
 
 FADE = Quantity("fade_error", "Capacity error over all cycles", "%", told="fade_error_pct_of_first_capacity")
 RESISTANCE = Quantity("resistance_error", "Resistance error over all cycles", "%", told="resistance_error_pct")
+
+
+def over_cycles(quantities: Iterable[Quantity], task: Task) -> tuple[Quantity, ...]:
+    """Errors of curves under names that say over what: at equal times from the start of each detailed cycle.
+
+    Beside them stand errors of all cycles, and record by record those step by step, for which a step that ends early is
+    stretched to its measured duration.
+    """
+    count = sum(len(experiment.detailed_cycles) for experiment in task.experiments)
+    cycles = f"{count} cycle{'s' * (count > 1)}"
+    labels = {"v_rmse_mv": f"Voltage RMSE at equal times of {cycles}", "capacity_error": f"Capacity error of {cycles}"}
+    return tuple(replace(one, label=labels.get(one.key, one.label)) for one in quantities)
 
 
 def evaluate(task: Task, outcome: Outcome) -> AgeingMetrics | None:

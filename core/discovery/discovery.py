@@ -3,7 +3,7 @@
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from ..effect import Effect
 from .explanation import Explanation
 from .findings import Findings, Nomination
 from .ranking import Ranking
-from .rules import RULES, bic_difference
+from .rules import RULES, Rules, bic_difference
 
 Json = dict[str, Any]
 
@@ -19,6 +19,8 @@ Json = dict[str, Any]
 @dataclass(eq=False)
 class Discovery(ABC):
     """What was found, with the evidence."""
+
+    rules: ClassVar[Rules] = RULES  # By which it was decided.
 
     findings: Findings  # The engine's own account.
     notes: list[str] = field(default_factory=list, kw_only=True)  # What was assumed.
@@ -137,7 +139,7 @@ class Discovery(ABC):
             return ""
         if explanation in self.findings.rivals:
             return "cannot be told from the best"
-        reason = RULES.objection_to(explanation, self.findings.gap)
+        reason = self.rules.objection_to(explanation, self.findings.gap)
         return reason or "explains the data less well than the best, or needs more effects for the same"
 
 

@@ -19,11 +19,14 @@ from .explanation import Explanation, estimates_of
 from .findings import Findings, Gap, Listener, Nomination
 from .progress import Progress
 from .refit import Refit, refit
-from .rules import RULES, ranked
+from .rules import Rules, ranked
 from .side_by_side import side_by_side
 
 Simulate = Callable[[tuple[Effect, ...], Sequence[Candidate]], Sequence[FloatArray | None]]
 """The residuals of a life's task with some effects, for values of their parameters; None where it failed."""
+
+Fitted = Explanation | str
+"""What the fit of a mechanism comes to, or why there is none."""
 
 _SCANNED = 8
 """Strengths that are tried over the range of each mechanism: rates differ from cell to cell by orders of magnitude."""
@@ -47,9 +50,21 @@ _SECOND = 0.1
 """Share of its own best strength at which a second mechanism begins beside a first one."""
 
 _NO_NEARER = "comes no nearer to the life than the cell without it"
+_NOT_SIMULATED = "could not be simulated, at any strength that was tried"
+_NOT_FITTED = "could not be fitted"
 
 DEVIATION_V = 1e-3
 """What a standard deviation counts as, V, for rules that are about voltages: a good cycler's millivolt."""
+
+
+class LifeRules(Rules):
+    """The same rules, in words for a life."""
+
+    base_words = "the cell without ageing"
+    held_words = "the later cycles"
+
+
+LIFE_RULES = LifeRules()
 
 
 class LifeEngine:
@@ -80,7 +95,7 @@ class LifeEngine:
         if base.adequacy.adequate:
             return Findings("no-missing-effect", gap, base, reason="noise explains what changes from cycle to cycle")
         singles = self._fits({effect.key: partial(self._single, effect, base) for effect in catalogue})
-        found = ranked([one for one in singles.values() if one is not None])
+        found = ranked(_fitted(singles))
         if found and self._max_effects > 1 and not found[0].adequacy.adequate:
             others = [one for one in found[1:] if one.names != found[0].names]
             pairs = self._fits(
@@ -88,18 +103,22 @@ class LifeEngine:
             )
             # A second mechanism also makes up for a law of the first that is not quite the cell's: only one with which
             # nothing is left is a mechanism.
-            found = ranked([*found, *(pair for pair in pairs.values() if pair is not None and pair.adequacy.adequate)])
-        findings = RULES.decide(gap, found)
-        findings.nominations = [Nomination(effect, "" if singles[effect.key] else _NO_NEARER) for effect in catalogue]
+            found = ranked([*found, *(pair for pair in _fitted(pairs) if pair.adequacy.adequate)])
+        findings = LIFE_RULES.decide(gap, found)
+        if findings.verdict == "unexplained":
+            findings.reason = _unexplained(catalogue, singles, findings.reason if found else "")
+        findings.nominations = [
+            Nomination(effect, one if isinstance(one := singles[effect.key], str) else "") for effect in catalogue
+        ]
         return findings
 
-    def _fits(self, fits: Mapping[str, Callable[[], Explanation | None]]) -> dict[str, Explanation | None]:
+    def _fits(self, fits: Mapping[str, Callable[[], Fitted]]) -> dict[str, Fitted]:
         """What fits come to, side by side; each is told of as it ends."""
         self._progress.begin(len(fits))
 
-        def one(label: str, fit: Callable[[], Explanation | None]) -> Explanation | None:
+        def one(label: str, fit: Callable[[], Fitted]) -> Fitted:
             found = fit()
-            self._progress.ended(label, _NO_NEARER if found is None else _in_words(found))
+            self._progress.ended(label, found if isinstance(found, str) else _in_words(found))
             return found
 
         found = side_by_side([partial(one, label, fit) for label, fit in fits.items()], self._at_once)
@@ -118,12 +137,13 @@ class LifeEngine:
         seen = changes[self._changes.fitted]
         return Refit(ParameterSpace(()), np.zeros(0), seen, np.zeros((len(seen), 0)), True, 1, promised=0.0)
 
-    def _single(self, effect: Effect, base: Explanation) -> Explanation | None:
-        """The best fit of an effect; None where no strength of it comes nearer than none."""
+    def _single(self, effect: Effect, base: Explanation) -> Fitted:
+        """The best fit of an effect."""
         strength = effect.full_name(effect.strength)
-        best, least, beyond = 0.0, base.fit.cost, 0
+        best, least, beyond, simulated = 0.0, base.fit.cost, 0, False
         for value in np.geomspace(_BELOW * effect.strength.probe, effect.strength.upper, _SCANNED):
             (seen,) = self._fitted((effect,), [{strength: float(value)}])
+            simulated = simulated or seen is not None
             cost = np.inf if seen is None else float(seen @ seen)
             if cost < least:
                 best, least, beyond = float(value), cost, 0
@@ -132,16 +152,18 @@ class LifeEngine:
                 beyond += bool(best) or cost > _WORSE * base.fit.cost
             if beyond == _BEYOND:
                 break
-        return self._fit((effect,), {strength: best}) if best else None
+        if not best:
+            return _NO_NEARER if simulated else _NOT_SIMULATED
+        return self._fit((effect,), {strength: best})
 
-    def _pair(self, first: Explanation, second: Explanation) -> Explanation | None:
+    def _pair(self, first: Explanation, second: Explanation) -> Fitted:
         effects = (*first.effects, *second.effects)
         (other,) = second.effects
         start = {**first.fit.candidate, **second.fit.candidate}
         start[other.full_name(other.strength)] *= _SECOND
         return self._fit(effects, start)
 
-    def _fit(self, effects: tuple[Effect, ...], start: Candidate) -> Explanation | None:
+    def _fit(self, effects: tuple[Effect, ...], start: Candidate) -> Fitted:
         searched = [parameter for effect in effects for parameter in effect.searched]
         space = ParameterSpace(
             tuple(
@@ -150,7 +172,7 @@ class LifeEngine:
             )
         )
         fit = refit(lambda candidates: self._fitted(effects, candidates), space, np.zeros(len(space)), budget=_BUDGET)
-        return None if fit is None else self._explanation(effects, fit)
+        return _NOT_FITTED if fit is None else self._explanation(effects, fit)
 
     def _explanation(self, effects: tuple[Effect, ...], fit: Refit) -> Explanation:
         (all_cycles,) = self._residuals(effects, [fit.candidate])
@@ -168,6 +190,41 @@ class LifeEngine:
         )
         found.estimates = estimates_of(effects, fit, found.dispersion(0.0))
         return found
+
+
+def _fitted(fits: Mapping[str, Fitted]) -> list[Explanation]:
+    return [one for one in fits.values() if not isinstance(one, str)]
+
+
+def _unexplained(tried: Sequence[Effect], fits: Mapping[str, Fitted], nearest: str) -> str:
+    """What it means that no mechanism is named: which were tried, how near they came, what is left to suppose.
+
+    ``nearest`` is the mechanism that came nearest, with what speaks against it; empty where none came any nearer.
+    """
+    if not tried:
+        return "no mechanism could be tried: each of those that were asked for is ruled out for this cell or its model"
+    lost = [effect for effect in tried if fits[effect.key] in (_NOT_SIMULATED, _NOT_FITTED)]
+    if nearest:
+        came = f"the nearest of them, {nearest}"
+    elif len(lost) < len(tried):
+        came = "at no strength does one of them come nearer to the life than the cell without ageing"
+    else:
+        came = "none of them could be simulated and fitted"
+    if lost and len(lost) < len(tried):
+        came += f"; not to be simulated or fitted: {_listed(lost)}"
+    return (
+        f"of the mechanisms that were tried, none explains how the cell changes from cycle to cycle: {_listed(tried)}; "
+        f"{came}. The cell ages in a way that is not among them, or the fit of its first cycle is too far off for one "
+        "to show"
+    )
+
+
+def _listed(effects: Sequence[Effect]) -> str:
+    """``"sei-growth (reaction-limited, diffusion-limited), lithium-plating"``."""
+    variants: dict[str, list[str]] = {}
+    for effect in effects:
+        variants.setdefault(effect.name, []).extend([effect.variant] * bool(effect.variant))
+    return ", ".join(f"{name} ({', '.join(found)})" if found else name for name, found in variants.items())
 
 
 def _in_words(found: Explanation) -> str:

@@ -1,13 +1,13 @@
 """The answer of a discovery over a life."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 
 from ..parameters import Candidate
 from .discovery import Discovery, Json, before_and_after
 from .drift import Drift
 from .explanation import Explanation
 from .findings import Nomination
-from .life import DEVIATION_V
+from .life import DEVIATION_V, LIFE_RULES
 from .rules import closed
 
 
@@ -15,9 +15,12 @@ from .rules import closed
 class LifeDiscovery(Discovery):
     """Which mechanism ages a cell."""
 
+    rules = LIFE_RULES
+
     modes: tuple[Drift, ...]  # Lithium, active material and resistance by cycle, whatever the mechanism.
     fit_cycles: int  # The last cycle that was fitted.
     cell: Candidate  # The cell's own parameters, fitted to its first cycle.
+    tried: tuple[str, ...] = field(default=(), kw_only=True)  # Keys of the mechanisms that were fitted to the life.
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -46,7 +49,8 @@ class LifeDiscovery(Discovery):
         }
 
     def _evidence(self) -> Json:
-        return {"fit_cycles": self.fit_cycles, "modes": [asdict(mode) for mode in self.modes]}
+        modes = [asdict(mode) for mode in self.modes]
+        return {"fit_cycles": self.fit_cycles, "tried": list(self.tried), "modes": modes}
 
     def _seen(self, explanation: Explanation | None, nomination: Nomination | None) -> Json:
         if explanation is None:

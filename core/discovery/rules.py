@@ -69,6 +69,10 @@ class Rules:
     # What a temperature's error must be smaller by, besides being half as large, to be clearly smaller, K.
     clear_k: float = CLEAR_K
 
+    # What a reason calls the model that lacks all effects, and what is predicted and never fitted.
+    base_words = "the base model"
+    held_words = "data not fitted"
+
     def explains_all(self, found: Explanation) -> bool:
         """Whether an explanation leaves noise only."""
         return found.adequacy.noise_only(self.false_alarm)
@@ -89,7 +93,7 @@ class Rules:
         """Why an explanation may not be named; empty if it may."""
         base, margin = gap.base, self.behind(gap.base, found)
         if margin <= 1.0:
-            return f"does not beat the base model by {self.clear_bic:g} in BIC"
+            return f"does not beat {self.base_words} by {self.clear_bic:g} in BIC"
         if not found.excludes_null(self.clear_k):
             return "a strength's 95 % interval contains its null value, or it ran into a bound"
         if not (found.settled or self.explains_all(found) or margin > self.far_ahead):
@@ -101,7 +105,7 @@ class Rules:
             return objection
         # A measured temperature is data not fitted too: where it tells, the voltage has to be predicted about as well.
         if not found.held_rmse_v < base.held_rmse_v / (1.0 - self.held_margin if warm else 1.0):
-            return "does not predict the data not fitted better than the base model"
+            return f"does not predict {self.held_words} better than {self.base_words}"
         return ""
 
     def _leaves_too_much(self, found: Explanation, gap: Gap) -> str:
@@ -110,7 +114,7 @@ class Rules:
         if share < 1.0 - (self.left_fitted if shown else self.left_over):
             return f"closes {share:.0%} of the gap only"
         held = closed(gap.base.held_rmse_v, found.held_rmse_v, gap.held_noise_v)
-        return f"closes {held:.0%} of the gap in data not fitted only" * (shown and held < 1.0 - self.left_over)
+        return f"closes {held:.0%} of the gap in {self.held_words} only" * (shown and held < 1.0 - self.left_over)
 
     def rivals(self, best: Explanation, others: Sequence[Explanation]) -> list[Explanation]:
         """Explanations with other names that cannot be told from the best one.
@@ -162,7 +166,7 @@ class Rules:
             if self.behind(other, best) <= 1.0 and self.predicts_temperature(other, best):
                 best = other
         equal = self.rivals(best, [e for e in needed if e is not best])
-        reason = f"{best.label} beats the base model by {bic_difference(base, best):.0f} in BIC"
+        reason = f"{best.label} beats {self.base_words} by {bic_difference(base, best):.0f} in BIC"
         if not (best.settled or self.explains_all(best)):
             reason += "; its fit did not converge, and its intervals may be too narrow"
         if equal:

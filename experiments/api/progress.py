@@ -45,10 +45,11 @@ class CalibrationBar(Bar):
     def __init__(self, task: Task, simulations: int, visible: bool) -> None:
         super().__init__(simulations, "simulations", visible)
         self._unit = objective_of(task).of_unit
+        self._stage = ""
 
     def proposed(self, proposal: Proposal, phase: Phase, number: int) -> None:
         """See `Listener.proposed`."""
-        self._bar.set_description_str(f"{phase}, round {number}")
+        self._describe(f"{phase}, round {number}")
 
     def tried(self, trial: Trial, best: Trial, usage: Usage) -> None:
         """See `Listener.tried`."""
@@ -58,7 +59,15 @@ class CalibrationBar(Bar):
 
     def counted(self, purpose: str, done: int, total: int) -> None:
         """See `Listener.counted`."""
-        self._bar.set_description_str(f"{purpose}: {done} of {total}")
+        self._describe(f"{purpose}: {done} of {total}")
+
+    def cycled(self, cycle: int, cycles: int) -> None:
+        """See `Listener.cycled`."""
+        self._bar.set_description_str(", ".join(part for part in (self._stage, f"cycle {cycle} of {cycles}") if part))
+
+    def _describe(self, stage: str) -> None:
+        self._stage = stage
+        self._bar.set_description_str(stage)
 
     def noted(self, text: str) -> None:
         """See `Listener.noted`: the journal and the report keep notes."""

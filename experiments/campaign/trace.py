@@ -92,6 +92,9 @@ class Stopwatch:
     def counted(self, purpose: str, done: int, total: int) -> None:
         """See `Listener.counted`."""
 
+    def cycled(self, cycle: int, cycles: int) -> None:
+        """See `Listener.cycled`."""
+
     def noted(self, text: str) -> None:
         """See `Listener.noted`."""
 

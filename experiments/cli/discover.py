@@ -147,9 +147,9 @@ def _carry_out(asked: DiscoverOptions, workers: int, as_json: bool) -> None:
     print(f"verdict: {found.verdict}")
     for name in found.names:
         print(f"  {printable(name)}")
-    print(f"  {printable(found.findings.reason)}")
+    print(f"  {printable(found.findings.reason, 1500)}")
     print(f"  report: {asked.out / 'report.html'}")
 
 
 def _say(text: str) -> None:
-    print(printable(text, 400), file=sys.stderr, flush=True)
+    print(printable(text, 1500), file=sys.stderr, flush=True)

@@ -6,6 +6,7 @@ import math
 import sys
 import time
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Self, TextIO
 
 from ...core.messages import Usage
@@ -36,25 +37,47 @@ def _typed(command: str) -> str:
     return strip_control(command).replace("\n", " ")
 
 
+_SILENT_S = 15.0
+"""Time without a line, s, after which a long simulation tells its cycle: shorter ones need no progress of their own."""
+
+_STARTING = "starting the simulator"
+
+
+def cycle_words(stage: str, cycle: int, cycles: int) -> str:
+    """``"forecast: cycle 130 of 400"``; of several simulations ``"final scores: 1 of 3 simulations, cycle ..."``."""
+    alone = stage.removesuffix(": 0 of 1 simulations")
+    return f"{stage}, cycle {cycle} of {cycles}" if alone == stage else f"{alone}: cycle {cycle} of {cycles}"
+
+
 class PlainProgress:
-    """One line for each round and each better trial.
+    """One line for each round and each better trial, and of a long simulation one from time to time.
 
     ``unit`` is that of the objective, ``command`` what a note may end with and is never cut. Progress goes to standard
     error by default, results to standard output.
     """
 
-    def __init__(self, unit: str, stream: TextIO | None = None, command: str = "") -> None:
+    def __init__(
+        self,
+        unit: str,
+        stream: TextIO | None = None,
+        command: str = "",
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._unit = unit
         self._stream = stream or sys.stderr
         self._command = command
         self._best = float("inf")
+        self._stage = "start"
+        self._clock = clock
+        self._said = clock()
 
     def proposed(self, proposal: Proposal, phase: Phase, number: int) -> None:
         """See `Listener.proposed`."""
         words = (
             f"lost: {proposal.lost}" if proposal.lost else proposal.hypothesis or proposal.rationale or proposal.action
         )
-        self._say(f"{phase} {number}: {printable(words)}")
+        self._stage = f"{phase} {number}"
+        self._say(f"{self._stage}: {printable(words)}")
 
     def tried(self, trial: Trial, best: Trial, usage: Usage) -> None:
         """See `Listener.tried`."""
@@ -73,13 +96,20 @@ class PlainProgress:
 
     def counted(self, purpose: str, done: int, total: int) -> None:
         """See `Listener.counted`."""
-        self._say(f"{purpose}: {done} of {total} simulations")
+        self._stage = f"{purpose}: {done} of {total} simulations"
+        self._say(self._stage)
+
+    def cycled(self, cycle: int, cycles: int) -> None:
+        """See `Listener.cycled`."""
+        if self._clock() - self._said >= _SILENT_S:
+            self._say(f"  {cycle_words(self._stage, cycle, cycles)}")
 
     def noted(self, text: str) -> None:
         """See `Listener.noted`."""
         self._say(note_line(text, self._command))
 
     def _say(self, line: str) -> None:
+        self._said = self._clock()
         print(line, file=self._stream, flush=True)
 
     def __enter__(self) -> PlainProgress:
@@ -126,7 +156,7 @@ class LiveProgress(Redrawn):
         self._command = command
         self._title, self._unit, self._simulations = title, unit, simulations
         self._started = time.monotonic()
-        self._state: dict[str, Any] = {"phase": "starting the simulator", "hypothesis": "", "count": 0, "failed": 0}
+        self._state: dict[str, Any] = {"phase": _STARTING, "hypothesis": "", "count": 0, "failed": 0, "at": ""}
         self._first: float | None = None
         self._best: float | None = None
         self._usage = Usage()
@@ -134,12 +164,12 @@ class LiveProgress(Redrawn):
 
     def proposed(self, proposal: Proposal, phase: Phase, number: int) -> None:
         """See `Listener.proposed`."""
-        self._state["phase"] = f"{phase}, round {number}"
+        self._state |= {"phase": f"{phase}, round {number}", "at": ""}
         self._state["hypothesis"] = proposal.lost or proposal.hypothesis or proposal.rationale
 
     def tried(self, trial: Trial, best: Trial, usage: Usage) -> None:
         """See `Listener.tried`."""
-        self._state["count"] = trial.index + 1
+        self._state |= {"count": trial.index + 1, "at": ""}
         self._state["failed"] += trial.failed
         if self._first is None and trial.ok:
             self._first = trial.objective
@@ -148,7 +178,12 @@ class LiveProgress(Redrawn):
 
     def counted(self, purpose: str, done: int, total: int) -> None:
         """See `Listener.counted`."""
-        self._state["phase"] = f"{purpose}: {done} of {total} simulations"
+        self._state |= {"phase": f"{purpose}: {done} of {total} simulations", "at": ""}
+
+    def cycled(self, cycle: int, cycles: int) -> None:
+        """See `Listener.cycled`."""
+        stage = "first simulation" if self._state["phase"] == _STARTING else self._state["phase"]
+        self._state["at"] = cycle_words(stage, cycle, cycles)
 
     def noted(self, text: str) -> None:
         """See `Listener.noted`."""
@@ -162,7 +197,7 @@ class LiveProgress(Redrawn):
 
         grid = Table.grid(padding=(0, 2))
         rows = {
-            "now": self._state["phase"],
+            "now": self._state["at"] or self._state["phase"],
             "hypothesis": printable(self._state["hypothesis"], 160) or "–",
             "error": f"{brief(self._first)} → {brief(self._best)} {self._unit}",
             "simulations": f"{self._state['count']} of {self._simulations}"

@@ -270,6 +270,7 @@ def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability
 
 def _print_summary(task: Task, result: RunResult, folder: Path) -> None:
     from ...core.metrics import headline_of, objective_of
+    from ..report.forecast_line import forecast_line
     from ..report.post_fit import best_score_line, caution_line, groups_line, next_line, verdict_line
     from ..report.records import error_rows
     from ..report.wording import number
@@ -290,6 +291,9 @@ def _print_summary(task: Task, result: RunResult, folder: Path) -> None:
         print(f"  {better}")
     for row in error_rows(task, result.records, result.held_out):
         print(f"  {printable(row.line, 400)}")
+    for forecast, measured in zip(result.held_out, task.held_out, strict=False):
+        if measured.long:
+            print(f"  {printable(forecast_line(forecast, measured), 400)}")
     if result.analysis is not None:
         lines = [words(result.analysis) for words in (verdict_line, caution_line, groups_line)]
         lines.append(next_line(result.analysis, task.domain))

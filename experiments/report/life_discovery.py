@@ -6,8 +6,13 @@ from typing import Any
 import numpy as np
 
 from .chart import Chart, Key, horizontal, padded
-from .discovery import VERDICTS
 from .templates import template
+
+_HEADLINES = {
+    "effect-found": "A mechanism explains how the cell ages",
+    "ambiguous": "Several mechanisms explain equally well how the cell ages",
+    "no-missing-effect": "The cell does not age by more than the scatter of its cycles",
+}
 
 _STYLES = ("best", "initial", "limit")
 _LOST_HEIGHT, _OTHER_HEIGHT = 210.0, 110.0
@@ -16,7 +21,19 @@ _LOST_HEIGHT, _OTHER_HEIGHT = 210.0, 110.0
 def render(content: Mapping[str, Any]) -> str:
     """The page as HTML. ``content`` is what ``discovery.json`` holds."""
     chart = _modes(content["modes"])
-    return template("life_discovery.html.j2").render(d=content, headline=VERDICTS[content["verdict"]], chart=chart)
+    return template("life_discovery.html.j2").render(d=content, headline=_headline(content), chart=chart)
+
+
+def _headline(content: Mapping[str, Any]) -> str:
+    """The verdict; with how many mechanisms were tried, where none of them explains the life."""
+    count = len(content["tried"])
+    if content["verdict"] != "unexplained":
+        return _HEADLINES[content["verdict"]]
+    if count == 0:
+        return "No mechanism could be tried that would explain how the cell ages"
+    if count == 1:
+        return "The one mechanism that was tried does not explain how the cell ages"
+    return f"None of the {count} mechanisms that were tried explains how the cell ages"
 
 
 def _modes(modes: Sequence[Mapping[str, Any]]) -> Chart | None:

@@ -76,7 +76,7 @@ def render(run: RunRecord) -> str:
     return template("report.html.j2").render(
         run=run,
         usage=run.usage,
-        status=_STAGES_LEFT_OUT if run.lacking else _STATUS.get(run.status, run.status),
+        status=_STAGES_LEFT_OUT if run.lacking and run.status != UNFINISHED else _STATUS.get(run.status, run.status),
         lacking=clipped(run.lacking, 600),
         objective=objective,
         domain=run.task.domain,

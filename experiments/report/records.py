@@ -16,6 +16,9 @@ from .wording import duration, number, unit
 
 _DIGITS = 3
 
+_NAMED = 10
+"""Cycles that are named one by one; of more the number is."""
+
 FITTED, HELD_OUT = "fitted", "held out"
 
 
@@ -91,7 +94,7 @@ def _rows(task: Task, errors: RecordErrors, use: str, bands: dict[str, Band]) ->
     if not errors.signals:
         return [ErrorRow(errors.record, "", use, "", "", "", "", "", remark=errors.failure)]
     words = {CAPACITY: CAPACITY} | {signal.name: signal.words for signal in (*task.observed, TEMPERATURE, *SPECTRUM)}
-    over = "time" if errors.impedance is None else "decades"
+    experiment = next((e for e in (*task.experiments, *task.held_out) if e.name == errors.record), None)
     stopped = f"the simulation stopped early: {errors.failure}" if errors.failure else ""
     rows: list[ErrorRow] = []
     for name, error in errors.signals.items():
@@ -105,10 +108,19 @@ def _rows(task: Task, errors: RecordErrors, use: str, bands: dict[str, Band]) ->
         told = ("", "", "") if band is None else _band(band)
         wide = _left_open(band, error.unit) if band is not None and band.wide else ""
         remark = "; ".join(part for part in (stopped, *errors.limits, wide) if part)
+        over = "cycles" if name == CAPACITY else "time" if errors.impedance is None else "decades"
         note = "" if errors.impedance is None or rows else errors.impedance.words
+        if experiment is not None and experiment.long:
+            note = "in percent of the first one" if name == CAPACITY else _step_by_step(experiment.detailed_cycles)
         row = ErrorRow(errors.record, "", use, *_printed(words[name], error), *told, remark, note, over, steps)
         rows.append(row)
     return rows
+
+
+def _step_by_step(cycles: tuple[int, ...]) -> str:
+    """What errors of the curves of a life are over."""
+    named = f"cycles {', '.join(map(str, cycles))}" if len(cycles) <= _NAMED else f"{len(cycles)} cycles"
+    return f"over the steps of {named}, each stretched to its measured duration"
 
 
 def _left_open(band: Band, in_unit: str) -> str:

@@ -213,7 +213,8 @@ def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
         f"{e.name} (held out): begins under load; it is started so that the fitted cell meets its first percent, or at "
         "its first sample if that turns out to be from before the load."
         for e in experiments
-        if e.initial_voltage is not None and begins_under_load(e.target)
+        # Of a life the first cycle is simulated first, whichever is compared.
+        if e.initial_voltage is not None and not e.long and begins_under_load(e.target)
     ]
     experiments += [spectrum_experiment(request) for request in spectra]
     notes += [note for request in spectra for note in spectrum_notes(request, " (held out)")]

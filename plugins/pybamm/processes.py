@@ -25,6 +25,9 @@ START_LIMIT_S = 300.0
 Report = Callable[[Any], None]
 """Tells the parent how far a job has come."""
 
+Watch = Callable[[Sequence[Any]], None]
+"""Told, whenever a job reports, what each of those that are being done has reported last."""
+
 
 class Service(Protocol[Job, Answer]):
     """What the workers of a pool do; made in the parent, pickled, and used in each worker."""
@@ -96,6 +99,7 @@ class Worker(Generic[Job, Answer]):
         self._process: Any = None
         self.connection: Connection | None = None
         self.deadline = 0.0
+        self.reported: Any = None  # What its job has reported last.
 
     def start(self) -> None:
         """Start the process if it is not running."""
@@ -118,7 +122,7 @@ class Worker(Generic[Job, Answer]):
         self.deadline = self._started + self._allowed_s
         if not self._ready:
             self.deadline += START_LIMIT_S
-        self._reported: Any = None
+        self.reported = None
         # A dead process answers through `receive`.
         with suppress(OSError):
             self.connection.send(job)
@@ -138,14 +142,14 @@ class Worker(Generic[Job, Answer]):
         if kind == "unusable":
             raise content
         if kind == "report":
-            self._reported = content
+            self.reported = content
             return None
         self._ready = True
         if kind == "done":
             return (content,)
         if kind == "lost":
             cause, seconds = content
-            return (self._service.lost(cause, seconds, self._reported),)
+            return (self._service.lost(cause, seconds, self.reported),)
         return None
 
     def give_up(self) -> tuple[Answer]:
@@ -153,7 +157,7 @@ class Worker(Generic[Job, Answer]):
         return self._lost(f"no result within the time limit of {self._allowed_s:g} s")
 
     def _lost(self, cause: str) -> tuple[Answer]:
-        answer = self._service.lost(cause, time.monotonic() - self._started, self._reported)
+        answer = self._service.lost(cause, time.monotonic() - self._started, self.reported)
         self.stop()
         return (answer,)
 
@@ -171,7 +175,14 @@ class Worker(Generic[Job, Answer]):
 class Pool(Generic[Job, Answer]):
     """At most ``size`` workers side by side, each started when first needed; threads may share it."""
 
-    def __init__(self, service: Service[Job, Answer], size: int, time_limit_s: float) -> None:
+    def __init__(
+        self,
+        service: Service[Job, Answer],
+        size: int,
+        time_limit_s: float,
+        watch: Watch = lambda reports: None,
+    ) -> None:
+        self._watch = watch
         self.workers = [Worker(service, time_limit_s) for _ in range(max(size, 1))]
         self._idle: queue.LifoQueue[Worker[Job, Answer]] = queue.LifoQueue()
         for worker in reversed(self.workers):
@@ -215,10 +226,12 @@ class Pool(Generic[Job, Answer]):
         patience = max(0.0, min(worker.deadline for worker in busy) - time.monotonic())
         for connection in wait([worker.connection for worker in busy if worker.connection], patience):
             worker = by_connection[connection]  # type: ignore[index]
-            answer = worker.receive()
+            before, answer = worker.reported, worker.receive()
             if answer is not None:
                 busy.remove(worker)
                 yield worker, answer[0]
+            elif worker.reported is not before:
+                self._watch([one.reported for one in busy if one.reported is not None])
         for worker in busy:
             if time.monotonic() > worker.deadline:
                 yield worker, worker.give_up()[0]

@@ -50,7 +50,7 @@ class PyBaMMSimulator:
                 "name the task's own simulator: a scaffold's key simulator, or --set simulator.use=NAME.",
             )
         self._task = task
-        self._options, self._workers = options, context.workers
+        self._options, self._workers, self._cycled = options, context.workers, context.cycled
         self._reduced: dict[TaskReduction, tuple[Experiment, ...]] = {}
         self._variant: tuple[tuple[Experiment, ...], WorkerPool] | None = None
         self._equilibrium: EquilibriumCell | None = None
@@ -58,6 +58,7 @@ class PyBaMMSimulator:
             Assignment(task.cell, task.experiments, task.space.targets),
             context.workers,
             self._limit_s(task.experiments),
+            context.cycled,
         )
 
     def _limit_s(self, experiments: Sequence[Experiment]) -> float:
@@ -97,7 +98,7 @@ class PyBaMMSimulator:
         if not any(experiment.name in own for experiment in experiments):
             targets = {name: target for name, target in targets.items() if not isinstance(target, InitialSoc)}
         limit_s = self._limit_s(experiments) * max(1.0, len(experiments) / len(self._task.experiments))
-        pool = WorkerPool(Assignment(self._task.cell, experiments, targets), self._workers, limit_s)
+        pool = WorkerPool(Assignment(self._task.cell, experiments, targets), self._workers, limit_s, self._cycled)
         self._variant = (experiments, pool)
         return pool
 

@@ -1,6 +1,6 @@
 """Which way an experiment is simulated: by its protocol, as a life, by its measured current, or as a spectrum."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from ...core.simulation import ExperimentRun
 from ...core.target import CellChange, Target
@@ -20,12 +20,16 @@ def compiled(cell: CellModel, experiment: Experiment, targets: Mapping[str, Targ
 
 
 def solve_reference(
-    cell: CellModel, experiment: Experiment, change: CellChange, resolution: Resolution = REFERENCE
+    cell: CellModel,
+    experiment: Experiment,
+    change: CellChange,
+    resolution: Resolution = REFERENCE,
+    on_step: Callable[[str, int], None] | None = None,
 ) -> ExperimentRun:
     """Simulate a changed cell on PyBaMM's standard mesh at tight tolerance, built for it alone, every cycle of it."""
     if experiment.long:
-        return LongExperiment(cell, experiment, {}, resolution, baked=change, leave_out=False).solve({})
-    return _kind(experiment)(cell, experiment, {}, resolution, baked=change).solve({})
+        return LongExperiment(cell, experiment, {}, resolution, baked=change, leave_out=False).solve({}, on_step)
+    return _kind(experiment)(cell, experiment, {}, resolution, baked=change).solve({}, on_step)
 
 
 def _kind(experiment: Experiment) -> type[Simulated]:

@@ -1,7 +1,7 @@
 """A task's candidates, simulated in worker processes that keep its compiled models warm."""
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,24 +62,45 @@ class CandidateService:
     ) -> ExperimentRun:
         from .solving import solve_reference
 
+        def on_step(step: str, cycle: int) -> None:
+            report((number, step, cycle))
+
         if resolution is not None:
             change = change_of(self._assignment.targets, candidate)
-            return solve_reference(self._assignment.cell, self._assignment.experiments[number], change, resolution)
-        run: ExperimentRun = self._compiled[number].solve(candidate, lambda *step: report(step))
+            experiment = self._assignment.experiments[number]
+            return solve_reference(self._assignment.cell, experiment, change, resolution, on_step)
+        run: ExperimentRun = self._compiled[number].solve(candidate, on_step)
         return run
 
     def lost(self, cause: str, seconds: float, reported: Any) -> Outcome:
         """A trial that failed in the step that was reported last."""
-        step, cycle = reported or ("", 0)
+        _, step, cycle = reported or (0, "", 0)
         failure = SimulationFailure(cause, step, cycle)
         return Outcome((ExperimentRun(None, failure),) * len(self._assignment.experiments), seconds)
 
 
 class WorkerPool:
-    """Simulates candidates side by side, in at most ``size`` processes; each starts when first needed."""
+    """Simulates candidates side by side, in at most ``size`` processes; each starts when first needed.
 
-    def __init__(self, assignment: Assignment, size: int, time_limit_s: float) -> None:
-        self.processes = Pool(CandidateService(assignment), size, time_limit_s)
+    ``cycled`` is told of lives the cycle of the simulation that is farthest, and how many cycles that one has.
+    """
+
+    def __init__(
+        self,
+        assignment: Assignment,
+        size: int,
+        time_limit_s: float,
+        cycled: Callable[[int, int], None] = lambda cycle, cycles: None,
+    ) -> None:
+        self._cycles = [len(e.protocol or ()) if e.long else 0 for e in assignment.experiments]
+        self._cycled, self._told = cycled, (0, 0)
+        self.processes = Pool(CandidateService(assignment), size, time_limit_s, self._watch)
+
+    def _watch(self, reports: Sequence[tuple[int, str, int]]) -> None:
+        number, _, cycle = max(reports, key=lambda report: (report[0], report[2]))
+        if self._cycles[number] and (number, cycle) != self._told:
+            self._told = number, cycle
+            self._cycled(cycle, self._cycles[number])
 
     def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
         """Simulate all candidates; the place and the outcome of each as it finishes."""

@@ -13,15 +13,17 @@ from bsa.core.after_search import AfterSearch
 from bsa.core.feedback import Feedback
 from bsa.core.identifiability import Identifiability
 from bsa.core.journal import FILE_NAME, Journal, read_events
-from bsa.core.parameters import Candidate, Parameter, ParameterSpace
+from bsa.core.loop import Run, RunResult
+from bsa.core.parameters import Candidate
 from bsa.core.post_fit_analysis import PostFitAnalysis
+from bsa.core.recording import Recorder
+from bsa.core.run_config import RunConfig
 from bsa.core.signal_metrics import SignalMetrics
-from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.trial import Trial, closest, likeliest, lowest
 from bsa.experiments.report.page import render
 from bsa.experiments.run_record import read_run
 from bsa_toy_cell import toy_scaffold
-from bsa_toy_life import life, life_task
+from bsa_toy_life import FadingLives, fading_task
 
 from ..conftest import RunToy
 
@@ -104,26 +106,48 @@ def test_the_time_of_a_run_that_is_taken_up_again_is_summed(run_toy: RunToy, tmp
     assert json.loads((tmp_path / "run" / "result.json").read_text())["wall_s"] == third
 
 
-class Stops:
-    """A cell that fades by its parameter; it is interrupted after so many simulations of lives."""
+def executed(folder: Path, plugins: FadingLives, soon: list[RunResult]) -> RunResult:
+    earlier = list(read_events(folder)) if (folder / FILE_NAME).exists() else []
+    config = RunConfig(scaffold=toy_scaffold(), simulations=20, rounds=1, warm_up=0)
+    with closing(Journal(folder)) as journal:
+        if not earlier:
+            journal.append("run", format=1, identity="x", config={}, versions={}, task={})
+        recorder = Recorder(journal, earlier)
+        run = Run(fading_task(), config, plugins, recorder, journal, folder, earlier, None, True, soon.append)  # type: ignore[arg-type]
+        return run.execute()
 
-    def __init__(self, after: int) -> None:
-        self.left, self.made = after, 0
 
-    def simulate_variant(self, candidates: Any, experiments: Any, exact: bool = False) -> Any:
-        for place, candidate in enumerate(candidates):
-            if not exact and self.left == 0:
-                raise KeyboardInterrupt
-            self.left -= not exact
-            self.made += not exact
-            yield place, Outcome((ExperimentRun(life(100, candidate["rate"])),), 0.0)
+def test_a_life_is_forecast_before_its_analysis_which_may_be_interrupted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    first, soon = FadingLives(), list[RunResult]()
+    with monkeypatch.context() as patched:
+        patched.setattr(after_search, "analyse", interrupted)
+        stopped = executed(tmp_path, first, soon)
+    (early,) = soon
+    assert early.held_out[0].curve is not None
+    assert early.analysis is None
+    assert not early.cut_short
+    assert stopped.cut_short
+    assert [one.as_json() for one in stopped.held_out] == [one.as_json() for one in early.held_out]
+
+    second, later = FadingLives(), list[RunResult]()
+    whole = executed(tmp_path, second, later)
+    assert not later
+    assert whole.analysis is not None
+    assert early.held_out[0].fade is None
+    assert whole.held_out[0].fade is not None
+    # Its band takes more simulations, but not the forecast again.
+    assert (first.exact, second.exact) == (1, 0)
+    assert second.made > 0
 
 
 def test_a_forecast_goes_on_in_the_middle_of_its_band(tmp_path: Path) -> None:
     """A life takes minutes to simulate: what was simulated before an interrupt is not simulated again."""
-    box = ParameterSpace((Parameter("rate", 0.2, 0.0, 1.0), Parameter("other", 0.5, 0.0, 1.0)))
-    task = replace(life_task(life(100, 0.2)), space=box)
-    task = replace(task, held_out=(replace(task.experiments[0], name="later"),))
+    task = fading_task()
     best = trial(1, 1.0, 1.0)
     best = replace(best, candidate={"rate": 0.2, "other": 0.5}, metrics=SignalMetrics(1.0, {}))
     draws = tuple((0.2 + 0.01 * shift, 0.5) for shift in (-1.0, 1.0))
@@ -132,14 +156,24 @@ def test_a_forecast_goes_on_in_the_middle_of_its_band(tmp_path: Path) -> None:
     with closing(Journal(tmp_path)) as journal:
         journal.append("run", format=1, identity="x", config={}, versions={}, task={})
 
-    def predicted(simulating: Stops) -> tuple[Any, ...]:
+    def predicted(simulating: FadingLives) -> tuple[Any, ...]:
         earlier = list(read_events(tmp_path))
         with closing(Journal(tmp_path)) as journal:
             return AfterSearch(task, simulating, journal, earlier, None).predict(best, analysis)  # type: ignore[arg-type]
 
-    first, second = Stops(2), Stops(10)
+    first, second = FadingLives(2), FadingLives(10)
     assert predicted(first) == ()
+    assert first.exact == 1
     (found,) = predicted(second)
+    assert second.exact == 0
     assert (first.made, second.made) == (2, 1)  # the fit's life and one for each draw
     assert found.fade is not None
     assert found.fade.half_ah[-1] == pytest.approx(1.96 * 0.01, rel=1e-6)
+
+
+def test_a_life_is_simulated_once_with_reference_accuracy(tmp_path: Path) -> None:
+    plugins = FadingLives()
+    result = executed(tmp_path, plugins, [])
+    assert result.analysis is not None
+    # The start and the best: the analysis takes the latter from its score.
+    assert (plugins.scored, len(result.trials)) == (2, 2)

@@ -6,7 +6,7 @@ import pytest
 from bsa.core.ageing.metrics import AgeingMetrics
 from bsa.core.encoding import decode_task, encode_task
 from bsa.core.errors import BsaError
-from bsa.core.metrics import decode_metrics, errors_of, evaluate
+from bsa.core.metrics import decode_metrics, errors_of, evaluate, headline_of
 from bsa.core.residuals import noise_of_residuals, residuals
 from bsa.core.simulation import ExperimentRun, Outcome, SimulationFailure
 from bsa.core.task import Task
@@ -103,3 +103,12 @@ def test_what_a_long_record_lacks_is_said(record: Record, task: MakeTask) -> Non
         replace(made, experiments=(*made.experiments, whole))
     with pytest.raises(BsaError, match=r"curves of the cycles \[3\]"):
         replace(made, experiments=(replace(made.experiments[0], detailed_cycles=(1, 3)),))
+
+
+def test_an_error_says_over_which_cycles_it_is(record: Record, task: MakeTask) -> None:
+    life = task(record(fade=1e-3, kept=(1, 20, 50)))
+    labels = {one.key: one.label for one in headline_of(life)}
+    assert labels["v_rmse_mv"] == "Voltage RMSE at equal times of 3 cycles"
+    assert labels["capacity_error"] == "Capacity error of 3 cycles"
+    assert labels["fade_error"] == "Capacity error over all cycles"
+    assert {one.key: one.label for one in errors_of(life)}["v_rmse_mv"] == labels["v_rmse_mv"]

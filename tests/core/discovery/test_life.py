@@ -65,7 +65,7 @@ def test_the_mechanism_is_named_with_its_strength(hidden: Effect) -> None:
 def test_a_mechanism_that_is_not_in_the_catalogue_is_not_given_anothers_name() -> None:
     found = discovery(0.3, BENDS["late"]).run([ROOT])
     assert found.verdict == "unexplained"
-    assert "gap" in found.reason or "data not fitted" in found.reason
+    assert "gap" in found.reason or "later cycles" in found.reason
 
 
 def test_a_life_without_ageing_lacks_nothing() -> None:
@@ -130,3 +130,24 @@ def test_fits_side_by_side_find_the_same() -> None:
     alone, together = (engine.run([ROOT, LINEAR, LATE]) for engine in (one, two))
     assert [e.label for e in alone.explanations] == [e.label for e in together.explanations]
     assert alone.best.fit.candidate == together.best.fit.candidate
+
+
+def test_a_life_that_nothing_explains_is_told_what_was_tried_and_how_near_it_came() -> None:
+    variant = replace(GAIN, name="root", variant="backwards")
+    near = discovery(0.3, BENDS["late"]).run([ROOT, variant])
+    assert near.verdict == "unexplained"
+    assert "none explains how the cell changes from cycle to cycle: root (backwards);" in near.reason
+    assert "; the nearest of them, root: " in near.reason
+    assert near.reason.endswith("too far off for one to show")
+    far = discovery(0.1, 1.0).run([GAIN])
+    assert "at no strength does one of them come nearer to the life than the cell without ageing" in far.reason
+    assert discovery(0.1, 1.0).run([]).reason.startswith("no mechanism could be tried")
+
+
+def test_a_mechanism_that_cannot_be_simulated_is_not_said_to_come_no_nearer() -> None:
+    engine = discovery(0.1, 1.0)
+    simulate = engine._simulate
+    engine._simulate = lambda effects, candidates: [None] if GAIN in effects else simulate(effects, candidates)
+    found = engine.run([GAIN])
+    assert found.nominations[0].lacks == "could not be simulated, at any strength that was tried"
+    assert "none of them could be simulated and fitted" in found.reason

@@ -79,3 +79,35 @@ def test_other_notes_are_cut_and_a_name_in_a_command_steers_no_terminal() -> Non
     assert len(note_line(f"{COMMAND} {'x' * 1000}", COMMAND)) < 420
     hostile = "bsa discover --data '\x1b[2Ja\n\u202e.csv'"
     assert note_line(f"Look: {hostile}", hostile) == "note: Look: bsa discover --data 'a .csv'"
+
+
+def test_the_cycle_of_a_long_simulation_is_told_where_nothing_else_is_for_long() -> None:
+    stream, now = io.StringIO(), [0.0]
+    plain = PlainProgress("%", stream, clock=lambda: now[0])
+    plain.counted("forecast", 0, 1)
+    for cycle in range(1, 401):
+        now[0] += 0.25
+        plain.cycled(cycle, 400)
+    plain.counted("band of the forecast", 3, 17)
+    now[0] += 60.0
+    plain.cycled(130, 400)
+    first, *others, band, last = stream.getvalue().splitlines()
+    assert first == "forecast: 0 of 1 simulations"
+    assert others == [f"  forecast: cycle {cycle} of 400" for cycle in range(60, 401, 60)]
+    assert (band, last) == ("band of the forecast: 3 of 17 simulations", f"  {band}, cycle 130 of 400")
+
+
+def test_the_panel_shows_the_cycle_until_something_else_begins() -> None:
+    live = LiveProgress("title", "%", 60)
+
+    def shown() -> str:
+        console = Console(file=io.StringIO(), width=80)
+        console.print(live.drawn())
+        return console.file.getvalue()  # type: ignore[attr-defined]
+
+    live.cycled(7, 400)
+    assert "first simulation, cycle 7 of 400" in shown()
+    live.counted("forecast", 0, 1)
+    assert "cycle 7" not in shown()
+    live.cycled(130, 400)
+    assert "forecast: cycle 130 of 400" in shown()

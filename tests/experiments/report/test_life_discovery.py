@@ -63,3 +63,23 @@ def test_a_candidate_that_was_not_fitted_has_no_numbers() -> None:
 
 def test_without_a_window_there_is_no_figure() -> None:
     assert "<svg" not in render(discovery(modes=False).to_json())
+
+
+def test_the_headline_counts_the_mechanisms_that_were_tried() -> None:
+    found = discovery()
+    for tried, words in (
+        (("sei-growth", "lithium-plating"), "None of the 2 mechanisms that were tried explains how the cell ages"),
+        (("sei-growth",), "The one mechanism that was tried does not explain how the cell ages"),
+        ((), "No mechanism could be tried that would explain how the cell ages"),
+    ):
+        found.tried = tried
+        assert f"<h1>{words}</h1>" in render(found.to_json())
+    assert "catalogue" not in render(found.to_json())
+
+
+def test_what_speaks_against_a_mechanism_is_told_in_words_of_a_life() -> None:
+    found = discovery()
+    found.findings.best = replace(explanation((SEI,), 5.5e-3))
+    found.findings.explanations = [found.findings.best]
+    row = next(row for row in found.to_json()["candidates"] if row["name"] == "sei-growth")
+    assert row["rejected"] == "does not beat the cell without ageing by 10 in BIC"

@@ -7,6 +7,7 @@ import bsa
 import numpy as np
 import pytest
 from bsa.core.errors import BsaError
+from bsa.core.prediction import begins_under_load
 from bsa.core.record import ReadOptions, Record
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.request import CellChoice, Records, task_of_records
@@ -19,7 +20,7 @@ CUT_SHORT = 17
 GROWTH = "SEI solvent diffusivity [m2.s-1]"
 
 
-def life(count: int = 40, name: str = "cell.csv") -> Record:
+def life(count: int = 40, name: str = "cell.csv", rests: bool = True) -> Record:
     """Charges and discharges at 5 A that lose 0.5 % a cycle; one of them was cut short."""
     times, currents, voltages, steps = [], [], [], []
     clock, samples = 0.0, 0
@@ -30,7 +31,7 @@ def life(count: int = 40, name: str = "cell.csv") -> Record:
             (StepKind.CC_CHARGE, -5.0, 4.2, 720.0 * ah),
             (StepKind.CC_DISCHARGE, 5.0, 2.5, 720.0 * ah),
         ]
-        for position, (kind, current, last, seconds) in enumerate(legs):
+        for position, (kind, current, last, seconds) in enumerate(legs if rests or cycle == 1 else legs[1:]):
             times.append(clock + np.linspace(1e-3, seconds, 21))
             currents.append(np.full(21, current))
             voltages.append(np.linspace(3.4 if current else last, last, 21))
@@ -61,6 +62,13 @@ def test_the_first_cycles_are_fitted_and_the_later_ones_held_out() -> None:
     # What is said of the whole life is headed by its name.
     (told,) = [note for note in task.notes if "1 of 40 cycles were cut short" in note]
     assert told.startswith("cell.csv: ")
+
+
+def test_later_cycles_that_begin_under_load_are_not_said_to_be_started_there() -> None:
+    task = task_of(life(rests=False), fit_cycles=30)
+    assert begins_under_load(task.held_out[0].target)
+    # It is the first cycle of the life that is simulated first.
+    assert not any("begins under load; it is started" in note for note in task.notes)
 
 
 def test_the_cell_and_what_ages_it_are_searched() -> None:

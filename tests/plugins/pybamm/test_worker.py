@@ -117,3 +117,15 @@ def test_ctrl_c_while_a_worker_starts_leaves_none_behind(monkeypatch: pytest.Mon
     with pytest.raises(KeyboardInterrupt):
         simulate(pool, 5e-6)
     assert set(multiprocessing.active_children()) == before
+
+
+def test_the_cycle_of_a_life_is_told_as_it_goes_on_whatever_the_accuracy() -> None:
+    cycle = ("Discharge at 1C for 1 minute", "Charge at 1C for 1 minute")
+    life = Experiment("x", NOTHING, (cycle,) * 3, initial_soc=0.5, detailed_cycles=(1, 3))
+    told: list[tuple[int, int]] = []
+    pool = WorkerPool(Assignment(CELL, (life,), {NAME: target_named(NAME)}), 1, 30.0, lambda *at: told.append(at))
+    for exact in (False, True):
+        simulate(pool, 5e-6, exact=exact)
+        assert told == [(1, 3), (2, 3), (3, 3)]
+        told.clear()
+    pool.close()
