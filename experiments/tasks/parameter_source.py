@@ -17,6 +17,7 @@ from ...core.target import CellChange, InitialSoc
 from ...core.task import ParameterFile, ParameterSource, Task
 from ...core.trajectory import Trajectory
 from ..run_record import RunRecord, read_run
+from .influence import simulated_models, with_influence
 
 BEST = "best_parameters.json"
 
@@ -104,7 +105,10 @@ def with_its_space(task: Task, run: RunRecord, socs_given: bool = False) -> Task
     if not socs_given:
         states = _started_in_the_fitted_cell(states, task, run)
     found = [p for p in run.task.space.started(run.best.candidate) if not isinstance(p.target, InitialSoc)]
-    return replace(task, space=ParameterSpace((*found, *states)))
+    spectra = [experiment.is_spectrum for experiment in task.experiments]
+    models = simulated_models(task.cell, not all(spectra), any(spectra))
+    space, notes = with_influence(ParameterSpace((*found, *states)), models, "the earlier run")
+    return replace(task, space=space, notes=tuple(dict.fromkeys((*task.notes, *notes))))
 
 
 def _started_in_the_fitted_cell(states: Sequence[Parameter], task: Task, run: RunRecord) -> list[Parameter]:

@@ -78,7 +78,7 @@ def build_task(
     )
     cell = measured_cell(wanted, records, loaded, ambient_k)
     experiments, socs, said = _fitted(records, loaded, cell)
-    space = searched_space(wanted, cell.model, loaded, spectra)
+    space, left_out = searched_space(wanted, cell.model, loaded, spectra)
     space = _with_initial_soc(space, experiments, socs, INITIAL_SOC in wanted.given, alone=len(asked) == 1)
     notes = [
         *(
@@ -88,6 +88,7 @@ def build_task(
         ),
         *(note for request in spectra for note in spectrum_notes(request)),
         *cell.notes,
+        *left_out,
         *said,
     ]
     by_current = all(request.protocol is None for request in records)

@@ -35,6 +35,7 @@ def test_what_is_uncertain_comes_from_a_preset_a_file_or_names(tmp_path):
     cell = CellModel("Chen2020", "SPMe")
     assert len(spreads_of("all", cell)) == 9
     assert len(spreads_of("capacity", cell)) == 3
+    assert [name for name in spreads_of("all", CellModel("Chen2020", "SPM")) if "Electrolyte" in name] == []
     halved = {name: (spread / 2, lower, upper) for name, (spread, lower, upper) in spreads_of("all", cell).items()}
     assert spreads_of("measured", cell) == halved
     file = tmp_path / "search.yaml"
@@ -45,6 +46,8 @@ def test_what_is_uncertain_comes_from_a_preset_a_file_or_names(tmp_path):
         "Cyclable lithium factor": (0.08, 0.7, 1.3),
         "Separator porosity factor": (0.1, 0.5, 2.0),
     }
+    with pytest.raises(BsaError, match='"Separator porosity factor" has no influence in the model SPM'):
+        spreads_of(str(file), CellModel("Chen2020", "SPM"))
     with pytest.raises(BsaError, match="capcity") as caught:
         spreads_of("capcity", cell)
     assert "capacity" in caught.value.hint

@@ -135,7 +135,7 @@ def test_activation_energies_are_searched_where_the_fitted_records_tell_them() -
 
 def test_an_ideal_electrolyte_is_replaced_by_a_measured_one_where_its_factor_is_searched() -> None:
     name = "Thermodynamic factor"
-    started = task_of(record(), search="cell")
+    started = build_task("t", "Chen2020", [RecordRequest(record())], search="cell")
     assert started.space[name].initial == load(started.cell.parameter_set, started.cell.overrides)[name] == 2.2
     assert any("2.2, that of measured electrolytes" in note for note in started.notes)
     measured = build_task("t", "Ai2020", [RecordRequest(record())], model="SPM", search="cell")
@@ -144,8 +144,9 @@ def test_an_ideal_electrolyte_is_replaced_by_a_measured_one_where_its_factor_is_
     kept = [
         measured,
         task_of(record(), search="geometry"),
-        task_of(record(), search="cell", overrides={name: 1.0}),
-        build_task("t", own, [RecordRequest(record())], model="SPM", search="cell"),
+        task_of(record(), search="cell"),  # the SPM has no electrolyte
+        build_task("t", "Chen2020", [RecordRequest(record())], search="cell", overrides={name: 1.0}),
+        build_task("t", own, [RecordRequest(record())], search="cell"),
     ]
     for task in kept:
         assert not any("measured electrolytes" in note for note in task.notes)
