@@ -192,7 +192,9 @@ def read_case(options: DiscoverOptions) -> Case:
         scale_to_capacity=options.scale,
     )
     measured_records = [
-        MeasuredRecord(f"{number} {name}", experiment.target, experiment.temperature_k)
+        MeasuredRecord(
+            f"{number} {name}", experiment.target, experiment.temperature_k, experiment.initial_temperature_k
+        )
         for number, ((name, _), experiment) in enumerate(zip((*fitted, *held), task.experiments, strict=True), start=1)
     ]
     starts = {s.name: e.initial_soc for s, e in zip(measured_records, task.experiments, strict=True)}

@@ -24,7 +24,7 @@ from .cell_for_records import ISOTHERMAL, THERMAL, warms_by
 from .measured_cell import CellRequest, MeasuredCell, measured_cell, searched_space
 from .record_request import RECOGNISED, RecordRequest
 from .record_start import open_circuit_start, with_room_for
-from .sensor_offset import from_ambient, offset_note
+from .sensor_offset import from_ambient, initial_temperature_k, start_note
 from .spectra import spectrum_experiment, spectrum_notes
 
 _MANY_CYCLES = 50
@@ -119,7 +119,7 @@ def _fitted(
         if soc is not None:
             socs.append(soc)
         experiments.append(_experiment(request, record, soc))
-        notes += offset_note(record.name, record.trajectory, experiments[-1].target)
+        notes += start_note(record.name, record.trajectory, experiments[-1])
     return experiments, socs, notes
 
 
@@ -209,7 +209,7 @@ def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
     ]
     experiments = [_held_out(request, record) for request, record in zip(requests, loaded, strict=True)]
     for record, experiment in zip(loaded, experiments, strict=True):
-        notes += offset_note(f"{record.name} (held out)", record.trajectory, experiment.target)
+        notes += start_note(f"{record.name} (held out)", record.trajectory, experiment)
     notes += [
         f"{e.name} (held out): begins under load; it is started so that the fitted cell meets its first percent, or at "
         "its first sample if that turns out to be from before the load."
@@ -230,16 +230,17 @@ def _held_out(request: RecordRequest, record: Record) -> Experiment:
 def _experiment(
     request: RecordRequest, record: Record, initial_soc: float | None, initial_voltage: float | None = None
 ) -> Experiment:
-    driven = request.protocol is None
+    driven, ambient_k = request.protocol is None, _ambient_k(request, record)
     return Experiment(
         name=record.name,
-        target=from_ambient(record.trajectory, _ambient_k(request, record)) if driven else record.trajectory,
+        target=from_ambient(record.trajectory, ambient_k) if driven else record.trajectory,
         protocol=request.protocol_of(record),
         scored_cycle=request.scored_cycle,
-        temperature_k=_ambient_k(request, record),
+        temperature_k=ambient_k,
         initial_soc=initial_soc,
         initial_voltage=initial_voltage,
         detailed_cycles=() if request.detailed_cycles is None else record.trajectory.cycles,
+        initial_temperature_k=initial_temperature_k(record.trajectory, ambient_k) if driven else None,
     )
 
 
