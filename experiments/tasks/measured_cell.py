@@ -121,6 +121,7 @@ def _values(
     wanted: CellRequest, model: CellModel, requests: Sequence[RecordRequest], records: Sequence[Record]
 ) -> tuple[dict[str, float], float, list[str]]:
     """What replaces numbers of the model's parameter set, the capacity in A.h, and what is to be said of them."""
+    from ...plugins.pybamm.nameplate import CAPACITY, nominal_capacity_ah
     from ...plugins.pybamm.parameter_sets import load
     from ...plugins.pybamm.state_of_charge import equilibrium_capacity_ah
 
@@ -130,8 +131,9 @@ def _values(
     notes: list[str] = []
     if not wanted.is_own_file:
         replaced, notes = measured_thermodynamic_factor(model, values, wanted.search, wanted.given)
-    scaled = wanted.scale_to_capacity and all(request.as_measured for request in requests)
-    factor, note = size_factor(records, values, capacity_ah) if scaled and WIDTH not in wanted.given else (1.0, "")
+    in_amperes = all(request.as_measured for request in requests)
+    scaled = wanted.scale_to_capacity and in_amperes and WIDTH not in wanted.given
+    factor, note = size_factor(records, values, capacity_ah) if scaled else (1.0, "")
     if note:
         sizes, said = volume_and_surface(values, factor)
         replaced |= {WIDTH: float(values[WIDTH]) * factor, **sizes}
@@ -139,7 +141,11 @@ def _values(
     if any(request.protocol == RECOGNISED for request in requests):
         replaced |= wide_window(values, records)
     kept = {name: value for name, value in replaced.items() if name not in wanted.given}
-    return {**wanted.overrides, **kept}, capacity_ah * factor, notes
+    overrides = {**wanted.overrides, **kept}
+    if in_amperes and WIDTH in overrides:
+        # What counts in the cell's own capacity (C-rates, an effect's charge) is that of its size.
+        overrides.setdefault(CAPACITY, nominal_capacity_ah(model.parameter_set, overrides))
+    return overrides, capacity_ah * factor, notes
 
 
 def searched_space(

@@ -168,6 +168,17 @@ def test_a_cell_of_another_size_has_another_volume_and_surface() -> None:
     assert twice["Cell cooling surface area [m2]"] == pytest.approx(5.31e-3 * factor ** (2 / 3))
 
 
+def test_c_rates_are_those_of_the_cell_at_hand() -> None:
+    """Protocols that are proposed next, and effects that count charge, take the nominal capacity."""
+    name = "Nominal cell capacity [A.h]"
+    twice = task_of(record(amperes=10.0), search="cell").cell.overrides
+    assert twice[name] == pytest.approx(5.0 * twice[WIDTH] / 1.58)
+    assert name not in task_of(record(), search="cell").cell.overrides
+    # A protocol in C-rates was one of the set's.
+    request = RecordRequest(record(), protocol=(("Discharge at 1C for 10 minutes",),))
+    assert name not in build_task("t", "Chen2020", [request], overrides={WIDTH: 3.16}, search="geometry").cell.overrides
+
+
 def test_a_cell_of_many_sheets_is_not_cooled_like_one_sheet() -> None:
     sizes, (said,) = volume_and_surface(load("NCA_Kim2011"), 5.0)
     assert "single electrode sheet" in said
