@@ -15,7 +15,6 @@ from ...core.journal import FILE_NAME as JOURNAL
 from ...core.parameters import Parameter, ParameterSpace
 from ...core.target import CellChange, InitialSoc
 from ...core.task import ParameterFile, ParameterSource, Task
-from ...core.trajectory import Trajectory
 from ..run_record import RunRecord, read_run
 from .influence import simulated_models, with_influence
 
@@ -121,14 +120,10 @@ def _started_in_the_fitted_cell(states: Sequence[Parameter], task: Task, run: Ru
     started = []
     for state in states:
         records = [e for e in task.experiments if state.target in (InitialSoc(), InitialSoc(e.name))]
-        same = records[0].name in known and _alike(known[records[0].name], records[0].target)
+        same = records[0].name in known and known[records[0].name].is_same_measurement(records[0].target)
         soc = fitted.soc_of(records[0].name) if same else None
         if soc is None:
             voltage = float(set_as_is.voltages(CellChange(), state.initial, np.zeros(1))[0])
             soc = set_as_is.soc_at(voltage, fitted)
         started.append(replace(state, initial=state.project(soc)))
     return started
-
-
-def _alike(one: Trajectory, other: Trajectory) -> bool:
-    return np.array_equal(one.time, other.time) and np.array_equal(one.voltage, other.voltage)

@@ -6,8 +6,6 @@ from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ...core.ageing.long_record import long_record
 from ...core.cell import CELL, SPECTRUM, TEMPERATURE
 from ...core.errors import BsaError
@@ -19,7 +17,7 @@ from ...core.record import Record
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.target import INITIAL_SOC, InitialSoc, soc_name
 from ...core.task import Experiment, ParameterSource, Task
-from ...core.trajectory import FloatArray, Trajectory
+from ...core.trajectory import Trajectory
 from .cell_for_records import ISOTHERMAL, THERMAL, warms_by
 from .measured_cell import CellRequest, MeasuredCell, measured_cell, searched_space
 from .record_request import RECOGNISED, RecordRequest
@@ -140,28 +138,29 @@ def _too_many_cycles(record: Record) -> list[str]:
     return [f"all {count} cycles are simulated as they were measured; --life compares their fade, in far less time."]
 
 
-def _measured(trajectory: Trajectory) -> FloatArray:
-    return np.array([trajectory.current, trajectory.voltage])
-
-
 def _with_own_names(requests: Sequence[RecordRequest], others: Sequence[Experiment] = ()) -> list[RecordRequest]:
     """The same records, numbered where another has the name already: two folders may hold files of one name.
 
     A record that is there twice keeps its name. All are read already.
     """
-    measured = {one.name: _measured(one.target) for one in others if not one.is_spectrum}
+    measured = {one.name: one.target for one in others if not one.is_spectrum}
     taken = {one.name for one in others}
     named: list[RecordRequest] = []
     for request in requests:
         source = request.source
         assert not isinstance(source, Path)
-        own = _measured(source.trajectory) if isinstance(source, Record) else np.array([np.nan])
+        own = source.trajectory if isinstance(source, Record) else None
         names = chain([source.name], (f"{source.name} ({number})" for number in count(2)))
-        name = next(name for name in names if name not in taken or np.array_equal(measured.get(name, np.inf), own))
+        name = next(name for name in names if name not in taken or _is_there_twice(measured.get(name), own))
         taken.add(name)
-        measured[name] = own
+        if own is not None:
+            measured[name] = own
         named.append(replace(request, source=replace(source, name=name)))
     return named
+
+
+def _is_there_twice(known: Trajectory | None, own: Trajectory | None) -> bool:
+    return known is not None and own is not None and known.is_same_measurement(own)
 
 
 def _divided(requests: Sequence[RecordRequest]) -> tuple[list[RecordRequest], list[RecordRequest]]:
