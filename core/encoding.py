@@ -52,6 +52,7 @@ class _ExperimentRecord:
     initial_soc: float | None
     initial_voltage: float | None = None
     detailed_cycles: tuple[int, ...] = ()
+    initial_temperature_k: float | None = None
 
 
 @dataclass(frozen=True)
@@ -195,6 +196,8 @@ def _encode_experiment(experiment: Experiment) -> Json:
     some: Json = {} if experiment.initial_voltage is None else {"initial_voltage": experiment.initial_voltage}
     if experiment.long:
         some["detailed_cycles"] = list(experiment.detailed_cycles)
+    if experiment.initial_temperature_k is not None:
+        some["initial_temperature_k"] = experiment.initial_temperature_k
     return {
         "name": experiment.name,
         "target": encode_trajectory(experiment.target),
@@ -216,6 +219,7 @@ def _decode_experiment(known: _ExperimentRecord) -> Experiment:
         known.initial_soc,
         known.initial_voltage,
         known.detailed_cycles,
+        known.initial_temperature_k,
     )
 
 

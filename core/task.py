@@ -88,7 +88,7 @@ class Experiment:
     scored_cycle : int or None
         The cycle on which the match is judged (the paper scores cycle 2); None for all of it.
     temperature_k : float or None
-        Ambient and initial temperature in kelvin; None keeps the parameter set's.
+        Ambient temperature in kelvin, and that of the cell at the start; None keeps the parameter set's.
     initial_soc : float or None
         Initial state of charge, 0 to 1; None keeps the parameter set's initial concentrations
         (or the searched ``"Initial state of charge"``).
@@ -98,6 +98,8 @@ class Experiment:
     detailed_cycles : tuple of int
         Of a long record the cycles whose curves are compared, each on its own clock; its other cycles count by the
         target's cycle table. Empty for a record that is compared whole.
+    initial_temperature_k : float or None
+        Temperature of the cell at the start in kelvin, where it is not the ambient one that ``temperature_k`` gives.
     """
 
     name: str
@@ -108,6 +110,7 @@ class Experiment:
     initial_soc: float | None = None
     initial_voltage: float | None = None
     detailed_cycles: tuple[int, ...] = ()
+    initial_temperature_k: float | None = None
 
     @property
     def long(self) -> bool:

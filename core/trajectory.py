@@ -198,6 +198,10 @@ class Trajectory:
         increments = 0.5 * (self.current[1:] + self.current[:-1]) * np.diff(self.time)
         return np.concatenate([[0.0], np.cumsum(increments)]) / SECONDS_PER_HOUR
 
+    def is_same_measurement(self, other: Trajectory) -> bool:
+        """Whether another record of a cell has the same samples of current and voltage, whatever is made of them."""
+        return np.array_equal(self.current, other.current) and np.array_equal(self.voltage, other.voltage)
+
     @property
     def cycles(self) -> tuple[int, ...]:
         """The cycle numbers present, in order."""

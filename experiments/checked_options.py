@@ -34,10 +34,15 @@ def as_number(value: Any, option: str) -> float:
 
 def as_numbers(given: Any, option: str) -> list[float]:
     """One number, several or none, as a list. Raises `BsaError` if one is no number."""
+    return [as_number(value, option) for value in as_several(given)]
+
+
+def as_several(given: Any) -> list[Any]:
+    """One value, several or none, as a list; the values are not checked."""
     if given is None:
         return []
     several = isinstance(given, Iterable) and not isinstance(given, str | bytes | Mapping)
-    return [as_number(value, option) for value in (given if several else [given])]
+    return list(given) if several else [given]
 
 
 def as_celsius(value: Any, option: str) -> float:

@@ -20,6 +20,7 @@ from ..core.task import CellModel, Task
 from ..core.validation import validated
 from ..core.yaml_text import read_yaml
 from .request import Records, named_after, numbered_folder
+from .tasks.influence import no_influence
 
 if TYPE_CHECKING:
     from .tasks.record_request import RecordRequest
@@ -191,7 +192,9 @@ def read_case(options: DiscoverOptions) -> Case:
         scale_to_capacity=options.scale,
     )
     measured_records = [
-        MeasuredRecord(f"{number} {name}", experiment.target, experiment.temperature_k)
+        MeasuredRecord(
+            f"{number} {name}", experiment.target, experiment.temperature_k, experiment.initial_temperature_k
+        )
         for number, ((name, _), experiment) in enumerate(zip((*fitted, *held), task.experiments, strict=True), start=1)
     ]
     starts = {s.name: e.initial_soc for s, e in zip(measured_records, task.experiments, strict=True)}
@@ -251,13 +254,20 @@ def _parts(options: DiscoverOptions, file: RecordFile) -> list[tuple[str, Record
 
 
 def spreads_of(search: str | dict[str, Uncertainty | None], cell: CellModel) -> dict[str, tuple[float, float, float]]:
-    """What is uncertain, from a preset, a file or factors by name."""
+    """What is uncertain of a cell, from a preset, a file or factors by name.
+
+    What a preset has and the cell's model does not depend on is left out. Raises `BsaError` if a file or a name makes
+    no sense, or names such a factor.
+    """
+    from ..plugins.pybamm.influence import without_influence
     from ..plugins.pybamm.parameter_sets import require
     from ..plugins.pybamm.uncertain_parameters import PRESETS, default_spread
 
     if isinstance(search, str):
         if search in PRESETS:
-            return dict(PRESETS[search])
+            known = PRESETS[search]
+            idle = without_influence(cell, {name: target_named(name) for name in known})
+            return {name: spread for name, spread in known.items() if name not in idle}
         if not Path(search).exists():
             message = f'there is no preset or file "{search}" of uncertain parameters.'
             raise unknown(message, search, PRESETS, "presets: {}; or the path of a YAML file.")
@@ -269,5 +279,7 @@ def spreads_of(search: str | dict[str, Uncertainty | None], cell: CellModel) -> 
             require(cell.parameter_set, target.name)
         if not isinstance(target, (Factor, CyclableLithium)):
             raise BsaError(f'"{name}" is not a factor.', f'write "{factor_name(name)}".')
+        if without_influence(cell, {name: target}):
+            raise no_influence(name, cell)
         spreads[name] = default_spread(name) if own is None else (own.spread, own.lower, own.upper)
     return spreads

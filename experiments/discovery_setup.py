@@ -85,7 +85,7 @@ def set_up(
     mesh = radial_mesh(cell, [*case.measured_records, *case.held], case.initial_soc)
     if mesh.note:
         listener(mesh.note)
-    space = uncertain_parameters(cell.model, case.measured_records, case.initial_soc, spreads_of(options.search, cell))
+    space = uncertain_parameters(case.measured_records, case.initial_soc, spreads_of(options.search, cell))
     simulator = make_simulator(cell, space, mesh)
     floor = 1e-3 * options.floor_mv
     problem = Problem(

@@ -18,7 +18,7 @@ from ..core.spectrum import ImpedanceSpectrum
 from ..core.task import Task, Weight
 from ..core.validation import validated
 from ..core.yaml_text import parse_yaml
-from .checked_options import as_celsius, as_number, as_numbers, by_signal
+from .checked_options import FIELDS, as_celsius, as_number, as_several, by_signal
 
 if TYPE_CHECKING:
     from .tasks.record_request import RecordRequest
@@ -131,19 +131,47 @@ def reading(
     join: bool = False,
 ) -> ReadOptions:
     """What a person says about files. Raises `BsaError` if an option is not valid."""
+    given = {
+        "constant_current": constant_current,
+        "current_offset": current_offset,
+        "voltage_lag": voltage_lag,
+        "temperature": temperature,
+    }
+    numbers = {name: _checked(name, value) for name, value in given.items() if value is not None}
+    return _read_options(numbers, column, unit, current_sign, where, cycles, sheet, join)
+
+
+def _checked(name: str, value: Any) -> float:
+    """The number that was given for an option for reading."""
+    check = as_celsius if name == "temperature" else as_number
+    return check(value, _typed(name))
+
+
+def _typed(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
+
+
+def _read_options(
+    numbers: Mapping[str, float],
+    column: Mapping[str, str | int] | None,
+    unit: Mapping[str, str] | None,
+    current_sign: str,
+    where: Mapping[str, Any] | None,
+    cycles: str | int | None,
+    sheet: str | None,
+    join: bool,
+) -> ReadOptions:
+    """What a person says about files, its numbers checked already."""
     from .tasks.record_request import parse_cycles
 
     content: dict[str, Any] = {
+        **{field: numbers[name] for field, name in FIELDS.items() if name in numbers},
         "columns": by_signal(column, "--column"),
         "units": by_signal(unit, "--unit"),
         "where": {key: str(value) for key, value in (where or {}).items()},
         "cycles": None if cycles is None else parse_cycles(str(cycles)),
         "current_sign": current_sign,
-        "constant_current_a": None if constant_current is None else as_number(constant_current, "--constant-current"),
-        "current_offset_a": as_number(current_offset, "--current-offset"),
-        "voltage_lag_s": None if voltage_lag is None else as_number(voltage_lag, "--voltage-lag"),
         "sheet": sheet,
-        "ambient_c": None if temperature is None else as_celsius(temperature, "--temperature"),
         "join": join,
     }
     return validated(ReadOptions, content, "the options of the record")
@@ -166,23 +194,22 @@ def readings(
 
     Raises `BsaError` if an option is not valid, or two have different numbers of values.
     """
-    several = {
-        "constant_current": as_numbers(constant_current, "--constant-current"),
-        "current_offset": as_numbers(current_offset, "--current-offset"),
-        "voltage_lag": as_numbers(voltage_lag, "--voltage-lag"),
-        "temperature": as_numbers(temperature, "--temperature"),
+    given = {
+        "constant_current": constant_current,
+        "current_offset": current_offset,
+        "voltage_lag": voltage_lag,
+        "temperature": temperature,
     }
-    counts = {f"--{name.replace('_', '-')}": len(values) for name, values in several.items() if len(values) > 1}
+    several = {name: [_checked(name, value) for value in as_several(values)] for name, values in given.items()}
+    counts = {_typed(name): len(values) for name, values in several.items() if len(values) > 1}
     if len(set(counts.values())) > 1:
-        given = ", ".join(f"{option} {count} times" for option, count in counts.items())
-        raise BsaError(f"{given} were given.", "give each once for all records, or once for each, in their order.")
+        said = ", ".join(f"{option} {count} times" for option, count in counts.items())
+        raise BsaError(f"{said} were given.", "give each once for all records, or once for each, in their order.")
     rows = [
         {name: values[min(n, len(values) - 1)] for name, values in several.items() if values}
         for n in range(max([1, *counts.values()]))
     ]
-    return [
-        reading(column, unit, current_sign, where=where, cycles=cycles, sheet=sheet, join=join, **row) for row in rows
-    ]
+    return [_read_options(row, column, unit, current_sign, where, cycles, sheet, join) for row in rows]
 
 
 def one_each(reads: Sequence[ReadOptions], count: int) -> list[ReadOptions]:

@@ -21,7 +21,8 @@ class MeasuredRecord:
 
     name: str  # Unique among the records of a discovery.
     record: Trajectory  # Cut into steps; supplies the current.
-    ambient_k: float | None = None  # Ambient and initial temperature, K; None keeps the parameter set's.
+    ambient_k: float | None = None  # Ambient temperature, K; None keeps the parameter set's.
+    initial_k: float | None = None  # Of the cell at the start, K; None for the ambient one.
 
     @property
     def soc_name(self) -> str:

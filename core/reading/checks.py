@@ -8,6 +8,7 @@ from ..errors import BsaError
 from ..record import ReadOptions, Record
 from ..segmentation import segment
 from ..trajectory import Trajectory
+from .ambient import ambient_of
 from .charge import charge_notes
 from .clock import with_clock, with_gaps_noted
 from .counters import with_switches_counted
@@ -51,10 +52,8 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
     if options.ambient_c is not None:
         ambient = options.ambient_c + 273.15
     elif ambient is None and samples.temperature is not None:
-        ambient = float(samples.temperature[0])
-        samples = samples.noted(
-            f"the ambient temperature is taken to be that of the first sample, {ambient - 273.15:.1f} degC."
-        )
+        ambient, words = ambient_of(samples.time, samples.temperature)
+        samples = samples.noted(words)
     if ambient is not None and not KELVIN[0] <= ambient <= KELVIN[1]:
         raise BsaError(
             f"{samples.source}: an ambient temperature of {ambient - 273.15:.4g} degC ({ambient:.4g} K) cannot be.",

@@ -76,8 +76,16 @@ class DiscoveryResult:
 
     @property
     def parameter_values(self) -> pybamm.ParameterValues:
-        """The fitted set with the effects' values; its current, temperature and start are the first record's."""
-        return self._script["parameter_values"]()
+        """The fitted set with the effects' values; temperature and start are the first record's.
+
+        Nominal capacity, and the current of 1C, are those of the cell's size. ``augmented_model.py`` has the records'
+        currents.
+        """
+        if "augmented_model" in self._script:
+            return self._script["parameter_values"](measured_current=False)
+        values = self._script["parameter_values"]()  # of a life
+        values["Current function [A]"] = values["Nominal cell capacity [A.h]"]
+        return values
 
     @property
     def model(self) -> pybamm.BaseBatteryModel:

@@ -92,7 +92,7 @@ def next_line(analysis: PostFitAnalysis, domain: Domain) -> str:
     if analysis.forgone:
         return (
             f"What to measure next was not looked for: it takes {analysis.forgone} simulations more than the budget, "
-            f"the {analysis.budget} that the search was allowed. {_LONGER}"
+            f"the {analysis.budget} that the search was allowed." + f" {_LONGER}" * (not caution_line(analysis))
         )
     if not analysis.measure_next:
         return ""

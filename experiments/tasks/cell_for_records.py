@@ -7,8 +7,8 @@ import numpy as np
 
 from ...core.recognised_protocol import with_switches
 from ...core.record import Record
-from ...core.target import THERMODYNAMIC_FACTOR
-from ...core.task import NEAREST, ParameterFile, ParameterSource
+from ...core.target import THERMODYNAMIC_FACTOR, Value
+from ...core.task import NEAREST, CellModel, ParameterFile, ParameterSource
 from .record_request import RecordRequest
 
 WIDTH = "Electrode width [m]"
@@ -127,17 +127,22 @@ def with_searched_energies(
 
 
 def measured_thermodynamic_factor(
-    values: Any, search: str | Mapping[str, Any], given: Collection[str]
+    model: CellModel, values: Any, search: str | Mapping[str, Any], given: Collection[str]
 ) -> tuple[dict[str, float], list[str]]:
     """Where the search for the electrolyte's thermodynamic factor starts if the set has none, and what is said of it.
+
+    ``values`` are those of the model's set.
 
     A set without a measured one has 1, that of an ideal solution, and with it half of the voltage that salt gradients
     take.
     """
+    from ...plugins.pybamm.influence import without_influence
     from ...plugins.pybamm.presets import searches
 
     own = values.get(THERMODYNAMIC_FACTOR)
     if own != 1.0 or THERMODYNAMIC_FACTOR in given or not searches(search, THERMODYNAMIC_FACTOR):
+        return {}, []
+    if without_influence(model, {THERMODYNAMIC_FACTOR: Value(THERMODYNAMIC_FACTOR)}):
         return {}, []
     return {THERMODYNAMIC_FACTOR: _MEASURED_FACTOR}, [
         f"The electrolyte's thermodynamic factor is 1 in the set, that of an ideal solution: the search starts from "

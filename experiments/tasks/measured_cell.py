@@ -1,7 +1,7 @@
 """The cell that is to match the records, and what of it is searched."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -23,6 +23,7 @@ from .cell_for_records import (
     with_searched_energies,
     with_thermal_model,
 )
+from .influence import simulated_models, with_influence
 from .lives import cracks_note, with_ageing
 from .record_request import RECOGNISED, RecordRequest
 from .record_start import jump_resistances
@@ -79,9 +80,9 @@ def measured_cell(
     out, K.
     """
     parameter_set, options, notes = _set_and_options(wanted, requests, records, ambient_k)
-    overrides, capacity_ah, said = _values(wanted, parameter_set, requests, records)
-    model = CellModel(parameter_set, wanted.model, options, overrides, wanted.effects)
-    return MeasuredCell(model, capacity_ah, [*notes, *said])
+    model = CellModel(parameter_set, wanted.model, options, wanted.overrides, wanted.effects)
+    overrides, capacity_ah, said = _values(wanted, model, requests, records)
+    return MeasuredCell(replace(model, overrides=overrides), capacity_ah, [*notes, *said])
 
 
 def _set_and_options(
@@ -111,20 +112,22 @@ def _set_and_options(
 
 
 def _values(
-    wanted: CellRequest, parameter_set: ParameterSource, requests: Sequence[RecordRequest], records: Sequence[Record]
+    wanted: CellRequest, model: CellModel, requests: Sequence[RecordRequest], records: Sequence[Record]
 ) -> tuple[dict[str, float], float, list[str]]:
-    """What replaces numbers of the parameter set, the capacity in A.h, and what is to be said of them."""
+    """What replaces numbers of the model's parameter set, the capacity in A.h, and what is to be said of them."""
+    from ...plugins.pybamm.nameplate import CAPACITY, nominal_capacity_ah
     from ...plugins.pybamm.parameter_sets import load
     from ...plugins.pybamm.state_of_charge import equilibrium_capacity_ah
 
-    values = load(parameter_set, wanted.overrides)
-    capacity_ah = equilibrium_capacity_ah(parameter_set, wanted.overrides)
+    values = load(model.parameter_set, wanted.overrides)
+    capacity_ah = equilibrium_capacity_ah(model.parameter_set, wanted.overrides)
     replaced: dict[str, float] = {}
     notes: list[str] = []
     if not wanted.is_own_file:
-        replaced, notes = measured_thermodynamic_factor(values, wanted.search, wanted.given)
-    scaled = wanted.scale_to_capacity and all(request.as_measured for request in requests)
-    factor, note = size_factor(records, values, capacity_ah) if scaled and WIDTH not in wanted.given else (1.0, "")
+        replaced, notes = measured_thermodynamic_factor(model, values, wanted.search, wanted.given)
+    in_amperes = all(request.as_measured for request in requests)
+    scaled = wanted.scale_to_capacity and in_amperes and WIDTH not in wanted.given
+    factor, note = size_factor(records, values, capacity_ah) if scaled else (1.0, "")
     if note:
         sizes, said = volume_and_surface(values, factor)
         replaced |= {WIDTH: float(values[WIDTH]) * factor, **sizes}
@@ -132,27 +135,46 @@ def _values(
     if any(request.protocol == RECOGNISED for request in requests):
         replaced |= wide_window(values, records)
     kept = {name: value for name, value in replaced.items() if name not in wanted.given}
-    return {**wanted.overrides, **kept}, capacity_ah * factor, notes
+    overrides = {**wanted.overrides, **kept}
+    if in_amperes and WIDTH in overrides:
+        # What counts in the cell's own capacity (C-rates, an effect's charge) is that of its size.
+        overrides.setdefault(CAPACITY, nominal_capacity_ah(model.parameter_set, overrides))
+    return overrides, capacity_ah * factor, notes
 
 
 def searched_space(
     wanted: CellRequest, cell: CellModel, records: Sequence[Record], spectra: Sequence[RecordRequest]
-) -> ParameterSpace:
-    """What of the cell is searched: what the person asks for, and the parameters of the effects."""
+) -> tuple[ParameterSpace, list[str]]:
+    """What of the cell is searched (what the person asks for, and the parameters of the effects), and what is said.
+
+    Raises `BsaError` if the person names a parameter that has no influence on the model.
+    """
     from ...plugins.pybamm.augmentation import augmented_cell, effects_in
-    from ...plugins.pybamm.parameter_sets import load
     from ...plugins.pybamm.presets import is_preset, resolve_space
-    from ...plugins.pybamm.spectrum_experiment import DOUBLE_LAYERS
 
     effects = effects_in(cell)
     augmented_cell(cell, effects)  # two may ask for different things
-    # The model of a spectrum alone has the double layers.
-    options = {**cell.options, **DOUBLE_LAYERS} if spectra else cell.options
-    space = resolve_space(cell.parameter_set, wanted.search, cell.overrides, options)
-    if is_preset(wanted.search):
+    models = simulated_models(cell, bool(records), bool(spectra))
+    space = resolve_space(cell.parameter_set, wanted.search, cell.overrides, models[-1].options)
+    by_preset = is_preset(wanted.search)
+    if by_preset:
         # A preset does not know what this person knows.
         space = ParameterSpace(tuple(parameter for parameter in space if parameter.name not in wanted.overrides))
+    space, notes = with_influence(space, models, f'the preset "{wanted.search}"' * by_preset)
     space = ParameterSpace((*space, *(parameter for effect in effects for parameter in effect.searched)))
+    return _with_resistance_started(space, wanted, cell, records, spectra), notes
+
+
+def _with_resistance_started(
+    space: ParameterSpace,
+    wanted: CellRequest,
+    cell: CellModel,
+    records: Sequence[Record],
+    spectra: Sequence[RecordRequest],
+) -> ParameterSpace:
+    """The space with a contact resistance that starts where the records show it."""
+    from ...plugins.pybamm.parameter_sets import load
+
     values = load(cell.parameter_set, cell.overrides)
     if RESISTANCE in wanted.given or values.get(RESISTANCE, 0.0) or RESISTANCE not in space:
         return space

@@ -15,8 +15,8 @@ from ...core.journal import FILE_NAME as JOURNAL
 from ...core.parameters import Parameter, ParameterSpace
 from ...core.target import CellChange, InitialSoc
 from ...core.task import ParameterFile, ParameterSource, Task
-from ...core.trajectory import Trajectory
 from ..run_record import RunRecord, read_run
+from .influence import simulated_models, with_influence
 
 BEST = "best_parameters.json"
 
@@ -104,7 +104,10 @@ def with_its_space(task: Task, run: RunRecord, socs_given: bool = False) -> Task
     if not socs_given:
         states = _started_in_the_fitted_cell(states, task, run)
     found = [p for p in run.task.space.started(run.best.candidate) if not isinstance(p.target, InitialSoc)]
-    return replace(task, space=ParameterSpace((*found, *states)))
+    spectra = [experiment.is_spectrum for experiment in task.experiments]
+    models = simulated_models(task.cell, not all(spectra), any(spectra))
+    space, notes = with_influence(ParameterSpace((*found, *states)), models, "the earlier run")
+    return replace(task, space=space, notes=tuple(dict.fromkeys((*task.notes, *notes))))
 
 
 def _started_in_the_fitted_cell(states: Sequence[Parameter], task: Task, run: RunRecord) -> list[Parameter]:
@@ -117,14 +120,10 @@ def _started_in_the_fitted_cell(states: Sequence[Parameter], task: Task, run: Ru
     started = []
     for state in states:
         records = [e for e in task.experiments if state.target in (InitialSoc(), InitialSoc(e.name))]
-        same = records[0].name in known and _alike(known[records[0].name], records[0].target)
+        same = records[0].name in known and known[records[0].name].is_same_measurement(records[0].target)
         soc = fitted.soc_of(records[0].name) if same else None
         if soc is None:
             voltage = float(set_as_is.voltages(CellChange(), state.initial, np.zeros(1))[0])
             soc = set_as_is.soc_at(voltage, fitted)
         started.append(replace(state, initial=state.project(soc)))
     return started
-
-
-def _alike(one: Trajectory, other: Trajectory) -> bool:
-    return np.array_equal(one.time, other.time) and np.array_equal(one.voltage, other.voltage)

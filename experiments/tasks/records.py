@@ -6,8 +6,6 @@ from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ...core.ageing.long_record import long_record
 from ...core.cell import CELL, SPECTRUM, TEMPERATURE
 from ...core.errors import BsaError
@@ -19,12 +17,12 @@ from ...core.record import Record
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.target import INITIAL_SOC, InitialSoc, soc_name
 from ...core.task import Experiment, ParameterSource, Task
-from ...core.trajectory import FloatArray, Trajectory
+from ...core.trajectory import Trajectory
 from .cell_for_records import ISOTHERMAL, THERMAL, warms_by
 from .measured_cell import CellRequest, MeasuredCell, measured_cell, searched_space
 from .record_request import RECOGNISED, RecordRequest
 from .record_start import open_circuit_start, with_room_for
-from .sensor_offset import from_ambient, offset_note
+from .sensor_offset import from_ambient, initial_temperature_k, start_note
 from .spectra import spectrum_experiment, spectrum_notes
 
 _MANY_CYCLES = 50
@@ -78,7 +76,7 @@ def build_task(
     )
     cell = measured_cell(wanted, records, loaded, ambient_k)
     experiments, socs, said = _fitted(records, loaded, cell)
-    space = searched_space(wanted, cell.model, loaded, spectra)
+    space, left_out = searched_space(wanted, cell.model, loaded, spectra)
     space = _with_initial_soc(space, experiments, socs, INITIAL_SOC in wanted.given, alone=len(asked) == 1)
     notes = [
         *(
@@ -88,6 +86,7 @@ def build_task(
         ),
         *(note for request in spectra for note in spectrum_notes(request)),
         *cell.notes,
+        *left_out,
         *said,
     ]
     by_current = all(request.protocol is None for request in records)
@@ -118,7 +117,7 @@ def _fitted(
         if soc is not None:
             socs.append(soc)
         experiments.append(_experiment(request, record, soc))
-        notes += offset_note(record.name, record.trajectory, experiments[-1].target)
+        notes += start_note(record.name, record.trajectory, experiments[-1])
     return experiments, socs, notes
 
 
@@ -139,28 +138,29 @@ def _too_many_cycles(record: Record) -> list[str]:
     return [f"all {count} cycles are simulated as they were measured; --life compares their fade, in far less time."]
 
 
-def _measured(trajectory: Trajectory) -> FloatArray:
-    return np.array([trajectory.current, trajectory.voltage])
-
-
 def _with_own_names(requests: Sequence[RecordRequest], others: Sequence[Experiment] = ()) -> list[RecordRequest]:
     """The same records, numbered where another has the name already: two folders may hold files of one name.
 
     A record that is there twice keeps its name. All are read already.
     """
-    measured = {one.name: _measured(one.target) for one in others if not one.is_spectrum}
+    measured = {one.name: one.target for one in others if not one.is_spectrum}
     taken = {one.name for one in others}
     named: list[RecordRequest] = []
     for request in requests:
         source = request.source
         assert not isinstance(source, Path)
-        own = _measured(source.trajectory) if isinstance(source, Record) else np.array([np.nan])
+        own = source.trajectory if isinstance(source, Record) else None
         names = chain([source.name], (f"{source.name} ({number})" for number in count(2)))
-        name = next(name for name in names if name not in taken or np.array_equal(measured.get(name, np.inf), own))
+        name = next(name for name in names if name not in taken or _is_there_twice(measured.get(name), own))
         taken.add(name)
-        measured[name] = own
+        if own is not None:
+            measured[name] = own
         named.append(replace(request, source=replace(source, name=name)))
     return named
+
+
+def _is_there_twice(known: Trajectory | None, own: Trajectory | None) -> bool:
+    return known is not None and own is not None and known.is_same_measurement(own)
 
 
 def _divided(requests: Sequence[RecordRequest]) -> tuple[list[RecordRequest], list[RecordRequest]]:
@@ -208,7 +208,7 @@ def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
     ]
     experiments = [_held_out(request, record) for request, record in zip(requests, loaded, strict=True)]
     for record, experiment in zip(loaded, experiments, strict=True):
-        notes += offset_note(f"{record.name} (held out)", record.trajectory, experiment.target)
+        notes += start_note(f"{record.name} (held out)", record.trajectory, experiment)
     notes += [
         f"{e.name} (held out): begins under load; it is started so that the fitted cell meets its first percent, or at "
         "its first sample if that turns out to be from before the load."
@@ -230,16 +230,17 @@ def _held_out(request: RecordRequest, record: Record) -> Experiment:
 def _experiment(
     request: RecordRequest, record: Record, initial_soc: float | None, initial_voltage: float | None = None
 ) -> Experiment:
-    driven = request.protocol is None
+    driven, ambient_k = request.protocol is None, _ambient_k(request, record)
     return Experiment(
         name=record.name,
-        target=from_ambient(record.trajectory, _ambient_k(request, record)) if driven else record.trajectory,
+        target=from_ambient(record.trajectory, ambient_k) if driven else record.trajectory,
         protocol=request.protocol_of(record),
         scored_cycle=request.scored_cycle,
-        temperature_k=_ambient_k(request, record),
+        temperature_k=ambient_k,
         initial_soc=initial_soc,
         initial_voltage=initial_voltage,
         detailed_cycles=() if request.detailed_cycles is None else record.trajectory.cycles,
+        initial_temperature_k=initial_temperature_k(record.trajectory, ambient_k) if driven else None,
     )
 
 

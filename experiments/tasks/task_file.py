@@ -17,6 +17,7 @@ from ...core.shape import decoding
 from ...core.task import Task, Weight
 from ...core.validation import validated
 from ...core.yaml_text import YAML_SUFFIXES, read_yaml
+from .influence import without_use
 from .record_request import RecordRequest, source_of
 from .records import build_task
 from .signal_task_file import load_signal_task
@@ -127,7 +128,8 @@ def task_from(content: TaskFile, folder: Path) -> Task:
         records=[_request(entry, folder) for entry in content.experiments],
         held_out=[_request(entry, folder) for entry in content.held_out],
     )
-    return replace(task, weight=content.weight)
+    notes = (*task.notes, *without_use(task.cell, content.overrides))
+    return replace(task, weight=content.weight, notes=notes)
 
 
 def _request(entry: ExperimentEntry, folder: Path) -> RecordRequest:

@@ -53,6 +53,9 @@ def augmented_script(
             {
                 "name": shown(measured_record.name),
                 "ambient_k": measured_record.ambient_k,
+                "initial_k": measured_record.ambient_k
+                if measured_record.initial_k is None
+                else measured_record.initial_k,
                 "negative": start[initial_concentration("Negative")],
                 "positive": start[initial_concentration("Positive")],
                 "time": [round(float(t), 4) for t in drive.time],

@@ -16,6 +16,7 @@ from ...core.extras import require
 from ...core.target import CellChange
 from ...core.task import CellModel, Experiment
 from ...core.trajectory import FloatArray
+from .compiled_cell import temperatures
 from .nameplate import labelled
 from .ocp_shape import GRID
 from .parameter_sets import arguments_of, bake, load, pybamm
@@ -70,7 +71,7 @@ def to_bpx(cell: CellModel, change: CellChange, experiment: Experiment, title: s
     bake(values, change)
     labelled(values, cell)
     if experiment.temperature_k is not None:
-        values.update({"Ambient temperature [K]": experiment.temperature_k})
+        values.update(temperatures(experiment.temperature_k, experiment.initial_temperature_k))
     soc = change.soc_of(experiment.name)
     writer = _Writer(values, change.cyclable_lithium)
     content, left_out = writer.written(cell, experiment.initial_soc if soc is None else soc)
@@ -124,7 +125,7 @@ class _Writer:
             self._left_out.append("BPX describes a single cell; cells in series are not in the file.")
         initial = {
             "Initial state-of-charge": 1.0 if start is None else float(np.clip(start, 0.0, 1.0)),
-            "Initial temperature [K]": self._kelvin,
+            "Initial temperature [K]": self._number("Initial temperature [K]"),
             "Initial electrolyte concentration [mol.m-3]": self._salt,
         }
         content = {

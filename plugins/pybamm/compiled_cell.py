@@ -34,12 +34,27 @@ class Start:
     record: str = ""  # Name of the record that is simulated: its initial state of charge may be searched.
     soc: float | None = None  # State of charge, 0 to 1; None leaves it to the voltage.
     voltage: float | None = None  # Open-circuit voltage, V; None keeps the parameter set's initial concentrations.
-    temperature_k: float | None = None  # Ambient and initial temperature, K; None keeps the parameter set's.
+    temperature_k: float | None = None  # Ambient temperature, K; None keeps the parameter set's.
+    initial_temperature_k: float | None = None  # Of the cell, K; None for the ambient one.
 
 
 def start_of(experiment: Experiment) -> Start:
     """Where an experiment begins."""
-    return Start(experiment.name, experiment.initial_soc, experiment.initial_voltage, experiment.temperature_k)
+    return Start(
+        experiment.name,
+        experiment.initial_soc,
+        experiment.initial_voltage,
+        experiment.temperature_k,
+        experiment.initial_temperature_k,
+    )
+
+
+def temperatures(ambient_k: float, initial_k: float | None) -> dict[str, float]:
+    """The parameters for a temperature around a cell, and one of the cell at the start where that is another one."""
+    return {
+        "Ambient temperature [K]": ambient_k,
+        "Initial temperature [K]": ambient_k if initial_k is None else initial_k,
+    }
 
 
 def make_model(cell: CellModel) -> Any:
@@ -88,9 +103,7 @@ class CompiledCell:
         self.heats = self._model.options["thermal"] != "isothermal"
         values = load(cell.parameter_set, cell.overrides)
         if start.temperature_k is not None:
-            values.update(
-                {"Ambient temperature [K]": start.temperature_k, "Initial temperature [K]": start.temperature_k}
-            )
+            values.update(temperatures(start.temperature_k, start.initial_temperature_k))
         bake(values, baked)
         self._feasible = keeping_ocp_falling(values, self._targets)
         starts = (InitialSoc(), InitialSoc(start.record), CyclableLithium())

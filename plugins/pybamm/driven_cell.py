@@ -110,11 +110,13 @@ class DrivenCell:
     targets : mapping of str to Target
         What a candidate sets of the base parameters, by the names that it uses.
     temperature_k : float or None
-        Ambient and initial temperature; None keeps the set's.
+        Ambient temperature; None keeps the set's.
     start : Start, optional
         Where the record begins, for `follow`; `solve` is told at each call.
     others : sequence of Trajectory
         Further records whose currents the compiled cell can follow; see `on_other`.
+    initial_k : float or None
+        Temperature of the cell at the start; None for the ambient one.
 
     Attributes
     ----------
@@ -133,6 +135,7 @@ class DrivenCell:
         start: Start | None = None,
         baked: CellChange | None = None,
         others: Sequence[Trajectory] = (),
+        initial_k: float | None = None,
     ) -> None:
         self._effects = tuple(effects)
         self._records = (record, *others)
@@ -141,7 +144,7 @@ class DrivenCell:
         self._cell = CompiledCell(
             cell,
             targets,
-            start or Start(temperature_k=temperature_k),
+            start or Start(temperature_k=temperature_k, initial_temperature_k=initial_k),
             resolution,
             baked,
             effects,

@@ -110,8 +110,10 @@ class EffectSimulator:
         try:
             first, *others = (one.record for one in group)
             resolution = self._resolution(measured_record, fine)
-            cell, ambient_k = self._cells[low_fidelity], measured_record.ambient_k
-            driven = DrivenCell(cell, effects, first, self._targets, ambient_k, resolution, others=others)
+            cell, ambient_k, initial_k = self._cells[low_fidelity], measured_record.ambient_k, measured_record.initial_k
+            driven = DrivenCell(
+                cell, effects, first, self._targets, ambient_k, resolution, others=others, initial_k=initial_k
+            )
             cells = [driven, *(driven.on_other(place) for place in range(len(others)))]
         except BsaError as error:
             if not effects and not low_fidelity:
@@ -133,8 +135,11 @@ class EffectSimulator:
         """
         if not any(measured_record is one for one in self._together):
             return [measured_record]
-        like = measured_record.ambient_k, is_long(measured_record)
-        return [one for one in self._together if (one.ambient_k, is_long(one)) == like]
+
+        def like(one: MeasuredRecord) -> tuple[float | None, float | None, bool]:
+            return one.ambient_k, one.initial_k, is_long(one)
+
+        return [one for one in self._together if like(one) == like(measured_record)]
 
     def _resolution(self, measured_record: MeasuredRecord, fine: bool) -> Resolution:
         chosen = self._resolutions[fine]

@@ -153,6 +153,7 @@ def _record(cell: CellModel, experiment: Experiment, change: CellChange, tables:
     content: dict[str, Any] = {
         "name": experiment.name,
         "temperature_k": None if experiment.temperature_k is None else float(experiment.temperature_k),
+        **_initial_temperature(experiment),
         "initial_soc": None if soc is None else float(soc),
         "initial_concentrations": {} if soc is None else _initial_concentrations(cell, change, float(soc)),
     }
@@ -162,6 +163,11 @@ def _record(cell: CellModel, experiment: Experiment, change: CellChange, tables:
         return {**content, "protocol": [(count, list(cycle)) for count, cycle in runs_of(experiment.protocol)]}
     steps = drive.steps_of_record(experiment.target)
     return {**content, "currents": [_current(step, tables) for step in steps], "dt_max": _longest_solver_step(steps)}
+
+
+def _initial_temperature(experiment: Experiment) -> dict[str, float]:
+    initial = experiment.initial_temperature_k
+    return {} if initial is None else {"initial_temperature_k": float(initial)}
 
 
 def _initial_concentrations(cell: CellModel, change: CellChange, soc: float) -> dict[str, float]:

@@ -64,7 +64,7 @@ def radial_mesh(
     def voltage(points: int) -> FloatArray | None:
         """NaN where the cell was empty or overfull."""
         resolution = replace(SEARCH, radial_points=points)
-        driven = DrivenCell(cell, (), hardest.record, {}, hardest.ambient_k, resolution)
+        driven = DrivenCell(cell, (), hardest.record, {}, hardest.ambient_k, resolution, initial_k=hardest.initial_k)
         curve = driven.solve({}, times, current, start)
         return None if curve is None else np.where(driven.within_limits(curve.voltage), curve.voltage, np.nan)
 

@@ -57,14 +57,13 @@ def default_spread(name: str) -> tuple[float, float, float]:
 
 
 def uncertain_parameters(
-    model: str,
     measured_records: Sequence[MeasuredRecord],
     soc: Mapping[str, float] | None = None,
     spreads: Mapping[str, tuple[float, float, float]] | None = None,
 ) -> ParameterSpace:
     """What the base fit moves: factors of 1 and each record's initial charge.
 
-    An SPM has no electrolyte to be uncertain about. ``soc`` is, by record, where the search for its initial state of
+    ``soc`` is, by record, where the search for its initial state of
     charge starts; 0.9 for those not named. ``spreads`` are the deviation of the logarithm, lower and upper bound of
     each factor; the nine defaults if left out.
     """
@@ -73,7 +72,6 @@ def uncertain_parameters(
             name, 1.0, lower, upper, "log", target_named(name), spread, prior=True, difference=min(0.1, 0.03 / spread)
         )
         for name, (spread, lower, upper) in (spreads or _SPREADS).items()
-        if model != "SPM" or not name.startswith(_ELECTROLYTE)
     ]
     starts = soc or {}
     states = [

@@ -77,6 +77,9 @@ def test_a_task_keeps_its_held_out_records_and_takes_none_twice() -> None:
     task = with_held_out()
     started = replace(task, held_out=(replace(task.held_out[0], initial_voltage=4.1),))
     assert decode_task(encode_task(started)).held_out[0].initial_voltage == 4.1
+    warm = replace(task, held_out=(replace(task.held_out[0], temperature_k=298.15, initial_temperature_k=303.15),))
+    assert decode_task(encode_task(warm)).held_out[0].initial_temperature_k == 303.15
+    assert "initial_temperature_k" not in encode_task(task)["held_out"][0]
     assert "held_out" not in encode_task(toy_task())
     with pytest.raises(BsaError, match="fitted and held out"):
         replace(task, held_out=task.experiments)

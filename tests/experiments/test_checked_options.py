@@ -40,6 +40,13 @@ def test_one_number_several_or_none():
         as_numbers(True, "--x")
 
 
+def test_a_number_of_each_record_is_checked_once(monkeypatch):
+    checked = []
+    monkeypatch.setattr("bsa.experiments.request.as_number", lambda value, option: checked.append(value) or value)
+    assert [one.current_offset_a for one in readings(current_offset=[0.1, 0.2], voltage_lag=3.0)] == [0.1, 0.2]
+    assert checked == [0.1, 0.2, 3.0]
+
+
 def test_a_column_may_be_numbered():
     assert reading({"time": 0}).columns == {"time": "0"}
     time = np.arange(0.0, 1000.0, 10.0)

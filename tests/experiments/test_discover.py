@@ -2,14 +2,17 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from bsa.core.effect_choice import effects_of
 from bsa.core.errors import BsaError
 from bsa.core.journal import Journal, read_events
-from bsa.core.target import CellChange
+from bsa.core.target import CellChange, target_named
 from bsa.core.task import CellModel, ParameterFile
+from bsa.experiments.api.discovery_result import DiscoveryResult
+from bsa.experiments.api.scripts import namespace_of
 from bsa.experiments.discover import discover
 from bsa.experiments.discovery_bench.hidden_cell import Hidden, measure
 from bsa.experiments.discovery_bench.hidden_physics import EFFECTS
@@ -18,7 +21,9 @@ from bsa.experiments.discovery_bench.protocols import Step
 from bsa.experiments.discovery_case import DiscoverOptions, read_case, spreads_of
 from bsa.experiments.discovery_journal import opened, read_options
 from bsa.experiments.run import read_request
+from bsa.plugins.pybamm.augmented_script import augmented_script
 from bsa.plugins.pybamm.export import parameter_values_json
+from bsa.plugins.pybamm.parameter_sets import pybamm
 
 
 def test_an_unknown_effect_is_an_error_with_a_hint():
@@ -35,6 +40,7 @@ def test_what_is_uncertain_comes_from_a_preset_a_file_or_names(tmp_path):
     cell = CellModel("Chen2020", "SPMe")
     assert len(spreads_of("all", cell)) == 9
     assert len(spreads_of("capacity", cell)) == 3
+    assert [name for name in spreads_of("all", CellModel("Chen2020", "SPM")) if "Electrolyte" in name] == []
     halved = {name: (spread / 2, lower, upper) for name, (spread, lower, upper) in spreads_of("all", cell).items()}
     assert spreads_of("measured", cell) == halved
     file = tmp_path / "search.yaml"
@@ -45,12 +51,39 @@ def test_what_is_uncertain_comes_from_a_preset_a_file_or_names(tmp_path):
         "Cyclable lithium factor": (0.08, 0.7, 1.3),
         "Separator porosity factor": (0.1, 0.5, 2.0),
     }
+    with pytest.raises(BsaError, match='"Separator porosity factor" has no influence in the model SPM'):
+        spreads_of(str(file), CellModel("Chen2020", "SPM"))
     with pytest.raises(BsaError, match="capcity") as caught:
         spreads_of("capcity", cell)
     assert "capacity" in caught.value.hint
     file.write_text("factors:\n  Separator porosty factor: {spread: 0.1, lower: 0.5, upper: 2}")
     with pytest.raises(BsaError, match="porosty"):
         spreads_of(str(file), cell)
+
+
+def test_a_discovered_cell_has_the_nominal_capacity_of_its_size(tmp_path):
+    time = np.arange(0.0, 4201.0, 30.0)
+    amperes = np.where(time < 600.0, 0.0, 10.0)
+    volts = np.where(time < 600.0, 4.1, 3.95 - 1.4 * (time - 600.0) / 3600.0)
+    rows = [f"{t},{v},{-a}" for t, v, a in zip(time, volts, amperes, strict=True)]
+    (tmp_path / "big.csv").write_text("Test Time / s,Voltage / V,Current / A\n" + "\n".join(rows))
+    options = {"data": [tmp_path / "big.csv"], "parameters": "Chen2020", "model": "SPM", "out": tmp_path / "out"}
+    case = read_case(DiscoverOptions(**options))
+    assert case.cell.overrides["Nominal cell capacity [A.h]"] == pytest.approx(10.0, rel=0.05)
+    (record,) = case.measured_records
+    start = {record.soc_name: 0.9}
+    text = augmented_script(case.cell, (), start, {name: target_named(name) for name in start}, [record])
+    script = namespace_of(text, "augmented_model")
+    assert isinstance(script["parameter_values"]()["Current function [A]"], pybamm.Interpolant)
+    values = DiscoveryResult(tmp_path, SimpleNamespace(script=text)).parameter_values
+    assert values["Current function [A]"] == values["Nominal cell capacity [A.h]"]
+    simulation = pybamm.Simulation(script["augmented_model"](), parameter_values=values, C_rate=1)
+    solution = simulation.solve([0.0, 4000.0])
+    assert solution["Current [A]"].entries[0] == pytest.approx(10.0, rel=0.05)
+    assert solution.t[-1] == pytest.approx(0.9 * 3600.0, rel=0.1)  # empty at the set's own cut-off
+    assert solution["Voltage [V]"].entries[-1] == pytest.approx(2.5, abs=0.01)
+    person = read_case(DiscoverOptions(**options, overrides={"Electrode width [m]": 2 * 1.58}))
+    assert person.cell.overrides["Nominal cell capacity [A.h]"] == pytest.approx(10.0)
 
 
 def half_discharge(path, start_s):

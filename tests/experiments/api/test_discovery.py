@@ -101,6 +101,7 @@ def test_a_hidden_resistance_is_found_and_shown(resistive_cell, tmp_path) -> Non
     values, model = found.parameter_values, found.model
     assert interval[0] <= values["Contact resistance [Ohm]"] <= interval[1]
     assert model.options["contact resistance"] == "true"
+    assert values["Lower voltage cut-off [V]"] == 2.5
     assert bsa.discover(resume=found.folder, progress=False).parameters == found.parameters
 
 

@@ -74,3 +74,6 @@ def test_an_analysis_that_its_budget_ended_says_what_was_dropped() -> None:
     assert "after 81 simulations, its budget being the 92 that the search was allowed" in caution_line(ended)
     assert "raised 6.4 times" in caution_line(ended)
     assert "24 simulations more than the budget, the 92 that the search was allowed" in next_line(ended, CELL)
+    longer = "A run that is allowed more simulations"
+    assert [line.count(longer) for line in (caution_line(ended), next_line(ended, CELL))] == [1, 0]
+    assert longer in next_line(replace(ended, widened=1.0), CELL)

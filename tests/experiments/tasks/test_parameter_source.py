@@ -50,3 +50,18 @@ def test_another_record_starts_where_the_fitted_cell_shows_its_voltage() -> None
     assert voltage == pytest.approx(3.8, abs=2e-3)
     assert abs(space[INITIAL_SOC].initial - task.space[INITIAL_SOC].initial) > 0.02
     assert with_its_space(task, run, socs_given=True).space[INITIAL_SOC] == task.space[INITIAL_SOC]
+
+
+def test_what_a_simpler_model_does_not_depend_on_is_left_out_of_an_earlier_runs_search() -> None:
+    conductivity = "Electrolyte conductivity [S.m-1] factor"
+    search = {conductivity: {"factors": [0.5, 2.0]}, SHAPE: {"lower": -0.1, "upper": 0.1}}
+    request = [RecordRequest(at_rest("a", 3.9))]
+    earlier = build_task("t", "Chen2020", request, model="SPMe", search=search)
+    best = {conductivity: 1.2, SHAPE: 0.08}
+    trial = Trial(0, "initial", 0, best, SignalMetrics(1.0, {}), None, np.ones(3), Feedback({}), (), 0.0)
+    run = RunRecord("run", earlier, {}, {}, "", "finished", (trial,), (), ())
+    assert with_its_space(earlier, run).space.names == (conductivity, SHAPE)
+    simpler = with_its_space(task_of(at_rest("a", 3.9)), run)
+    assert SHAPE in simpler.space
+    assert conductivity not in simpler.space
+    assert any("not searched: Electrolyte conductivity." in note for note in simpler.notes)

@@ -135,7 +135,7 @@ def test_activation_energies_are_searched_where_the_fitted_records_tell_them() -
 
 def test_an_ideal_electrolyte_is_replaced_by_a_measured_one_where_its_factor_is_searched() -> None:
     name = "Thermodynamic factor"
-    started = task_of(record(), search="cell")
+    started = build_task("t", "Chen2020", [RecordRequest(record())], search="cell")
     assert started.space[name].initial == load(started.cell.parameter_set, started.cell.overrides)[name] == 2.2
     assert any("2.2, that of measured electrolytes" in note for note in started.notes)
     measured = build_task("t", "Ai2020", [RecordRequest(record())], model="SPM", search="cell")
@@ -144,8 +144,9 @@ def test_an_ideal_electrolyte_is_replaced_by_a_measured_one_where_its_factor_is_
     kept = [
         measured,
         task_of(record(), search="geometry"),
-        task_of(record(), search="cell", overrides={name: 1.0}),
-        build_task("t", own, [RecordRequest(record())], model="SPM", search="cell"),
+        task_of(record(), search="cell"),  # the SPM has no electrolyte
+        build_task("t", "Chen2020", [RecordRequest(record())], search="cell", overrides={name: 1.0}),
+        build_task("t", own, [RecordRequest(record())], search="cell"),
     ]
     for task in kept:
         assert not any("measured electrolytes" in note for note in task.notes)
@@ -165,6 +166,17 @@ def test_a_cell_of_another_size_has_another_volume_and_surface() -> None:
     factor = twice[WIDTH] / 1.58
     assert twice["Cell volume [m3]"] == pytest.approx(2.42e-5 * factor)
     assert twice["Cell cooling surface area [m2]"] == pytest.approx(5.31e-3 * factor ** (2 / 3))
+
+
+def test_c_rates_are_those_of_the_cell_at_hand() -> None:
+    """Protocols that are proposed next, and effects that count charge, take the nominal capacity."""
+    name = "Nominal cell capacity [A.h]"
+    twice = task_of(record(amperes=10.0), search="cell").cell.overrides
+    assert twice[name] == pytest.approx(5.0 * twice[WIDTH] / 1.58)
+    assert name not in task_of(record(), search="cell").cell.overrides
+    # A protocol in C-rates was one of the set's.
+    request = RecordRequest(record(), protocol=(("Discharge at 1C for 10 minutes",),))
+    assert name not in build_task("t", "Chen2020", [request], overrides={WIDTH: 3.16}, search="geometry").cell.overrides
 
 
 def test_a_cell_of_many_sheets_is_not_cooled_like_one_sheet() -> None:

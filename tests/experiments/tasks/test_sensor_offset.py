@@ -41,6 +41,35 @@ def test_a_cell_that_was_warm_stays_as_it_was_measured() -> None:
     assert starts_k(9.0) == (pytest.approx([AMBIENT_K + 9.0] * 2), [])
 
 
+def cooling(first_k: float, name: str = "cell.csv", ambient_k: float | None = None) -> Record:
+    """A rest in which the cell cools to the ambient temperature, or all but."""
+    found = record(first_k, name, ambient_k)
+    fallen = AMBIENT_K + (first_k - AMBIENT_K) * np.exp(-found.trajectory.time / 300.0)
+    return replace(found, trajectory=found.trajectory.changed(temperature=fallen))
+
+
+def test_a_cell_that_cools_was_warm_however_little() -> None:
+    request = RecordRequest(cooling(AMBIENT_K + 2.0), temperature_k=AMBIENT_K)
+    later = RecordRequest(cooling(AMBIENT_K + 2.0, "later.csv"), temperature_k=AMBIENT_K)
+    task = holding_out(build_task("t", "OKane2022", [request], model="SPM"), [later])
+    for experiment in (*task.experiments, *task.held_out):
+        assert (experiment.temperature_k, experiment.initial_temperature_k) == (AMBIENT_K, AMBIENT_K + 2.0)
+        assert experiment.target.temperature is not None
+        assert experiment.target.temperature[0] == AMBIENT_K + 2.0
+    said = [note for note in task.notes if "starts 2.0 K above the ambient temperature" in note]
+    assert [note.split(":")[0] for note in said] == ["cell.csv", "later.csv (held out)"]
+
+
+def test_a_cell_that_is_further_off_than_sensors_starts_there_too() -> None:
+    for off_k in (9.0, -9.0):
+        (experiment,) = build_task(
+            "t", "OKane2022", [RecordRequest(record(AMBIENT_K + off_k), temperature_k=AMBIENT_K)], model="SPM"
+        ).experiments
+        assert experiment.initial_temperature_k == AMBIENT_K + off_k
+    near = RecordRequest(record(AMBIENT_K + 0.6), temperature_k=AMBIENT_K)
+    assert build_task("t", "OKane2022", [near], model="SPM").experiments[0].initial_temperature_k is None
+
+
 def test_without_a_given_temperature_nothing_is_shifted() -> None:
     assert starts_k(0.6, told=False) == (pytest.approx([AMBIENT_K + 0.6] * 2), [])
 

@@ -57,6 +57,13 @@ def test_the_file_of_a_cell_whose_rates_depend_on_the_temperature_is_right_in_th
         assert np.max(np.abs(difference)) < 2e-3
 
 
+def test_a_warm_cell_starts_at_its_own_temperature() -> None:
+    run = replace(RUN, temperature_k=298.15, initial_temperature_k=303.15)
+    state = to_bpx(CellModel("Chen2020"), CellChange(), run, "x").content["State"]
+    assert state["Initial conditions"]["Initial temperature [K]"] == 303.15
+    assert state["Thermal environment"]["Ambient temperature [K]"] == 298.15
+
+
 def test_a_thermodynamic_factor_goes_into_the_transference_number() -> None:
     cell = CellModel("Chen2020", "DFN", overrides={"Thermodynamic factor": 2.2})
     file = to_bpx(cell, CellChange(), RUN, "x")

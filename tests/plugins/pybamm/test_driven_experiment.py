@@ -52,6 +52,16 @@ def test_a_record_at_rest_starts_at_its_voltage_whatever_the_candidate() -> None
         assert run.trajectory.voltage[-1] == pytest.approx(3.9, abs=2e-3)
 
 
+def test_a_cell_that_starts_warm_cools_to_what_is_around_it() -> None:
+    time = np.linspace(0.0, 7200.0, 121)
+    rest = Trajectory(time, np.zeros(121), np.full(121, 3.9), None, (Step(StepKind.REST, 0, 121),))
+    warm = Experiment("rest", rest, temperature_k=298.15, initial_soc=0.5, initial_temperature_k=308.15)
+    run = compiled(CellModel("Chen2020", "SPM", {"thermal": "lumped"}), warm, {}).solve({})
+    assert run.trajectory is not None
+    assert run.trajectory.temperature is not None
+    assert run.trajectory.temperature[[0, -1]] == pytest.approx([308.15, 298.15], abs=0.1)
+
+
 def test_a_cell_that_runs_empty_is_a_finite_error_and_says_so() -> None:
     record = discharge()
     driven = compiled(SPM, Experiment("long", record, initial_soc=0.5), {LITHIUM: target_named(LITHIUM)})

@@ -63,13 +63,17 @@ def test_mesh_and_tolerances_can_be_checked(model, request_of):
 def test_one_compiled_model_serves_several_records_as_models_of_their_own_do(request_of, slower, monkeypatch):
     warm = MeasuredRecord("c", request_of.measured_record.record, 308.15)
     second = slower.measured_record
-    requests = [request_of, slower, replace(request_of, measured_record=warm)]
+    begun_warm = replace(request_of.measured_record, name="d", initial_k=308.15)
+    others = [replace(request_of, measured_record=one) for one in (warm, begun_warm)]
+    requests = [request_of, slower, *others]
     cell, targets = CellModel("Chen2020", "SPMe"), {NAME: target_named(NAME)}
     apart = EffectSimulator(cell, targets).predict(requests)
     built = []
     monkeypatch.setattr(CompiledCell, "built_model", lambda self: built.append(self) or BUILD(self))
-    together = EffectSimulator(cell, targets, together=[request_of.measured_record, second, warm]).predict(requests)
-    assert len(built) == 2  # another ambient temperature is another model
+    together = EffectSimulator(cell, targets, together=[request_of.measured_record, second, warm, begun_warm]).predict(
+        requests
+    )
+    assert len(built) == 3  # another temperature, around the cell or at its start, is another model
     for one, other in zip(apart, together, strict=True):
         np.testing.assert_allclose(one.voltage, other.voltage, atol=2e-5)
         np.testing.assert_allclose(one.temperature, other.temperature, atol=1e-3)

@@ -89,6 +89,15 @@ def test_scalars_factors_and_state_of_charge_are_told_apart():
     assert (record["initial_soc"], record["temperature_k"]) == (0.625, 308.15)
 
 
+def test_a_warm_cell_starts_at_its_own_temperature():
+    experiment = Experiment("x", NOTHING, (("Rest for 1 second",),), temperature_k=298.15, initial_temperature_k=303.15)
+    names = ("Ambient temperature [K]", "Initial temperature [K]")
+    for given, starts_k in ((experiment, 303.15), (replace(experiment, initial_temperature_k=None), 298.15)):
+        text = script(task_of(CellModel("Chen2020"), given, RADIUS), {RADIUS: 4e-6})
+        values = namespace_of(text, "warm")["parameter_values"]()
+        assert [values[name] for name in names] == [298.15, starts_k]
+
+
 DISCHARGE_FIRST = ("Discharge at 1C until 3.0 V", "Rest for 10 minutes")
 CHARGE = ("Charge at 0.5C until 4.0 V", "Hold at 4.0 V until C/5")
 
