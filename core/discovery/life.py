@@ -29,7 +29,8 @@ Fitted = Explanation | str
 """What the fit of a mechanism comes to, or why there is none."""
 
 _SCANNED = 8
-"""Strengths that are tried over the range of each mechanism: rates differ from cell to cell by orders of magnitude."""
+"""Strengths that are tried over the range of each mechanism, and, where the least is too large, as far below: rates
+differ from cell to cell by orders of magnitude."""
 
 _BELOW = 0.1
 """Least strength that is tried, in probes: effects that are smaller hardly show in hundreds of cycles."""
@@ -139,22 +140,35 @@ class LifeEngine:
 
     def _single(self, effect: Effect, base: Explanation) -> Fitted:
         """The best fit of an effect."""
-        strength = effect.full_name(effect.strength)
-        best, least, beyond, simulated = 0.0, base.fit.cost, 0, False
-        for value in np.geomspace(_BELOW * effect.strength.probe, effect.strength.upper, _SCANNED):
-            (seen,) = self._fitted((effect,), [{strength: float(value)}])
-            simulated = simulated or seen is not None
-            cost = np.inf if seen is None else float(seen @ seen)
-            if cost < least:
-                best, least, beyond = float(value), cost, 0
-            else:
-                # Far below what shows, a cost is that of none but for the integrator's error.
-                beyond += bool(best) or cost > _WORSE * base.fit.cost
-            if beyond == _BEYOND:
-                break
+        strengths = np.geomspace(_BELOW * effect.strength.probe, effect.strength.upper, _SCANNED)
+        best, least, simulated = self._scan(effect, base, strengths)
+        if not best and least > _WORSE * base.fit.cost:
+            # What hardly shows in another cell is far too much for this one.
+            best, _, seen = self._scan(effect, base, strengths[0] * strengths[0] / strengths[1:])
+            simulated = simulated or seen
         if not best:
             return _NO_NEARER if simulated else _NOT_SIMULATED
-        return self._fit((effect,), {strength: best})
+        return self._fit((effect,), {effect.full_name(effect.strength): best})
+
+    def _scan(self, effect: Effect, base: Explanation, strengths: Sequence[float]) -> tuple[float, float, bool]:
+        """Try strengths in their order, until they come no nearer.
+
+        The nearest one, 0 where none is nearer than no ageing; the least cost of all, infinite where none could be
+        simulated; and whether one could.
+        """
+        best, least, beyond, rising = 0.0, np.inf, 0, strengths[-1] > strengths[0]
+        for value in strengths:
+            (seen,) = self._fitted((effect,), [{effect.full_name(effect.strength): float(value)}])
+            cost = np.inf if seen is None else float(seen @ seen)
+            nearer = cost < min(least, base.fit.cost)
+            best, beyond = (float(value), 0) if nearer else (best, beyond)
+            if not nearer:
+                # Far below what shows, a cost is that of none but for the integrator's error.
+                beyond += bool(best) or (rising and cost > _WORSE * base.fit.cost)
+            least = min(least, cost)
+            if beyond == _BEYOND:
+                break
+        return best, least, bool(np.isfinite(least))
 
     def _pair(self, first: Explanation, second: Explanation) -> Fitted:
         effects = (*first.effects, *second.effects)

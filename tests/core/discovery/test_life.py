@@ -88,6 +88,19 @@ def test_strengths_far_beyond_the_best_are_not_simulated() -> None:
     assert len(tried) < 30
 
 
+def test_strengths_below_the_usual_are_tried_where_the_least_of_those_is_far_too_large() -> None:
+    effect = replace(LINEAR, parameters=(EffectParameter("lost", "", 0.0, 0.0, 1e4, 10.0),))
+    engine = discovery(0.1, 1.0)
+    simulate = engine._simulate
+    # The usual strengths lose all of the capacity and more.
+    engine._simulate = lambda effects, candidates: [
+        None if max(one.values(), default=0.0) >= 1.0 else simulate(effects, [one])[0] for one in candidates
+    ]
+    found = engine.run([effect])
+    assert (found.verdict, found.best.names) == ("effect-found", ("linear",))
+    assert found.best.estimates[effect.key][0].value == pytest.approx(0.1, rel=0.02)
+
+
 def test_strengths_that_do_not_show_are_no_reason_to_stop() -> None:
     found = discovery(0.1, 1.0, idle=1e-3).run([LINEAR])
     assert (found.verdict, found.best.names) == ("effect-found", ("linear",))
