@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from .budget import since_budget
 from .journal import Journal
 from .later_simulations import NOT_FITTED, REFERENCE, JournalledSimulations, WatchedSimulations
 from .metrics import Metrics, decode_metrics, evaluate
@@ -66,8 +67,10 @@ class AfterSearch:
         """Whether a person interrupted it: what is lacking is found out when the run is taken up again."""
         self._analysed = JournalledSimulations(plugins, journal, earlier)
         self._scores = {event["index"]: event for event in earlier if event["event"] == SCORE}
-        self._analyses = {event["appraisal"]["base"]: event for event in earlier if event["event"] == ANALYSIS}
-        self._predictions = {event["base"]: event for event in earlier if event["event"] == HELD_OUT}
+        # With another budget the search has made other simulations, from which intervals and bands are drawn.
+        latest = since_budget(earlier)
+        self._analyses = {event["appraisal"]["base"]: event for event in latest if event["event"] == ANALYSIS}
+        self._predictions = {event["base"]: event for event in latest if event["event"] == HELD_OUT}
 
     def score(self, trials: Iterable[Trial]) -> dict[int, Score]:
         """Score trials with the simulator's reference accuracy; each is simulated once, however often it is given."""

@@ -143,3 +143,12 @@ def test_five_lines_without_a_main_guard_give_ready_parameter_values(tmp_path) -
     assert int(done.stdout) > 1
     assert "simulations" in done.stderr
     assert np.isfinite(json.loads((tmp_path / "found" / "result.json").read_text())["wall_s"])
+
+
+def test_a_run_goes_on_with_more_simulations_and_refuses_less(toy) -> None:
+    assert toy.to_json()["status"] == "rounds-spent"
+    more = bsa.calibrate(resume=toy.folder, simulations=16, rounds=12, progress=False)
+    assert more.to_json()["simulations"] == 16
+    assert more.to_json()["identifiability"]["budget"] == 16
+    with pytest.raises(BsaError, match="has made 16 simulations"):
+        bsa.calibrate(resume=toy.folder, simulations=3, progress=False)
