@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,6 +16,7 @@ from ...core.errors import BsaError
 from ...core.journal import FILE_NAME, check_run_folder
 from . import completion
 from . import shared_options as shared
+from .discover_command import discover_command
 from .exit_codes import INTERRUPTED, STOPPED
 from .option_groups import with_options
 
@@ -217,9 +218,7 @@ def run(
     from ...core.task import NEAREST
 
     to_discover = ""
-    spectra = {experiment.name for experiment in request.task.experiments if experiment.is_spectrum}
-    over_time = [path for path in data or () if path.name not in spectra]
-    if over_time and start_from is None and not effect and not request.task.long:
+    if data and start_from is None and not effect and not request.task.long:
         typed = {
             "--parameters": request.folder if ocp or parameters == NEAREST else parameters,
             "--model": model,
@@ -228,21 +227,8 @@ def run(
             "--join": join,
             **reading.typed,
         }
-        to_discover = discover_command(over_time, holdout or (), typed)
+        to_discover = discover_command(request.task, data, holdout or (), typed)
     _execute(request, resources, as_json, identifiability, to_discover)
-
-
-def discover_command(data: Sequence[Path], holdout: Sequence[Path], options: Mapping[str, Any]) -> str:
-    """The command that looks for what a model lacks on the same records.
-
-    ``options`` are values by the option's name: a list repeats the option, True is the option alone, None and False
-    leave it out.
-    """
-    words = ["bsa", "discover", "--data", *map(str, data), *(["--holdout"] if holdout else []), *map(str, holdout)]
-    for name, value in options.items():
-        for one in value if isinstance(value, list) else [value]:
-            words += [] if one in (None, False) else [name] if one is True else [name, str(one)]
-    return shlex.join(words)
 
 
 def _execute(

@@ -3,7 +3,6 @@
 import json
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from bsa.core.cell import CELL
@@ -12,7 +11,7 @@ from bsa.core.identifiability import Identifiability, Interval
 from bsa.core.journal import read_events
 from bsa.core.post_fit_analysis import PostFitAnalysis, Suggestion
 from bsa.core.run_config import RunConfig
-from bsa.experiments.cli.run import _execute, _print_summary, discover_command
+from bsa.experiments.cli.run import _execute, _print_summary
 from bsa.experiments.report.identifiability import caution_line, next_line
 from bsa.experiments.request import RunRequest
 from bsa.experiments.run import Resources, discovery_command_of
@@ -20,16 +19,6 @@ from bsa.experiments.run_record import read_run
 from bsa_toy_cell import toy_scaffold, toy_task
 
 WIDE = "Contact resistance [Ohm]"
-
-
-def test_the_command_names_records_and_options_as_they_were_given() -> None:
-    command = discover_command(
-        [Path("my cell.csv")],
-        [Path("b.csv")],
-        {"--parameters": "Chen2020", "--options": ["a=1", "b=2"], "--no-scale": True, "--sheet": None, "--model": None},
-    )
-    options = "--parameters Chen2020 --options a=1 --options b=2 --no-scale"
-    assert command == f"bsa discover --data 'my cell.csv' --holdout b.csv {options}"
 
 
 def test_a_structured_misfit_points_to_the_command_and_a_good_fit_does_not(run_toy, tmp_path) -> None:
