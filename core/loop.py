@@ -84,6 +84,8 @@ class RunResult:
     # Of the best candidate, record by record, with reference accuracy; empty where it was not scored so.
     records: tuple[RecordErrors, ...] = ()
     held_out: tuple[Prediction, ...] = ()  # Of the task's records that were not fitted.
+    # How a stopped run goes on, in sentences, where --resume alone would stop at the same place.
+    advice: str = ""
     cut_short: bool = False  # Whether what follows the finished search was interrupted; a resumed run goes on with it.
 
 
@@ -122,7 +124,7 @@ class Run:
         self._analysing = analysing
         self._after = AfterSearch(task, plugins, journal, earlier, listener)
         self._trials: list[Trial] = []
-        self._lacking = ""
+        self._lacking = self._advice = ""
 
     @property
     def lowest(self) -> Trial:
@@ -146,7 +148,7 @@ class Run:
         except KeyboardInterrupt:
             status = "interrupted"
         except RunStopped as stopped:
-            reason = str(stopped)
+            reason, self._advice = str(stopped), stopped.advice
             status = "outage" if isinstance(stopped, Outage) else "budget-spent"
             self._journal.append("note", text=f"Stopped: {reason}.")
         if not self._trials:
@@ -348,6 +350,7 @@ class Run:
             reason=reason,
             records=fit.records,
             held_out=held_out,
+            advice=self._advice,
             cut_short=self._after.cut_short,
         )
         self._journal.append("end", status=status, best=best.index, wall_s=spent_s)

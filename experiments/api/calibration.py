@@ -259,11 +259,11 @@ def _carried_out(
         _say_how_to_go_on("interrupted", asked.folder)
         raise  # not even the first simulation was finished: there is no result
     if result.status in STOPPED:
-        _say_how_to_go_on(shown(result.reason or result.status, 400), asked.folder)
+        _say_how_to_go_on(shown(result.reason or result.status, 400), asked.folder, shown(result.advice, 600))
     elif result.cut_short:
         _say_how_to_go_on("interrupted; the search is finished, and what follows it is not", asked.folder)
     return CalibrationResult.of(asked.folder)
 
 
-def _say_how_to_go_on(why: str, folder: Path) -> None:
-    print(f"Stopped: {why}. Go on with: calibrate(resume={str(folder)!r})", file=sys.stderr)
+def _say_how_to_go_on(why: str, folder: Path, advice: str = "") -> None:
+    print(f"Stopped: {why}. {advice or f'Go on with: calibrate(resume={str(folder)!r})'}", file=sys.stderr)

@@ -283,7 +283,7 @@ def _execute(
         _print_summary(task, result, folder, _how_to_go_on(result, config, folder, identifiability))
     if result.status in STOPPED:
         why = printable(result.reason or result.status, 400)
-        print(f"Stopped: {why}. Go on with: {go_on}", file=sys.stderr)
+        print(f"Stopped: {why}. {printable(result.advice, 600) or f'Go on with: {go_on}'}", file=sys.stderr)
         raise typer.Exit(STOPPED[result.status])
     if result.cut_short:
         print(
