@@ -70,6 +70,7 @@ class CheckedRoute:
                 instance(found, NotReady)
                 instance(found.detail, str, "gave NotReady.detail = {}")
                 instance(found.remedy, str, "gave NotReady.remedy = {}")
+                instance(found.unreachable, bool, "gave NotReady.unreachable = {}")
             return found
 
     def open(self, model: str | None, name: str | None = None) -> CheckedBackend:

@@ -102,9 +102,9 @@ def replay(run: str) -> ReplayBackend:
 def _how_to_have_more(folder: Path, events: Sequence[Mapping[str, Any]]) -> str:
     """How a run comes by more replies, in sentences: one that its budget ended, or that was stopped, can go on."""
     own = "A model goes on in a run of its own, with --backend NAME."
-    last = next((event for event in reversed(events) if event["event"] in ("end", BUDGET)), {})
+    ends = [event for event in events if event["event"] in ("end", BUDGET)]
     allowed = with_budget(events[0].get("config", {}), events).get("simulations")
-    if last.get("status") in ("finished", "converged") or not isinstance(allowed, int):
+    if (ends and ends[-1].get("status") in ("finished", "converged")) or not isinstance(allowed, int):
         return f"The repeated run had ended by itself there. {own}"
     go_on = f"bsa-run --resume {shlex.quote(str(folder))} --simulations {2 * allowed}"
     return f"First let the repeated run go on ({go_on}), then resume this one. {own}"

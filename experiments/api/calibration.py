@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ...core.journal import check_run_folder
+from ...core.journal import FILE_NAME, check_run_folder
 from ...core.printable import shown
 from ...core.reading.part_of_file import file_and_part
 from ...core.task import Task
@@ -236,13 +236,16 @@ def _carried_out(
     progress: bool,
     resumed: bool,
 ) -> CalibrationResult:
-    from ...backends.opening import open_backend
     from ..cli.exit_codes import STOPPED
+    from ..ready_backend import ready_backend
     from ..run import Resources, execute_run
     from .progress import CalibrationBar
 
     resources = Resources(simulation_workers(workers), max_tokens, max_cost)
-    backend = open_backend(asked.config.backend, asked.config.backend_options)
+    begun = (asked.folder / FILE_NAME).exists()
+    backend, may_not_answer = ready_backend(asked.config.backend, asked.config.backend_options, begun)
+    if may_not_answer:
+        print(f"note: {shown(may_not_answer, 400)}", file=sys.stderr)
     try:
         with CalibrationBar(asked.task, asked.config.simulations, progress) as bar:
             result = execute_run(

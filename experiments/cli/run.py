@@ -239,15 +239,15 @@ def _execute(
     to_discover: str = "",
     resumed: bool = False,
 ) -> None:
-    from ...backends.opening import open_backend
     from ...core.metrics import objective_of
+    from ..ready_backend import ready_backend
     from ..run import execute_run, summary
     from .no_model import NoModelTold
-    from .progress import LiveProgress, PlainProgress, printable
+    from .progress import LiveProgress, PlainProgress, note_line, printable
 
     task, config, folder = request.task, request.config, request.folder
     unit = objective_of(task).of_unit
-    backend = open_backend(config.backend, config.backend_options)
+    backend, may_not_answer = ready_backend(config.backend, config.backend_options, (folder / FILE_NAME).exists())
     listener: LiveProgress | PlainProgress
     title = f"{task.name} · {config.scaffold.name} · {backend.name}"
     live = sys.stderr.isatty() and not as_json
@@ -256,6 +256,8 @@ def _execute(
     else:
         listener = PlainProgress(unit, command=to_discover)
     print(f"{title} → {folder}", file=sys.stderr)
+    if may_not_answer:
+        print(note_line(may_not_answer), file=sys.stderr)
     if config.backend == "rules":
         backend = NoModelTold(backend, listener.noted)
     go_on = _resume_command(folder, identifiability)

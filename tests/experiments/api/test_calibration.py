@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import socket
 import subprocess
 import sys
 import textwrap
@@ -152,3 +153,12 @@ def test_a_run_goes_on_with_more_simulations_and_refuses_less(toy) -> None:
     assert more.to_json()["identifiability"]["budget"] == 16
     with pytest.raises(BsaError, match="has made 16 simulations"):
         bsa.calibrate(resume=toy.folder, simulations=3, progress=False)
+
+
+def test_a_server_that_is_not_there_is_told_before_any_simulation(tmp_path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        address = f"http://127.0.0.1:{listener.getsockname()[1]}/v1"
+    settings = {"simulator": "toy-cell"}
+    with pytest.raises(BsaError, match="nothing listens"):
+        bsa.calibrate(toy_task(), settings=settings, out=tmp_path / "x", backend="openai:m", base_url=address, **SMALL)
+    assert not (tmp_path / "x").exists()
