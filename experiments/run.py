@@ -14,7 +14,7 @@ from ..core.encoding import decode_task, encode_task
 from ..core.errors import BsaError
 from ..core.files import write_json, write_text
 from ..core.hooks import RunContext
-from ..core.journal import FILE_NAME, FORMAT, Journal, check_calibration, opened, read_events
+from ..core.journal import FILE_NAME, FORMAT, LOCK, Journal, check_calibration, opened, read_events
 from ..core.loop import Listener, Run, RunResult
 from ..core.messages import Backend
 from ..core.metrics import Metrics, errors_of
@@ -98,7 +98,8 @@ def execute_run(
                 for text in (*task.notes, *journal.warnings):
                     listener.noted(text)
             result = Run(task, config, plugins, recorder, journal, folder, earlier, listener, analysing).execute()
-            if earlier and earlier[-1]["event"] == BUDGET and result.status in ("finished", "converged"):
+            by_itself = result.status in ("finished", "converged") and not result.reason
+            if earlier and earlier[-1]["event"] == BUDGET and by_itself:
                 simulated = sum(event["event"] == "trial" for event in earlier)
                 if len(result.trials) == simulated:
                     note("The search had ended by itself and not by its budget, so that nothing was added. " + _ANOTHER)
@@ -162,6 +163,11 @@ def _budgets(config: RunConfig) -> dict[str, int]:
 
 def _check_budget(path: Path, earlier: list[dict[str, Any]], known: dict[str, Any], config: RunConfig) -> None:
     """Refuse a budget that is smaller than what was done. Raises `BsaError`."""
+    if (path.parent / LOCK).exists():
+        raise BsaError(
+            f"{path.parent} is a run of a grid, whose cells are compared by their budgets.",
+            "give the grid other simulations or rounds; or copy the folder without its file lock, and resume the copy.",
+        )
     done = max((event["index"] + 1 for event in earlier if event["event"] == "trial"), default=0)
     if config.simulations < done:
         raise BsaError(

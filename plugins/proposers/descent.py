@@ -91,7 +91,7 @@ class Descent:
         self._objective_before = float("inf")
         self._first_misfit = 0.0
         self._out_of_ideas = False
-        self._limit = 0
+        self._limit = 0  # What was left at the last question, less what was simulated for it.
         self._early: list[Trial] = []  # Of a batch that was larger than what was left.
         self._told: list[Trial] = [start]
         self._noise_of_each = noise_of_residuals(task)
@@ -171,7 +171,7 @@ class Descent:
         """What to simulate next, at most ``limit`` candidates; empty when done.
 
         ``planning_budget`` is how many simulations to reckon with when the next Jacobian is weighed against more steps;
-        ``limit`` by default. A fit that had ended is asked once more where ``limit`` has grown.
+        ``limit`` by default. A fit that had ended goes on where more is left than was to be expected.
         """
         self._out_of_ideas = self._out_of_ideas and limit <= self._limit
         self._limit = limit
@@ -202,6 +202,7 @@ class Descent:
         if not trials:
             return
         self._told += trials
+        self._limit -= len(trials)
         if self._search is None:
             assert self._feasibility is not None
             found = self._feasibility.tell(trials)

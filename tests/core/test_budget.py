@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from bsa.core.budget import BUDGET
 from bsa.core.errors import BsaError
-from bsa.core.journal import FILE_NAME, read_events
+from bsa.core.journal import FILE_NAME, LOCK, read_events
 from bsa.core.loop import RunResult
 from bsa.core.scaffold import Scaffold
 from bsa.experiments.run import read_request
@@ -37,16 +37,17 @@ def tried(folder: Path) -> list[dict[str, float]]:
 
 
 @pytest.mark.parametrize("scaffold", METHODS.values(), ids=METHODS)
-@pytest.mark.parametrize("first", [1, 6])
+@pytest.mark.parametrize("first", [1, 4, 6])
 def test_a_spent_run_goes_on_where_it_ended(run_toy: RunToy, tmp_path: Path, scaffold: Scaffold, first: int) -> None:
     """Whatever the round that the smaller budget cut off, and again behind a second rise."""
     folder = tmp_path / "run"
     run_toy(folder, scaffold, simulations=first, **COMMON)
     before = tried(folder)
-    for allowed in (10, 12):
+    for allowed in (first + 1, 10, 12):
         result = run_toy(folder, scaffold, simulations=allowed, rebudgeted=True, **COMMON)
-        assert len(result.trials) == allowed or result.status == "finished"
-        assert len(result.trials) > first
+        # A stage begins only where it can be carried out.
+        ended = result.status == "finished" and (len(result.trials) > 8 or "is skipped" in result.reason)
+        assert len(result.trials) == allowed or ended
         now = tried(folder)
         assert now[: len(before)] == before
         before = now
@@ -97,6 +98,13 @@ def test_stages_that_lacked_simulations_are_carried_out_with_more(run_toy: RunTo
     stages = [one.details.get("stage") for one in read_run(tmp_path / "run").rounds]
     assert "joint" in stages
     assert result.best.objective < first.best.objective
+
+
+def test_a_run_that_still_has_too_few_is_not_said_to_have_ended_by_itself(run_toy: RunToy, tmp_path: Path) -> None:
+    run_toy(tmp_path, METHODS["staged"], simulations=2, warm_up=0)
+    still = run_toy(tmp_path, METHODS["staged"], simulations=3, warm_up=0, rebudgeted=True)
+    assert "is skipped" in still.reason
+    assert not any("ended by itself" in note for note in read_run(tmp_path).notes)
 
 
 def test_an_interrupted_run_may_be_given_less(run_toy: RunToy, tmp_path: Path) -> None:
@@ -152,3 +160,13 @@ def test_what_the_record_fixes_is_found_out_anew(run_toy: RunToy, tmp_path: Path
     kinds = [event["event"] for event in read_events(tmp_path)]
     assert kinds.count(BUDGET) == 1
     assert kinds.count("appraisal") == 2
+
+
+def test_a_cell_of_a_grid_keeps_its_budget(run_toy: RunToy, tmp_path: Path) -> None:
+    """Its identity, by which other grids find its result, has the budget in it."""
+    run_toy(tmp_path, simulations=9)
+    (tmp_path / LOCK).touch()
+    with pytest.raises(BsaError, match="is a run of a grid") as refused:
+        run_toy(tmp_path, simulations=12, rebudgeted=True)
+    assert "without its file lock" in refused.value.hint
+    assert len(run_toy(tmp_path, simulations=9, rebudgeted=True).trials) == 9
