@@ -1,11 +1,14 @@
 """The command that looks for what a model lacks on the records of a run."""
 
+from __future__ import annotations
+
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ...core.task import Task
+if TYPE_CHECKING:
+    from ...core.task import Task
 
 
 def discover_command(task: Task, data: Sequence[Path], holdout: Sequence[Path], options: Mapping[str, Any]) -> str:
