@@ -5,7 +5,7 @@ from typing import Any
 
 from ..core.border import Unfit, border
 from ..core.errors import BsaError
-from ..core.messages import Backend, JsonSchema, Message, Reply
+from ..core.messages import Backend, GivesInOrder, JsonSchema, Message, Reply
 from ..core.products import instance, reply
 from ..core.registry import Registry, installed
 from .route import NotReady, Route
@@ -31,6 +31,12 @@ class CheckedBackend:
         """See `Backend.complete`."""
         with border(self._who, "complete"):
             return reply(self._inner.complete(messages, schema, seed=seed))
+
+    def pass_over(self) -> None:
+        """See `GivesInOrder.pass_over`."""
+        if isinstance(self._inner, GivesInOrder):
+            with border(self._who, "pass_over"):
+                self._inner.pass_over()
 
     def close(self) -> None:
         """Release what the backend holds."""
@@ -64,6 +70,7 @@ class CheckedRoute:
                 instance(found, NotReady)
                 instance(found.detail, str, "gave NotReady.detail = {}")
                 instance(found.remedy, str, "gave NotReady.remedy = {}")
+                instance(found.unreachable, bool, "gave NotReady.unreachable = {}")
             return found
 
     def open(self, model: str | None, name: str | None = None) -> CheckedBackend:

@@ -42,11 +42,11 @@ class OllamaRoute(Route):
         """Whether the server answers and holds the model."""
         address = ollama_address(self.options.base_url)
         key = ollama_server_key(address, by_option=self.options.base_url is not None)
-        content, problem = look(f"{address}/api/tags", key)
-        if problem:
+        seen = look(f"{address}/api/tags", key)
+        if seen.problem:
             remedy = "ollama serve" if which("ollama") else "install Ollama (https://ollama.com/download)"
-            return NotReady(f"Ollama {problem}", remedy)
-        listed = content.get("models") if isinstance(content, Mapping) else None
+            return NotReady(f"Ollama {seen.problem}", remedy, unreachable=seen.unreachable)
+        listed = seen.content.get("models") if isinstance(seen.content, Mapping) else None
         held = {str(item.get("model") or item.get("name")) for item in listed or [] if isinstance(item, Mapping)}
         if not {model, f"{model}:latest"} & held:
             return NotReady("Ollama does not hold it", f"ollama pull {model}")

@@ -21,10 +21,11 @@ class OpenAIRoute(Route):
         address = openai_address(self.options.base_url)
         if address is None:
             return NotReady("no server named", f"vllm serve {model}  # then --base-url http://127.0.0.1:8000/v1")
-        content, problem = look(f"{address}/models", self._key(address))
-        if problem:
-            return NotReady(f"{shown(address)}: {problem}", f"vllm serve {model}")
-        listed = content.get("data") if isinstance(content, Mapping) else None
+        seen = look(f"{address}/models", self._key(address))
+        if seen.problem:
+            detail = f"{shown(address)}: {seen.problem}"
+            return NotReady(detail, f"vllm serve {model}", unreachable=seen.unreachable)
+        listed = seen.content.get("data") if isinstance(seen.content, Mapping) else None
         served = [str(item.get("id")) for item in listed or [] if isinstance(item, Mapping)]
         if served and model not in served:
             return NotReady(f"{shown(address)} serves {', '.join(served[:3])}", f"vllm serve {model}")

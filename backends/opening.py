@@ -56,6 +56,34 @@ def check_backend(spec: str, options: Given | None = None, registry: Registry | 
     registry.configure("backend", name, own)
 
 
+def look_before(spec: str, options: Given | None = None, registry: Registry | None = None) -> str:
+    """Look for a second at most whether a model can be asked; a note where that is not certain, else nothing.
+
+    Presets were looked at when they were opened, and what is no route is always there. Raises `BsaError` if nothing is
+    there that could answer; the hint says what would change that.
+    """
+    from .looking import forget_looks
+
+    registry = registry or installed()
+    name, own, _ = _parted(spec, options, registry)
+    if name not in registry.names("route") or own.get("model") is None:
+        return ""
+    forget_looks()
+    route = CheckedRoute(name, own, registry)
+    try:
+        obstacle = route.check(own["model"])
+    except BsaError:
+        return ""  # A look that fails says nothing of the model.
+    if obstacle is None or obstacle.made_ready_by_opening:
+        return ""
+    if obstacle.unreachable:
+        raise BsaError(f"the model {spec} cannot be asked: {obstacle.detail}.", obstacle.remedy)
+    # A service is opened with its key, or not at all.
+    if not route.on_own_machines:
+        return ""
+    return f"The model {spec} may not answer: {obstacle.detail}. What would help: {obstacle.remedy}"
+
+
 def _parted(spec: str, options: Given | None, registry: Registry) -> tuple[str, dict[str, Any], BackendOptions]:
     """The backend's name, its own options, and those that go around it."""
     name, colon, model = spec.partition(":")

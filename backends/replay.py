@@ -1,11 +1,13 @@
 """The replies of an earlier run, given again without a model."""
 
+import shlex
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ..core.budget import BUDGET, with_budget
 from ..core.errors import BsaError
 from ..core.journal import FILE_NAME, read_events
 from ..core.messages import BackendFailure, BudgetSpent, JsonSchema, Message, PromptRefused, Reply, ReplyRefused, Usage
@@ -21,8 +23,9 @@ class ReplayBackend:
 
     sees_images = False
 
-    def __init__(self, events: Iterable[Mapping[str, Any]], name: str) -> None:
+    def __init__(self, events: Iterable[Mapping[str, Any]], name: str, more: str = "") -> None:
         self.name = name
+        self._more = more  # How there come to be more of them, in sentences.
         self._given = deque(given(events))
         self._count = len(self._given)
 
@@ -32,11 +35,16 @@ class ReplayBackend:
         Raises `BudgetSpent` when no reply is left, so that the run stops cleanly where the original did.
         """
         if not self._given:
-            raise BudgetSpent(f"all {self._count} replies of {self.name} have been given")
+            raise BudgetSpent(f"all {self._count} replies of {self.name} have been given", self._more)
         found = self._given.popleft()
         if isinstance(found, BackendFailure):
             raise found
         return found
+
+    def pass_over(self) -> None:
+        """See `bsa.core.messages.GivesInOrder.pass_over`."""
+        if self._given:
+            self._given.popleft()
 
     def close(self) -> None:
         """Nothing to release."""
@@ -84,7 +92,19 @@ def replay(run: str) -> ReplayBackend:
     folder = given.parent if given.name == FILE_NAME else given
     if not (folder / FILE_NAME).is_file() and ("runs" / given / FILE_NAME).is_file():
         folder = "runs" / given
-    backend = ReplayBackend(read_events(folder), f"replay:{run}")
+    events = list(read_events(folder))
+    backend = ReplayBackend(events, f"replay:{run}", _how_to_have_more(folder, events))
     if not backend._count:
         raise BsaError(f"the run {folder} holds no reply of a model.", "replay a run whose scaffold asks one.")
     return backend
+
+
+def _how_to_have_more(folder: Path, events: Sequence[Mapping[str, Any]]) -> str:
+    """How a run comes by more replies, in sentences: one that its budget ended, or that was stopped, can go on."""
+    own = "A model goes on in a run of its own, with --backend NAME."
+    ends = [event for event in events if event["event"] in ("end", BUDGET)]
+    allowed = with_budget(events[0].get("config", {}), events).get("simulations")
+    if (ends and ends[-1].get("status") in ("finished", "converged")) or not isinstance(allowed, int):
+        return f"The repeated run had ended by itself there. {own}"
+    go_on = f"bsa-run --resume {shlex.quote(str(folder))} --simulations {2 * allowed}"
+    return f"First let the repeated run go on ({go_on}), then resume this one. {own}"

@@ -19,11 +19,15 @@ class NotReady:
         The one command that would make it ready.
     made_ready_by_opening : bool
         Whether opening it does the same, so that it is opened for whoever names the route.
+    unreachable : bool
+        Whether nothing is there that could answer, so that a run stops before its first simulation. Otherwise the run
+        only tells that the model may not answer: a server may have models that it does not list.
     """
 
     detail: str
     remedy: str
     made_ready_by_opening: bool = False
+    unreachable: bool = False
 
 
 class Route(ABC):

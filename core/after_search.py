@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from .budget import since_budget
 from .journal import Journal
 from .later_simulations import (
     ANALYSIS_SIMULATION,
@@ -76,9 +77,11 @@ class AfterSearch:
         """Whether a person interrupted it: what is lacking is found out when the run is taken up again."""
         self._simulated: list[Mapping[str, Any]] = [event for event in earlier if event["event"] == ANALYSIS_SIMULATION]
         self._scores = {event["index"]: event for event in earlier if event["event"] == SCORE}
-        self._analyses = {event["appraisal"]["base"]: event for event in earlier if event["event"] == ANALYSIS}
+        # With another budget the search has made other simulations, from which intervals and bands are drawn.
+        latest = since_budget(earlier)
+        self._analyses = {event["appraisal"]["base"]: event for event in latest if event["event"] == ANALYSIS}
         self._predictions: dict[int, Mapping[str, Any]] = {
-            event["base"]: event for event in earlier if event["event"] == HELD_OUT
+            event["base"]: event for event in latest if event["event"] == HELD_OUT
         }
 
     def score(self, trials: Iterable[Trial]) -> dict[int, Score]:

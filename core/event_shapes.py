@@ -50,7 +50,12 @@ def _shapes() -> dict[str, Any]:
         seconds=float,
     )
     return {
-        "run": mapping_with(config=(dict[str, Any], {}), task=(dict[str, Any], {}), versions=(dict[str, str], {})),
+        "run": mapping_with(
+            config=(dict[str, Any], {}),
+            task=(dict[str, Any], {}),
+            versions=(dict[str, str], {}),
+            to_discover=(str, ""),
+        ),
         "trial": TrialRecord,
         "reply": mapping_with(
             text=str, usage=Usage, model=str, structured_by=str, notes=list[str], prompt=list_of(turn)
@@ -69,6 +74,7 @@ def _shapes() -> dict[str, Any]:
             lost=str,
             finished=bool,
         ),
+        "budget": mapping_with(simulations=int, rounds=int, proposals=int),
         "score": mapping_with(index=int, metrics=dict[str, float] | None, records=(list[RecordErrors], [])),
         "appraisal": mapping_with(appraisal=analysis),
         # Of how many draws of the posterior bands are made; earlier versions did not write it.

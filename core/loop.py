@@ -14,6 +14,7 @@ import numpy as np
 
 from .after_search import AfterSearch, Score, Watching
 from .answer import answer
+from .budget import SimulationBudget
 from .encoding import decode_trial, encode_proposal, encode_trial
 from .errors import BsaError
 from .feedback import Feedback
@@ -83,6 +84,8 @@ class RunResult:
     # Of the best candidate, record by record, with reference accuracy; empty where it was not scored so.
     records: tuple[RecordErrors, ...] = ()
     held_out: tuple[Prediction, ...] = ()  # Of the task's records that were not fitted.
+    # How a stopped run goes on, in sentences, where --resume alone would stop at the same place.
+    advice: str = ""
     cut_short: bool = False  # Whether what follows the finished search was interrupted; a resumed run goes on with it.
 
 
@@ -117,12 +120,14 @@ class Run:
         self._listener = listener
         earlier = list(earlier)
         self._earlier_trials = {event["index"]: event for event in earlier if event["event"] == "trial"}
+        self._budget = SimulationBudget(config, earlier)
+        self._proposals = 0
         self._earlier_proposals = sum(event["event"] == "proposal" for event in earlier)
         self._earlier_s = sum(float(event.get("wall_s", 0.0)) for event in earlier if event["event"] == "end")
         self._analysing = analysing
         self._after = AfterSearch(task, plugins, journal, earlier, listener)
         self._trials: list[Trial] = []
-        self._lacking = ""
+        self._lacking = self._advice = ""
 
     @property
     def lowest(self) -> Trial:
@@ -131,7 +136,7 @@ class Run:
 
     @property
     def _simulations_left(self) -> int:
-        return self._config.simulations - len(self._trials)
+        return self._budget.after(self._proposals) - len(self._trials)
 
     def execute(self) -> RunResult:
         """Run to the end, or until interrupted; the journal is complete either way."""
@@ -146,7 +151,7 @@ class Run:
         except KeyboardInterrupt:
             status = "interrupted"
         except RunStopped as stopped:
-            reason = str(stopped)
+            reason, self._advice = str(stopped), stopped.advice
             status = "outage" if isinstance(stopped, Outage) else "budget-spent"
             self._journal.append("note", text=f"Stopped: {reason}.")
         if not self._trials:
@@ -159,7 +164,7 @@ class Run:
             return
         proposal = self._plugins.warm_up(self._context("warm-up", 1, limit))
         if proposal is not None:
-            self._take(proposal, "warm-up", 1, limit)
+            self._take(proposal, "warm-up", 1)
 
     def _search(self) -> Status:
         number = counted = stalled = 0
@@ -173,7 +178,11 @@ class Run:
             replies, lost = self._recorder.replies, self._recorder.lost
             proposal = self._plugins.propose(self._context("search", number, self._simulations_left))
             unheard = self._recorder.lost > lost and self._recorder.replies == replies
-            self._take(proposal, "search", number, self._simulations_left)
+            self._take(proposal, "search", number)
+            if proposal.finished and self._budget.grows_after(self._proposals):
+                # It may have ended for what it was allowed: it is asked again, with more.
+                stalled, reference = 0, self.lowest.objective
+                continue
             if proposal.finished:
                 self._lacking = str(proposal.details.get(LACKING, ""))
                 return "finished"
@@ -202,14 +211,19 @@ class Run:
             equilibrium=self._plugins.equilibrium,
         )
 
-    def _take(self, proposal: Proposal, phase: Phase, number: int, limit: int) -> None:
+    def _take(self, proposal: Proposal, phase: Phase, number: int) -> None:
+        self._proposals += 1
         if self._earlier_proposals > 0:
             self._earlier_proposals -= 1
         else:
             self._journal.append("proposal", phase=phase, round=number, **encode_proposal(proposal))
         if self._listener:
             self._listener.proposed(proposal, phase, number)
-        candidates = [self._task.space.project(candidate) for candidate in proposal.candidates[:limit]]
+        # A round that the end of the budget had cut short is completed once the run is allowed more.
+        limit = self._simulations_left
+        if phase == "warm-up":
+            limit = min(limit, self._config.warm_up)
+        candidates = [self._task.space.project(candidate) for candidate in proposal.candidates[: max(limit, 0)]]
         self._simulate(candidates, phase, number, proposal, proposal.reductions)
 
     def _simulate(
@@ -338,6 +352,7 @@ class Run:
                 reason=reason,
                 records=fit.records,
                 held_out=held_out,
+                advice=self._advice,
                 cut_short=self._after.cut_short,
             )
 
@@ -346,5 +361,6 @@ class Run:
             self._forecast(result(None, soon))
         analysis = self._after.analyse(self._trials, best, self._config.simulations) if analysing else None
         held_out = self._after.predict(best, analysis, fit.records) if last_word else ()
-        self._journal.append("end", status=status, best=best.index, wall_s=time.perf_counter() - started)
+        spent_s = time.perf_counter() - started
+        self._journal.append("end", status=status, best=best.index, wall_s=spent_s)
         return result(analysis, held_out)

@@ -144,7 +144,18 @@ class RunStopped(Exception):
     """The run cannot go on for now; raised from a call of the model, so that the run stops cleanly and resumably.
 
     Nothing between the model and the run loop may catch it.
+
+    Parameters
+    ----------
+    reason : str
+        Why, in a sentence without its full stop.
+    advice : str
+        How the run goes on, in sentences, where ``--resume`` alone would stop at the same place.
     """
+
+    def __init__(self, reason: str, advice: str = "") -> None:
+        super().__init__(reason)
+        self.advice = advice
 
 
 class BudgetSpent(RunStopped):
@@ -153,6 +164,14 @@ class BudgetSpent(RunStopped):
 
 class Outage(RunStopped):
     """The model could not be had: calls were lost until there was no point in asking again."""
+
+
+@runtime_checkable
+class GivesInOrder(Protocol):
+    """A backend whose next answer follows from how many it has given, as of one that repeats a journal."""
+
+    def pass_over(self) -> None:
+        """Leave out the next answer: a resumed run has it from its own journal."""
 
 
 @runtime_checkable

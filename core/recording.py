@@ -13,6 +13,7 @@ from .messages import (
     BackendFailure,
     BackendUnreachable,
     BudgetSpent,
+    GivesInOrder,
     JsonSchema,
     Message,
     Outage,
@@ -199,6 +200,8 @@ class RecordingBackend(BackendAround):
         time.sleep(wait_s)
 
     def _again(self, event: Mapping[str, Any]) -> Reply:
+        if isinstance(self._inner, GivesInOrder):
+            self._inner.pass_over()
         if event["event"] == LOST_CALL:
             self._recorder.count_lost()
             self._refused += 1

@@ -79,7 +79,7 @@ def _on_records(
             return RecordedSimulator(held.enter_context(closing(pool)), Prediction, journal.file, journal.earlier)
 
         case = read_case(options)
-        backend = held.enter_context(backend_or_none(options))
+        backend = held.enter_context(backend_or_none(options, listener, bool(journal.earlier)))
         setup = set_up(case, options, listener, make_simulator)
         asked = None if backend is None else recorder.around(backend)
         discovery = discover_on(setup, options, listener, asked)
@@ -87,14 +87,19 @@ def _on_records(
 
 
 @contextmanager
-def backend_or_none(options: DiscoverOptions) -> Iterator[Backend | None]:
-    """The backend that is asked for, for as long as it is needed, or none where none is named."""
+def backend_or_none(
+    options: DiscoverOptions, listener: Listener = lambda text: None, begun: bool = False
+) -> Iterator[Backend | None]:
+    """The backend that is asked for, for as long as it is needed, or none where none is named; see `ready_backend`."""
     if options.backend is None:
         yield None
         return
-    from ..backends.opening import open_backend
+    from .ready_backend import ready_backend
 
-    with closing(open_backend(options.backend, options.backend_options)) as backend:
+    found, may_not_answer = ready_backend(options.backend, options.backend_options, begun)
+    with closing(found) as backend:
+        if may_not_answer:
+            listener(may_not_answer)
         yield backend
 
 

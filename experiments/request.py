@@ -67,6 +67,11 @@ def run_config(
     return validated(RunConfig, content, "run configuration")
 
 
+def given_budgets(**budgets: int | None) -> dict[str, int]:
+    """The budgets that were given; the others are those of `RunConfig`."""
+    return {key: value for key, value in budgets.items() if value is not None}
+
+
 def _put(content: dict[str, Any], path: Sequence[str], value: Any, key: str) -> None:
     *parents, last = path
     place: Any = content

@@ -2,6 +2,7 @@
 
 import json
 import platform
+import shlex
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
@@ -9,11 +10,12 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from ..core.budget import BUDGET, begun_rounds, with_budget
 from ..core.encoding import decode_task, encode_task
 from ..core.errors import BsaError
 from ..core.files import write_json, write_text
 from ..core.hooks import RunContext
-from ..core.journal import FILE_NAME, FORMAT, Journal, check_calibration, opened, read_events
+from ..core.journal import FILE_NAME, FORMAT, LOCK, Journal, check_calibration, opened, read_events
 from ..core.loop import Listener, Run, RunResult
 from ..core.messages import Backend
 from ..core.metrics import Metrics, errors_of
@@ -23,10 +25,12 @@ from ..core.run_config import RunConfig
 from ..core.run_plugins import RunPlugins
 from ..core.shape import decoding, shaped
 from ..core.task import Task
+from ..core.validation import validated
 from .misfit_notes import misfit_notes
 from .run_record import read_run
 
 RESULT = "result.json"
+_ANOTHER = "Another search, as with another --seed, is a run of its own."
 
 _VERSIONED = ("battery-sim-agent", "pybamm", "numpy", "scipy")
 
@@ -62,6 +66,7 @@ def execute_run(
     report: bool = True,
     analysing: bool = False,
     to_discover: str = "",
+    rebudgeted: bool = False,
 ) -> RunResult:
     """Run a task in a folder, or go on where an interrupted run of the same task and configuration stopped.
 
@@ -69,8 +74,9 @@ def execute_run(
     is closed at the end. Without ``report`` no ``report.html`` is written: the journal is enough to write it later.
     ``analysing`` finds out after the search what the records fix and what to measure next; studies count simulations
     and leave it out. ``to_discover`` is the command that looks for what the model lacks; it is told where the misfit of
-    the best candidate is no noise. Raises `BsaError` if the folder holds a run of another task or configuration, or a
-    plugin cannot be used.
+    the best candidate is no noise. ``rebudgeted`` lets the configuration allow another number of simulations and of
+    rounds than the run had; what it has simulated stands. Raises `BsaError` if the folder holds a run of another task
+    or configuration, the budget is smaller than what was simulated, or a plugin cannot be used.
     """
     from .report.forecast_line import forecast_line
     from .report.page import FILE_NAME as REPORT
@@ -82,7 +88,7 @@ def execute_run(
         journal, earlier = book.file, book.earlier
         if any(event["event"] == "trial" for event in earlier):
             read_run(folder)  # What does not read must be refused before more is written behind it.
-        _open_chapter(journal, earlier, task, config)
+        _open_chapter(journal, earlier, task, config, to_discover, rebudgeted)
         recorder = Recorder(journal, earlier, resources.max_tokens, resources.max_cost_usd)
         if listener:
             recorder.say = listener.noted
@@ -113,6 +119,11 @@ def execute_run(
             result = Run(
                 task, config, plugins, recorder, journal, folder, earlier, listener, analysing, forecast
             ).execute()
+            by_itself = result.status in ("finished", "converged") and not result.reason
+            if earlier and earlier[-1]["event"] == BUDGET and by_itself:
+                simulated = sum(event["event"] == "trial" for event in earlier)
+                if len(result.trials) == simulated:
+                    note("The search had ended by itself and not by its budget, so that nothing was added. " + _ANOTHER)
             for text in misfit_notes(task, result.best, to_discover) if to_discover else ():
                 note(text)
             write(result)
@@ -129,35 +140,91 @@ def _write_products(
         write_text(folder / name, content)
 
 
-def _open_chapter(journal: Journal, earlier: list[dict[str, Any]], task: Task, config: RunConfig) -> None:
+def _open_chapter(
+    journal: Journal, earlier: list[dict[str, Any]], task: Task, config: RunConfig, to_discover: str, rebudgeted: bool
+) -> None:
     """Write the first line of a fresh journal, or check that the old one belongs to this task and configuration."""
     encoded, dumped = encode_task(task), config.model_dump(mode="json")
     now = versions()
     if not earlier:
         identity = config.identity(encoded, now)
-        journal.append("run", format=FORMAT, identity=identity, config=dumped, versions=now, task=encoded)
+        advice = {"to_discover": to_discover} if to_discover else {}
+        journal.append("run", format=FORMAT, identity=identity, config=dumped, versions=now, task=encoded, **advice)
         return
     first = earlier[0]
     check_calibration(first, journal.path)
-    if first.get("config") != dumped or first.get("task") != json.loads(json.dumps(encoded)):
+    known = with_budget(first.get("config", {}), earlier)
+    same = {**known, **_budgets(config)} == dumped and first.get("task") == json.loads(json.dumps(encoded))
+    if not same or (known != dumped and not rebudgeted):
+        allowed = " ".join(f"--{key} {value}" for key, value in _budgets(config).items() if known.get(key) != value)
+        go_on = f"bsa run --resume {shlex.quote(str(journal.path.parent))}"
         raise BsaError(
             f"{journal.path} belongs to another task or configuration.",
-            "choose another --out folder, or resume with --resume alone.",
+            "choose another --out folder, or resume with --resume alone."
+            if not same
+            else f"choose another --out folder, or go on with that run: {go_on} {allowed}",
         )
+    if known != dumped:
+        _check_budget(journal.path, earlier, known, config)
     began = first.get("versions", {})
     changed = [f"{name} {began.get(name)} -> {now[name]}" for name in now if began.get(name) != now[name]]
     if changed:
         journal.warnings.append(f"Resumed with other versions than the run began with: {', '.join(changed)}.")
     journal.append("resumed", versions=now)
+    if known != dumped:
+        event = {**_budgets(config), "proposals": begun_rounds(earlier)}
+        journal.append(BUDGET, **event)
+        earlier.append({"event": BUDGET, **event})
+        rises = [(key, value) for key, value in _budgets(config).items() if value != known.get(key)]
+        words = "; ".join(f"{value} {key} in all, before {known.get(key)}" for key, value in rises)
+        journal.append("note", text=f"The run was taken up again with another budget: {words}.")
+        journal.warnings.append(f"The run goes on with another budget: {words}.")
 
 
-def read_request(folder: Path) -> tuple[Task, RunConfig]:
-    """The task and configuration of an earlier run, from its journal. Raises `BsaError` if the folder holds no run."""
+def _budgets(config: RunConfig) -> dict[str, int]:
+    """What a run that is taken up again may be given more of."""
+    return {"simulations": config.simulations, "rounds": config.rounds}
+
+
+def _check_budget(path: Path, earlier: list[dict[str, Any]], known: dict[str, Any], config: RunConfig) -> None:
+    """Refuse a budget that is smaller than what was done. Raises `BsaError`."""
+    if (path.parent / LOCK).exists():
+        raise BsaError(
+            f"{path.parent} is a run of a grid, whose cells are compared by their budgets.",
+            "give the grid other simulations or rounds; or copy the folder without its file lock, and resume the copy.",
+        )
+    done = max((event["index"] + 1 for event in earlier if event["event"] == "trial"), default=0)
+    if config.simulations < done:
+        raise BsaError(
+            f"the run has made {done} simulations, which is more than --simulations {config.simulations}.",
+            f"give more than {done}: those that {path} holds count with the new ones.",
+        )
+    if config.rounds < known.get("rounds", 0):
+        raise BsaError(
+            f"--rounds {config.rounds} is less than the {known['rounds']} of the run.",
+            "give more, or leave it out; --simulations may end the search sooner.",
+        )
+
+
+def discovery_command_of(folder: Path) -> str:
+    """The command that looks for what the model of an earlier run lacks; empty where its journal names none."""
+    return str(next(read_events(folder), {}).get("to_discover", ""))
+
+
+def read_request(folder: Path, simulations: int | None = None, rounds: int | None = None) -> tuple[Task, RunConfig]:
+    """The task and configuration of an earlier run, from its journal, with another budget where one is given.
+
+    Raises `BsaError` if the folder holds no run, or a budget is none.
+    """
     path = folder / FILE_NAME
-    first = next(read_events(folder), {})
+    events = list(read_events(folder))
+    first = events[0] if events else {}
     check_calibration(first, path)
     with decoding(path, "a run", "restore the file, or start a new run."):
-        return decode_task(first["task"]), shaped(RunConfig, first["config"])
+        task, config = decode_task(first["task"]), shaped(RunConfig, with_budget(first["config"], events))
+    asked = {"simulations": simulations, "rounds": rounds}
+    given = {key: value for key, value in asked.items() if value is not None}
+    return task, validated(RunConfig, {**config.model_dump(), **given}, "run configuration") if given else config
 
 
 def summary(task: Task, config: RunConfig, backend_name: str, result: RunResult) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import Any
 
 from ..core.after_search import ANALYSIS, NO_BAND, NOT_ANALYSED, NOT_PREDICTED, SCORE, read_record_errors
 from ..core.answer import answer
+from ..core.budget import BUDGET, since_budget, with_budget
 from ..core.encoding import decode_task, decode_trial
 from ..core.errors import BsaError
 from ..core.journal import FILE_NAME, check_calibration, read_events
@@ -174,17 +175,18 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
             _check_bounds(parameter, trial.candidate[parameter.name])
     best = answer(task, trials).index
     scores = {event["index"]: event for event in events if event["event"] == SCORE}
-    analysis, held_out = _analysis(events, best, task), _predictions(events, best)
+    latest = since_budget(events)
+    analysis, held_out = _analysis(latest, best, task), _predictions(latest, best)
     mended = {
         NOT_ANALYSED: analysis is not None,
         NOT_PREDICTED: bool(held_out),
         NO_BAND: any(one.bands for one in held_out),
     }
-    told = [str(event["text"]) for event in events if event["event"] == "note"]
+    told = _notes(events)
     return RunRecord(
         name=folder.resolve().name,
         task=task,
-        config=first["config"],
+        config=with_budget(first["config"], events),
         versions=first.get("versions", {}),
         identity=str(first.get("identity", "")),
         status=_status(events),
@@ -224,6 +226,20 @@ def _predictions(events: Iterable[Mapping[str, Any]], best: int) -> tuple[Predic
     """The last predictions of the best trial: a resumed run may have found a better one since, or their bands."""
     found = [event["predictions"] for event in events if event["event"] == HELD_OUT and event["base"] == best]
     return tuple(decode_prediction(content) for content in (found[-1] if found else ()))
+
+
+def _notes(events: Iterable[Mapping[str, Any]]) -> list[str]:
+    """What the run said, each once; what it said of an end that a larger budget took back is left out."""
+    notes: list[str] = []
+    kept: int | None = None
+    for event in events:
+        if event["event"] == "note":
+            notes.append(str(event["text"]))
+        elif event["event"] == "end":
+            kept = len(notes)
+        elif event["event"] == BUDGET and kept is not None:
+            del notes[kept:]
+    return list(dict.fromkeys(notes))
 
 
 def _status(events: Iterable[Mapping[str, Any]]) -> str:

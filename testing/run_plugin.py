@@ -72,12 +72,20 @@ class RunPluginConformance(EntryConformance):
         context = RunContext(task, 1, folder, backend or installed().make("backend", "rules", {}))
         return RunPlugins(scaffold, context, installed(), notes.append)
 
-    def run(self, scaffold: Scaffold, task: Task, folder: Path, backend: Backend | None = None) -> RunResult:
-        """A run in a folder, or the rest of one that is there."""
+    def run(
+        self,
+        scaffold: Scaffold,
+        task: Task,
+        folder: Path,
+        backend: Backend | None = None,
+        simulations: int = SIMULATIONS,
+    ) -> RunResult:
+        """A run in a folder, or the rest of one that is there, which may have had another number of simulations."""
         from ..experiments.run import execute_run
 
-        config = RunConfig(scaffold=scaffold, simulations=SIMULATIONS, warm_up=WARM_UP, rounds=ROUNDS)
-        return execute_run(task, config, folder, backend or installed().make("backend", "rules", {}), report=False)
+        config = RunConfig(scaffold=scaffold, simulations=simulations, warm_up=WARM_UP, rounds=ROUNDS)
+        model = backend or installed().make("backend", "rules", {})
+        return execute_run(task, config, folder, model, report=False, rebudgeted=True)
 
     def test_a_run_keeps_to_its_budget(self, scaffold: Scaffold, task: Task, tmp_path: Path) -> None:
         """A run with the plugin ends, simulates no more than it may, and leaves nothing of its answers out."""
@@ -98,6 +106,17 @@ class RunPluginConformance(EntryConformance):
         _disturb_global_generators(2)
         resumed = self.run(scaffold, task, tmp_path / "run")
         assert [trial.candidate for trial in resumed.trials] == [trial.candidate for trial in whole.trials]
+
+    def test_a_run_that_is_given_more_simulations_keeps_those_that_it_made(
+        self, scaffold: Scaffold, task: Task, tmp_path: Path
+    ) -> None:
+        """Taken up again with more, and then once more, it asks for the same and goes on."""
+        few = self.run(scaffold, task, tmp_path / "run", simulations=SIMULATIONS // 2)
+        more = self.run(scaffold, task, tmp_path / "run")
+        again = self.run(scaffold, task, tmp_path / "run")
+        assert len(more.trials) <= SIMULATIONS
+        assert [trial.candidate for trial in more.trials][: len(few.trials)] == [t.candidate for t in few.trials]
+        assert [trial.candidate for trial in again.trials] == [trial.candidate for trial in more.trials]
 
 
 def _disturb_global_generators(seed: int) -> None:

@@ -86,6 +86,7 @@ def run_toy(tmp_path: Path) -> RunToy:
         backend: Backend | None = None,
         task: Task | None = None,
         analysing: bool = False,
+        rebudgeted: bool = False,
         **config: Any,
     ) -> RunResult:
         settings = {"rounds": 12, "warm_up": 8, "simulations": 30, **config}
@@ -95,6 +96,7 @@ def run_toy(tmp_path: Path) -> RunToy:
             folder or tmp_path / "run",
             backend or RulesBackend(),
             analysing=analysing,
+            rebudgeted=rebudgeted,
         )
 
     return run

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ...core.journal import check_run_folder
+from ...core.journal import FILE_NAME, check_run_folder
 from ...core.printable import shown
 from ...core.reading.part_of_file import file_and_part
 from ...core.task import Task
@@ -18,6 +18,7 @@ from ..request import (
     Records,
     RunRequest,
     backend_options,
+    given_budgets,
     readings,
     run_config,
     run_request,
@@ -57,9 +58,9 @@ def calibrate(
     fit_cycles: int | None = None,
     weight: str | None = None,
     scaffold: str = "hybrid",
-    rounds: int = 80,
+    rounds: int | None = None,
     warmup: int = 20,
-    simulations: int = 100,
+    simulations: int | None = None,
     seed: int = 1234,
     workers: int = 0,
     settings: Mapping[str, Any] | None = None,
@@ -127,7 +128,7 @@ def calibrate(
     scaffold : str
         Scaffold by name, or a YAML file.
     rounds, warmup, simulations : int
-        Search rounds, warm-up simulations, and simulations in all, at most.
+        Search rounds (by default 80), warm-up simulations, and simulations in all (by default 100), at most.
     seed : int
         Seed for everything random.
     workers : int
@@ -143,7 +144,8 @@ def calibrate(
     out : path, optional
         Folder of the run; by default ``runs/<task>-<scaffold>-<n>``.
     resume : path, optional
-        Go on with the run in this folder; all options but ``workers``, ``identifiability`` and allowances are its own.
+        Go on with the run in this folder, to ``simulations`` and ``rounds`` in all where these are given; all other
+        options but ``workers``, ``identifiability`` and allowances are its own.
     progress : bool
         Whether a bar shows how far the search is.
 
@@ -160,7 +162,7 @@ def calibrate(
     if resume is not None:
         from ..run import read_request
 
-        asked = RunRequest(*read_request(Path(resume)), Path(resume))
+        asked = RunRequest(*read_request(Path(resume), simulations, rounds), Path(resume))
     else:
         if out is not None:
             check_run_folder(Path(out))
@@ -169,7 +171,7 @@ def calibrate(
             column, unit, current_sign, constant_current, current_offset, voltage_lag, where, cycles, sheet, temperature
         )
         fitted, held = sources(None if named else data, holdout, reads)  # type: ignore[arg-type]
-        budgets = {"rounds": rounds, "warm_up": warmup, "simulations": simulations, "seed": seed}
+        budgets = given_budgets(rounds=rounds, warm_up=warmup, simulations=simulations, seed=seed)
         reached = backend_options(
             backend_option or {},
             via=via,
@@ -205,7 +207,7 @@ def calibrate(
             weight,
             None if out is None else Path(out),
         )
-    return _carried_out(asked, workers, max_tokens, max_cost, identifiability, progress)
+    return _carried_out(asked, workers, max_tokens, max_cost, identifiability, progress, resume is not None)
 
 
 def _names_a_task(data: Any) -> bool:
@@ -232,28 +234,39 @@ def _carried_out(
     max_cost: float | None,
     identifiability: bool,
     progress: bool,
+    resumed: bool,
 ) -> CalibrationResult:
-    from ...backends.opening import open_backend
     from ..cli.exit_codes import STOPPED
+    from ..ready_backend import ready_backend
     from ..run import Resources, execute_run
     from .progress import CalibrationBar
 
     resources = Resources(simulation_workers(workers), max_tokens, max_cost)
-    backend = open_backend(asked.config.backend, asked.config.backend_options)
+    begun = (asked.folder / FILE_NAME).exists()
+    backend, may_not_answer = ready_backend(asked.config.backend, asked.config.backend_options, begun)
+    if may_not_answer:
+        print(f"note: {shown(may_not_answer, 400)}", file=sys.stderr)
     try:
         with CalibrationBar(asked.task, asked.config.simulations, progress) as bar:
             result = execute_run(
-                asked.task, asked.config, asked.folder, backend, resources, bar, analysing=identifiability
+                asked.task,
+                asked.config,
+                asked.folder,
+                backend,
+                resources,
+                bar,
+                analysing=identifiability,
+                rebudgeted=resumed,
             )
     except KeyboardInterrupt:
         _say_how_to_go_on("interrupted", asked.folder)
         raise  # not even the first simulation was finished: there is no result
     if result.status in STOPPED:
-        _say_how_to_go_on(shown(result.reason or result.status, 400), asked.folder)
+        _say_how_to_go_on(shown(result.reason or result.status, 400), asked.folder, shown(result.advice, 600))
     elif result.cut_short:
         _say_how_to_go_on("interrupted; the search is finished, and what follows it is not", asked.folder)
     return CalibrationResult.of(asked.folder)
 
 
-def _say_how_to_go_on(why: str, folder: Path) -> None:
-    print(f"Stopped: {why}. Go on with: calibrate(resume={str(folder)!r})", file=sys.stderr)
+def _say_how_to_go_on(why: str, folder: Path, advice: str = "") -> None:
+    print(f"Stopped: {why}. {advice or f'Go on with: calibrate(resume={str(folder)!r})'}", file=sys.stderr)

@@ -51,72 +51,131 @@ class Column:
 
     name: str  # Its head in the files.
     kind: type[str] | type[int] | type[float]  # Type of its values; None stands for what is not known.
+    words: str  # What it holds, for the documentation.
     value: Callable[[Facts], Any]  # From what is known of a cell to the value.
     page: str = ""  # Its head on the page; empty for a column that is not shown there.
     error: str = ""  # What tables call it, where it is an error of a fit.
     effort: str = ""  # What the table of effort calls its mean; empty for a column that is not in it.
 
 
-def _axis(name: str, page: str = "", kind: type[str] | type[int] = str) -> Column:
-    return Column(name, kind, lambda facts: kind(facts.entry[name]), page)
+def _axis(name: str, words: str, page: str = "", kind: type[str] | type[int] = str) -> Column:
+    return Column(name, kind, words, lambda facts: kind(facts.entry[name]), page)
 
 
-def _metric(name: str, page: str = "", error: str = "") -> Column:
-    return Column(name, float, lambda facts: facts.best_number(name), page, error)
+def _metric(name: str, words: str, page: str = "", error: str = "") -> Column:
+    return Column(name, float, words, lambda facts: facts.best_number(name), page, error)
 
 
 def _initial(name: str, page: str = "") -> Column:
-    return Column(f"initial_{name}", float, lambda facts: facts.number("initial", name), page)
+    words = f"`{name}` of the starting point"
+    return Column(f"initial_{name}", float, words, lambda facts: facts.number("initial", name), page)
 
 
-def _told(name: str, kind: type[str] | type[int] | type[float] = float, page: str = "", effort: str = "") -> Column:
-    return Column(name, kind, lambda facts: facts.result.get(name), page, effort=effort)
+def _told(
+    name: str, words: str, kind: type[str] | type[int] | type[float] = float, page: str = "", effort: str = ""
+) -> Column:
+    return Column(name, kind, words, lambda facts: facts.result.get(name), page, effort=effort)
 
 
 COLUMNS = (
-    Column("grid", str, lambda facts: facts.campaign),
-    _axis("task", "Task"),
-    _axis("mode", "Mode"),
-    _axis("chemistry", "Chemistry"),
-    _axis("rates", "Rates"),
-    _axis("method", "Method"),
-    _axis("scaffold"),
-    _axis("backend"),
-    _axis("seed", "Seed", int),
-    Column("state", str, lambda facts: facts.state, "State"),
-    Column("status", str, lambda facts: facts.result.get("status", ""), "Ended"),
-    _metric("objective"),
-    _metric("mape", "MAPE / %", "total MAPE, %"),
-    _metric("q_mape"),
-    _metric("i_mape"),
-    _metric("v_mape"),
-    _metric("rmse", "RMSE", "total RMSE"),
-    _metric("v_rmse_mv", "V RMSE / mV", "voltage RMSE, mV"),
-    _metric("step_duration_error"),
-    _metric("capacity_error", "Capacity error"),
-    _metric("fade_error"),
-    _metric("resistance_error"),
+    Column("grid", str, "name of the grid or study", lambda facts: facts.campaign),
+    _axis("task", "name of the task; of a study its item", "Task"),
+    _axis("mode", "`regular`, `extreme`, ... of a suite, `own` of any other task; of a study its name", "Mode"),
+    _axis("chemistry", "PyBaMM's parameter set", "Chemistry"),
+    _axis("rates", "C-rates of the task's records", "Rates"),
+    _axis("method", "what tables call the row: the scaffold, with the backend where several were compared", "Method"),
+    _axis("scaffold", "name of the scaffold"),
+    _axis("backend", "the language model, as `--backend` names it"),
+    _axis("seed", "seed of the run", "Seed", int),
+    Column(
+        "state",
+        str,
+        "`done`; `stopped` (by its allowance or a person, and resumable), `failed`, or `missing` where it has not run",
+        lambda facts: facts.state,
+        "State",
+    ),
+    Column(
+        "status",
+        str,
+        "why a run ended, `status` of `result.json`; this and all that follows up to `cpu_s` only where it is `done`",
+        lambda facts: facts.result.get("status", ""),
+        "Ended",
+    ),
+    _metric(
+        "objective",
+        "what the search minimises, of the simulation with the least of it, as the errors that follow: `mape`, "
+        "`v_rmse_mv` where the measured current drives the cell, or the RMS misfit in tolerances",
+    ),
+    _metric("mape", "total MAPE, %: the sum of the next three", "MAPE / %", "total MAPE, %"),
+    _metric("q_mape", "error of the charge, %"),
+    _metric("i_mape", "mean absolute error of the current, %"),
+    _metric("v_mape", "mean absolute error of the voltage, %"),
+    _metric("rmse", "sum of the RMS errors of charge (A h), current (A) and voltage (V)", "RMSE", "total RMSE"),
+    _metric("v_rmse_mv", "RMS error of the voltage where both records exist, mV", "V RMSE / mV", "voltage RMSE, mV"),
+    _metric("step_duration_error", "mean of abs(ln(simulated / measured duration)) over the steps"),
+    _metric("capacity_error", "relative error of the discharged capacity, as a fraction", "Capacity error"),
+    _metric("fade_error", "of a life: mean capacity error over all cycles, % of the first cycle's capacity"),
+    _metric("resistance_error", "of a life: mean resistance error over all cycles, %"),
     _initial("objective"),
     _initial("mape", "MAPE before / %"),
     _initial("v_rmse_mv"),
-    Column("early_objective", float, lambda facts: facts.trace.best_after(EARLY)),
-    _told("simulations", int, "Sim.", "simulations"),
-    _told("failed_simulations", int, "Failed", "of them failed"),
-    _told("llm_calls", int, effort="model calls"),
-    Column("lost_calls", int, lambda facts: facts.lost_calls),
-    _told("tokens", int, "Tokens", "tokens"),
-    _told("cost_usd", float, "Cost / $", "cost / $"),
-    _told("wall_s", float, "Time / s", "time / s"),
-    _told("simulator_s"),
-    _told("backend_s"),
-    Column("proposer_s", float, lambda facts: facts.trace.proposer_s),
-    Column("resumed", str, lambda facts: "yes" if facts.trace.resumed else ""),
-    Column("best_simulation", int, lambda facts: best_score(facts.result).get("trial")),
-    _told("verdict", str, "Verdict"),
-    Column("named", str, lambda facts: " + ".join(facts.result.get("names", ())), "Named"),
-    Column("gap_closed", float, lambda facts: facts.number("gap", "closed"), "Gap closed"),
-    Column("held_out_gap_closed", float, lambda facts: facts.number("gap", "holdout_closed"), "Held-out gap closed"),
-    _told("cpu_s"),
-    Column("identity", str, lambda facts: facts.entry["identity"]),
-    Column("reason", str, lambda facts: facts.reason, "Reason"),
+    Column(
+        "early_objective",
+        float,
+        f"least `objective` among the first {EARLY} simulations, as the search simulated them",
+        lambda facts: facts.trace.best_after(EARLY),
+    ),
+    _told("simulations", "simulations of the search, warm-up and the first one included", int, "Sim.", "simulations"),
+    _told("failed_simulations", "how many of them failed", int, "Failed", "of them failed"),
+    _told("llm_calls", "calls of the language model", int, effort="model calls"),
+    Column(
+        "lost_calls", int, "how many of them gave no reply; also of a cell that failed for it", lambda f: f.lost_calls
+    ),
+    _told("tokens", "tokens of prompts and replies", int, "Tokens", "tokens"),
+    _told("cost_usd", "price of these tokens, US dollars", float, "Cost / $", "cost / $"),
+    _told("wall_s", "time from start to end, of each time it was taken up, s", float, "Time / s", "time / s"),
+    _told("simulator_s", "time of all simulations, those side by side added up, s"),
+    _told("backend_s", "time of the language model, s"),
+    Column(
+        "proposer_s",
+        float,
+        "time of the method between simulations, the language model's left out, s; of a resumed run of its last part",
+        lambda facts: facts.trace.proposer_s,
+    ),
+    Column(
+        "resumed",
+        str,
+        "`yes` where the run was stopped and taken up again",
+        lambda facts: "yes" if facts.trace.resumed else "",
+    ),
+    Column(
+        "best_simulation",
+        int,
+        "number, from 0, of the simulation whose errors these are",
+        lambda facts: best_score(facts.result).get("trial"),
+    ),
+    _told("verdict", "of a discovery: its verdict", str, "Verdict"),
+    Column("named", str, "of a discovery: the effects named", lambda f: " + ".join(f.result.get("names", ())), "Named"),
+    Column(
+        "gap_closed",
+        float,
+        "of a discovery: share of the gap to the noise that is closed on fitted records",
+        lambda facts: facts.number("gap", "closed"),
+        "Gap closed",
+    ),
+    Column(
+        "held_out_gap_closed",
+        float,
+        "the same on held-out records",
+        lambda facts: facts.number("gap", "holdout_closed"),
+        "Held-out gap closed",
+    ),
+    _told("cpu_s", "of a discovery: processor time of its process, s"),
+    Column(
+        "identity",
+        str,
+        "hash of what determines the result, and name of the folder under `cells/`; empty while its task is not made",
+        lambda facts: facts.entry["identity"],
+    ),
+    Column("reason", str, "why there is no result", lambda facts: facts.reason, "Reason"),
 )

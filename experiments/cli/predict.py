@@ -1,6 +1,8 @@
 """``bsa predict``: score records that a finished run never saw."""
 
 import json
+import shlex
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -39,6 +41,9 @@ def predict(
     if as_json:
         print(json.dumps(scored.to_json(), indent=2))
         return
+    if scored.run.analysis is None and len(scored.run.trials) > 1:
+        find_out = f"to find out: bsa-run --resume {shlex.quote(str(run))}"
+        print(f"note: no 95 % band: the run has not looked for what its record fixes; {find_out}", file=sys.stderr)
     for row in error_rows(scored.run.task, scored.run.records, scored.predictions):
         print(f"  {printable(row.line, 400)}")
     print(f"  report: {page}")

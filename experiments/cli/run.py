@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,11 +16,13 @@ from ...core.errors import BsaError
 from ...core.journal import FILE_NAME, check_run_folder
 from . import completion
 from . import shared_options as shared
+from .discover_command import discover_command
 from .exit_codes import INTERRUPTED, STOPPED
 from .option_groups import with_options
 
 if TYPE_CHECKING:
     from ...core.loop import RunResult
+    from ...core.run_config import RunConfig
     from ...core.task import Task
     from ..request import RunRequest
 
@@ -105,9 +107,20 @@ def run(
             metavar="NAME|FILE", help="Scaffold by name, or a YAML file.", autocompletion=completion.scaffolds
         ),
     ] = "hybrid",
-    rounds: Annotated[int, shared.search_option(min=0, metavar="N", help="Search rounds at most.")] = 80,
+    rounds: Annotated[
+        int | None,
+        shared.search_option(min=0, metavar="N", help="Search rounds at most; default 80, of a resumed run its own."),
+    ] = None,
     warmup: Annotated[int, shared.search_option(min=0, metavar="N", help="Warm-up simulations at most.")] = 20,
-    simulations: Annotated[int, shared.search_option(min=1, metavar="N", help="Simulations at most, in all.")] = 100,
+    simulations: Annotated[
+        int | None,
+        shared.search_option(
+            min=1,
+            metavar="N",
+            help="Simulations at most, in all; default 100, of a resumed run its own: --resume FOLDER --simulations "
+            "200 goes on where 100 ended.",
+        ),
+    ] = None,
     seed: shared.Seed = 1234,
     workers: shared.SimulationWorkers = 0,
     settings: Annotated[
@@ -156,20 +169,31 @@ def run(
     version: shared.Version = False,
 ) -> None:
     """Calibrate a model against a target: the packaged demo, a task file, or cycler records."""
-    from ..request import CellChoice, Records, RunRequest, key_values, run_config, run_request, simulation_workers
-    from ..run import Resources, read_request
+    from ..request import (
+        CellChoice,
+        Records,
+        RunRequest,
+        given_budgets,
+        key_values,
+        run_config,
+        run_request,
+        simulation_workers,
+    )
+    from ..run import Resources, discovery_command_of, read_request
     from ..tasks.find import find_task
 
     if out is not None:
         check_run_folder(out)
     resources = Resources(simulation_workers(workers), max_tokens, max_cost)
     if resume is not None:
-        shared.note_what_resuming_leaves(context, ("workers", "identifiability", "max_tokens", "max_cost", "as_json"))
-        _execute(RunRequest(*read_request(resume), resume), resources, as_json, identifiability)
+        taken = ("simulations", "rounds", "workers", "identifiability", "max_tokens", "max_cost", "as_json")
+        shared.note_what_resuming_leaves(context, taken)
+        request = RunRequest(*read_request(resume, simulations, rounds), resume)
+        _execute(request, resources, as_json, identifiability, discovery_command_of(resume), resumed=True)
         return
     if data and task is not None:
         raise BsaError(f'both a task ("{task}") and --data were given.', "give one of them.")
-    budgets = {"rounds": rounds, "warm_up": warmup, "simulations": simulations, "seed": seed}
+    budgets = given_budgets(rounds=rounds, warm_up=warmup, simulations=simulations, seed=seed)
     reached = shared.reaching(
         via, base_url, backend_option, exchange=exchange, votes=votes if votes > 1 else None, review=review or None
     )
@@ -194,9 +218,7 @@ def run(
     from ...core.task import NEAREST
 
     to_discover = ""
-    spectra = {experiment.name for experiment in request.task.experiments if experiment.is_spectrum}
-    over_time = [path for path in data or () if path.name not in spectra]
-    if over_time and start_from is None and not effect and not request.task.long:
+    if data and start_from is None and not effect and not request.task.long:
         typed = {
             "--parameters": request.folder if ocp or parameters == NEAREST else parameters,
             "--model": model,
@@ -205,33 +227,27 @@ def run(
             "--join": join,
             **reading.typed,
         }
-        to_discover = discover_command(over_time, holdout or (), typed)
+        to_discover = discover_command(request.task, data, holdout or (), typed)
     _execute(request, resources, as_json, identifiability, to_discover)
 
 
-def discover_command(data: Sequence[Path], holdout: Sequence[Path], options: Mapping[str, Any]) -> str:
-    """The command that looks for what a model lacks on the same records.
-
-    ``options`` are values by the option's name: a list repeats the option, True is the option alone, None and False
-    leave it out.
-    """
-    words = ["bsa", "discover", "--data", *map(str, data), *(["--holdout"] if holdout else []), *map(str, holdout)]
-    for name, value in options.items():
-        for one in value if isinstance(value, list) else [value]:
-            words += [] if one in (None, False) else [name] if one is True else [name, str(one)]
-    return shlex.join(words)
-
-
-def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability: bool, to_discover: str = "") -> None:
-    from ...backends.opening import open_backend
+def _execute(
+    request: RunRequest,
+    resources: Any,
+    as_json: bool,
+    identifiability: bool,
+    to_discover: str = "",
+    resumed: bool = False,
+) -> None:
     from ...core.metrics import objective_of
+    from ..ready_backend import ready_backend
     from ..run import execute_run, summary
     from .no_model import NoModelTold
-    from .progress import LiveProgress, PlainProgress, printable
+    from .progress import LiveProgress, PlainProgress, note_line, printable
 
     task, config, folder = request.task, request.config, request.folder
     unit = objective_of(task).of_unit
-    backend = open_backend(config.backend, config.backend_options)
+    backend, may_not_answer = ready_backend(config.backend, config.backend_options, (folder / FILE_NAME).exists())
     listener: LiveProgress | PlainProgress
     title = f"{task.name} · {config.scaffold.name} · {backend.name}"
     live = sys.stderr.isatty() and not as_json
@@ -240,13 +256,23 @@ def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability
     else:
         listener = PlainProgress(unit, command=to_discover)
     print(f"{title} → {folder}", file=sys.stderr)
+    if may_not_answer:
+        print(note_line(may_not_answer), file=sys.stderr)
     if config.backend == "rules":
         backend = NoModelTold(backend, listener.noted)
-    go_on = f"bsa-run --resume {shlex.quote(str(folder))}" + " --no-identifiability" * (not identifiability)
+    go_on = _resume_command(folder, identifiability)
     try:
         with listener:
             result = execute_run(
-                task, config, folder, backend, resources, listener, analysing=identifiability, to_discover=to_discover
+                task,
+                config,
+                folder,
+                backend,
+                resources,
+                listener,
+                analysing=identifiability,
+                to_discover=to_discover,
+                rebudgeted=resumed,
             )
     except KeyboardInterrupt:
         if (folder / FILE_NAME).exists():
@@ -256,10 +282,10 @@ def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability
     if as_json:
         print(json.dumps(summary(task, config, backend.name, result), indent=2))
     else:
-        _print_summary(task, result, folder)
+        _print_summary(task, result, folder, _how_to_go_on(result, config, folder, identifiability))
     if result.status in STOPPED:
         why = printable(result.reason or result.status, 400)
-        print(f"Stopped: {why}. Go on with: {go_on}", file=sys.stderr)
+        print(f"Stopped: {why}. {printable(result.advice, 600) or f'Go on with: {go_on}'}", file=sys.stderr)
         raise typer.Exit(STOPPED[result.status])
     if result.cut_short:
         print(
@@ -268,7 +294,23 @@ def _execute(request: RunRequest, resources: Any, as_json: bool, identifiability
         raise typer.Exit(INTERRUPTED)
 
 
-def _print_summary(task: Task, result: RunResult, folder: Path) -> None:
+def _resume_command(folder: Path, identifiability: bool = True) -> str:
+    return f"bsa-run --resume {shlex.quote(str(folder))}" + " --no-identifiability" * (not identifiability)
+
+
+def _how_to_go_on(result: RunResult, config: RunConfig, folder: Path, identifiability: bool) -> Iterator[str]:
+    """How a search that its budget ended goes on with twice of it, and what finds out what was not looked for."""
+    if result.status in STOPPED or result.cut_short:
+        return
+    if result.status.endswith("-spent") or result.reason:
+        by_rounds = result.status == "rounds-spent"
+        more = f"--rounds {2 * config.rounds or 1}" if by_rounds else f"--simulations {2 * config.simulations}"
+        yield f"To search on: {_resume_command(folder, identifiability)} {more}"
+    if not identifiability and len(result.trials) > 1:
+        yield f"What the record fixes was not looked for; to find out: {_resume_command(folder)}"
+
+
+def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterable[str] = ()) -> None:
     from ...core.metrics import headline_of, objective_of
     from ..report.forecast_line import forecast_line
     from ..report.post_fit import best_score_line, caution_line, groups_line, next_line, verdict_line
@@ -300,4 +342,6 @@ def _print_summary(task: Task, result: RunResult, folder: Path) -> None:
         print(*(f"  {line}" for line in lines if line), "  (see the report)", sep="\n")
     if left_out:
         print(f"  {printable(left_out, 600)}")
+    for line in further:
+        print(f"  {line}")
     print(f"  report: {folder / 'report.html'}")

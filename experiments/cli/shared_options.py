@@ -92,7 +92,7 @@ SimulationWorkers = Annotated[
     int,
     search_option("--workers", min=0, metavar="N", help="Simulations side by side; 0: as many as cores, 4 at most."),
 ]
-Resume = Annotated[Path | None, output_option(metavar="FOLDER", help="Go on with the interrupted run in this folder.")]
+Resume = Annotated[Path | None, output_option(metavar="FOLDER", help="Go on with the run in this folder.")]
 
 
 def note_what_resuming_leaves(context: typer.Context, taken: Collection[str]) -> None:

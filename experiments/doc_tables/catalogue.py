@@ -4,6 +4,7 @@ from collections.abc import Callable
 from functools import partial
 
 from . import ageing, discovery, published, real_cells, studies
+from .columns import cell_columns
 from .reach import reach
 from .results import Results
 
@@ -28,6 +29,7 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "warm-up": studies.warm_up,
     "grid-cost": studies.grid_cost,
     "grid-scaling": studies.grid_scaling,
+    "cells": cell_columns,
     "ageing": ageing.published_lives,
     "ageing-baselines": partial(ageing.methods, name="ageing_baselines"),
     "ageing-ablation": partial(ageing.methods, name="ageing_ablation"),

@@ -8,6 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from ...core.budget import with_budget
 from ...core.errors import BsaError, unknown
 from ...core.hooks import RunContext
 from ...core.journal import read_events
@@ -134,8 +135,9 @@ def report(folder: Path) -> Json:
 
 def simulations_of(folder: Path) -> int | None:
     """How many simulations a run may have at most; None where there is no such run."""
-    config = next(iter(read_events(folder)), {}).get("config")
-    allowed = config.get("simulations") if isinstance(config, Mapping) else None
+    events = list(read_events(folder))
+    config = events[0].get("config") if events else None
+    allowed = with_budget(config, events).get("simulations") if isinstance(config, Mapping) else None
     return allowed if isinstance(allowed, int) else None
 
 

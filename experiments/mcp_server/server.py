@@ -17,6 +17,7 @@ from pydantic import Field, ValidationError
 from ...core.errors import BsaError, unknown
 from ...core.printable import shown
 from ...core.redaction import redact
+from ...core.run_config import RunConfig
 from ...core.validation import explain
 from ..request import named_after, numbered_folder
 from ..tasks.task_file import SUFFIXES
@@ -105,7 +106,10 @@ class Tools:
         data: Data = "demo",
         cell: Cell = Cell(),  # noqa: B008
         reading: Reading = Reading(),  # noqa: B008
-        simulations: Annotated[int, Field(ge=1, description="Simulations at most.")] = 100,
+        simulations: Annotated[
+            int | None,
+            Field(ge=1, description="Simulations at most, in all; 100, or of a resumed run its own, if left out."),
+        ] = None,
         scaffold: Annotated[str, Field(description="Method: hybrid, least-squares, cma-es, bo, ...")] = "hybrid",
         seed: int = 1234,
         out: Out = None,
@@ -114,6 +118,8 @@ class Tools:
         """Fit the searched parameters to records or a task; gives values, intervals, errors and a report."""
         if not scaffold.replace("-", "_").isidentifier():
             raise BsaError(f"scaffold is {shown(repr(scaffold))}, which is no name.", "name one that is built in.")
+        if resume is None:
+            simulations = simulations or RunConfig.model_fields["simulations"].default
         method = {"scaffold": scaffold, "simulations": simulations, "seed": seed}
         return await self._run(context, functions.calibrate, data, cell, reading, method, out, resume, simulations)
 
@@ -160,8 +166,8 @@ class Tools:
     ) -> Json:
         if resume is not None:
             folder = self._folders.inside(resume)
-            options: Json = {"resume": folder}
-            simulations = simulations and simulations_of(folder)
+            options: Json = {"resume": folder, **({} if simulations is None else {"simulations": simulations})}
+            simulations = simulations or simulations_of(folder)
         else:
             found = self._data(data)
             name = found if isinstance(found, str) else named_after(found)

@@ -28,7 +28,8 @@ _STATUS = {
     "finished": "finished: the proposer had nothing better to offer",
     "rounds-spent": "ended: all rounds were used",
     "simulations-spent": "ended: all simulations were used",
-    "budget-spent": "stopped: the allowance of tokens or money was used up; the run can be resumed",
+    "budget-spent": "stopped: the allowance of tokens or money, or the replies to be repeated, were used up; the run "
+    "can be resumed with more of them",
     "outage": "was stopped by an outage, the language model giving no reply: this is no result yet; it can be resumed",
     "interrupted": "interrupted; the run can be resumed",
     UNFINISHED: "not finished: still running, or killed; the run can be resumed",

@@ -92,6 +92,8 @@ class Descent:
         self._first_misfit = 0.0
         self.done = False
         """Whether the fit has nothing left to try."""
+        self._limit = 0  # What was left at the last question, less what was simulated for it.
+        self._early: list[Trial] = []  # Of a batch that was larger than what was left.
         self._told: list[Trial] = [start]
         self._noise_of_each = noise_of_residuals(task)
         self.noise = max(rms(self._noise_of_each), PERFECT)
@@ -165,8 +167,10 @@ class Descent:
         """What to simulate next, at most ``limit`` candidates; empty when done.
 
         ``planning_budget`` is how many simulations to reckon with when the next Jacobian is weighed against more steps;
-        ``limit`` by default.
+        ``limit`` by default. A fit that had ended goes on where more is left than was to be expected.
         """
+        self.done = self.done and limit <= self._limit
+        self._limit = limit
         points = self._points(limit, limit if planning_budget is None else min(planning_budget, limit))
         return [self._task.space.from_unit(point) for point in points]
 
@@ -184,16 +188,17 @@ class Descent:
             points = self._begin_again(planning_budget)
         if not points and self._left_crawling is not None and self._left_crawling is self.best:
             # Nothing else was better: crawl on.
-            self._search, self._left_crawling = self._left_crawling, None
+            self._search, self._left_crawling, self._early = self._left_crawling, None, []
             points = self._search.ask(planning_budget)
         self.done = not points
-        return points[:limit]
+        return points[len(self._early) :][:limit]
 
     def tell(self, trials: Sequence[Trial]) -> None:
         """Take in the trials of the candidates asked for, in order."""
         if not trials:
             return
         self._told += trials
+        self._limit -= len(trials)
         if self._search is None:
             assert self._feasibility is not None
             found = self._feasibility.tell(trials)
@@ -205,8 +210,10 @@ class Descent:
         if self._polled:
             self._take_starts(trials)
             return
+        trials = [*self._early, *trials]
+        self._early = []
         if len(trials) < len(self._search.ask()):
-            self.done = True
+            self.done, self._early = True, trials
             return
         measured = self.jacobian_next
         self._search.tell([trial.residuals for trial in trials])
@@ -227,7 +234,7 @@ class Descent:
             trial.candidate, trial.residuals, self._jacobian_at(trial, trials), _SAVED * PERFECT
         )
         self.done = self._restarting = False
-        self._polled = []
+        self._polled, self._early = [], []
 
     def _jacobian_at(self, here: Trial, trials: Sequence[Trial]) -> FloatArray | None:
         """The fit's Jacobian made to agree with the trials that are no farther away than the fit, the nearest last."""
@@ -298,6 +305,7 @@ class Descent:
         the wrong way, so both sides are tried. The runners-up serve the restarts after that.
         """
         self._best = self.best
+        self._early = []
         self._restarting = True
         self._restarts_left -= 1
         if self._promising:

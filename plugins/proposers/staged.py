@@ -69,6 +69,9 @@ class StagedProposer:
         self._before: int | None = None  # Simulations before the first stage.
         self._shares: list[float] = []  # Of the stages that were carried out or skipped for lack of simulations.
         self._lacking: list[str] = []
+        self._lacked: list[StageChoice] = []  # Skipped stages that more simulations would have made possible.
+        self._last: Stage | None = None
+        self._allowed: int | None = None  # Simulations of the whole run, as far as was known at the last proposal.
         self._seen = 0
 
     @hookimpl
@@ -82,6 +85,7 @@ class StagedProposer:
                 return start
         elif self._stage is not None and news:
             self._here = self._stage.tell(news)
+        self._take_what_was_added(context)
         while True:
             if self._stage is None:
                 self._stage = self._next_stage(context)
@@ -91,12 +95,30 @@ class StagedProposer:
             if candidates:
                 return self._proposal(self._stage, candidates)
             self._finished.add(self._stage.choice.name)
-            self._stage = None
+            self._stage, self._last = None, self._stage
 
     @hookimpl
     def weighs_priors(self) -> bool:
         """See `RunHooks.weighs_priors`."""
         return True
+
+    def _take_what_was_added(self, context: ProposeContext) -> None:
+        """Spend what a run that was taken up again was given, where its stages had shared out all that it had.
+
+        Stages that lacked simulations come first; where none did, the last stage goes on.
+        """
+        allowed = len(context.trials) + context.simulations_left
+        more = allowed - (allowed if self._allowed is None else self._allowed)
+        self._allowed = allowed
+        if more <= 0 or self._plan:
+            return
+        if self._stage is None and self._lacked:
+            self._plan, self._lacked = self._lacked, []
+            self._lacking, self._shares, self._before = [], [], len(context.trials)
+            return
+        self._stage = self._stage or self._last
+        if self._stage is not None:
+            self._stage.allow(more)
 
     def _feasible_start(self, context: ProposeContext, news: Sequence[Trial]) -> Proposal | None:
         """What to simulate to find a start that can be; None once there is one."""
@@ -127,6 +149,7 @@ class StagedProposer:
         free = np.array([choice.takes(name, self._finished) for name in context.task.space.names])
         budget = int(np.ceil(choice.share * context.simulations_left))
         if choice.after and choice.after not in self._finished:
+            self._lacked += [choice] if choice.after in {lacked.name for lacked in self._lacked} else []
             return None, f'the stage "{choice.after}" was skipped'
         if not np.any(free):
             return None, "none of its parameters is searched"
@@ -143,6 +166,7 @@ class StagedProposer:
     def _too_few(self, choice: StageChoice, parameters: int, context: ProposeContext) -> str:
         """That the simulations left do not suffice for a stage, and of how many a run comes to it in any case."""
         self._shares.append(choice.share)
+        self._lacked.append(choice)
         left = f"{context.simulations_left} simulations left"
         few = f"the {left} do" if choice.share == 1.0 else f"its share of {choice.share:g} of the {left} does"
         why = f"{few} not suffice for its {parameters} parameters, which take {parameters + _FEWEST_STEPS}"

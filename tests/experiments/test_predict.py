@@ -174,3 +174,17 @@ def test_best_parameters_without_their_run_say_what_they_lack(fitted, tmp_path) 
     alone.write_text((fitted.folder / "best_parameters.json").read_text())
     with pytest.raises(BsaError, match="no whole parameter set"):
         task_after(fitted, parameters=str(alone))
+
+
+def test_a_run_that_was_not_analysed_says_how_a_band_comes(fitted, tmp_path) -> None:
+    folder = tmp_path / "bare run"
+    folder.mkdir()
+    lines = (fitted.folder / "journal.jsonl").read_bytes().splitlines(keepends=True)
+    kept = [line for line in lines if not line.startswith(b'{"event":"appraisal"')]
+    (folder / "journal.jsonl").write_bytes(b"".join(kept))
+    path = tmp_path / "half.csv"
+    measured(0.5, 20).to_csv(path, index=False)
+    arguments = ["predict", str(folder), "--data", str(path), "--out", str(tmp_path / "p"), "--workers", "1"]
+    result = CliRunner().invoke(app(), arguments)
+    assert result.exit_code == 0, result.output
+    assert f"to find out: bsa-run --resume '{folder}'" in result.stderr

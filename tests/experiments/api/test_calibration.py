@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import socket
 import subprocess
 import sys
 import textwrap
@@ -143,3 +144,21 @@ def test_five_lines_without_a_main_guard_give_ready_parameter_values(tmp_path) -
     assert int(done.stdout) > 1
     assert "simulations" in done.stderr
     assert np.isfinite(json.loads((tmp_path / "found" / "result.json").read_text())["wall_s"])
+
+
+def test_a_run_goes_on_with_more_simulations_and_refuses_less(toy) -> None:
+    assert toy.to_json()["status"] == "rounds-spent"
+    more = bsa.calibrate(resume=toy.folder, simulations=16, rounds=12, progress=False)
+    assert more.to_json()["simulations"] == 16
+    assert more.to_json()["identifiability"]["budget"] == 16
+    with pytest.raises(BsaError, match="has made 16 simulations"):
+        bsa.calibrate(resume=toy.folder, simulations=3, progress=False)
+
+
+def test_a_server_that_is_not_there_is_told_before_any_simulation(tmp_path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        address = f"http://127.0.0.1:{listener.getsockname()[1]}/v1"
+    settings = {"simulator": "toy-cell"}
+    with pytest.raises(BsaError, match="nothing listens"):
+        bsa.calibrate(toy_task(), settings=settings, out=tmp_path / "x", backend="openai:m", base_url=address, **SMALL)
+    assert not (tmp_path / "x").exists()

@@ -8,12 +8,14 @@ import pytest
 from bsa.experiments.campaign import page, results, tables
 from bsa.experiments.campaign.columns import COLUMNS, Column
 from bsa.experiments.campaign.running import run_campaign
+from bsa.experiments.doc_tables.columns import cell_columns
 
 from .conftest import Here, Quiet
 
 ADDED = Column(
     "calls_a_simulation",
     float,
+    "calls of the language model for each simulation",
     lambda facts: facts.result["llm_calls"] / facts.result["simulations"] if facts.result else None,
     page="Calls a simulation",
 )
@@ -55,3 +57,9 @@ def test_names_are_unique_and_every_type_has_one_in_parquet():
     names = [column.name for column in COLUMNS]
     assert len(set(names)) == len(names)
     assert {column.kind for column in COLUMNS} == {str, int, float}
+
+
+def test_what_every_column_holds_is_told_in_the_documentation():
+    told = cell_columns(None).splitlines()[2:]
+    assert [line.split("`")[1] for line in told] == [column.name for column in COLUMNS]
+    assert all(line.count(" | ") == 2 and len(column.words) > 5 for line, column in zip(told, COLUMNS, strict=True))

@@ -6,10 +6,14 @@ import json
 import shlex
 import socket
 import sys
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 
 import pytest
 import typer
+from bsa.core.errors import BsaError
 from bsa.core.messages import Outage
 from bsa.core.run_config import RunConfig
 from bsa.experiments.campaign import running
@@ -21,15 +25,51 @@ from bsa.experiments.run import Resources
 from bsa_toy_cell import toy_scaffold, toy_task
 
 
-def free_address() -> str:
+@pytest.fixture
+def gone_after_a_look() -> Iterator[str]:
+    """Address of a server that lists its model once, and is gone then."""
+
+    class Listing(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            content = b'{"data": [{"id": "m"}]}'
+            self.send_response(200)
+            self.send_header("Content-Length", str(len(content)))
+            self.end_headers()
+            self.wfile.write(content)
+
+        def log_message(self, *words: object) -> None:
+            pass
+
+    server = HTTPServer(("127.0.0.1", 0), Listing)
+
+    def once() -> None:
+        server.handle_request()
+        server.server_close()
+
+    thread = threading.Thread(target=once)
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_port}/v1"
+    thread.join()
+
+
+def test_a_server_that_is_not_there_is_told_before_any_simulation(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
-        return f"http://127.0.0.1:{listener.getsockname()[1]}/v1"
+        port = listener.getsockname()[1]
+    options = {"base_url": f"http://127.0.0.1:{port}/v1"}
+    config = RunConfig(scaffold=toy_scaffold(), backend="openai:m", backend_options=options)
+    with pytest.raises(BsaError, match=f"nothing listens at 127.0.0.1:{port}") as refused:
+        _execute(RunRequest(toy_task(), config, tmp_path / "run"), Resources(), False, True)
+    assert refused.value.hint == "vllm serve m"
+    assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize("as_json", [False, True])
-def test_a_run_without_a_server_is_no_result(tmp_path: Path, capsys: pytest.CaptureFixture[str], as_json: bool) -> None:
+def test_a_run_without_a_server_is_no_result(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], as_json: bool, gone_after_a_look: str
+) -> None:
+    """Nor is one that was begun refused without its server: the journal may hold every reply that it needs."""
     config = RunConfig(
-        scaffold=toy_scaffold(warm_up=None), backend="openai:m", backend_options={"base_url": free_address()}
+        scaffold=toy_scaffold(warm_up=None), backend="openai:m", backend_options={"base_url": gone_after_a_look}
     )
     folder = tmp_path / "my run"
     for attempt in (1, 2):

@@ -1,33 +1,28 @@
 """What `bsa run` says at its end: the command that looks further, and whether a measurement would help."""
 
+import json
+import sys
 from dataclasses import replace
-from pathlib import Path
 
+import pytest
 from bsa.core.cell import CELL
 from bsa.core.forecast import Forecast
 from bsa.core.identifiability import Identifiability, Interval
 from bsa.core.journal import read_events
 from bsa.core.post_fit_analysis import PostFitAnalysis, Suggestion
-from bsa.experiments.cli.run import _print_summary, discover_command
+from bsa.core.run_config import RunConfig
+from bsa.experiments.cli.run import _execute, _print_summary
 from bsa.experiments.report.identifiability import caution_line, next_line
+from bsa.experiments.request import RunRequest
+from bsa.experiments.run import Resources, discovery_command_of
+from bsa.experiments.run_record import read_run
 from bsa_toy_cell import toy_scaffold, toy_task
 
 WIDE = "Contact resistance [Ohm]"
 
 
-def test_the_command_names_records_and_options_as_they_were_given() -> None:
-    command = discover_command(
-        [Path("my cell.csv")],
-        [Path("b.csv")],
-        {"--parameters": "Chen2020", "--options": ["a=1", "b=2"], "--no-scale": True, "--sheet": None, "--model": None},
-    )
-    options = "--parameters Chen2020 --options a=1 --options b=2 --no-scale"
-    assert command == f"bsa discover --data 'my cell.csv' --holdout b.csv {options}"
-
-
 def test_a_structured_misfit_points_to_the_command_and_a_good_fit_does_not(run_toy, tmp_path) -> None:
     from bsa.backends.rules.backend import RulesBackend
-    from bsa.core.run_config import RunConfig
     from bsa.experiments.run import execute_run
 
     def notes(simulations: int) -> list[str]:
@@ -77,3 +72,63 @@ def test_an_analysis_that_its_budget_ended_says_what_was_dropped() -> None:
     longer = "A run that is allowed more simulations"
     assert [line.count(longer) for line in (caution_line(ended), next_line(ended, CELL))] == [1, 0]
     assert longer in next_line(replace(ended, widened=1.0), CELL)
+
+
+def test_a_spent_run_says_how_it_goes_on_and_that_command_does(run_toy, tmp_path, capsys) -> None:
+    from bsa.experiments.cli.main import app
+    from typer.testing import CliRunner
+
+    config = RunConfig(scaffold=toy_scaffold(), backend="rules", simulations=6, warm_up=2)
+    _execute(RunRequest(toy_task(), config, tmp_path / "run"), Resources(), False, False)
+    told = capsys.readouterr().out
+    (more,) = (line for line in told.splitlines() if "To search on: " in line)
+    (fixed,) = (line for line in told.splitlines() if "What the record fixes was not looked for" in line)
+    command = more.partition("To search on: ")[2]
+    assert command == f"bsa-run --resume {tmp_path / 'run'} --no-identifiability --simulations 12"
+    went_on = CliRunner().invoke(app(), ["run", *command.split()[1:], "--json"])
+    assert went_on.exit_code == 0, went_on.output
+    assert json.loads(went_on.stdout)["simulations"] == 12
+    assert "is not taken" not in went_on.stderr
+    command = fixed.partition("to find out: ")[2]
+    assert command == f"bsa-run --resume {tmp_path / 'run'}"
+    looked = CliRunner().invoke(app(), ["run", *command.split()[1:], "--json"])
+    assert json.loads(looked.stdout)["identifiability"]["budget"] == 12
+
+
+def test_a_run_that_its_rounds_ended_is_advised_more_of_them(tmp_path, capsys) -> None:
+    config = RunConfig(scaffold=toy_scaffold(), backend="rules", simulations=30, warm_up=2, rounds=2)
+    _execute(RunRequest(toy_task(), config, tmp_path / "run"), Resources(), False, True)
+    assert f"To search on: bsa-run --resume {tmp_path / 'run'} --rounds 4" in capsys.readouterr().out
+
+
+def test_a_run_that_ended_by_itself_says_that_more_simulations_add_nothing(tmp_path, capsys) -> None:
+    config = RunConfig(scaffold=toy_scaffold("least-squares"), backend="rules", simulations=60, warm_up=0)
+    _execute(RunRequest(toy_task(), config, tmp_path / "run"), Resources(), False, False)
+    assert "To search on" not in capsys.readouterr().out
+    more = config.model_copy(update={"simulations": 80})
+    _execute(RunRequest(toy_task(), more, tmp_path / "run"), Resources(), False, False, resumed=True)
+    assert "had ended by itself and not by its budget" in capsys.readouterr().err
+
+
+def test_fewer_simulations_than_were_made_are_refused_in_a_line(run_toy, tmp_path, monkeypatch, capsys) -> None:
+    from bsa.experiments.cli.main import main
+
+    run_toy(tmp_path / "run", simulations=9)
+    monkeypatch.setattr(sys, "argv", ["bsa", "run", "--resume", str(tmp_path / "run"), "--simulations", "5"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert "has made 9 simulations, which is more than --simulations 5" in capsys.readouterr().err
+
+
+def test_the_command_that_looks_for_what_lacks_is_told_again_when_a_run_goes_on(tmp_path, capsys) -> None:
+    task = toy_task()
+    task = replace(task, experiments=(replace(task.experiments[0], protocol=None),))
+    config = RunConfig(scaffold=toy_scaffold("least-squares"), backend="rules", simulations=1, warm_up=0)
+    _execute(RunRequest(task, config, tmp_path / "run"), Resources(), False, False, "bsa discover X")
+    assert discovery_command_of(tmp_path / "run") == "bsa discover X"
+    assert any("bsa discover X" in note for note in read_run(tmp_path / "run").notes)
+    more = config.model_copy(update={"simulations": 40})
+    _execute(RunRequest(task, more, tmp_path / "run"), Resources(), False, False, "bsa discover X", resumed=True)
+    # The fit is good by now; what was said of the end before is taken back.
+    assert not any("bsa discover" in note for note in read_run(tmp_path / "run").notes)

@@ -1,0 +1,39 @@
+"""The command that looks for what a model lacks on the records of a run."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ...core.task import Task
+
+
+def discover_command(task: Task, data: Sequence[Path], holdout: Sequence[Path], options: Mapping[str, Any]) -> str:
+    """The command for the records of a task, read as they were; empty where none of the fitted ones is over time.
+
+    Impedance spectra, which a discovery does not take, are left out, and with them what was said of each record.
+    ``options`` are values by the option's name: a list repeats the option, True is the option alone, None and False
+    leave it out.
+    """
+    spectra = {experiment.name for experiment in (*task.experiments, *task.held_out) if experiment.is_spectrum}
+    over_time = [path.name not in spectra for path in (*data, *holdout)]
+    fitted, held_out = _kept(data, over_time), _kept(holdout, over_time[len(data) :])
+    if not fitted:
+        return ""
+    each = [True, *over_time[len(data) :]] if options.get("--join") else over_time
+    words = ["bsa", "discover", "--data", *map(str, fitted), *(["--holdout"] if held_out else []), *map(str, held_out)]
+    for name, value in options.items():
+        values = value if isinstance(value, list) else [value]
+        if len(values) == len(each) and all(isinstance(one, float) for one in values):
+            values = _kept(values, each)
+        for one in values:
+            # A temperature of 0 equals False.
+            words += [] if one is None or one is False else [name] if one is True else [name, str(one)]
+    return shlex.join(words)
+
+
+def _kept(items: Sequence[Any], keep: Sequence[bool]) -> list[Any]:
+    return [item for item, kept in zip(items, keep, strict=False) if kept]

@@ -1,0 +1,53 @@
+"""What is looked at before a run begins."""
+
+import socket
+import time
+
+import pytest
+from bsa.backends.opening import look_before
+from bsa.core.errors import BsaError
+
+
+def listing(*names: str) -> bytes:
+    return ('{"data": [' + ", ".join(f'{{"id": "{name}"}}' for name in names) + "]}").encode()
+
+
+def test_a_server_that_lists_the_model_raises_no_doubt(serve):
+    server = serve(lambda seen, handler: (200, {}, listing("m")))
+    assert look_before("openai:m", {"base_url": f"{server.url}/v1"}) == ""
+
+
+def test_a_server_that_answers_but_does_not_list_the_model_is_only_noted(serve):
+    """llama.cpp answers to any name."""
+    server = serve(lambda seen, handler: (200, {}, listing("other")))
+    note = look_before("openai:m", {"base_url": f"{server.url}/v1", "votes": 2})
+    assert "openai:m may not answer" in note
+    assert "serves other" in note
+    assert "vllm serve m" in note
+
+
+@pytest.mark.parametrize("busy", [True, False])
+def test_a_server_that_is_slow_or_lists_nothing_is_not_refused(serve, busy):
+    server = serve(lambda seen, handler: time.sleep(2) if busy else (404, {}, b"{}"))
+    began = time.monotonic()
+    assert "may not answer" in look_before("openai:m", {"base_url": f"{server.url}/v1"})
+    assert time.monotonic() - began < 1.8
+
+
+def test_a_port_at_which_nothing_listens_is_refused():
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    for _ in range(2):
+        with pytest.raises(BsaError, match=f"nothing listens at 127.0.0.1:{port}") as refused:
+            look_before("openai:m", {"base_url": f"http://127.0.0.1:{port}/v1"})
+        assert refused.value.hint == "vllm serve m"
+
+
+@pytest.mark.parametrize("spec", ["rules", "litellm:lm_studio/m", "qwen2.5-14b"])
+def test_what_is_no_server_of_ones_own_is_not_looked_at(spec):
+    assert look_before(spec, {}) == ""
+
+
+def test_a_route_that_cannot_be_looked_at_stops_nobody(monkeypatch):
+    monkeypatch.setenv("OPENAI_BASE_URL", "no address")
+    assert look_before("openai:m", {}) == ""
