@@ -150,13 +150,13 @@ class LifeEngine:
             return _NO_NEARER if simulated else _NOT_SIMULATED
         return self._fit((effect,), {effect.full_name(effect.strength): best})
 
-    def _scan(self, effect: Effect, base: Explanation, strengths: Sequence[float]) -> tuple[float, float, bool]:
+    def _scan(self, effect: Effect, base: Explanation, strengths: FloatArray) -> tuple[float, float, bool]:
         """Try strengths in their order, until they come no nearer.
 
         The nearest one, 0 where none is nearer than no ageing; the least cost of all, infinite where none could be
         simulated; and whether one could.
         """
-        best, least, beyond, rising = 0.0, np.inf, 0, strengths[-1] > strengths[0]
+        best, least, beyond, rising = 0.0, np.inf, 0, bool(strengths[-1] > strengths[0])
         for value in strengths:
             (seen,) = self._fitted((effect,), [{effect.full_name(effect.strength): float(value)}])
             cost = np.inf if seen is None else float(seen @ seen)
