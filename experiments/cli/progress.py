@@ -38,7 +38,8 @@ def _typed(command: str) -> str:
 
 
 _SILENT_S = 15.0
-"""Time without a line, s, after which a long simulation tells its cycle: shorter ones need no progress of their own."""
+"""Time without a line, s, after which a count of simulations or the cycle of a long one is told: shorter ones need no
+progress of their own."""
 
 _STARTING = "starting the simulator"
 
@@ -68,6 +69,7 @@ class PlainProgress:
         self._command = command
         self._best = float("inf")
         self._stage = "start"
+        self._purpose = ""
         self._clock = clock
         self._said = clock()
 
@@ -97,16 +99,22 @@ class PlainProgress:
     def counted(self, purpose: str, done: int, total: int) -> None:
         """See `Listener.counted`."""
         self._stage = f"{purpose}: {done} of {total} simulations"
-        self._say(self._stage)
+        if purpose != self._purpose or self._silent:
+            self._say(self._stage)
+        self._purpose = purpose
 
     def cycled(self, cycle: int, cycles: int) -> None:
         """See `Listener.cycled`."""
-        if self._clock() - self._said >= _SILENT_S:
+        if self._silent:
             self._say(f"  {cycle_words(self._stage, cycle, cycles)}")
 
     def noted(self, text: str) -> None:
         """See `Listener.noted`."""
         self._say(note_line(text, self._command))
+
+    @property
+    def _silent(self) -> bool:
+        return self._clock() - self._said >= _SILENT_S
 
     def _say(self, line: str) -> None:
         self._said = self._clock()

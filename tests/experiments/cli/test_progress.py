@@ -1,6 +1,7 @@
 """What a person sees of a run, also after its search."""
 
 import io
+import itertools
 from pathlib import Path
 
 import pytest
@@ -21,17 +22,27 @@ def run(folder: Path, listener: LiveProgress | PlainProgress, scaffold: str = "l
     execute_run(SHY, config, folder, RulesBackend(), listener=listener, report=False, analysing=True)
 
 
-def test_simulations_after_the_search_are_counted_line_by_line(tmp_path: Path) -> None:
-    stream = io.StringIO()
-    run(tmp_path / "run", PlainProgress("%", stream))
+PURPOSES = ("final scores", "what the record fixes", "what to measure next")
+
+
+def test_simulations_after_the_search_are_counted_line_by_line_where_they_take_long(tmp_path: Path) -> None:
+    stream, clock = io.StringIO(), itertools.count(0, 20.0)
+    run(tmp_path / "run", PlainProgress("%", stream, clock=lambda: next(clock)))
     lines = stream.getvalue().splitlines()
-    for purpose in ("final scores", "what the record fixes", "what to measure next"):
+    for purpose in PURPOSES:
         counts = [line for line in lines if line.startswith(purpose)]
         assert len(counts) > 1
         while counts:  # one batch after the other, each from 0 to its end
             total = int(counts[0].split()[-2])
             batch, counts = counts[: total + 1], counts[total + 1 :]
             assert batch == [f"{purpose}: {done} of {total} simulations" for done in range(total + 1)]
+
+
+def test_quick_simulations_after_the_search_have_one_line_for_what_they_are_for(tmp_path: Path) -> None:
+    stream = io.StringIO()
+    run(tmp_path / "run", PlainProgress("%", stream, clock=lambda: 0.0))
+    lines = stream.getvalue().splitlines()
+    assert [sum(line.startswith(purpose) for line in lines) for purpose in PURPOSES] == [1, 1, 1]
 
 
 def test_the_panel_counts_them_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -54,7 +65,7 @@ def test_the_panel_counts_them_too(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 def test_a_run_without_a_fit_is_scored_once_and_not_judged(tmp_path: Path) -> None:
     stream = io.StringIO()
     run(tmp_path / "run", PlainProgress("%", stream), "default")
-    assert stream.getvalue().splitlines()[-1] == "final scores: 1 of 1 simulations"
+    assert stream.getvalue().splitlines()[-1] == "final scores: 0 of 1 simulations"
     events = list(read_events(tmp_path / "run"))
     assert [event["index"] for event in events if event["event"] == "score"] == [0]
     assert not [event for event in events if event["event"].startswith("appraisal")]
