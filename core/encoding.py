@@ -21,6 +21,7 @@ from .shape import shaped
 from .signals import Signal
 from .simulation import ExperimentRun, Outcome, SimulationFailure
 from .target import (
+    CurrentOffset,
     CyclableLithium,
     DiffusivityShape,
     EffectValue,
@@ -145,6 +146,7 @@ _TARGETS: dict[str, type[Target]] = {
     "value": Value,
     "factor": Factor,
     "initial_soc": InitialSoc,
+    "current_offset": CurrentOffset,
     "cyclable_lithium": CyclableLithium,
     "ocp_shape": OcpShape,
     "diffusivity_shape": DiffusivityShape,

@@ -41,6 +41,13 @@ class InitialSoc:
 
 
 @dataclass(frozen=True)
+class CurrentOffset:
+    """Adds to the measured current of a record, A."""
+
+    record: str  # Name of the record.
+
+
+@dataclass(frozen=True)
 class CyclableLithium:
     """Multiplies the lithium that both electrodes share."""
 
@@ -80,7 +87,7 @@ class EffectValue:
     parameter: str
 
 
-Target = Value | Factor | InitialSoc | CyclableLithium | OcpShape | DiffusivityShape | EffectValue
+Target = Value | Factor | InitialSoc | CurrentOffset | CyclableLithium | OcpShape | DiffusivityShape | EffectValue
 
 
 def soc_name(record: str) -> str:
@@ -134,6 +141,8 @@ class CellChange:
     cyclable_lithium: float = 1.0  # Multiplies the lithium that both electrodes share.
     # State of charge at which a record starts, by the record's name; under the empty name that of all others.
     initial_soc: Mapping[str, float] = field(default_factory=dict)
+    # What is added to the measured current of a record, A, by its name.
+    current_offset: Mapping[str, float] = field(default_factory=dict)
     # Heights of the bumps that are added to open-circuit potentials, V.
     ocp_shape: Mapping[OcpShape, float] = field(default_factory=dict)
     # What diffusivities are multiplied by near a stoichiometry.
@@ -153,6 +162,7 @@ def change_of(targets: Mapping[str, Target], candidate: Mapping[str, float]) -> 
     values: dict[str, float] = {}
     factors: dict[str, float] = {}
     initial_soc: dict[str, float] = {}
+    current_offset: dict[str, float] = {}
     ocp_shape: dict[OcpShape, float] = {}
     diffusivity_shape: dict[DiffusivityShape, float] = {}
     effects: dict[str, float] = {}
@@ -168,6 +178,8 @@ def change_of(targets: Mapping[str, Target], candidate: Mapping[str, float]) -> 
                 factors[base] = value
             case InitialSoc(record):
                 initial_soc[record] = value
+            case CurrentOffset(record):
+                current_offset[record] = value
             case CyclableLithium():
                 lithium = value
             case OcpShape():
@@ -176,4 +188,4 @@ def change_of(targets: Mapping[str, Target], candidate: Mapping[str, float]) -> 
                 diffusivity_shape[target] = value
             case EffectValue():
                 effects[name] = value
-    return CellChange(values, factors, lithium, initial_soc, ocp_shape, diffusivity_shape, effects)
+    return CellChange(values, factors, lithium, initial_soc, current_offset, ocp_shape, diffusivity_shape, effects)

@@ -7,10 +7,12 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..effect import Effect
 from ..errors import BsaError
 from ..parameters import ParameterSpace
+from ..target import CurrentOffset, InitialSoc
 from ..trajectory import FloatArray
 from .adequacy import judge
 from .explanation import Explanation, estimates_of, temperature_misfit
@@ -61,6 +63,11 @@ class Fitter:
         """Base parameters before the cell aged, shape (p,), where records of many cycles tell them."""
         self._low: Fitter | None = None
         self._say = listener
+
+    @property
+    def of_cell(self) -> NDArray[np.bool_]:
+        """Which of the parameters are the cell's own, shape (p,); the others act on one record."""
+        return np.array([not isinstance(p.target, InitialSoc | CurrentOffset) for p in self.space])
 
     # --- fits -----------------------------------------------------------------------------------------------
 
@@ -214,8 +221,8 @@ class Fitter:
     def _fit_from_somewhere(self, start: FloatArray) -> Refit:
         # A cell that is too small, or too slow for its current, is empty before its record ends, and a fit that
         # starts there does not converge: start from the best of some roomier, faster and less full ones.
-        prior = self.space.prior_weights > 0
-        roomier = [start + np.where(prior, ease, shift) for ease in _EASES for shift in _SOC_SHIFTS]
+        states = np.array([isinstance(p.target, InitialSoc) for p in self.space])
+        roomier = [start + ease * self.of_cell + shift * states for ease in _EASES for shift in _SOC_SHIFTS]
         best = self.nearest((), self.space, [roomier])
         # The charge that a rested voltage tells is well known: what comes nearer elsewhere may end farther off.
         places = [] if best is None else [best] if np.array_equal(best, start) else [best, start]

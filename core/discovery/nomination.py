@@ -142,8 +142,8 @@ def _at_priors(fitter: Fitter, before: Explanation, nomination: Nomination, sign
     The states of charge are the fitted ones, and those that rested voltages tell.
     """
     count = len(fitter.space)
-    fitted, prior = before.fit.u[:count], fitter.space.prior_weights > 0
-    bases = [np.where(prior, 0.0, fitted)] + [np.where(prior, ease, 0.0) for ease in _EASES]
+    fitted, of_cell = before.fit.u[:count], fitter.of_cell
+    bases = [np.where(of_cell, 0.0, fitted)] + [np.where(of_cell, ease, 0.0) for ease in _EASES]
     places = [np.concatenate([base, before.fit.u[count:]]) for base in bases]
     strengths = _strengths(nomination, sign)
     return [[_with_effect(nomination.effect, place, strength) for place in places] for strength in strengths]

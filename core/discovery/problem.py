@@ -15,6 +15,7 @@ from ..effect import Effect
 from ..parameters import Candidate, Parameter, ParameterSpace
 from ..robust_loss import robust
 from ..trajectory import FloatArray
+from .current_offset import current_offset
 from .evidence import is_long
 from .observations import Observations, subset
 from .refit import refit
@@ -27,7 +28,7 @@ _BLOCK = 6
 """Stretches that are held out together, where no whole record is."""
 
 _HELD_BUDGET = 9
-"""Simulations in which the initial state of charge of a hold-out record is found at most."""
+"""Simulations for each parameter that acts on a hold-out record alone, in which these are found at most."""
 
 _SOC_LENGTH, _LARGEST_SOC = 0.02, 1.08
 """Unit of that fit's steps, and how far beyond full a cell may start."""
@@ -78,7 +79,9 @@ class Problem:
     def __post_init__(self) -> None:
         self.fitted = [self._fitted_mask(one) for one in self.observations] if self.masks is None else list(self.masks)
         """By record: which stretches are fitted."""
-        self._held_soc: dict[tuple[str, str], float] = {}
+        self._held_start: dict[tuple[str, str], Candidate] = {}
+        records = [observed.measured_record for observed in (*self.observations, *self.held_observations)]
+        self._names_of_records = frozenset(name for record in records for name in record.own_names)
 
     def _fitted_mask(self, observed: Observations) -> NDArray[np.bool_]:
         if self.held_observations and not is_long(observed.measured_record):
@@ -128,23 +131,18 @@ class Problem:
     def _ask(
         self, wanted: Sequence[tuple[Sequence[Effect], Candidate, Observations]], fine: bool = False
     ) -> list[Prediction | None]:
-        found = self.simulator.predict(
-            [
-                Request(
-                    tuple(effects),
-                    candidate,
-                    observed.measured_record,
-                    observed.moments,
-                    fine,
-                    candidate.get(observed.measured_record.soc_name),
-                    self.low_fidelity,
-                )
-                for effects, candidate, observed in wanted
-            ]
-        )
+        found = self.simulator.predict([self._request(*one, fine) for one in wanted])
         if fine:
             return found
         return [self._corrected(one[2], prediction) for one, prediction in zip(wanted, found, strict=True)]
+
+    def _request(self, effects: Sequence[Effect], candidate: Candidate, observed: Observations, fine: bool) -> Request:
+        """The simulation of one record, without what acts on others: where that alone changes, it is the same."""
+        record = observed.measured_record
+        everywhere = {name: value for name, value in candidate.items() if name not in self._names_of_records}
+        soc, offset = candidate.get(record.soc_name), candidate.get(record.offset_name, 0.0)
+        fidelity = self.low_fidelity
+        return Request(tuple(effects), everywhere, record, observed.moments, fine, soc, offset, fidelity)
 
     def _corrected(self, observed: Observations, prediction: Prediction | None) -> Prediction | None:
         correction = self.corrections.get(observed.name)
@@ -278,24 +276,27 @@ class Problem:
         return [(subset(observed, ~mask), error[~mask]) for observed, mask, error in rows if not np.all(mask)]
 
     def _held_error(self, effects: Sequence[Effect], candidate: Candidate, observed: Observations) -> FloatArray | None:
-        """Errors (V) of a hold-out record with its initial state of charge fitted; None if it cannot be simulated."""
-        soc_name, weight = observed.measured_record.soc_name, 1 / np.sqrt(observed.sigma**2 + self.misfit_v**2)
+        """Errors (V) of a hold-out record with what acts on it alone fitted; None if it cannot be simulated."""
+        record, weight = observed.measured_record, 1 / np.sqrt(observed.sigma**2 + self.misfit_v**2)
 
-        def errors(socs: Sequence[Candidate]) -> list[FloatArray | None]:
-            self.simulations += len(socs)
-            found = self._ask([(effects, {**candidate, **soc}, observed) for soc in socs])
+        def errors(states: Sequence[Candidate]) -> list[FloatArray | None]:
+            self.simulations += len(states)
+            found = self._ask([(effects, {**candidate, **state}, observed) for state in states])
             return [None if one is None else observed.voltage - one.voltage for one in found]
 
-        def residuals(socs: Sequence[Candidate]) -> list[FloatArray | None]:
-            return [None if error is None else weight * robust(error) for error in errors(socs)]
+        def residuals(states: Sequence[Candidate]) -> list[FloatArray | None]:
+            return [None if error is None else weight * robust(error) for error in errors(states)]
 
         key = (observed.name, " + ".join(effect.key for effect in effects))
-        known = self._held_soc.get(key, self._held_soc.get((observed.name, ""), self._first_soc(candidate)))
-        for start in (known, _ROOMY_SOC):
-            soc = Parameter(soc_name, start, 0.0, _LARGEST_SOC, deviation=_SOC_LENGTH)
-            fit = refit(residuals, ParameterSpace((soc,)), np.zeros(1), budget=_HELD_BUDGET)
+        known = self._held_start.get(key, self._held_start.get((observed.name, ""), {}))
+        offset = current_offset(record)
+        for start in (known.get(record.soc_name, self._first_soc(candidate)), _ROOMY_SOC):
+            soc = Parameter(record.soc_name, start, 0.0, _LARGEST_SOC, deviation=_SOC_LENGTH)
+            space = ParameterSpace((soc,) if offset is None else (soc, offset))
+            begin = np.array([0.0] if offset is None else [0.0, offset.coordinate(known.get(offset.name, 0.0))])
+            fit = refit(residuals, space, begin, budget=_HELD_BUDGET * len(space))
             if fit is not None:
-                self._held_soc[key] = fit.candidate[soc_name]
+                self._held_start[key] = fit.candidate
                 return errors([fit.candidate])[0]
         return None
 

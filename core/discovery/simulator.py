@@ -29,6 +29,16 @@ class MeasuredRecord:
         """The fitted parameter that is this record's initial state of charge."""
         return soc_name(self.name)
 
+    @property
+    def offset_name(self) -> str:
+        """The fitted parameter that is added to this record's current."""
+        return f"Current offset: {self.name} [A]"
+
+    @property
+    def own_names(self) -> tuple[str, str]:
+        """The fitted parameters that act on this record alone."""
+        return self.soc_name, self.offset_name
+
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
@@ -73,6 +83,7 @@ class Request:
     # Whether to use the finer mesh and tighter tolerances, from which the error of the usual ones is known.
     fine: bool = False
     soc: float | None = None  # State of charge at which the record starts, 0 to 1; None keeps the parameter set's.
+    offset: float = 0.0  # What is added to the measured current, A.
     # Whether the simulator's cheaper model is to answer; see `Simulator.has_low_fidelity`.
     low_fidelity: bool = False
 
@@ -87,6 +98,8 @@ class Request:
             "fine": self.fine,
             "soc": None if self.soc is None else float(self.soc),
         }
+        if self.offset:
+            told["offset"] = float(self.offset)
         return told | ({"low_fidelity": True} if self.low_fidelity else {})
 
 

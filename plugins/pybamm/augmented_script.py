@@ -47,6 +47,7 @@ def augmented_script(
     records = []
     for measured_record in measured_records:
         drive = current_function(measured_record.record)
+        offset = change.current_offset.get(measured_record.name, 0.0)
         start = state.concentrations(change, change.soc_of(measured_record.name))
         kept = evenly(len(measured_record.record.time), _LONGEST)
         records.append(
@@ -59,7 +60,7 @@ def augmented_script(
                 "negative": start[initial_concentration("Negative")],
                 "positive": start[initial_concentration("Positive")],
                 "time": [round(float(t), 4) for t in drive.time],
-                "current": [round(float(i), 6) for i in drive.current],
+                "current": [round(float(i) + offset, 8) for i in drive.current],
                 "stops": [round(float(t), 4) for t in drive.stops],
                 "sample": [round(float(t), 4) for t in after_jumps(measured_record.record)[kept]],
                 "measured": [round(float(v), 5) for v in measured_record.record.voltage[kept]],

@@ -23,6 +23,9 @@ MODELS = ("SPM", "SPMe", "DFN")
 PAUSE = ("Pause begins [s]", "Pause ends [s]")
 """Inputs of a cell that is driven by a measured current: no current passes between these two times."""
 
+OFFSET = "Current offset [A]"
+"""Input of such a cell: what is added to its current."""
+
 SOLVER_ERRORS = (pybamm.SolverError, ValueError, ArithmeticError, RuntimeError)
 """What a candidate can provoke in a solve."""
 
@@ -128,7 +131,7 @@ class CompiledCell:
         current: Any = None
         if measured is not None:
             drive.widen_cut_offs(values)
-            current = drive.interpolant(measured)
+            current = drive.interpolant(measured) + pybamm.InputParameter(OFFSET)
         for effect in self._effects:
             symbols = {p.name: pybamm.InputParameter(effect.full_name(p)) for p in effect.parameters}
             current = add_values(values, part_of(effect), symbols, current)

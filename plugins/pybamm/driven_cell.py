@@ -17,7 +17,7 @@ from ...core.parameters import Candidate
 from ...core.target import CellChange, Target
 from ...core.task import CellModel
 from ...core.trajectory import FloatArray, Trajectory
-from .compiled_cell import PAUSE, SOLVER_ERRORS, CompiledCell, Start, first_line
+from .compiled_cell import OFFSET, PAUSE, SOLVER_ERRORS, CompiledCell, Start, first_line
 from .drive import DELAY, EMPTY_V, FULL_V, JUMP_S, current_function, one_after_another, shown_range
 from .output_times import output_times
 from .resolution import FINE as UNIFORM_FINE
@@ -187,7 +187,12 @@ class DrivenCell:
         return other
 
     def solve(
-        self, candidate: Candidate, times: FloatArray, current: FloatArray, soc: float | None = None
+        self,
+        candidate: Candidate,
+        times: FloatArray,
+        current: FloatArray,
+        soc: float | None = None,
+        offset: float = 0.0,
     ) -> Curve | None:
         """Simulate one candidate as the instruments show it.
 
@@ -201,6 +206,8 @@ class DrivenCell:
             The measured current then, for effects of the instrument, A.
         soc : float or None
             State of charge at the start, 0 to 1; None keeps the set's own.
+        offset : float
+            What is added to the measured current, A.
 
         Returns
         -------
@@ -212,7 +219,7 @@ class DrivenCell:
             if effect.measurement is not None and effect.measurement.clock is not None:
                 with border(f"effect {effect.key}", "clock"):
                     wanted = effect.measurement.clock(wanted, effect.values(candidate))
-        response = self.follow(candidate, wanted, soc)
+        response = self.follow(candidate, wanted, soc, offset)
         if response.cause:
             return None
         voltage = response.voltage
@@ -222,7 +229,9 @@ class DrivenCell:
                     voltage = effect.measurement.voltage(voltage, current, effect.values(candidate))
         return Curve(voltage, response.temperature) if np.all(np.isfinite(voltage)) else None
 
-    def follow(self, candidate: Candidate, times: FloatArray, soc: float | None = None) -> Response:
+    def follow(
+        self, candidate: Candidate, times: FloatArray, soc: float | None = None, offset: float = 0.0
+    ) -> Response:
         """Simulate the cell itself, whatever it runs into; arguments as for `solve`.
 
         A candidate that empties (or overfills) its cell before a step ends must say how wrong it is, not fail: it
@@ -234,7 +243,8 @@ class DrivenCell:
         pauses: list[Pause] = []
         times = np.clip(times, first, last)
         try:
-            cause = self._go_through(self._cell.inputs(candidate, soc), times, parts, pauses)
+            inputs = self._cell.inputs(candidate, soc) | {OFFSET: offset}
+            cause = self._go_through(inputs, times, parts, pauses)
         except ValueError as error:
             cause = first_line(error)
         if not parts:

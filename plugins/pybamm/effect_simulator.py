@@ -80,10 +80,10 @@ class EffectSimulator:
         own = (*(candidate.get(name) for name in self._targets), *(effect.values(candidate) for effect in present))
         # Not the identity of the compiled cell: once it is let go, another may have the same.
         of = (tuple(effect.key for effect in present), id(measured_record), request.fine, request.low_fidelity)
-        key = (of, repr(own), request.soc, len(moments.time), float(np.sum(moments.time)))
+        key = (of, repr(own), request.soc, request.offset, len(moments.time), float(np.sum(moments.time)))
         if key not in self._recent:
             self.simulations += 1
-            self._recent[key] = driven.solve(candidate, moments.time, moments.current, request.soc)
+            self._recent[key] = driven.solve(candidate, moments.time, moments.current, request.soc, request.offset)
             while len(self._recent) > _RECENT:
                 self._recent.popitem(last=False)
         curve = self._recent[key]

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
+from ...core.discovery.current_offset import current_offset
 from ...core.discovery.simulator import MeasuredRecord
 from ...core.errors import BsaError, did_you_mean
 from ...core.parameters import Parameter, ParameterSpace
@@ -61,7 +62,7 @@ def uncertain_parameters(
     soc: Mapping[str, float] | None = None,
     spreads: Mapping[str, tuple[float, float, float]] | None = None,
 ) -> ParameterSpace:
-    """What the base fit moves: factors of 1 and each record's initial charge.
+    """What the base fit moves: factors of 1, each record's initial charge, and what rounding hides of its current.
 
     ``soc`` is, by record, where the search for its initial state of
     charge starts; 0.9 for those not named. ``spreads`` are the deviation of the logarithm, lower and upper bound of
@@ -78,4 +79,5 @@ def uncertain_parameters(
         Parameter(s.soc_name, starts.get(s.name, 0.9), 0.0, 1.08, target=InitialSoc(s.name), deviation=0.02)
         for s in measured_records
     ]
-    return ParameterSpace((*factors, *states))
+    offsets = [offset for offset in map(current_offset, measured_records) if offset is not None]
+    return ParameterSpace((*factors, *states, *offsets))

@@ -56,7 +56,7 @@ def test_a_candidate_is_sorted_by_what_it_acts_on():
     targets = {name: target_named(name) for name in candidate if name != "unknown"} | {"x: y": EffectValue("x", "y")}
     change = change_of(targets, {**candidate, "x: y": 1.0})
     assert change == CellChange(
-        {"R [m]": 2.0}, {"D": 3.0}, 0.9, {"a": 0.4}, {OcpShape("Negative", 0.25): 0.01}, effects={"x: y": 1.0}
+        {"R [m]": 2.0}, {"D": 3.0}, 0.9, {"a": 0.4}, {}, {OcpShape("Negative", 0.25): 0.01}, effects={"x: y": 1.0}
     )
     assert (change.soc_of("a"), change.soc_of("b")) == (0.4, None)
     assert CellChange(initial_soc={"": 0.2}).soc_of("any") == 0.2

@@ -8,6 +8,7 @@ from bsa.core.discovery.problem import Problem
 from bsa.core.discovery.simulator import MeasuredRecord, Prediction
 from bsa.core.effect import Effect, EffectParameter, Evidence
 from bsa.core.parameters import Parameter, ParameterSpace
+from bsa.core.target import InitialSoc
 from bsa.core.trajectory import Step, StepKind, Trajectory
 
 EVIDENCE = Evidence("toy", {}, 1, 0.0, 1.0)
@@ -57,7 +58,7 @@ class ToySimulator:
             request.moments.time,
             request.moments.current,
         )
-        charge = np.interp(times, record.time, record.discharge_capacity)
+        charge = np.interp(times, record.time, record.discharge_capacity) + request.offset * times / 3600.0
         start = 3.6 + 0.2 * (0.9 if request.soc is None else request.soc)
         voltage = start - 0.2 * charge - candidate["resistance factor"] * 0.05 * current
         full = marks(record.current, record.time)
@@ -117,7 +118,7 @@ def problem(rng, truth: dict[str, float], held: bool = True, noise=1e-3) -> tupl
 
 def problem_of(fitted: list[MeasuredRecord], kept: list[MeasuredRecord]) -> tuple[Problem, ParameterSpace]:
     resistance = Parameter("resistance factor", 1.0, 0.2, 5.0, "log", deviation=0.5, prior=True)
-    states = [Parameter(s.soc_name, 0.8, 0.0, 1.0, deviation=0.02) for s in fitted]
+    states = [Parameter(s.soc_name, 0.8, 0.0, 1.0, target=InitialSoc(s.name), deviation=0.02) for s in fitted]
     made = Problem(
         ToySimulator(),
         [observe(one, points=150) for one in fitted],

@@ -1,0 +1,44 @@
+"""What rounding hides of a measured current: over many cycles its charge adds up."""
+
+import numpy as np
+
+from ..noise import resolution
+from ..parameters import Parameter
+from ..target import CurrentOffset
+from .evidence import is_long
+from .simulator import MeasuredRecord
+
+_COARSEST, _FINEST = 3e-4, 1e-5
+"""Deviation that rounding leaves of a current, as a share of its largest value: at most that of three digits, for a
+current that is written as one and the same number says nothing of its digits; and at least what moves the charge by
+a hundredth of a percent in ten cycles, of which voltages show nothing."""
+
+_LARGEST = 4.0
+"""Deviations by which an offset may be off at most: half a step of the reading is 1.7."""
+
+
+def current_offset(measured_record: MeasuredRecord) -> Parameter | None:
+    """The offset of the current of a record of many cycles, with what rounding leaves of it as its prior.
+
+    A constant current is rounded the same way in every cycle. None for other records: their rounding draws no charge
+    that shows.
+    """
+    if not is_long(measured_record):
+        return None
+    current = measured_record.record.current
+    peak = float(np.max(np.abs(current)))
+    deviation = min(resolution(current), _COARSEST * peak)
+    if deviation < _FINEST * peak:
+        return None
+    largest, target = _LARGEST * deviation, CurrentOffset(measured_record.name)
+    # A deviation moves the charge of ten cycles by more than an integrator is off.
+    return Parameter(
+        measured_record.offset_name,
+        0.0,
+        -largest,
+        largest,
+        target=target,
+        deviation=deviation,
+        prior=True,
+        difference=1.0,
+    )
