@@ -104,7 +104,9 @@ class Rules:
         if not (self.explains_all(found) or warm) and (objection := self._leaves_too_much(found, gap)):
             return objection
         # A measured temperature is data not fitted too: where it tells, the voltage has to be predicted about as well.
-        if not found.held_rmse_v < base.held_rmse_v / (1.0 - self.held_margin if warm else 1.0):
+        # So it has where noise alone is left by an explanation that is far ahead: what both mispredict tells nothing.
+        told = warm or (self.explains_all(found) and margin > self.far_ahead)
+        if not found.held_rmse_v < base.held_rmse_v / (1.0 - self.held_margin if told else 1.0):
             return f"does not predict {self.held_words} better than {self.base_words}"
         return ""
 

@@ -53,6 +53,17 @@ def test_a_gap_that_bent_parameters_hide_shows_in_the_temperature():
     assert "data not fitted" in RULES.objection_to(warm, Gap(base, base, 1e-4, 1e-4))
 
 
+@pytest.mark.parametrize(
+    ("base_rmse", "held", "objected"), [(3.0, 1.05, False), (3.0, 1.2, True), (1.2, 1.05, True), (1.2, 0.95, False)]
+)
+def test_data_that_both_mispredict_alike_are_no_objection_to_who_is_far_ahead_and_leaves_noise(
+    base_rmse, held, objected
+):
+    base, found = explanation("base", None, rmse=base_rmse), explanation("cause", None)
+    base.held_rmse_v, found.held_rmse_v = 2e-3, held * 2e-3
+    assert ("data not fitted" in RULES.objection_to(found, Gap(base, base, 1e-4, 1e-4))) is objected
+
+
 @pytest.mark.parametrize(("without", "excluded"), [(10.0, True), (3.0, False), (None, False)])
 def test_a_null_that_the_voltage_does_not_exclude_the_temperature_may(without, excluded):
     found = explanation("heat", 2.0)
