@@ -219,6 +219,13 @@ def add_values(values: Any, part: PyBaMMPart, p: Mapping[str, Any], current: Any
 
 
 def add_voltage(model: Any, part: PyBaMMPart, p: Mapping[str, Any]) -> None:
-    """Add an effect's term to the terminal voltage of a model, in place."""
+    """Add an effect's term to the terminal voltage of a model, in place.
+
+    A hold is controlled by the one variable, and a step that ends at a voltage by the other: both are what an
+    instrument shows.
+    """
     if part.voltage is not None:
-        model.variables["Voltage [V]"] = model.variables["Voltage [V]"] + part.voltage(model, p)
+        added = part.voltage(model, p)
+        cells = pybamm.Parameter("Number of cells connected in series to make a battery")
+        model.variables["Voltage [V]"] = model.variables["Voltage [V]"] + added
+        model.variables["Battery voltage [V]"] = model.variables["Battery voltage [V]"] + added * cells

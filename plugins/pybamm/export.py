@@ -154,7 +154,7 @@ def _record(cell: CellModel, experiment: Experiment, change: CellChange, tables:
         "name": experiment.name,
         "temperature_k": None if experiment.temperature_k is None else float(experiment.temperature_k),
         "initial_soc": None if soc is None else float(soc),
-        "initial_concentrations": {} if soc is None else _initial_concentrations(cell, change, float(soc)),
+        "initial_concentrations": _initial_concentrations(cell, change, soc),
     }
     if experiment.is_spectrum:
         return {**content, "frequencies": [float(f"{hz:.6g}") for hz in experiment.target.values(FREQUENCY.name)]}
@@ -164,8 +164,10 @@ def _record(cell: CellModel, experiment: Experiment, change: CellChange, tables:
     return {**content, "currents": [_current(step, tables) for step in steps], "dt_max": _longest_solver_step(steps)}
 
 
-def _initial_concentrations(cell: CellModel, change: CellChange, soc: float) -> dict[str, float]:
-    """As in `CompiledCell`: the state of charge as concentrations, of the calibrated cell."""
+def _initial_concentrations(cell: CellModel, change: CellChange, soc: float | None) -> dict[str, float]:
+    """As in `CompiledCell`: state of charge and lithium as concentrations, of the calibrated cell; empty without."""
+    if soc is None and change.cyclable_lithium == 1.0:
+        return {}
     values = load(cell.parameter_set, cell.overrides)
     bake(values, change)
     return InitialState(values).concentrations(CellChange(cyclable_lithium=change.cyclable_lithium), soc)
