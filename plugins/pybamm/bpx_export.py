@@ -73,7 +73,8 @@ def to_bpx(cell: CellModel, change: CellChange, experiment: Experiment, title: s
     bake(values, change)
     labelled(values, cell)
     if experiment.temperature_k is not None:
-        values.update({"Ambient temperature [K]": experiment.temperature_k})
+        kelvin = experiment.temperature_k
+        values.update({"Ambient temperature [K]": kelvin, "Initial temperature [K]": kelvin})
     soc = change.soc_of(experiment.name)
     writer = _Writer(values, change.cyclable_lithium)
     content, left_out = writer.written(cell, experiment.initial_soc if soc is None else soc, experiment.initial_voltage)

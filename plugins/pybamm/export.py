@@ -149,7 +149,10 @@ def _record(cell: CellModel, experiment: Experiment, change: CellChange, tables:
     own = change.soc_of(experiment.name)
     soc = experiment.initial_soc if own is None else own
     if soc is None and experiment.initial_voltage is not None:
-        soc = InitialState(load(cell.parameter_set, cell.overrides)).soc_at(experiment.initial_voltage, change)
+        values = load(cell.parameter_set, cell.overrides)
+        if experiment.temperature_k is not None:
+            values.update({"Initial temperature [K]": experiment.temperature_k})
+        soc = InitialState(values).soc_at(experiment.initial_voltage, change)
     content: dict[str, Any] = {
         "name": experiment.name,
         "temperature_k": None if experiment.temperature_k is None else float(experiment.temperature_k),

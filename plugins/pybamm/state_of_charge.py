@@ -70,9 +70,10 @@ class InitialState:
     The electrodes hold :math:`Q_n` and :math:`Q_p` and share the lithium :math:`Q_{Li} = Q_n x + Q_p y` that their
     initial concentrations in the parameter set amount to. The cell is full where :math:`U_p(y) - U_n(x)` is the
     open-circuit voltage at 100 % and empty where it is that at 0 %; the state of charge is linear in between (Mohtat et
-    al., J. Power Sources 427 (2019) 101). PyBaMM's own route through ``initial_soc`` changes the initial conditions
-    behind a solver that has already been set up: of several candidates in a row only the first is right. The set's
-    values are taken before anything is opened to the search.
+    al., J. Power Sources 427 (2019) 101). As in PyBaMM, both limits are those at the reference temperature, and a
+    voltage at which a cell starts is that at its initial temperature. PyBaMM's own route through ``initial_soc``
+    changes the initial conditions behind a solver that has already been set up: of several candidates in a row only the
+    first is right. The set's values are taken before anything is opened to the search.
     """
 
     def __init__(self, values: Any) -> None:
@@ -87,6 +88,7 @@ class InitialState:
             )
         }
         self._ocp = OcpCurves(values)
+        self._warming = _warming(values)
         self._limits = tuple(
             _number(values, f"Open-circuit voltage at {percent}% SOC [V]", f"{side} voltage cut-off [V]")
             for percent, side in ((0, "Lower"), (100, "Upper"))
@@ -136,8 +138,14 @@ class InitialState:
 
         Raises `ValueError`: as `concentrations`.
         """
-        x, curve, *_ = self._balance(change or CellChange())
+        x, curve, lithium, held, _ = self._balance(change or CellChange())
         empty, full = np.interp(self._limits, curve, x)
+        if self._warming:
+            y = (lithium - held["Negative"] * x) / held["Positive"]
+            negative_v, positive_v = (
+                np.interp(at, GRID, self._warming[which]) for which, at in zip(ELECTRODES, (x, y), strict=True)
+            )
+            curve = np.maximum.accumulate(curve + positive_v - negative_v)
         return float((np.interp(voltage, curve, x) - empty) / (full - empty))
 
     def _balance(
@@ -178,6 +186,20 @@ def changed_values(cell: CellModel, change: CellChange) -> pybamm.ParameterValue
     if change.cyclable_lithium != 1.0:
         values.update(InitialState(values).concentrations(CellChange(cyclable_lithium=change.cyclable_lithium), None))
     return values
+
+
+def _warming(values: Any) -> Mapping[str, FloatArray]:
+    """What the initial temperature adds to each electrode's potential on `GRID`, V; empty at the reference one."""
+    warmer = _number(values, "Initial temperature [K]") - _number(values, "Reference temperature [K]")
+    if warmer == 0.0:
+        return {}
+    found: dict[str, FloatArray] = {}
+    cell = pybamm.LithiumIonParameters()
+    for which, domain in zip(ELECTRODES, (cell.n, cell.p), strict=True):
+        symbol = domain.prim.dUdT(pybamm.Vector(GRID))
+        curve = np.ravel(values.process_symbol(symbol).evaluate())
+        found[which] = warmer * np.broadcast_to(curve, GRID.shape)
+    return found
 
 
 def _number(values: Any, *names: str) -> float:
