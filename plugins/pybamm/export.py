@@ -16,7 +16,7 @@ from ...core.target import CellChange
 from ...core.task import CellModel, Experiment, ParameterFile, Task
 from ...core.trajectory import StepKind
 from . import drive
-from .augmentation import augmented_cell
+from .augmentation import augmented_cell, part_of
 from .diffusivity_shape import by_diffusivity
 from .ocp_shape import BUMP_WIDTH, OcpCurves
 from .parameter_sets import FILL_FROM, bake, load, pybamm
@@ -60,6 +60,7 @@ def script(
         model=cell.model,
         options={key: tuple(value) if isinstance(value, list) else value for key, value in cell.options.items()},
         effects=[quoted(number, effect, candidate) for number, effect in enumerate(effects, start=1)],
+        points={name: count for effect in effects for name, count in part_of(effect).points.items()},
         overrides={name: float(value) for name, value in task.cell.overrides.items()},
         calibrated=dict(change.values),
         factors={} if from_file else dict(change.factors),

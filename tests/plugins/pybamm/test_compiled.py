@@ -147,3 +147,9 @@ def test_steps_end_and_are_held_at_the_voltage_that_an_effect_adds_to() -> None:
     assert run.trajectory is not None
     ends = [float(piece.voltage[-1]) for _, piece in run.trajectory.pieces()]
     assert ends == pytest.approx([3.3, 4.1, 4.1], abs=1e-4)
+
+
+def test_an_effect_on_the_measured_current_is_refused_where_steps_set_their_own() -> None:
+    cell = CellModel("Chen2020", "SPM", effects=("self-discharge",))
+    with pytest.raises(BsaError, match="acts on the measured current"):
+        CompiledExperiment(cell, protocol(), {})

@@ -164,6 +164,31 @@ def test_what_an_effect_adds_to_the_voltage_is_in_the_scripts_cut_offs_and_imped
     assert made["impedance"](1)[-1, 2] == pytest.approx(-fitted.values("reactance")[-1], rel=1e-3)
 
 
+@pytest.mark.parametrize("name", ["self-discharge: leak [A]", "current-gain: gain"])
+def test_what_an_effect_makes_of_the_current_is_in_the_script(name):
+    cell = CellModel("Chen2020", "SPM", effects=(name.split(":")[0],))
+    effects = effects_in(cell)
+    space = ParameterSpace(tuple(parameter for effect in effects for parameter in effect.searched))
+    experiment = Experiment("drive", drive_record(), initial_soc=0.6)
+    made = namespace_of(script(Task("export", cell, space, (experiment,)), {name: 1.1}, effects), "script")
+    solution = made["simulate"]()
+    wanted = solve_reference(cell, experiment, CellChange(effects={name: 1.1})).trajectory
+    at = np.array([600.0, 1200.0, 1700.0])
+    found = solution["Voltage [V]"](at)
+    np.testing.assert_allclose(found, np.interp(at, wanted.time, wanted.voltage), atol=1e-4)
+    through = experiment.target.current[60] + 1.1 if "leak" in name else 1.1 * experiment.target.current[60]
+    assert solution["Current [A]"](600.0) == pytest.approx(through)
+
+
+def test_the_mesh_that_an_effect_asks_for_is_in_the_script():
+    cell = CellModel("Chen2020", "SPM", effects=("particle-size-distribution",))
+    effects = effects_in(cell)
+    experiment = Experiment("short", NOTHING, (("Discharge at 1C for 1 minute",),))
+    space = ParameterSpace(tuple(parameter for effect in effects for parameter in effect.searched))
+    text = script(Task("export", cell, space, (experiment,)), {"particle-size-distribution: deviation": 0.3}, effects)
+    assert 'var_pts={**new.default_var_pts, **{"R_n": 10, "R_p": 10}}' in text
+
+
 def largest_difference(time, values, reference_time, reference):
     """Where one step ends and the next begins two samples share a stamp: either may be the counterpart."""
     differences = []
