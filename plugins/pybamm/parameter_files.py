@@ -74,6 +74,9 @@ _WHOLE_SET = (
 )
 """Parameters that every whole set has; what else is lacking is filled in."""
 
+_CUT_OFFS = {0: "Lower voltage cut-off [V]", 100: "Upper voltage cut-off [V]"}
+"""By the state of charge in percent."""
+
 _INFORMATION = ("citations", "chemistry")
 
 
@@ -214,7 +217,10 @@ def _parameter_values(file: ParameterFile) -> dict[str, Any]:
             f"this is no whole parameter set: it lacks {listed(lacking)}.",
             "best_parameters.json needs its run's journal beside it; bsa export RUN --to parameter-values.",
         )
-    return {name: _value(name, value) for name, value in content.items() if name not in _INFORMATION}
+    values = {name: _value(name, value) for name, value in content.items() if name not in _INFORMATION}
+    # What older versions of PyBaMM did not write is no other cell's: empty and full are then at the cut-offs.
+    at_rest = {f"Open-circuit voltage at {percent}% SOC [V]": cut_off for percent, cut_off in _CUT_OFFS.items()}
+    return {**{name: values[cut_off] for name, cut_off in at_rest.items() if cut_off in values}, **values}
 
 
 def _value(name: str, value: Any) -> Any:

@@ -10,17 +10,17 @@ from ...core.target import CellChange
 from ...core.task import CellModel, ParameterSource
 from ...core.trajectory import FloatArray
 from .ocp_shape import ELECTRODES, GRID, OcpCurves
-from .parameter_sets import bake, load, pybamm, voltage_window
+from .parameter_sets import bake, load, pybamm
 
 
 def soc_at_voltage(cell: CellModel, voltage: float) -> float:
     """The state of charge at which the cell's open-circuit voltage is ``voltage``, kept within 0 to 1.
 
     Found from the electrode stoichiometry limits of the cell (PyBaMM's electrode state-of-health model) between its
-    voltage cut-offs; only its parameter values matter.
+    open-circuit voltages at 0 and 100 %; only its parameter values matter.
     """
     values = load(cell.parameter_set, cell.overrides)
-    lowest, highest = voltage_window(values)
+    lowest, highest = _limits(values)
     if voltage <= lowest:
         return 0.0
     if voltage >= highest:
@@ -89,10 +89,7 @@ class InitialState:
         }
         self._ocp = OcpCurves(values)
         self._warming = _warming(values)
-        self._limits = tuple(
-            _number(values, f"Open-circuit voltage at {percent}% SOC [V]", f"{side} voltage cut-off [V]")
-            for percent, side in ((0, "Lower"), (100, "Upper"))
-        )
+        self._limits = _limits(values)
 
     def concentrations(self, change: CellChange, soc: float | None) -> dict[str, float]:
         """Initial concentration of both electrodes by PyBaMM's names, mol/m3, of a changed cell.
@@ -186,6 +183,15 @@ def changed_values(cell: CellModel, change: CellChange) -> pybamm.ParameterValue
     if change.cyclable_lithium != 1.0:
         values.update(InitialState(values).concentrations(CellChange(cyclable_lithium=change.cyclable_lithium), None))
     return values
+
+
+def _limits(values: Any) -> tuple[float, float]:
+    """Open-circuit voltages of an empty and of a full cell, V: its cut-offs may have been moved since."""
+    empty, full = (
+        _number(values, f"Open-circuit voltage at {percent}% SOC [V]", f"{side} voltage cut-off [V]")
+        for percent, side in ((0, "Lower"), (100, "Upper"))
+    )
+    return empty, full
 
 
 def _warming(values: Any) -> Mapping[str, FloatArray]:

@@ -52,3 +52,11 @@ def test_a_cold_cell_starts_at_the_voltage_as_pybamm_has_it(name: str) -> None:
     x = pybamm.lithium_ion.get_initial_stoichiometries("3.8 V", values)[0]
     assert InitialState(values).soc_at(3.8) == pytest.approx((x - empty) / (full - empty), abs=5e-4)
     assert abs(InitialState(load(name)).soc_at(3.8) - InitialState(values).soc_at(3.8)) > 5e-3
+
+
+def test_a_cut_off_that_is_moved_moves_no_state_of_charge() -> None:
+    usual = soc_at_voltage(CellModel("Ai2020", "SPM"), 4.15)
+    for upper in (4.1, 4.35):
+        moved = CellModel("Ai2020", "SPM", overrides={"Upper voltage cut-off [V]": upper})
+        assert soc_at_voltage(moved, 4.15) == pytest.approx(usual, abs=1e-6)
+    assert 0.9 < usual < 0.99
