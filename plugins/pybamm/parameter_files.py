@@ -22,6 +22,7 @@ from ...core.parameters import ParameterSpace
 from ...core.printable import listed, shown
 from ...core.shape import shaped
 from ...core.task import CellModel, ParameterFile
+from .nameplate import CAPACITY, nominal_capacity_ah
 from .parameter_sets import pybamm, take_arguments
 from .state_of_charge import changed_values
 
@@ -275,4 +276,6 @@ def _calibrated(file: ParameterFile) -> dict[str, Any]:
     cell: CellModel = shaped(CellModel, content["cell"])
     space = ParameterSpace(tuple(decode_parameter(parameter) for parameter in content["space"]))
     change = space.change(shaped(dict[str, float], content["candidate"]))
-    return dict(changed_values(cell, change))
+    # The area was scaled to the cell's capacity, which is what C-rates of this set refer to.
+    nominal = {CAPACITY: nominal_capacity_ah(cell.parameter_set, cell.overrides)}
+    return {**changed_values(cell, change), **nominal}
