@@ -33,7 +33,8 @@ def exported(folder: Path, to: str) -> tuple[str, tuple[str, ...]]:
     run = read_finished(folder)
     cell, experiment, change = run.task.cell, run.task.experiments[0], run.task.space.change(run.best.candidate)
     if to == "parameter-values":
-        return as_json(labelled(changed_values(cell, change), cell)), ()
+        left_out = [f"A parameter set holds no effect; the fit had {', '.join(cell.effects)}."] * bool(cell.effects)
+        return as_json(labelled(changed_values(cell, change), cell)), tuple(left_out)
     found = to_bpx(cell, change, experiment, run.task.name)
     soc = change.soc_of(experiment.name)
     started = experiment if soc is None else replace(experiment, initial_soc=soc)

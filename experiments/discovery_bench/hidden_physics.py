@@ -134,7 +134,8 @@ def _stressed(stoichiometry: Any, strength: float) -> Any:
 
 def _marcus(values: Any, strength: float, ambient_k: float) -> None:
     energy = 1.0 / strength
-    normal = float(np.exp(energy / (4.0 * _BOLTZMANN_EV * _REFERENCE_K)))
+    # The cell is isothermal: PyBaMM's form lacks this factor at its temperature.
+    normal = float(np.exp(energy / (4.0 * _BOLTZMANN_EV * ambient_k)))
     for which in ("Negative", "Positive"):
         name = f"{which} electrode exchange-current density [A.m-2]"
         values[name] = multiplied(values[name], lambda *arguments: normal)

@@ -16,7 +16,7 @@ from ...core.recognised_protocol import with_switches
 from ...core.record import Record
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.target import INITIAL_SOC, InitialSoc, soc_name
-from ...core.task import Experiment, ParameterSource, Task
+from ...core.task import CellModel, Experiment, ParameterSource, Task
 from ...core.trajectory import Trajectory
 from .cell_for_records import ISOTHERMAL, THERMAL, warms_by
 from .measured_cell import CellRequest, MeasuredCell, measured_cell, searched_space
@@ -75,6 +75,7 @@ def build_task(
         parameter_set, model, options or {}, overrides or {}, search, scale_to_capacity, ocp, tuple(effects)
     )
     cell = measured_cell(wanted, records, loaded, ambient_k)
+    _check_effects(cell.model, [*asked, *forecast, *held_out])
     experiments, socs, said = _fitted(records, loaded, cell)
     space, left_out = searched_space(wanted, cell.model, loaded, spectra)
     space = _with_initial_soc(space, experiments, socs, INITIAL_SOC in wanted.given, alone=len(asked) == 1)
@@ -119,6 +120,14 @@ def _fitted(
         experiments.append(_experiment(request, record, soc))
         notes += start_note(record.name, record.trajectory, experiments[-1])
     return experiments, socs, notes
+
+
+def _check_effects(cell: CellModel, requests: Sequence[RecordRequest]) -> None:
+    """Refuse effects that act on a measured current where a protocol is simulated."""
+    from ...plugins.pybamm.augmentation import refuse_current_effects
+
+    if any(request.protocol is not None for request in requests):
+        refuse_current_effects(cell)
 
 
 def _ambient_k(request: RecordRequest, record: Record) -> float | None:
@@ -206,6 +215,7 @@ def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
         for request, record in zip(requests, loaded, strict=True)
         for note in record.notes
     ]
+    _check_effects(task.cell, requests)
     experiments = [_held_out(request, record) for request, record in zip(requests, loaded, strict=True)]
     for record, experiment in zip(loaded, experiments, strict=True):
         notes += start_note(f"{record.name} (held out)", record.trajectory, experiment)

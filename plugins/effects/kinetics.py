@@ -16,15 +16,17 @@ def _marcus(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
     import pybamm
 
     # In the limit of a large reorganisation energy Marcus is Butler-Volmer, but PyBaMM's form is not normalised:
-    # it carries a factor exp(-lambda / 4kT), which belongs to the exchange current.
+    # it carries a factor exp(-lambda / 4kT), which belongs to the exchange current. At another temperature than the
+    # cell's it would be off by an activation energy of lambda / 4.
     energy = 1 / (p["inverse_reorganisation_energy"] + 0.05)
-    thermal = 8.617333262e-5 * 298.15
     values: dict[str, Any] = {}
     for which in ("Negative", "Positive"):
         name = f"{which} electrode exchange-current density [A.m-2]"
         value = known[name]
 
         def function(*arguments: Any, value: Any = value) -> Any:
+            # Temperature is the last argument of every exchange-current density in PyBaMM.
+            thermal = 8.617333262e-5 * arguments[-1]
             return (value(*arguments) if callable(value) else value) * pybamm.exp(energy / (4 * thermal))
 
         values[name] = function

@@ -81,6 +81,16 @@ def effects_in(cell: CellModel) -> tuple[Effect, ...]:
     return found
 
 
+def refuse_current_effects(cell: CellModel) -> None:
+    """Raise `BsaError` if a cell has an effect on the measured current: steps of a protocol have none."""
+    for effect in effects_in(cell):
+        if part_of(effect).current is not None:
+            raise BsaError(
+                f'effect "{effect.key}" acts on the measured current, and the steps of a protocol set their own.',
+                "let the measured current drive the model: leave out the protocol.",
+            )
+
+
 def augmented_cell(cell: CellModel, effects: Sequence[Effect]) -> CellModel:
     """The cell model with the options of all effects. Raises `BsaError` if two of them ask for different things."""
     model, options = cell.model, dict(cell.options)

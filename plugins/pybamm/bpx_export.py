@@ -42,6 +42,9 @@ _TEMPERATURE = ("T", "temperature")
 _SAME = 1e-2
 """Relative deviation beyond which a function does not have the form that BPX prescribes."""
 
+_OPEN = 1.0 - 1e-9
+"""Largest porosity: readers take a Bruggeman coefficient from its logarithm, which is none where nothing is solid."""
+
 _OUTSIDE = ("thermal", "contact resistance", "calculate discharge energy")
 """Model options that need no mention: they belong to a run, or are kept in the user-defined section."""
 
@@ -74,7 +77,7 @@ def to_bpx(cell: CellModel, change: CellChange, experiment: Experiment, title: s
         values.update(temperatures(experiment.temperature_k, experiment.initial_temperature_k))
     soc = change.soc_of(experiment.name)
     writer = _Writer(values, change.cyclable_lithium)
-    content, left_out = writer.written(cell, experiment.initial_soc if soc is None else soc)
+    content, left_out = writer.written(cell, experiment.initial_soc if soc is None else soc, experiment.initial_voltage)
     content["Header"]["Title"] = title
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -96,20 +99,33 @@ class _Writer:
         self._salt = self._number("Initial concentration in electrolyte [mol.m-3]")
         self._left_out: list[str] = []
 
-    def written(self, cell: CellModel, start: float | None) -> tuple[dict[str, Any], tuple[str, ...]]:
-        """The file, and what it cannot say."""
+    def written(
+        self, cell: CellModel, soc: float | None, voltage: float | None
+    ) -> tuple[dict[str, Any], tuple[str, ...]]:
+        """The file, and what it cannot say.
+
+        A cell starts at a state of charge, else at an open-circuit voltage (V), else as its set does.
+        """
         state = InitialState(self._values)
         lithium = CellChange(cyclable_lithium=self._lithium)
         empty, full = (state.concentrations(lithium, at) for at in (0.0, 1.0))
+        if soc is None and voltage is not None:
+            soc = state.soc_at(voltage, lithium)
+        if soc is None:
+            name = initial_concentration("Negative")
+            own = state.concentrations(lithium, None)[name]
+            soc = (own - empty[name]) / (full[name] - empty[name])
+        electrodes = {side: self._electrode(side, empty, full) for side in _SIDES}
         parts = {
             "Cell": self._cell(),
             "Electrolyte": self._electrolyte(),
-            **{f"{side} electrode": self._electrode(side, empty, full) for side in _SIDES},
+            **{f"{side} electrode": electrode for side, electrode in electrodes.items()},
             "Separator": self._layer("Separator"),
             "User-defined": {
                 "Contact resistance [Ohm]": self._number("Contact resistance [Ohm]"),
-                "Open-circuit voltage at 0% SOC [V]": self._number("Open-circuit voltage at 0% SOC [V]"),
-                "Open-circuit voltage at 100% SOC [V]": self._number("Open-circuit voltage at 100% SOC [V]"),
+                # What the file's own potentials show at the limits of its stoichiometries, at its own temperature.
+                "Open-circuit voltage at 0% SOC [V]": _voltage(electrodes, "Minimum", "Maximum"),
+                "Open-circuit voltage at 100% SOC [V]": _voltage(electrodes, "Maximum", "Minimum"),
             },
         }
         beyond = [f"{name}={value}" for name, value in cell.options.items() if name not in _OUTSIDE and value != "none"]
@@ -124,7 +140,7 @@ class _Writer:
         if self._number("Number of cells connected in series to make a battery") != 1:
             self._left_out.append("BPX describes a single cell; cells in series are not in the file.")
         initial = {
-            "Initial state-of-charge": 1.0 if start is None else float(np.clip(start, 0.0, 1.0)),
+            "Initial state-of-charge": float(np.clip(soc, 0.0, 1.0)),
             "Initial temperature [K]": self._number("Initial temperature [K]"),
             "Initial electrolyte concentration [mol.m-3]": self._salt,
         }
@@ -181,7 +197,7 @@ class _Writer:
         return at_start
 
     def _layer(self, name: str) -> dict[str, float]:
-        porosity = self._number(f"{name} porosity")
+        porosity = min(self._number(f"{name} porosity"), _OPEN)
         bruggeman = self._number(f"{name} Bruggeman coefficient (electrolyte)")
         return {
             "Thickness [m]": self._number(f"{name} thickness [m]"),
@@ -266,6 +282,15 @@ class _Writer:
     def _table(self, name: str, at: FloatArray) -> Any:
         found = self._course(name, at)
         return float(found[0]) if np.ptp(found) <= 1e-12 * abs(found[0]) else _as_table(at, found)
+
+
+def _voltage(electrodes: Mapping[str, Mapping[str, Any]], negative: str, positive: str) -> float:
+    """Open-circuit voltage of electrodes of BPX at these of their stoichiometries, ``Minimum`` or ``Maximum``, V."""
+    potentials = [
+        np.interp(electrodes[side][f"{limit} stoichiometry"], *electrodes[side]["OCP [V]"].values())
+        for side, limit in zip(_SIDES, (negative, positive), strict=True)
+    ]
+    return float(potentials[1] - potentials[0])
 
 
 def _as_table(x: FloatArray, y: FloatArray) -> dict[str, list[float]]:

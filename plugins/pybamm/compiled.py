@@ -11,6 +11,7 @@ from ...core.simulation import ExperimentRun, SimulationFailure
 from ...core.target import CellChange, Target
 from ...core.task import CellModel, Experiment
 from . import drive
+from .augmentation import refuse_current_effects
 from .compiled_cell import SOLVER_ERRORS, CompiledCell, first_line, start_of
 from .last_moments import last_moments, nearest_limit
 from .parameter_sets import pybamm
@@ -36,6 +37,7 @@ class CompiledExperiment:
         effects: Sequence[Effect] = (),
     ) -> None:
         assert experiment.protocol is not None
+        refuse_current_effects(cell)
         self.cell = CompiledCell(cell, targets, start_of(experiment), resolution, baked, effects)
         self.steps = drive.steps_of_protocol(experiment.protocol)
         # A near-singular candidate can spin for minutes: a sound solve advances faster than this even

@@ -225,16 +225,26 @@ def _with_averaged_reactions(cell: CellModel) -> CellModel:
 
 
 def add_values(values: Any, part: PyBaMMPart, p: Mapping[str, Any], current: Any) -> Any:
-    """Put an effect's parameter values into a set, in place, and return the current it makes of the given one."""
+    """Put an effect's parameter values into a set, in place, and return the current it makes of the given one.
+
+    None stays None: an impedance is that of a cell at rest.
+    """
     for name, value in part.borrowed.items():
         if name not in values:
             values.update({name: value}, check_already_exists=False)
     if part.values is not None:
         values.update(dict(part.values(values, p)), check_already_exists=False)
-    return part.current(current, p) if part.current is not None else current
+    return part.current(current, p) if part.current is not None and current is not None else current
 
 
 def add_voltage(model: Any, part: PyBaMMPart, p: Mapping[str, Any]) -> None:
-    """Add an effect's term to the terminal voltage of a model, in place."""
+    """Add an effect's term to the terminal voltage of a model, in place.
+
+    A hold is controlled by the one variable, and a step that ends at a voltage by the other: both are what an
+    instrument shows.
+    """
     if part.voltage is not None:
-        model.variables["Voltage [V]"] = model.variables["Voltage [V]"] + part.voltage(model, p)
+        added = part.voltage(model, p)
+        cells = pybamm.Parameter("Number of cells connected in series to make a battery")
+        model.variables["Voltage [V]"] = model.variables["Voltage [V]"] + added
+        model.variables["Battery voltage [V]"] = model.variables["Battery voltage [V]"] + added * cells

@@ -10,7 +10,7 @@ from ...core.parameters import Candidate
 from ...core.simulation import ExperimentRun, Outcome, SimulationFailure
 from ...core.target import CellChange
 from ...core.task import Task
-from ...core.trajectory import SECONDS_PER_HOUR
+from ...core.trajectory import SECONDS_PER_HOUR, Trajectory
 from .augmentation import effects_in, part_of
 from .compiled_cell import start_of
 from .drive import shown_range
@@ -45,8 +45,9 @@ class EquilibriumCell:
             None if experiment.is_spectrum else experiment.target.discharge_capacity for experiment in task.experiments
         ]
         self._capacity_ah = float(values["Nominal cell capacity [A.h]"])
-        own = [(effect, part_of(effect).at_rest) for effect in effects_in(task.cell)]
-        self._at_rest = [(effect, added) for effect, added in own if added is not None]
+        own = [(effect, part_of(effect)) for effect in effects_in(task.cell)]
+        self._at_rest = [(effect, part.at_rest) for effect, part in own if part.at_rest is not None]
+        self._current = [(effect, part.current) for effect, part in own if part.current is not None]
 
     def outcome(self, candidate: Candidate) -> Outcome:
         """What a candidate shows; failed where its electrodes cannot hold the lithium at the start."""
@@ -62,6 +63,8 @@ class EquilibriumCell:
         if drawn_ah is None or shown_v is None:
             return ExperimentRun(record)  # A spectrum stays: nothing is said of it.
         change = self._falling(self._task.space.change(candidate))
+        if self._current:
+            drawn_ah = self._through_the_cell(record, candidate).discharge_capacity
         drawn = drawn_ah * SECONDS_PER_HOUR / _FARADAY / self._area_of(change)
         # Beyond these an empty or overfull cell is simulated as such; published potentials reach to -100 V there.
         voltage = np.clip(self._state.voltages(change, self._soc(place, change), drawn), *shown_v)
@@ -70,6 +73,14 @@ class EquilibriumCell:
                 voltage = voltage + added(record.current, drawn_ah, self._capacity_ah, effect.values(candidate))
         # The measured temperature stays: nothing is said of it.
         return ExperimentRun(record.changed(record.time - record.time[0], voltage=voltage))
+
+    def _through_the_cell(self, record: Trajectory, candidate: Candidate) -> Trajectory:
+        """The record with the current that the effects make of the measured one."""
+        current = record.current
+        for effect, changed in self._current:
+            with border(f"effect {effect.key}", "current"):
+                current = changed(current, effect.values(candidate))
+        return record.changed(current=current)
 
     def _area_of(self, change: CellChange) -> float:
         own = (change.values.get(name, value) * change.factors.get(name, 1.0) for name, value in self._area.items())

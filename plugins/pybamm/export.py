@@ -16,7 +16,7 @@ from ...core.target import CellChange
 from ...core.task import CellModel, Experiment, ParameterFile, Task
 from ...core.trajectory import StepKind
 from . import drive
-from .augmentation import augmented_cell
+from .augmentation import augmented_cell, part_of
 from .diffusivity_shape import by_diffusivity
 from .ocp_shape import BUMP_WIDTH, OcpCurves
 from .parameter_sets import FILL_FROM, bake, load, pybamm
@@ -60,6 +60,7 @@ def script(
         model=cell.model,
         options={key: tuple(value) if isinstance(value, list) else value for key, value in cell.options.items()},
         effects=[quoted(number, effect, candidate) for number, effect in enumerate(effects, start=1)],
+        points={name: count for effect in effects for name, count in part_of(effect).points.items()},
         overrides={name: float(value) for name, value in task.cell.overrides.items()},
         calibrated=dict(change.values),
         factors={} if from_file else dict(change.factors),
@@ -149,13 +150,16 @@ def _record(cell: CellModel, experiment: Experiment, change: CellChange, tables:
     own = change.soc_of(experiment.name)
     soc = experiment.initial_soc if own is None else own
     if soc is None and experiment.initial_voltage is not None:
-        soc = InitialState(load(cell.parameter_set, cell.overrides)).soc_at(experiment.initial_voltage, change)
+        values = load(cell.parameter_set, cell.overrides)
+        if experiment.temperature_k is not None:
+            values.update({"Initial temperature [K]": experiment.temperature_k})
+        soc = InitialState(values).soc_at(experiment.initial_voltage, change)
     content: dict[str, Any] = {
         "name": experiment.name,
         "temperature_k": None if experiment.temperature_k is None else float(experiment.temperature_k),
         **_initial_temperature(experiment),
         "initial_soc": None if soc is None else float(soc),
-        "initial_concentrations": {} if soc is None else _initial_concentrations(cell, change, float(soc)),
+        "initial_concentrations": _initial_concentrations(cell, change, soc),
     }
     if experiment.is_spectrum:
         return {**content, "frequencies": [float(f"{hz:.6g}") for hz in experiment.target.values(FREQUENCY.name)]}
@@ -170,8 +174,10 @@ def _initial_temperature(experiment: Experiment) -> dict[str, float]:
     return {} if initial is None else {"initial_temperature_k": float(initial)}
 
 
-def _initial_concentrations(cell: CellModel, change: CellChange, soc: float) -> dict[str, float]:
-    """As in `CompiledCell`: the state of charge as concentrations, of the calibrated cell."""
+def _initial_concentrations(cell: CellModel, change: CellChange, soc: float | None) -> dict[str, float]:
+    """As in `CompiledCell`: state of charge and lithium as concentrations, of the calibrated cell; empty without."""
+    if soc is None and change.cyclable_lithium == 1.0:
+        return {}
     values = load(cell.parameter_set, cell.overrides)
     bake(values, change)
     return InitialState(values).concentrations(CellChange(cyclable_lithium=change.cyclable_lithium), soc)

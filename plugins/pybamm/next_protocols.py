@@ -1,7 +1,8 @@
 """What a laboratory could run next on a cell: a short list that shows different things."""
 
 from ...core.task import CellModel, Protocol
-from .parameter_sets import load
+from .nameplate import CAPACITY, labelled
+from .parameter_sets import load, voltage_window
 
 _PULSES = 8
 
@@ -12,23 +13,24 @@ def next_protocols(cell: CellModel) -> dict[str, Protocol]:
     A slow discharge shows the balance of the electrodes; pulses with rests (as in the galvanostatic intermittent
     titration of Weppner & Huggins, J. Electrochem. Soc. 124 (1977) 1569) show diffusion apart from resistance; a fast
     discharge shows the electrolyte; a rest after it shows how concentrations even out; a constant-current,
-    constant-voltage charge shows the other direction and the hold. C-rates refer to the cell's nominal capacity.
+    constant-voltage charge shows the other direction and the hold. C-rates refer to the cell's nominal capacity, which
+    need not be the parameter set's: steps are in ampere.
     """
-    values = load(cell.parameter_set, cell.overrides)
-    lowest = f"{float(values['Lower voltage cut-off [V]']):g} V"
-    highest = f"{float(values['Upper voltage cut-off [V]']):g} V"
-    pulse = (f"Discharge at 1C for 6 minutes or until {lowest}", "Rest for 30 minutes")
+    values = labelled(load(cell.parameter_set, cell.overrides), cell)
+    lowest, highest = (f"{limit:g} V" for limit in voltage_window(values))
+    slow, third, one, two = (f"{rate * float(values[CAPACITY]):.4g} A" for rate in (1 / 20, 1 / 3, 1.0, 2.0))
+    pulse = (f"Discharge at {one} for 6 minutes or until {lowest}", "Rest for 30 minutes")
     return {
-        "slow discharge at C/20": ((f"Discharge at C/20 until {lowest}",),),
+        "slow discharge at C/20": ((f"Discharge at {slow} until {lowest}",),),
         "pulses of 1C with rests": (pulse * _PULSES,),
-        "discharge at 2C": ((f"Discharge at 2C until {lowest}",),),
-        "discharge at 1C, then a rest of 2 hours": ((f"Discharge at 1C until {lowest}", "Rest for 2 hours"),),
+        "discharge at 2C": ((f"Discharge at {two} until {lowest}",),),
+        "discharge at 1C, then a rest of 2 hours": ((f"Discharge at {one} until {lowest}", "Rest for 2 hours"),),
         "discharge at C/3, then a 1C CCCV charge": (
             (
-                f"Discharge at C/3 until {lowest}",
+                f"Discharge at {third} until {lowest}",
                 "Rest for 30 minutes",
-                f"Charge at 1C until {highest}",
-                f"Hold at {highest} until C/20",
+                f"Charge at {one} until {highest}",
+                f"Hold at {highest} until {slow}",
                 "Rest for 30 minutes",
             ),
         ),

@@ -22,6 +22,7 @@ from ...core.parameters import ParameterSpace
 from ...core.printable import listed, shown
 from ...core.shape import shaped
 from ...core.task import CellModel, ParameterFile
+from .nameplate import CAPACITY, nominal_capacity_ah
 from .parameter_sets import pybamm, take_arguments
 from .state_of_charge import changed_values
 
@@ -73,6 +74,9 @@ _WHOLE_SET = (
     "Lower voltage cut-off [V]",
 )
 """Parameters that every whole set has; what else is lacking is filled in."""
+
+_CUT_OFFS = {0: "Lower voltage cut-off [V]", 100: "Upper voltage cut-off [V]"}
+"""By the state of charge in percent."""
 
 _INFORMATION = ("citations", "chemistry")
 
@@ -214,7 +218,10 @@ def _parameter_values(file: ParameterFile) -> dict[str, Any]:
             f"this is no whole parameter set: it lacks {listed(lacking)}.",
             "best_parameters.json needs its run's journal beside it; bsa export RUN --to parameter-values.",
         )
-    return {name: _value(name, value) for name, value in content.items() if name not in _INFORMATION}
+    values = {name: _value(name, value) for name, value in content.items() if name not in _INFORMATION}
+    # What older versions of PyBaMM did not write is no other cell's: empty and full are then at the cut-offs.
+    at_rest = {f"Open-circuit voltage at {percent}% SOC [V]": cut_off for percent, cut_off in _CUT_OFFS.items()}
+    return {**{name: values[cut_off] for name, cut_off in at_rest.items() if cut_off in values}, **values}
 
 
 def _value(name: str, value: Any) -> Any:
@@ -269,4 +276,6 @@ def _calibrated(file: ParameterFile) -> dict[str, Any]:
     cell: CellModel = shaped(CellModel, content["cell"])
     space = ParameterSpace(tuple(decode_parameter(parameter) for parameter in content["space"]))
     change = space.change(shaped(dict[str, float], content["candidate"]))
-    return dict(changed_values(cell, change))
+    # The area was scaled to the cell's capacity, which is what C-rates of this set refer to.
+    nominal = {CAPACITY: nominal_capacity_ah(cell.parameter_set, cell.overrides)}
+    return {**changed_values(cell, change), **nominal}

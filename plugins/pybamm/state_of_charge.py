@@ -10,17 +10,17 @@ from ...core.target import CellChange
 from ...core.task import CellModel, ParameterSource
 from ...core.trajectory import FloatArray
 from .ocp_shape import ELECTRODES, GRID, OcpCurves
-from .parameter_sets import bake, load, pybamm, voltage_window
+from .parameter_sets import bake, load, pybamm
 
 
 def soc_at_voltage(cell: CellModel, voltage: float) -> float:
     """The state of charge at which the cell's open-circuit voltage is ``voltage``, kept within 0 to 1.
 
     Found from the electrode stoichiometry limits of the cell (PyBaMM's electrode state-of-health model) between its
-    voltage cut-offs; only its parameter values matter.
+    open-circuit voltages at 0 and 100 %; only its parameter values matter.
     """
     values = load(cell.parameter_set, cell.overrides)
-    lowest, highest = voltage_window(values)
+    lowest, highest = _limits(values)
     if voltage <= lowest:
         return 0.0
     if voltage >= highest:
@@ -70,9 +70,10 @@ class InitialState:
     The electrodes hold :math:`Q_n` and :math:`Q_p` and share the lithium :math:`Q_{Li} = Q_n x + Q_p y` that their
     initial concentrations in the parameter set amount to. The cell is full where :math:`U_p(y) - U_n(x)` is the
     open-circuit voltage at 100 % and empty where it is that at 0 %; the state of charge is linear in between (Mohtat et
-    al., J. Power Sources 427 (2019) 101). PyBaMM's own route through ``initial_soc`` changes the initial conditions
-    behind a solver that has already been set up: of several candidates in a row only the first is right. The set's
-    values are taken before anything is opened to the search.
+    al., J. Power Sources 427 (2019) 101). As in PyBaMM, both limits are those at the reference temperature, and a
+    voltage at which a cell starts is that at its initial temperature. PyBaMM's own route through ``initial_soc``
+    changes the initial conditions behind a solver that has already been set up: of several candidates in a row only the
+    first is right. The set's values are taken before anything is opened to the search.
     """
 
     def __init__(self, values: Any) -> None:
@@ -87,10 +88,8 @@ class InitialState:
             )
         }
         self._ocp = OcpCurves(values)
-        self._limits = tuple(
-            _number(values, f"Open-circuit voltage at {percent}% SOC [V]", f"{side} voltage cut-off [V]")
-            for percent, side in ((0, "Lower"), (100, "Upper"))
-        )
+        self._warming = _warming(values)
+        self._limits = _limits(values)
 
     def concentrations(self, change: CellChange, soc: float | None) -> dict[str, float]:
         """Initial concentration of both electrodes by PyBaMM's names, mol/m3, of a changed cell.
@@ -136,8 +135,14 @@ class InitialState:
 
         Raises `ValueError`: as `concentrations`.
         """
-        x, curve, *_ = self._balance(change or CellChange())
+        x, curve, lithium, held, _ = self._balance(change or CellChange())
         empty, full = np.interp(self._limits, curve, x)
+        if self._warming:
+            y = (lithium - held["Negative"] * x) / held["Positive"]
+            negative_v, positive_v = (
+                np.interp(at, GRID, self._warming[which]) for which, at in zip(ELECTRODES, (x, y), strict=True)
+            )
+            curve = np.maximum.accumulate(curve + positive_v - negative_v)
         return float((np.interp(voltage, curve, x) - empty) / (full - empty))
 
     def _balance(
@@ -178,6 +183,29 @@ def changed_values(cell: CellModel, change: CellChange) -> pybamm.ParameterValue
     if change.cyclable_lithium != 1.0:
         values.update(InitialState(values).concentrations(CellChange(cyclable_lithium=change.cyclable_lithium), None))
     return values
+
+
+def _limits(values: Any) -> tuple[float, float]:
+    """Open-circuit voltages of an empty and of a full cell, V: its cut-offs may have been moved since."""
+    empty, full = (
+        _number(values, f"Open-circuit voltage at {percent}% SOC [V]", f"{side} voltage cut-off [V]")
+        for percent, side in ((0, "Lower"), (100, "Upper"))
+    )
+    return empty, full
+
+
+def _warming(values: Any) -> Mapping[str, FloatArray]:
+    """What the initial temperature adds to each electrode's potential on `GRID`, V; empty at the reference one."""
+    warmer = _number(values, "Initial temperature [K]") - _number(values, "Reference temperature [K]")
+    if warmer == 0.0:
+        return {}
+    found: dict[str, FloatArray] = {}
+    cell = pybamm.LithiumIonParameters()
+    for which, domain in zip(ELECTRODES, (cell.n, cell.p), strict=True):
+        symbol = domain.prim.dUdT(pybamm.Vector(GRID))
+        curve = np.ravel(values.process_symbol(symbol).evaluate())
+        found[which] = warmer * np.broadcast_to(curve, GRID.shape)
+    return found
 
 
 def _number(values: Any, *names: str) -> float:

@@ -1,10 +1,16 @@
 """How far an exported cell is from the run's own."""
 
+from pathlib import Path
+from types import SimpleNamespace
+
 import numpy as np
-from bsa.core.target import CellChange
-from bsa.core.task import CellModel, Experiment
+import pytest
+from bsa.core.parameters import Parameter, ParameterSpace
+from bsa.core.target import CYCLABLE_LITHIUM, CellChange, target_named
+from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Trajectory
-from bsa.experiments.export_cell import largest_difference_mv
+from bsa.experiments import export_cell
+from bsa.experiments.export_cell import exported, largest_difference_mv
 
 
 def test_a_step_that_ends_a_little_earlier_is_no_difference_of_the_curves() -> None:
@@ -23,3 +29,14 @@ def test_a_step_that_ends_a_little_earlier_is_no_difference_of_the_curves() -> N
     different = largest_difference_mv(experiment, (ours, CellChange()), (theirs, CellChange()))
     assert different is not None
     assert 0.1 < different < 60.0  # 154 mV at equal times
+
+
+@pytest.mark.parametrize("effects", [(), ("ocp-hysteresis",)])
+def test_parameter_values_say_that_an_effect_is_not_in_them(effects: tuple[str, ...], monkeypatch) -> None:
+    rest = Experiment("rest", Trajectory(np.zeros(1), np.zeros(1), np.zeros(1)), (("Rest for 1 minute",),))
+    space = ParameterSpace((Parameter(CYCLABLE_LITHIUM, 1.0, 0.5, 1.5, target=target_named(CYCLABLE_LITHIUM)),))
+    task = Task("t", CellModel("Chen2020", "SPM", effects=effects), space, (rest,))
+    run = SimpleNamespace(task=task, best=SimpleNamespace(candidate={CYCLABLE_LITHIUM: 1.0}))
+    monkeypatch.setattr(export_cell, "read_finished", lambda folder: run)
+    _, remarks = exported(Path("run"), "parameter-values")
+    assert ["ocp-hysteresis" in remark for remark in remarks] == [True] * len(effects)

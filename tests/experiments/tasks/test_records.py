@@ -280,6 +280,15 @@ def test_effects_are_part_of_the_model_and_their_parameters_are_searched() -> No
         task_of(record(), effects=["hysteresis"])
 
 
+def test_an_effect_on_the_measured_current_is_refused_where_a_protocol_is_simulated() -> None:
+    told = RecordRequest(record(), protocol=(("Discharge at 5 A for 10 minutes",),), initial_soc=0.9)
+    with pytest.raises(BsaError, match="acts on the measured current"):
+        build_task("t", "Chen2020", [told], "SPM", effects=["self-discharge"])
+    driven = build_task("t", "Chen2020", [RecordRequest(record("driven"))], "SPM", effects=["self-discharge"])
+    with pytest.raises(BsaError, match="acts on the measured current"):
+        holding_out(driven, [told])
+
+
 @pytest.mark.parametrize(("gap_v", "said"), [(0.05, True), (0.01, False)])
 def test_a_slow_charge_far_above_the_discharge_is_a_hysteresis(gap_v: float, said: bool) -> None:
     down = slow_discharge().trajectory

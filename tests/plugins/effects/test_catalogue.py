@@ -194,6 +194,20 @@ def test_slow_material_adds_polarisation_that_relaxes_with_its_time(electrode):
     assert slow[rest][-1] < 0.5 * slow[discharge][-1]
 
 
+@pytest.mark.parametrize("kelvin", [278.15, 298.15, 318.15])
+def test_marcus_kinetics_without_a_reorganisation_are_the_base_models_at_any_temperature(kelvin):
+    driven = record()
+    effect = BY_KEY["kinetics-marcus"]
+    cell = CellModel("Chen2020", "SPM")
+    curves = [
+        DrivenCell(cell, effects, driven, {}, kelvin).solve({}, driven.time, driven.current, 0.9)
+        for effects in ((), (effect,))
+    ]
+    assert all(curve is not None for curve in curves)
+    # Of Butler-Volmer it differs by what its largest energy, 20 eV, still does at 2C.
+    np.testing.assert_allclose(curves[1].voltage, curves[0].voltage, atol=1e-3)
+
+
 def third_party_voltage(model, p):
     return -p["size"] * model.variables["Current [A]"] ** 3 / 1000
 

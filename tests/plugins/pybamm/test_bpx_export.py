@@ -9,7 +9,8 @@ from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Trajectory
 from bsa.plugins.pybamm.activation_energies import independent_of_temperature, with_activation_energies
 from bsa.plugins.pybamm.bpx_export import to_bpx
-from bsa.plugins.pybamm.parameter_files import parsed
+from bsa.plugins.pybamm.parameter_files import parsed, read_values
+from bsa.plugins.pybamm.parameter_sets import load
 from bsa.plugins.pybamm.solving import solve_reference
 
 NOTHING = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
@@ -87,3 +88,33 @@ def test_a_thermodynamic_factor_goes_into_the_transference_number() -> None:
 )
 def test_what_bpx_cannot_say_is_named(cell: CellModel, words: str) -> None:
     assert any(words in text for text in to_bpx(cell, CellChange(), RUN, "x").left_out)
+
+
+def test_a_cell_colder_than_its_reference_starts_at_the_same_voltage() -> None:
+    # Mohtat2020 has an entropic change: the potentials of the file are those in the cold, and so are its limits.
+    cold = replace(RUN, temperature_k=283.15)
+    cell = CellModel("Mohtat2020", "SPM")
+    read_back = CellModel(parsed("b.json", to_bpx(cell, CellChange(), cold, "x").text), "SPM")
+    ours, theirs = (solve_reference(one, cold, CellChange()).trajectory for one in (cell, read_back))
+    assert ours is not None
+    assert theirs is not None
+    assert theirs.voltage[0] == pytest.approx(ours.voltage[0], abs=5e-4)
+
+
+@pytest.mark.parametrize("name", ["Mohtat2020", "Marquis2019"])
+def test_a_cell_that_starts_where_its_set_does_starts_there_in_the_file(name: str) -> None:
+    # One set starts empty, the other one half charged.
+    run = replace(RUN, protocol=(("Charge at C/10 for 1 minute",),), initial_soc=None)
+    cell = CellModel(name, "SPM")
+    read_back = CellModel(parsed("b.json", to_bpx(cell, CellChange(), run, "x").text), "SPM")
+    ours, theirs = (solve_reference(one, run, CellChange()).trajectory for one in (cell, read_back))
+    assert ours is not None
+    assert theirs is not None
+    assert theirs.voltage[0] == pytest.approx(ours.voltage[0], abs=2e-3)
+
+
+def test_a_separator_of_nothing_but_electrolyte_is_read_back() -> None:
+    cell = CellModel("Marquis2019", "SPMe")
+    assert load("Marquis2019")["Separator porosity"] == 1.0
+    values = read_values(parsed("b.json", to_bpx(cell, CellChange(), RUN, "x").text))
+    assert values["Separator Bruggeman coefficient (electrolyte)"] == pytest.approx(1.5, abs=1e-6)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from bsa.core.errors import BsaError
 from bsa.core.simulation import ExperimentRun
-from bsa.core.target import change_of, target_named
+from bsa.core.target import CellChange, change_of, target_named
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import StepKind, Trajectory
 from bsa.plugins.pybamm.compiled import CompiledExperiment
@@ -135,3 +135,21 @@ def test_what_cannot_be_built_says_why(cell: CellModel, steps: list[str], words:
         CompiledExperiment(cell, Experiment("x", protocol().target, (tuple(steps),)), {})
     assert words in str(caught.value)
     assert caught.value.hint
+
+
+def test_steps_end_and_are_held_at_the_voltage_that_an_effect_adds_to() -> None:
+    nothing = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
+    steps = ("Discharge at 2C until 3.3 V", "Charge at 2C until 4.1 V", "Hold at 4.1 V until C/2")
+    cell = CellModel("Chen2020", "SPM", effects=("ocp-hysteresis",))
+    effect = CellChange(effects={"ocp-hysteresis: half_gap [V]": 0.05, "ocp-hysteresis: decay": 20.0})
+    run = solve_reference(cell, Experiment("cycle", nothing, (steps,), initial_soc=0.6), effect)
+    assert run.failure is None
+    assert run.trajectory is not None
+    ends = [float(piece.voltage[-1]) for _, piece in run.trajectory.pieces()]
+    assert ends == pytest.approx([3.3, 4.1, 4.1], abs=1e-4)
+
+
+def test_an_effect_on_the_measured_current_is_refused_where_steps_set_their_own() -> None:
+    cell = CellModel("Chen2020", "SPM", effects=("self-discharge",))
+    with pytest.raises(BsaError, match="acts on the measured current"):
+        CompiledExperiment(cell, protocol(), {})

@@ -10,6 +10,7 @@ from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.target import target_named
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.plugins.pybamm.augmentation import effects_in
 from bsa.plugins.pybamm.drive import shown_range
 from bsa.plugins.pybamm.equilibrium import EquilibriumCell
 from bsa.plugins.pybamm.ocp_shape import corrected
@@ -74,3 +75,18 @@ def test_electrodes_that_cannot_hold_the_lithium_are_a_failed_outcome() -> None:
     failure = EquilibriumCell(bare).outcome(CHANGED).failure
     assert failure is not None
     assert "lithium" in failure.cause
+
+
+def test_the_charge_is_that_of_the_current_which_an_effect_makes_of_the_measured_one() -> None:
+    record = discharge(0.6)
+    gained = record.changed(current=1.1 * record.current)
+    task = task_of(record, initial_soc=0.9)
+    own = replace(task, cell=replace(task.cell, effects=("current-gain",)))
+    gain = {"current-gain: gain": 1.1}
+    (effect,) = effects_in(own.cell)
+    own = replace(own, space=ParameterSpace((*own.space, *effect.searched)))
+    (found,) = EquilibriumCell(own).outcome({**CHANGED, **gain}).runs
+    (wanted,) = EquilibriumCell(task_of(gained, initial_soc=0.9)).outcome(CHANGED).runs
+    assert found.trajectory is not None
+    assert wanted.trajectory is not None
+    assert found.trajectory.voltage == pytest.approx(wanted.trajectory.voltage, abs=1e-9)

@@ -9,11 +9,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from bsa.core.parameters import Parameter, ParameterSpace
-from bsa.core.target import change_of, target_named
+from bsa.core.spectrum import ImpedanceSpectrum
+from bsa.core.spectrum_record import spectrum_record
+from bsa.core.target import CYCLABLE_LITHIUM, CellChange, change_of, target_named
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.api.scripts import namespace_of
 from bsa.plugins.effects.ageing import EFFECTS
+from bsa.plugins.pybamm.augmentation import effects_in
 from bsa.plugins.pybamm.export import literal, script
 from bsa.plugins.pybamm.solving import solve_reference
 
@@ -146,6 +149,53 @@ def test_the_script_alone_gives_the_curve_of_the_final_score(case, tmp_path):
     reference = wanted.trajectory
     assert largest_difference(time_of_both, voltage_of_both, reference.time, reference.voltage) < 1e-4
     assert abs(np.trapezoid(current, time) - np.trapezoid(wanted.trajectory.current, wanted.trajectory.time)) < 40.0
+
+
+def test_lithium_of_a_cell_that_starts_where_its_set_does_is_in_the_script():
+    experiment = Experiment("short", NOTHING, (("Discharge at 1C for 1 minute",),))
+    task = task_of(CellModel("Chen2020", "SPM"), experiment, CYCLABLE_LITHIUM)
+    made = namespace_of(script(task, {CYCLABLE_LITHIUM: 0.9}), "script")
+    wanted = solve_reference(task.cell, experiment, task.space.change({CYCLABLE_LITHIUM: 0.9})).trajectory
+    assert made["simulate"]()["Voltage [V]"].entries[-1] == pytest.approx(wanted.voltage[-1], abs=1e-4)
+
+
+def test_what_an_effect_adds_to_the_voltage_is_in_the_scripts_cut_offs_and_impedance():
+    cell = CellModel("Chen2020", "SPM", effects=("ocp-hysteresis",))
+    candidate = {"ocp-hysteresis: half_gap [V]": 0.05, "ocp-hysteresis: decay": 20.0}
+    spectrum = spectrum_record(ImpedanceSpectrum("z", np.logspace(1, -2, 5), np.full(5, 0.02 - 1e-3j)))
+    cycle = Experiment("cycle", NOTHING, (("Discharge at 2C until 3.3 V",),), initial_soc=0.6)
+    rest = Experiment("rest", spectrum, initial_soc=0.6)
+    effects = effects_in(cell)
+    space = ParameterSpace(tuple(parameter for effect in effects for parameter in effect.searched))
+    made = namespace_of(script(Task("export", cell, space, (cycle, rest)), candidate, effects), "script")
+    assert made["simulate"](0)["Voltage [V]"].entries[-1] == pytest.approx(3.3, abs=1e-4)
+    fitted = solve_reference(cell, rest, CellChange(effects=candidate)).trajectory
+    assert made["impedance"](1)[-1, 2] == pytest.approx(-fitted.values("reactance")[-1], rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["self-discharge: leak [A]", "current-gain: gain"])
+def test_what_an_effect_makes_of_the_current_is_in_the_script(name):
+    cell = CellModel("Chen2020", "SPM", effects=(name.split(":")[0],))
+    effects = effects_in(cell)
+    space = ParameterSpace(tuple(parameter for effect in effects for parameter in effect.searched))
+    experiment = Experiment("drive", drive_record(), initial_soc=0.6)
+    made = namespace_of(script(Task("export", cell, space, (experiment,)), {name: 1.1}, effects), "script")
+    solution = made["simulate"]()
+    wanted = solve_reference(cell, experiment, CellChange(effects={name: 1.1})).trajectory
+    at = np.array([600.0, 1200.0, 1700.0])
+    found = solution["Voltage [V]"](at)
+    np.testing.assert_allclose(found, np.interp(at, wanted.time, wanted.voltage), atol=1e-4)
+    through = experiment.target.current[60] + 1.1 if "leak" in name else 1.1 * experiment.target.current[60]
+    assert solution["Current [A]"](600.0) == pytest.approx(through)
+
+
+def test_the_mesh_that_an_effect_asks_for_is_in_the_script():
+    cell = CellModel("Chen2020", "SPM", effects=("particle-size-distribution",))
+    effects = effects_in(cell)
+    experiment = Experiment("short", NOTHING, (("Discharge at 1C for 1 minute",),))
+    space = ParameterSpace(tuple(parameter for effect in effects for parameter in effect.searched))
+    text = script(Task("export", cell, space, (experiment,)), {"particle-size-distribution: deviation": 0.3}, effects)
+    assert 'var_pts={**new.default_var_pts, **{"R_n": 10, "R_p": 10}}' in text
 
 
 def largest_difference(time, values, reference_time, reference):

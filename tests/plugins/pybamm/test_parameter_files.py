@@ -11,6 +11,8 @@ from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.target import CYCLABLE_LITHIUM, target_named
 from bsa.core.task import CellModel, Experiment, ParameterFile, Task
 from bsa.core.trajectory import Trajectory
+from bsa.plugins.pybamm.export import as_json
+from bsa.plugins.pybamm.nameplate import nominal_capacity_ah
 from bsa.plugins.pybamm.parameter_files import expression, parsed
 from bsa.plugins.pybamm.parameter_sets import bake, load, pybamm
 from hypothesis import given
@@ -122,6 +124,17 @@ def test_a_calibrated_cell_is_a_set_of_its_own() -> None:
     assert values[CONDUCTIVITY](*at).evaluate() == pytest.approx(0.8 * base[CONDUCTIVITY](*at).evaluate())
     positive = "Initial concentration in positive electrode [mol.m-3]"
     assert values[positive] < base[positive]
+
+
+def test_the_nominal_capacity_of_a_calibrated_cell_is_that_of_its_size() -> None:
+    width = "Electrode width [m]"
+    area = {width: 0.22 * float(load("Chen2020")[width])}  # a cell of 1.1 A.h
+    cell = {"parameter_set": "Chen2020", "model": "SPM", "options": {}, "overrides": area}
+    parameter = Parameter(CYCLABLE_LITHIUM, 1.0, 0.5, 2.0, target=target_named(CYCLABLE_LITHIUM))
+    content = {"cell": cell, "space": [encode_parameter(parameter)], "candidate": {CYCLABLE_LITHIUM: 1.0}}
+    found = ParameterFile("run", "calibrated", json.dumps(content))
+    assert load(found)["Nominal cell capacity [A.h]"] == pytest.approx(1.1)
+    assert nominal_capacity_ah(found, {}) == pytest.approx(1.1)
 
 
 @given(st.floats(0.01, 0.99))
@@ -237,3 +250,13 @@ def test_a_script_holds_the_set_of_a_file_and_gives_the_same_curve() -> None:
     run = solve_reference(task.cell, experiment, change)
     assert run.trajectory is not None
     assert found[-1] == pytest.approx(run.trajectory.voltage[-1], abs=1e-5)
+
+
+def test_a_file_that_does_not_say_when_its_cell_is_empty_or_full_means_its_own_cut_offs() -> None:
+    content = json.loads(as_json(load("Prada2013")))
+    for percent in (0, 100):
+        del content[f"Open-circuit voltage at {percent}% SOC [V]"]
+    values = load(parsed("lfp.json", json.dumps(content)))
+    # Not 2.5 and 4.2 V, those of the set that gaps are filled from.
+    assert values["Open-circuit voltage at 0% SOC [V]"] == 2.0
+    assert values["Open-circuit voltage at 100% SOC [V]"] == 3.6

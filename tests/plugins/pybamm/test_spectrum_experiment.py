@@ -1,5 +1,7 @@
 """Spectra of candidates: compiled once, as an independent simulation has them, and acted on by what is searched."""
 
+from dataclasses import replace
+
 import numpy as np
 import pybamm
 import pytest
@@ -68,3 +70,12 @@ def test_a_state_of_charge_can_be_given_and_one_that_cannot_be_is_a_failure() ->
     assert run.trajectory is None
     assert run.failure is not None
     assert "must lie between 0 and 1" in run.failure.cause
+
+
+def test_a_spectrum_beside_an_effect_on_the_measured_current_is_that_of_the_cell() -> None:
+    leaking = replace(CELL, effects=("self-discharge",))
+    plain, leaks = (
+        impedance(solve_reference(cell, experiment(), CellChange(effects=own)))
+        for cell, own in ((CELL, {}), (leaking, {"self-discharge: leak [A]": 0.1}))
+    )
+    assert leaks == pytest.approx(plain, abs=1e-9)

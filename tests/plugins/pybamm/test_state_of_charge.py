@@ -42,3 +42,21 @@ def test_a_changed_cell_starts_where_it_shows_the_voltage() -> None:
         negative = state.concentrations(change, soc)["Initial concentration in negative electrode [mol.m-3]"]
         assert np.interp(negative / 33133.0, x, curve) == pytest.approx(voltage, abs=1e-3)
     assert state.soc_at(4.25) > 1.0
+
+
+@pytest.mark.parametrize("name", ["Mohtat2020", "Ai2020"])
+def test_a_cold_cell_starts_at_the_voltage_as_pybamm_has_it(name: str) -> None:
+    values = load(name)
+    values.update({"Initial temperature [K]": 273.15, "Ambient temperature [K]": 273.15})
+    empty, full, *_ = pybamm.lithium_ion.get_min_max_stoichiometries(values)
+    x = pybamm.lithium_ion.get_initial_stoichiometries("3.8 V", values)[0]
+    assert InitialState(values).soc_at(3.8) == pytest.approx((x - empty) / (full - empty), abs=5e-4)
+    assert abs(InitialState(load(name)).soc_at(3.8) - InitialState(values).soc_at(3.8)) > 5e-3
+
+
+def test_a_cut_off_that_is_moved_moves_no_state_of_charge() -> None:
+    usual = soc_at_voltage(CellModel("Ai2020", "SPM"), 4.15)
+    for upper in (4.1, 4.35):
+        moved = CellModel("Ai2020", "SPM", overrides={"Upper voltage cut-off [V]": upper})
+        assert soc_at_voltage(moved, 4.15) == pytest.approx(usual, abs=1e-6)
+    assert 0.9 < usual < 0.99
