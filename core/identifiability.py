@@ -19,6 +19,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 from scipy.stats import t as student
 
+from .bounded_step import bounded_step
 from .normal import NORMAL_95
 from .parameters import Candidate, ParameterSpace
 from .trajectory import FloatArray
@@ -296,10 +297,13 @@ def _correlated(covariance: FloatArray, names: tuple[str, ...]) -> tuple[tuple[s
     return tuple(tuple(names[place] for place in places) for places in groups if len(places) > 1)
 
 
-def unsettled(jacobian: FloatArray, residual: FloatArray, noise: float, names: tuple[str, ...]) -> tuple[str, ...]:
-    """The parameters that one more linear step would move beyond their own interval.
+def unsettled(
+    jacobian: FloatArray, residual: FloatArray, noise: float, names: tuple[str, ...], centre: FloatArray
+) -> tuple[str, ...]:
+    """The parameters that one more linear step inside the bounds would move beyond their own interval.
 
-    Around such a place intervals mean nothing: the fit has stopped short of its optimum.
+    Around such a place intervals mean nothing: the fit has stopped short of its optimum. A fit that has come to its
+    optimum at a bound has not, however far beyond the bound the step would lead.
 
     Parameters
     ----------
@@ -307,11 +311,16 @@ def unsettled(jacobian: FloatArray, residual: FloatArray, noise: float, names: t
         As for `identify`.
     noise : float
         Standard deviation of the residuals, in tolerances.
+    centre : ndarray of shape (p,)
+        The fitted parameters in the unit box.
     """
     if noise <= 0:
         return ()
     covariance = covariance_of(jacobian, noise)
-    step = -covariance @ (jacobian.T @ residual) / noise**2
+    # What the bounds alone say of a parameter counts as it does in the covariance.
+    known = np.vstack([jacobian, noise * _BOX_VARIANCE**-0.5 * np.eye(len(names))])
+    left = np.append(residual, np.zeros(len(names)))
+    step = bounded_step(known, left, np.minimum(-centre, 0.0), np.maximum(1.0 - centre, 0.0), np.inf)
     half = NORMAL_95 * np.sqrt(np.diag(covariance))
     return tuple(name for name, moved, width in zip(names, step, half, strict=True) if abs(moved) > width)
 

@@ -247,7 +247,8 @@ class LeastSquares:
 
     def _predicted_gain(self, step: FloatArray) -> float:
         jacobian, residual = self._linear_model()
-        return self.cost - _squares(residual + jacobian @ step)
+        # Not less than `cost`, which is summed in another order: a vanishing step would promise its rounding for ever.
+        return _squares(residual) - _squares(residual + jacobian @ step)
 
     @property
     def _full_gain(self) -> float:

@@ -231,7 +231,7 @@ def analyse(
         found = not_narrower(found, straight, task.space)
     suggestions, forgone = _suggestions(task, best, informed, noise, plugins, spent)
     worst = max(found.intervals, key=lambda name: found.intervals[name].share_of_range)
-    moving = unsettled(informed, prior.residuals(residual, centre, noise), noise, task.space.names)
+    moving = unsettled(informed, prior.residuals(residual, centre, noise), noise, task.space.names, centre)
     fade = _fade_bands(task, residual, jacobian, found.covariance)
     return PostFitAnalysis(
         best.index,

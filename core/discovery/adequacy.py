@@ -39,8 +39,8 @@ def judge(weighted: Sequence[FloatArray], groups: Sequence[NDArray[np.intp]], fi
     Size: the sum of squares against chi-squared. Structure: means of blocks of neighbours within a step, scaled to
     unit variance, whose sum of squares noise alone makes chi-squared too; four neighbours that agree on half a
     standard deviation each pass the first test and fail this one. Both lose the degrees of freedom of the
-    ``fitted`` parameters. The deviations contain the floor below which differences are not physics, so that the
-    stated rate is an upper bound.
+    ``fitted`` parameters. The deviations contain the floor below which differences are not physics, which lowers the
+    rate of false alarms. The noise in them counts as known, and every parameter as free of its prior, which raises it.
     """
     flat = np.concatenate(list(weighted))
     total = float(flat @ flat)

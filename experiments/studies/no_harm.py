@@ -78,8 +78,13 @@ class Verdict:
 
     @property
     def harm(self) -> float:
-        """Percentage points by which the hybrid's search stayed above that of least squares; 0 if it did not."""
-        return max(self.advised - self.alone, 0.0) if not math.isnan(self.alone) else 0.0
+        """Percentage points by which the hybrid's search stayed above that of least squares; 0 if it did not.
+
+        Infinite where the hybrid alone has no result: NaN would be the largest of several harms or not by their order.
+        """
+        if math.isnan(self.alone):
+            return 0.0
+        return math.inf if math.isnan(self.advised) else max(self.advised - self.alone, 0.0)
 
     @property
     def row(self) -> dict[str, Any]:

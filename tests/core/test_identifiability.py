@@ -3,9 +3,10 @@ import json
 import numpy as np
 import pytest
 from bsa.core.forecast import what_to_measure_next
-from bsa.core.identifiability import Identifiability, identify, not_narrower, residual_noise
+from bsa.core.identifiability import Identifiability, identify, not_narrower, residual_noise, unsettled
 from bsa.core.least_squares import LeastSquares, solve
 from bsa.core.parameters import Candidate, Parameter, ParameterSpace
+from scipy.optimize import lsq_linear
 
 SPACE = ParameterSpace(
     (
@@ -134,3 +135,15 @@ def test_noise_is_no_structure_and_a_wrong_curve_is() -> None:
     assert not is_structured(noise)
     assert is_structured(curve)
     assert not is_structured(0.1 * curve)  # below what an instrument resolves
+
+
+def test_a_fit_that_has_come_to_its_optimum_at_a_bound_has_settled() -> None:
+    matrix = np.random.default_rng(4).normal(size=(40, 2)) * 50.0
+    beyond, names = np.array([-0.2, 0.5]), ("a", "b")
+    best = lsq_linear(matrix, matrix @ beyond, bounds=(0.0, 1.0), method="bvls").x
+    assert best[0] == pytest.approx(0.0, abs=1e-9)
+    assert unsettled(matrix, matrix @ (best - beyond), 1.0, names, best) == ()
+    short = best + np.array([0.0, 0.1])
+    assert "b" in unsettled(matrix, matrix @ (short - beyond), 1.0, names, short)
+    inside = np.array([0.3, 0.5])
+    assert unsettled(matrix, matrix @ (inside - [0.2, 0.5]), 1.0, names, inside) == ("a",)

@@ -301,3 +301,20 @@ def test_a_step_keeps_its_bounds_and_its_length(seed: int, radius: float) -> Non
     assert np.all(step <= upper + 1e-15)
     assert np.linalg.norm(step) <= radius * (1 + 1e-9)
     assert np.linalg.norm(residual + jacobian @ step) <= np.linalg.norm(residual) * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("seed", [122, 271])
+def test_a_fit_that_wants_every_gain_ends_where_steps_vanish(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(2, 7))
+    matrix, offset, centre = rng.normal(size=(count + 5, count)), rng.normal(size=count + 5), rng.uniform(0, 1, count)
+    bend = rng.choice([1.0, 5.0])
+
+    def residuals(points: list[np.ndarray]) -> list[np.ndarray | None]:
+        lucky = [np.random.default_rng(int(point.sum() * 1e9)).random() >= 0.2 for point in points]
+        values = [matrix @ ((point - centre) + bend * (point - centre) ** 2) + offset for point in points]
+        return [value if good else None for value, good in zip(values, lucky, strict=True)]
+
+    search = LeastSquares(rng.random(count), settings=Settings(tolerance=0.0))
+    solve(search, residuals, 1500)
+    assert search.done

@@ -247,4 +247,4 @@ def test_a_misfit_that_follows_the_curve_widens_the_noise() -> None:
     assert effective_noise(white, 3, 0.0) == pytest.approx(1.0, rel=0.12)
     assert effective_noise(smooth, 3, 0.0) > 4.0
     assert effective_noise(1e-6 * smooth, 3, 1.0) == 1.0
-    assert unsettled(np.eye(3), np.zeros(3), 0.0, ("a", "b", "c")) == ()
+    assert unsettled(np.eye(3), np.zeros(3), 0.0, ("a", "b", "c"), np.full(3, 0.5)) == ()

@@ -204,8 +204,8 @@ def test_harm_is_called_harm(alone, advised, no_worse, score_no_worse) -> None:
     assert (verdict.no_worse, verdict.score_no_worse) == (no_worse, score_no_worse)
     (entry,) = summary([verdict])
     assert entry["no_worse"] == int(no_worse)
-    if not no_worse and advised[0] is not None:
-        assert entry["largest_harm_points"] == pytest.approx(0.01)
+    if not no_worse:
+        assert entry["largest_harm_points"] == pytest.approx(math.inf if advised[0] is None else 0.01)
 
 
 def _row(scaffold: str, score: float | None, backend: str):
