@@ -118,7 +118,7 @@ def test_noise_is_read_off_a_curve(noise, seed):
     time = np.arange(0.0, 3000.0, 5.0)
     voltage = 4.1 - 0.3 * time / 3000 - 0.05 * np.exp(-time / 60) + rng.normal(0, noise, len(time))
     record = Trajectory(time, np.ones_like(time), voltage, None, (Step(StepKind.CC_DISCHARGE, 0, len(time)),))
-    assert voltage_noise(record) == pytest.approx(noise, rel=0.2)
+    assert voltage_noise(record) == pytest.approx(noise, rel=0.25)
 
 
 def test_a_slope_is_taken_over_what_the_data_can_see():
