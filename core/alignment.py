@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .signals import Signal
 from .task import Experiment
@@ -44,11 +45,34 @@ class StepPair:
         of millivolts before a cycler writes its first sample, and a straight line through the samples knows nothing of
         that. In a vanished step an observed signal stays where it was, and nothing is driven.
         """
-        simulated, measured = self._simulated(signal, fractions), self.measured
-        taken = np.flatnonzero(~measured.inserted) if not np.all(measured.inserted) else np.arange(len(measured))
-        sampled = (measured.time[taken] - measured.time[0]) / (measured.duration or 1.0)
-        difference = self._simulated(signal, sampled) - measured.values(signal.name)[taken]
+        simulated, (taken, sampled) = self._simulated(signal, fractions), self._taken
+        difference = self._simulated(signal, sampled) - self.measured.values(signal.name)[taken]
         return simulated - np.interp(fractions, sampled, difference), simulated
+
+    def kept_of_noise(self, fractions: FloatArray) -> FloatArray:
+        """Deviation of means of a mismatch in units of that of one sample's noise, which is independent of the others'.
+
+        ``fractions``, of shape (n, k), are where the mismatches stand that are averaged to n means; shape (n,).
+        """
+        _, sampled = self._taken
+        if len(sampled) < 2:
+            return np.ones(len(fractions))
+        right = np.clip(np.searchsorted(sampled, fractions), 1, len(sampled) - 1)
+        gaps = np.maximum(sampled[right] - sampled[right - 1], 1e-12)
+        share = np.clip((fractions - sampled[right - 1]) / gaps, 0.0, 1.0)
+        rows = np.arange(len(fractions))[:, None] * len(sampled)
+        places = np.stack([rows + right - 1, rows + right]).ravel()
+        weights = np.stack([1.0 - share, share]).ravel() / fractions.shape[1]
+        met, which = np.unique(places, return_inverse=True)
+        squares = np.bincount(which, weights) ** 2
+        return np.sqrt(np.bincount(met // len(sampled), squares, minlength=len(fractions)))
+
+    @property
+    def _taken(self) -> tuple[NDArray[np.intp], FloatArray]:
+        """Places of the samples that were taken, and the fractions of the step's duration at which they were."""
+        measured = self.measured
+        taken = np.flatnonzero(~measured.inserted) if not np.all(measured.inserted) else np.arange(len(measured))
+        return taken, (measured.time[taken] - measured.time[0]) / (measured.duration or 1.0)
 
     def _simulated(self, signal: Signal, fractions: FloatArray) -> FloatArray:
         if self.simulated is not None:

@@ -256,8 +256,12 @@ def _spread(
 
 def _half_width(moves: FloatArray) -> FloatArray:
     """Half the 95 % band about the fit, from what so many draws move."""
-    factor = float(student.ppf(0.975, moves.shape[1]))
-    return np.asarray(factor * np.sqrt(np.mean(moves**2, axis=1)))
+    return np.asarray(_student(moves.shape[1]) * np.sqrt(np.mean(moves**2, axis=1)))
+
+
+def _student(draws: int) -> float:
+    """Half a 95 % band in deviations, where so many draws tell the deviation."""
+    return float(student.ppf(0.975, draws))
 
 
 def _capacities(run: ExperimentRun, like: ExperimentRun) -> FloatArray:
@@ -283,9 +287,10 @@ def _forecast(
     simulated = None if whole is None else whole.cycle_table
     if whole is None or simulated is None or measured is None or CAPACITY not in moves:
         return Prediction(errors, {}, None if whole is None else whole.thinned(_SAMPLES_PER_STEP), spent)
-    moved = moves[CAPACITY] / np.sqrt(moves[CAPACITY].shape[1])
-    # Draws are directions of their own, of which each has the share of one.
-    own = np.eye(moved.shape[1]).tolist()
+    count = moves[CAPACITY].shape[1]
+    # Draws are directions of their own, of which each has the share of one; so few tell a deviation roughly.
+    moved = moves[CAPACITY] * (_student(count) / NORMAL_95) / np.sqrt(count)
+    own = np.eye(count).tolist()
     scatter_ah = 0.01 * misfits.get(CAPACITY, 0.0) * float(simulated.capacity_ah[0])
     fade = FadeBand.propagated(simulated.cycle, moved, own, scatter_ah)
     half = fade.at(measured.cycle)

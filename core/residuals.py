@@ -151,8 +151,19 @@ def noise_of_residuals(task: Task) -> FloatArray:
             experiment, target=record.changed(**{name: values + known[name] for name, values in record.signals.items()})
         )
         # A simulation that equals the record but for an offset of one standard deviation: its residuals are the noise.
-        parts += _by_step(task, pair_steps(record, noisy), experiment) + _of_table(record, experiment)
+        pairs = pair_steps(record, noisy)
+        curves = _by_step(task, pairs, experiment)
+        if experiment.protocol is None:
+            # Of the noise of many samples a mean keeps little.
+            curves = [part * _kept_of_noise(task, pair, experiment) for part, pair in zip(curves, pairs, strict=True)]
+        parts += curves + _of_table(record, experiment)
     return np.abs(np.concatenate(parts))
+
+
+def _kept_of_noise(task: Task, pair: StepPair, experiment: Experiment) -> FloatArray:
+    """Deviations of a driven step's residuals in units of those that a mismatch of the noise of one sample gives."""
+    signals = task.compared(pair.step.kind, experiment)
+    return np.concatenate([pair.kept_of_noise(_averaged_at(pair, signal)) for signal in signals])
 
 
 def _finished(pairs: list[StepPair], run: ExperimentRun) -> int:
@@ -223,14 +234,19 @@ def _driven(task: Task, pairs: list[StepPair], experiment: Experiment) -> list[F
         weight = np.sqrt(duration / total * steps)
         curves = []
         for signal in task.compared(pair.step.kind, experiment):
-            points = _points(signal, _DRIVEN_POINTS)
-            # A swing would average out. Midpoints: the ends of a step are where two records agree least on the clock.
-            averaged = 1 if signal.oscillates else max(_AVERAGED, math.ceil(len(pair.measured) / points))
-            fractions = (np.arange(averaged * points) + 0.5) / (averaged * points)
-            mismatch = _mismatch(task, pair, signal, experiment, fractions).reshape(points, averaged)
-            curves.append(weight * mismatch.mean(axis=1) * _tells_of_the_cell(signal, pair, points))
+            fractions = _averaged_at(pair, signal)
+            mismatch = _mismatch(task, pair, signal, experiment, fractions.ravel()).reshape(fractions.shape)
+            curves.append(weight * mismatch.mean(axis=1) * _tells_of_the_cell(signal, pair, len(fractions)))
         parts.append(np.concatenate(curves))
     return parts
+
+
+def _averaged_at(pair: StepPair, signal: Signal) -> FloatArray:
+    """Fractions of a driven step at which the mismatches stand that each residual, a row, is the mean of."""
+    points = _points(signal, _DRIVEN_POINTS)
+    # A swing would average out. Midpoints: the ends of a step are where two records agree least on the clock.
+    averaged = 1 if signal.oscillates else max(_AVERAGED, math.ceil(len(pair.measured) / points))
+    return ((np.arange(averaged * points) + 0.5) / (averaged * points)).reshape(points, averaged)
 
 
 def _tells_of_the_cell(signal: Signal, pair: StepPair, points: int) -> NDArray[np.bool_]:

@@ -34,6 +34,8 @@ class Changes:
         Which of the residuals that are compared are of fitted cycles, and which of later ones.
     steps : ndarray of int, shape (m,)
         Which step of which cycle each is of.
+    common : int
+        How many means of fitted residuals are taken off: degrees of freedom that these have lost.
     """
 
     def __init__(self, task: Task, fit_cycles: int, new: FloatArray | None = None) -> None:
@@ -57,6 +59,7 @@ class Changes:
             points.append(f"{rows.step[place] - begins[int(cycles[place])]} {number}")
         points += [name for name, _, _ in lines]
         self._points = np.unique(points, return_inverse=True)[1]
+        self.common = len(np.unique(self._points[self.fitted]))
         # A duration has no scale of its own: it weighs as the curves do.
         scale = np.where(rows.scale > 0, rows.scale, np.max(rows.scale[:curves], initial=0.0))
         self._sigma = np.hypot(scale, noise_of_residuals(task))

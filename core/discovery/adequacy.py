@@ -33,14 +33,15 @@ class Adequacy:
         return min(self.p_size, self.p_structure) > false_alarm / 2
 
 
-def judge(weighted: Sequence[FloatArray], groups: Sequence[NDArray[np.intp]], fitted: int) -> Adequacy:
+def judge(weighted: Sequence[FloatArray], groups: Sequence[NDArray[np.intp]], fitted: float) -> Adequacy:
     """Test residuals of several records, in standard deviations; with the step of each residual.
 
     Size: the sum of squares against chi-squared. Structure: means of blocks of neighbours within a step, scaled to
     unit variance, whose sum of squares noise alone makes chi-squared too; four neighbours that agree on half a
     standard deviation each pass the first test and fail this one. Both lose the degrees of freedom of the
-    ``fitted`` parameters. The deviations contain the floor below which differences are not physics, which lowers the
-    rate of false alarms. The noise in them counts as known, and every parameter as free of its prior, which raises it.
+    ``fitted`` parameters, of which those that priors hold count for less (`Refit.effective_parameters`). The
+    deviations contain the floor below which differences are not physics, which lowers the rate of false alarms; the
+    noise in them counts as known, which raises it.
     """
     flat = np.concatenate(list(weighted))
     total = float(flat @ flat)

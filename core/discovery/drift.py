@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import t as student
 
 from ..identifiability import effective_noise
 from ..normal import NORMAL_95
@@ -88,7 +89,9 @@ def _drift(name: str, rows: Mapping[int, tuple[float, float]]) -> Drift:
         design = np.column_stack([np.ones(len(cycles)), cycles / _PER_CYCLES]) / deviation[:, None]
         line, *_ = np.linalg.lstsq(design, values / deviation, rcond=None)
         left = values / deviation - design @ line
-        scatter = max(1.0, float(left @ left) / (len(cycles) - 2))
         slope = float(line[1])
-        uncertain = NORMAL_95 * float(np.sqrt(scatter * np.linalg.inv(design.T @ design)[1, 1]))
+        # Scatter about the line is told by few windows: Student's t. The values' own intervals are known.
+        freedom = len(cycles) - 2
+        scatter = float(student.ppf(0.975, freedom) * np.sqrt(left @ left / freedom))
+        uncertain = max(NORMAL_95, scatter) * float(np.sqrt(np.linalg.inv(design.T @ design)[1, 1]))
     return Drift(name, tuple(rows), tuple(map(float, values)), tuple(map(float, half)), slope, uncertain)

@@ -71,6 +71,7 @@ class Explanation:
     # By effect key, the same error with that effect's strength at its null, where its interval holds that.
     temperature_without_k: dict[str, float] = field(default_factory=dict)
     estimates: dict[str, tuple[Estimate, ...]] = field(default_factory=dict)  # By effect key, its parameters.
+    taken_off: int = 0  # Degrees of freedom that the errors had lost before the fit, as to means taken off them.
 
     def chi2(self, misfit_v: float = 0.0) -> float:
         """Sum of squares, as a fit weighs them, with a misfit (V) added in quadrature to the deviations."""
@@ -81,7 +82,7 @@ class Explanation:
         return self._dispersion(self.chi2(misfit_v))
 
     def _dispersion(self, squares: float) -> float:
-        freedom = max(len(self.errors) - len(self.fit.space), 1)
+        freedom = max(len(self.errors) - len(self.fit.space) - self.taken_off, 1)
         return max(1.0, squares / freedom * self.adequacy.repetition)
 
     @property

@@ -377,7 +377,7 @@ class Fitter:
         adequacy = judge(
             [part / sigma for part, sigma in zip(parts, sigmas, strict=True)],
             [observed.step[mask] for observed, _, mask in masks],
-            len(fit.space),
+            fit.effective_parameters,
         )
         counts = np.concatenate([observed.count[mask] for observed, _, mask in masks])
         volts, sigma = np.concatenate(parts), np.concatenate(sigmas)

@@ -201,6 +201,7 @@ class LifeEngine:
             DEVIATION_V * of_cycles(all_cycles, self._changes.held),
             errors,
             sigma,
+            taken_off=self._changes.common,
         )
         found.estimates = estimates_of(effects, fit, found.dispersion(0.0))
         return found

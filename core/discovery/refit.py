@@ -65,6 +65,13 @@ class Refit:
         """``chi2`` plus ``prior_cost``."""
         return self.chi2 + self.prior_cost
 
+    @property
+    def effective_parameters(self) -> float:
+        """Degrees of freedom that the fit has taken: a parameter that its prior holds takes less than one."""
+        information = self.jacobian.T @ self.jacobian
+        prior = np.diag(self.space.prior_weights**2 + 1e-10)
+        return float(np.trace(np.linalg.solve(information + prior, information)))
+
     def covariance(self, inflation: float = 1.0, systematic: FloatArray | None = None) -> FloatArray:
         """Covariance of the coordinates (Gauss-Newton), shape (p, p).
 

@@ -2,10 +2,12 @@ import numpy as np
 import pytest
 from bsa.core.cell import CURRENT, TEMPERATURE, VOLTAGE
 from bsa.core.parameters import Parameter, ParameterSpace
-from bsa.core.residuals import residuals, rows_of
+from bsa.core.residuals import noise_of_residuals, residuals, rms, rows_of
 from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
+
+SPACE = ParameterSpace((Parameter("a", 1.0, 0.5, 2.0),))
 
 
 def discharge_and_rest(rest_s: float) -> Trajectory:
@@ -17,9 +19,8 @@ def discharge_and_rest(rest_s: float) -> Trajectory:
 
 
 def thermal_task(record: Trajectory) -> Task:
-    space = ParameterSpace((Parameter("a", 1.0, 0.5, 2.0),))
     signals = (CURRENT, VOLTAGE, TEMPERATURE)
-    return Task("t", CellModel("Chen2020"), space, (Experiment("r", record),), signals=signals)
+    return Task("t", CellModel("Chen2020"), SPACE, (Experiment("r", record),), signals=signals)
 
 
 def temperature_residuals(record: Trajectory, measured_k: np.ndarray) -> np.ndarray:
@@ -42,3 +43,18 @@ def test_the_cooling_of_the_cell_is_fitted(rest_s: float) -> None:
     record = discharge_and_rest(rest_s)
     warm = record.temperature + np.where(record.time > 1800.0, 5.0 * np.exp(-(record.time - 1800.0) / 600.0), 0.0)
     assert np.max(np.abs(temperature_residuals(record, warm))) > 1.0
+
+
+@pytest.mark.parametrize("seconds", [1.0, 10.0, 30.0])
+def test_of_the_noise_of_samples_means_keep_what_they_keep(seconds: float) -> None:
+    time = np.arange(0.0, 7201.0, seconds)
+    place = int(np.count_nonzero(time <= 3600.0))
+    steps = (Step(StepKind.CC_DISCHARGE, 0, place), Step(StepKind.REST, place, len(time), position=1))
+    clean = Trajectory(time, np.where(time <= 3600.0, 1.0, 0.0), np.full_like(time, 3.7), None, steps)
+    rng = np.random.default_rng(7)
+    found = []
+    for _ in range(40):
+        noisy = clean.changed(voltage=clean.voltage + rng.normal(0.0, 3e-3, len(time)))
+        task = Task("t", CellModel("Chen2020"), SPACE, (Experiment("r", noisy),))
+        found.append(residuals(task, Outcome((ExperimentRun(clean),))))
+    assert rms(noise_of_residuals(task)) == pytest.approx(rms(np.array(found)), rel=0.15)

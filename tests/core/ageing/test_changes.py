@@ -64,3 +64,11 @@ def test_where_the_new_cell_is_off_a_change_counts_for_less() -> None:
     off = np.abs(new) > 0.0
     assert np.all(np.abs(weighed[off]) <= 0.2 * np.abs(plain[off]) + 1e-12)
     assert weighed[~off] == pytest.approx(plain[~off])
+
+
+def test_means_that_are_taken_off_cost_a_degree_of_freedom_each() -> None:
+    _, changes = changes_of(life(100, 0.2))
+    rng = np.random.default_rng(5)
+    noise = [changes(changes._sigma * rng.normal(size=len(changes.fitted)))[changes.fitted] for _ in range(200)]
+    left = np.count_nonzero(changes.fitted) - changes.common
+    assert np.mean([seen @ seen for seen in noise]) == pytest.approx(left, rel=0.02)

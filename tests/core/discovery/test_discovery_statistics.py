@@ -45,6 +45,21 @@ def test_false_alarms_stay_at_the_stated_rate():
     assert alarms / 600 < 2.5 * FALSE_ALARM
 
 
+def test_parameters_that_priors_hold_raise_no_false_alarms():
+    rng = np.random.default_rng(9)
+    place = np.linspace(0, np.pi, 200)
+    jacobian = 0.03 * np.column_stack([np.cos(number * place) for number in range(10)])
+    held = ParameterSpace(tuple(Parameter(f"p{k}", 0.0, -50.0, 50.0, deviation=1.0, prior=True) for k in range(10)))
+    alarms = 0
+    for _ in range(1500):
+        seen = jacobian @ rng.normal(size=10) + rng.normal(size=200)
+        u = np.linalg.solve(jacobian.T @ jacobian + np.eye(10), jacobian.T @ seen)
+        fit = Refit(held, u, seen - jacobian @ u, -jacobian, True, 1)
+        alarms += not judge([fit.residual], [np.zeros(200, dtype=int)], fit.effective_parameters).adequate
+    assert 0.5 < fit.effective_parameters < 2.0
+    assert alarms / 1500 < 2.0 * FALSE_ALARM
+
+
 def test_agreement_of_neighbours_is_seen_where_size_is_not():
     rng = np.random.default_rng(6)
     residual = 0.75 * rng.normal(size=400) + 0.7 * np.sign(np.sin(np.arange(400) / 12.7))

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from bsa.core.discovery.drift import drifts
+from bsa.core.discovery.drift import _drift, drifts
 from bsa.core.parameters import Candidate, Parameter, ParameterSpace
 from bsa.core.trajectory import FloatArray
 
@@ -51,3 +51,15 @@ def test_a_window_that_cannot_be_simulated_is_left_out() -> None:
 
     (lost,) = drifts(broken, CYCLES, SPACE, lambda one: {"lost": 100.0 * (1.0 - one["lithium"])})
     assert lost.cycles == (50, 150, 200)
+
+
+@pytest.mark.parametrize("windows", [3, 5, 8])
+def test_the_interval_of_a_trend_holds_it_where_windows_scatter(windows: int) -> None:
+    rng = np.random.default_rng(windows)
+    cycles = np.linspace(1, 500, windows).astype(int)
+    held = 0
+    for _ in range(400):
+        values = 0.02 * cycles + rng.normal(0.0, 3.0, windows)
+        found = _drift("lost", {int(cycle): (value, 1.96) for cycle, value in zip(cycles, values, strict=True)})
+        held += abs(found.per_100_cycles - 2.0) <= found.half_per_100_cycles
+    assert held / 400 == pytest.approx(0.95, abs=0.04)

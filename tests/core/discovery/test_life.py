@@ -164,3 +164,13 @@ def test_a_mechanism_that_cannot_be_simulated_is_not_said_to_come_no_nearer() ->
     found = engine.run([GAIN])
     assert found.nominations[0].lacks == "could not be simulated, at any strength that was tried"
     assert "none of them could be simulated and fitted" in found.reason
+
+
+def test_a_dispersion_counts_the_means_that_were_taken_off() -> None:
+    best = discovery(0.1, BENDS["late"]).run([ROOT]).best
+    freedom = len(best.errors) - len(best.fit.space)
+    taken_off = Changes(life_task(life(CYCLES, 0.1, BENDS["late"])), FITTED).common
+    assert 0 < taken_off < freedom
+    expected = replace(best, taken_off=0).dispersion(0.0) * freedom / (freedom - taken_off)
+    assert best.dispersion(0.0) == pytest.approx(expected)
+    assert expected > 1.0
