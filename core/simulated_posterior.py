@@ -106,6 +106,9 @@ def simulated_posterior(
         do not suffice for draws to come out as predicted, what the last ones are off counts as further noise.
     """
     seen, found = np.array(points), np.array(residuals)
+    # What weighs nothing (late pulses, the temperature in long rests) is no residual that is nearly none.
+    weighs = np.any(found != 0.0, axis=0) | np.any(jacobian != 0.0, axis=1)
+    found, jacobian = found[:, weighs], jacobian[weighs]
     scale = effective_noise(found[0], seen.shape[1], 1.0)
     found = _reduced(found, scale)
     at_once = at_once or max(_AT_ONCE, _FOR_EACH * seen.shape[1])
@@ -132,7 +135,7 @@ def simulated_posterior(
         more = simulate(wanted)
         done = [place for place, residual in enumerate(more) if residual is not None]
         if done:
-            made = _reduced(np.array([more[place] for place in done]), scale)
+            made = _reduced(np.array([more[place] for place in done])[:, weighs], scale)
             places = prior.as_wide_as_the_box(wanted[done])
             missed = np.sum((emulator.residuals(places) - made) ** 2, axis=1)
             off, typical = (float(np.quantile(missed, share)) / excess**2 for share in (0.9, 0.5))

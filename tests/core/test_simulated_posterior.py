@@ -117,3 +117,22 @@ def test_a_budget_bounds_the_simulations_and_what_it_leaves_unknown_widens_the_s
     low, high = np.quantile(found.draws, [0.025, 0.975], axis=0)
     assert np.all(low < 0.3)
     assert np.all(high > 0.9)
+
+
+def test_residuals_that_weigh_nothing_do_not_make_the_misfit_look_smaller() -> None:
+    rng = np.random.default_rng(2)
+    slopes, misfit = rng.normal(size=(200, 2)) * 50.0, 4.0 * rng.normal(size=200)
+
+    def line(points: np.ndarray) -> np.ndarray:
+        return (points - 0.5) @ slopes.T + misfit
+
+    def with_idle(points: np.ndarray) -> np.ndarray:
+        return np.hstack([line(points), np.zeros((len(points), 200))])
+
+    start = [np.full(2, 0.5), *rng.uniform(0.4, 0.6, size=(12, 2))]
+    idle_slopes = np.vstack([slopes, np.zeros_like(slopes)])
+    excess = [
+        simulated_posterior(start, list(model(np.array(start))), known, recording(model)[1], NO_PRIOR).excess
+        for model, known in ((line, slopes), (with_idle, idle_slopes))
+    ]
+    assert excess[1] == pytest.approx(excess[0])
