@@ -159,7 +159,10 @@ def encode_parameter(parameter: Parameter) -> Json:
     target = parameter.target
     kind = next((kind for kind, of in _TARGETS.items() if type(target) is of), None)
     acts_on = None if kind is None or target is None else {"kind": kind, **asdict(target)}
-    return {**asdict(parameter), "target": acts_on}
+    content = {**asdict(parameter), "target": acts_on}
+    if parameter.expected is None:
+        del content["expected"]
+    return content
 
 
 def decode_parameter(record: Mapping[str, Any]) -> Parameter:

@@ -42,9 +42,11 @@ class Parameter:
         How far the value may plausibly be off, on the parameter's own scale: the unit of `coordinate`. None is the
         whole range between the bounds.
     prior : bool
-        Whether the deviation is the standard deviation of a normal prior around the initial value.
+        Whether the deviation is the standard deviation of a normal prior around `origin`.
     difference : float
         Finite-difference step in units of the deviation.
+    expected : float or None
+        The mean of the prior, where the search starts elsewhere.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Parameter:
     deviation: float | None = None
     prior: bool = False
     difference: float = 0.1
+    expected: float | None = None
 
     def __post_init__(self) -> None:
         values = (self.initial, self.lower, self.upper)
@@ -117,17 +120,22 @@ class Parameter:
             return self.deviation
         return math.log(self.upper / self.lower) if self.scale == "log" else self.upper - self.lower
 
+    @property
+    def origin(self) -> float:
+        """Where `coordinate` is 0: the mean of the prior, else where the search starts."""
+        return self.initial if self.expected is None else self.expected
+
     def coordinate(self, value: float) -> float:
-        """How many deviations ``value`` lies above the initial value, on this parameter's own scale."""
+        """How many deviations ``value`` lies above the origin, on this parameter's own scale."""
         if self.scale == "log":
-            return math.log(value / self.initial) / self.length
-        return (value - self.initial) / self.length
+            return math.log(value / self.origin) / self.length
+        return (value - self.origin) / self.length
 
     def at_coordinate(self, u: float) -> float:
         """The inverse of `coordinate`, kept inside the bounds."""
         if self.scale == "log":
-            return self.project(self.initial * math.exp(u * self.length))
-        return self.project(self.initial + u * self.length)
+            return self.project(self.origin * math.exp(u * self.length))
+        return self.project(self.origin + u * self.length)
 
     def from_unit(self, position: float) -> float:
         """The inverse of `to_unit`, kept inside the bounds against rounding."""
@@ -191,6 +199,14 @@ class ParameterSpace:
         """The same space, searched from other values; parameters that are not among them start where they did."""
         return ParameterSpace(tuple(replace(one, initial=values.get(one.name, one.initial)) for one in self))
 
+    def continued(self, found: Candidate) -> ParameterSpace:
+        """The same space, searched from what a fit has found.
+
+        Priors stay where they are: counted as known before, what a fit found would count its records twice.
+        """
+        origins = [replace(one, expected=one.origin) if one.prior else one for one in self]
+        return ParameterSpace(tuple(origins)).started(found)
+
     def project(self, candidate: Candidate) -> dict[str, float]:
         """The projection Π of the paper (Eq. 4): each value to its nearest bound."""
         return {parameter.name: parameter.project(candidate[parameter.name]) for parameter in self}
@@ -221,7 +237,7 @@ class ParameterSpace:
         return np.array([1.0 if parameter.prior else 0.0 for parameter in self])
 
     def at(self, u: FloatArray) -> dict[str, float]:
-        """The candidate at coordinates of shape (p,), in deviations from the initial values."""
+        """The candidate at coordinates of shape (p,), in deviations from the origins."""
         return {parameter.name: parameter.at_coordinate(float(value)) for parameter, value in zip(self, u, strict=True)}
 
     def steps_between(self, start: Candidate, end: Candidate) -> FloatArray:

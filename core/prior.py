@@ -30,7 +30,8 @@ class Prior:
     def of(cls, space: ParameterSpace, weighed: bool = True) -> Prior:
         """The priors of a search space; none where the search did not weigh them."""
         precision = space.prior_weights * (space.highest - space.lowest)
-        return cls(space.to_unit(space.initial), precision if weighed else np.zeros(len(space)))
+        centre = space.to_unit({parameter.name: parameter.origin for parameter in space})
+        return cls(centre, precision if weighed else np.zeros(len(space)))
 
     def deviations(self, points: FloatArray) -> FloatArray:
         """Standard deviations by which points of shape (..., p) depart from the centre, the same shape."""

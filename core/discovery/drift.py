@@ -52,7 +52,7 @@ def drifts(simulate: Simulate, cycles: Sequence[int], space: ParameterSpace, qua
     (first,) = simulate(cycles[0], [space.initial])
     assert first is not None, "the first window is that of a cell that was fitted"
     found: dict[int, Refit] = {}
-    start = np.zeros(len(space))
+    start = np.array([parameter.coordinate(parameter.initial) for parameter in space])
     for cycle in cycles[1:]:
 
         def changed(candidates: Sequence[Candidate], cycle: int = cycle) -> list[FloatArray | None]:

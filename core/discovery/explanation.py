@@ -162,9 +162,9 @@ def estimates_of(
             parameter, u = fit.space.parameters[number], float(fit.u[number])
             half = NORMAL_95 * float(deviations[number])
             if p.scale == "log":
-                ends = [parameter.initial * np.exp(end * parameter.length) for end in (u - half, u + half)]
+                ends = [parameter.origin * np.exp(end * parameter.length) for end in (u - half, u + half)]
             else:
-                ends = [parameter.initial + end * parameter.length for end in (u - half, u + half)]
+                ends = [parameter.origin + end * parameter.length for end in (u - half, u + half)]
             lower, upper = float(fit.space.lowest[number]), float(fit.space.highest[number])
             near = 1e-3 * (upper - lower)
             at_bound = (u < lower + near and p.lower != p.null) or (u > upper - near and p.upper != p.null)

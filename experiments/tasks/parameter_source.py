@@ -103,7 +103,7 @@ def with_its_space(task: Task, run: RunRecord, socs_given: bool = False) -> Task
     states = [parameter for parameter in task.space if searched and isinstance(parameter.target, InitialSoc)]
     if not socs_given:
         states = _started_in_the_fitted_cell(states, task, run)
-    found = [p for p in run.task.space.started(run.best.candidate) if not isinstance(p.target, InitialSoc)]
+    found = [p for p in run.task.space.continued(run.best.candidate) if not isinstance(p.target, InitialSoc)]
     spectra = [experiment.is_spectrum for experiment in task.experiments]
     models = simulated_models(task.cell, not all(spectra), any(spectra))
     space, notes = with_influence(ParameterSpace((*found, *states)), models, "the earlier run")

@@ -1,7 +1,9 @@
 import numpy as np
 import pytest
+from bsa.core.encoding import decode_parameter, encode_parameter
 from bsa.core.errors import BsaError
 from bsa.core.parameters import Parameter, ParameterSpace
+from bsa.core.prior import Prior
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -75,3 +77,24 @@ def test_a_space_keeps_its_order_and_samples_inside() -> None:
 def test_a_parameter_cannot_stand_twice() -> None:
     with pytest.raises(BsaError, match="stands twice"):
         ParameterSpace((Parameter("a [m]", 1.0, 0.5, 2.0),) * 2)
+
+
+def test_a_search_that_is_continued_knows_no_more_than_the_first_one_did() -> None:
+    """Prior 1.0 with deviation 0.1 and data that say 1.5 with deviation 0.1 meet at 1.25, however often."""
+    space = ParameterSpace(
+        (
+            Parameter("known", 1.0, 0.0, 3.0, deviation=0.1, prior=True),
+            Parameter("free", 1.0, 0.5, 2.0, "log", deviation=0.2),
+        )
+    )
+    for _ in range(3):
+        known, free = space
+        there = known.coordinate(1.5) / 2.0
+        found = {"known": known.at_coordinate(there), "free": free.at_coordinate(1.0)}
+        assert found["known"] == pytest.approx(1.25)
+        space = space.continued(found)
+        assert space.initial == found
+        assert Prior.of(space).centre[0] == pytest.approx(1.0 / 3.0)
+        decoded = tuple(decode_parameter(encode_parameter(parameter)) for parameter in space)
+        assert decoded == space.parameters
+    assert "expected" not in encode_parameter(free)
