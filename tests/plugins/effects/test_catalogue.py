@@ -1,4 +1,5 @@
 import numpy as np
+import pybamm
 import pytest
 from bsa.core.effect import Effect, EffectParameter, Evidence
 from bsa.core.effect_choice import effects_of
@@ -115,6 +116,34 @@ def test_effects_that_contradict_each_other_are_refused():
 
     with pytest.raises(BsaError, match="different values"):
         augmented_cell(CellModel("Chen2020"), (asks("one", "linear"), asks("other", "Marcus")))
+
+
+@pytest.mark.parametrize("parameter_set", ["Chen2020", "ORegan2022"])
+def test_clogged_pores_are_those_of_a_lower_porosity(parameter_set, monkeypatch):
+    share, seconds = 0.85, np.array([1.0, 60.0, 300.0])
+
+    def solved(change):
+        values = pybamm.ParameterValues(parameter_set)
+        change(values)
+        values.update({"Current function [A]": values["Nominal cell capacity [A.h]"]})
+        points = dict.fromkeys(("x_n", "x_s", "x_p", "r_n", "r_p"), 10)
+        simulation = pybamm.Simulation(pybamm.lithium_ion.SPMe(), parameter_values=values, var_pts=points)
+        return simulation.solve([0, 300], t_interp=seconds, initial_soc=0.9)["Voltage [V]"](seconds)
+
+    def narrow(values):
+        for domain in ("Negative electrode", "Separator", "Positive electrode"):
+            values[f"{domain} porosity"] *= share
+
+    def clog(values):
+        # After as much charge as the cell holds.
+        passed = pybamm.Scalar(values["Nominal cell capacity [A.h]"])
+        with monkeypatch.context() as patch:
+            patch.setattr(pybamm, "Variable", lambda name: passed)
+            values.update(BY_KEY["porosity-change"].physics.values(values, {"loss": -np.log(share)}))
+
+    plain, narrowed, clogged = (solved(change) for change in (lambda values: None, narrow, clog))
+    assert plain[-1] - narrowed[-1] > 5e-3
+    np.testing.assert_allclose(clogged, narrowed, atol=2e-4)
 
 
 def test_bounds_of_an_effect_must_hold_its_null():
