@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pybamm
 import pytest
@@ -221,6 +223,25 @@ def test_slow_material_adds_polarisation_that_relaxes_with_its_time(electrode):
     # What has 60 s is over in a rest of nine minutes; what has ten hours has hardly begun.
     assert abs(quick[rest][-1]) < 0.02 * abs(quick[discharge][-1]) + 1e-4
     assert slow[rest][-1] < 0.5 * slow[discharge][-1]
+
+
+def test_the_slow_share_and_the_rest_together_hold_the_lithium(monkeypatch):
+    share, mean, slow = 0.2, 0.5, 0.6
+    given = {"c_max": 1.0, "c_init": pybamm.Scalar(mean), "D": lambda x, t: 1.0, "U": lambda x, t: x}
+    domains = {"positive": SimpleNamespace(prim=SimpleNamespace(**given))}
+    names = (
+        "Average positive particle stoichiometry",
+        "X-averaged positive particle surface stoichiometry",
+        "Volume-averaged cell temperature [K]",
+    )
+    variables = dict(zip(names, map(pybamm.Scalar, (mean, mean, 298.15)), strict=True))
+    param = SimpleNamespace(domain_params=domains, T_ref=298.15)
+    model = SimpleNamespace(param=param, variables=variables, rhs={}, initial_conditions={})
+    monkeypatch.setattr(pybamm, "Variable", lambda name: pybamm.Scalar(slow))
+    part = BY_KEY["slow-active-material (positive electrode)"].physics
+    # A potential that is the stoichiometry: the change is that of the quick material.
+    change = float(part.voltage(model, {"share": share, "time": 3600.0}).evaluate())
+    assert share * slow + (1 - share) * (mean + change) == pytest.approx(mean, abs=1e-5)
 
 
 @pytest.mark.parametrize("kelvin", [278.15, 298.15, 318.15])
