@@ -13,25 +13,25 @@ from .ocp_shape import ELECTRODES, GRID, OcpCurves
 from .parameter_sets import bake, load, pybamm
 
 
-def soc_at_voltage(cell: CellModel, voltage: float) -> float:
+def soc_at_voltage(cell: CellModel, voltage: float, temperature_k: float | None = None) -> float:
     """The state of charge at which the cell's open-circuit voltage is ``voltage``, kept within 0 to 1.
 
     Found from the electrode stoichiometry limits of the cell (PyBaMM's electrode state-of-health model) between its
-    open-circuit voltages at 0 and 100 %; only its parameter values matter.
+    open-circuit voltages at 0 and 100 %; only its parameter values matter. The voltage is that at a temperature, left
+    out at the set's initial one.
     """
     values = load(cell.parameter_set, cell.overrides)
+    if temperature_k is not None:
+        values.update({"Initial temperature [K]": temperature_k})
     lowest, highest = _limits(values)
-    if voltage <= lowest:
-        return 0.0
-    if voltage >= highest:
-        return 1.0
-    try:
-        empty, full, *_ = pybamm.lithium_ion.get_min_max_stoichiometries(values)
-        x, _ = pybamm.lithium_ion.get_initial_stoichiometries(f"{voltage} V", values)[:2]
-    except pybamm.SolverError:
-        # PyBaMM's root finder gives up where the curve is flat; on a grid the same answer is certain.
-        return min(max(InitialState(values).soc_at(voltage), 0.0), 1.0)
-    return min(max(float((x - empty) / (full - empty)), 0.0), 1.0)
+    if lowest < voltage < highest:
+        try:
+            empty, full, *_ = pybamm.lithium_ion.get_min_max_stoichiometries(values)
+            x, _ = pybamm.lithium_ion.get_initial_stoichiometries(f"{voltage} V", values)[:2]
+            return min(max(float((x - empty) / (full - empty)), 0.0), 1.0)
+        except pybamm.SolverError:
+            pass  # PyBaMM's root finder gives up where the curve is flat; on a grid the same answer is certain.
+    return min(max(InitialState(values).soc_at(voltage), 0.0), 1.0)
 
 
 def equilibrium_capacity_ah(parameter_set: ParameterSource, overrides: Mapping[str, float]) -> float:
