@@ -130,19 +130,22 @@ class InitialState:
             raise ValueError(f"stoichiometries {negative:.3f} and {positive:.3f} must lie between 0 and 1")
         return _Start({"Negative": negative, "Positive": positive}, held, highest)
 
-    def soc_at(self, voltage: float, change: CellChange | None = None) -> float:
+    def soc_at(
+        self, voltage: float, change: CellChange | None = None, added: Mapping[str, FloatArray] | None = None
+    ) -> float:
         """The state of charge of a changed cell at an open-circuit voltage; beyond 0 and 1 outside its limits.
 
+        ``added`` is what effects add to the potential of an electrode on `GRID`, V; the limits are those without.
         Raises `ValueError`: as `concentrations`.
         """
         x, curve, lithium, held, _ = self._balance(change or CellChange())
         empty, full = np.interp(self._limits, curve, x)
-        if self._warming:
+        parts = [part for part in (self._warming, added) if part]
+        if parts:
             y = (lithium - held["Negative"] * x) / held["Positive"]
-            negative_v, positive_v = (
-                np.interp(at, GRID, self._warming[which]) for which, at in zip(ELECTRODES, (x, y), strict=True)
-            )
-            curve = np.maximum.accumulate(curve + positive_v - negative_v)
+            for which, at, sign in (("Negative", x, -1.0), ("Positive", y, 1.0)):
+                curve = curve + sign * sum(np.interp(at, GRID, part[which]) for part in parts if which in part)
+            curve = np.maximum.accumulate(curve)
         return float((np.interp(voltage, curve, x) - empty) / (full - empty))
 
     def _balance(
