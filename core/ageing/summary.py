@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from ..trajectory import FloatArray, Step, StepKind, Trajectory
 from .cycle_table import COLUMNS, LOSSES, CycleTable
 
-_DISCHARGES = (StepKind.CC_DISCHARGE, StepKind.DRIVE)
+DISCHARGES = (StepKind.CC_DISCHARGE, StepKind.DRIVE)
 _CHARGES = (StepKind.CC_CHARGE, StepKind.CV_HOLD)
 
 _LEAST_JUMP = 0.2
@@ -23,22 +23,39 @@ within half a minute."""
 def discharged_ah(record: Trajectory) -> float:
     """Charge drawn during the discharge steps of a record, A.h; pulses and rests left out."""
     return sum(
-        max(float(piece.discharge_capacity[-1]), 0.0) for step, piece in record.pieces() if step.kind in _DISCHARGES
+        max(float(piece.discharge_capacity[-1]), 0.0) for step, piece in record.pieces() if step.kind in DISCHARGES
     )
 
 
-def resistance_ohm(record: Trajectory) -> float:
-    """Voltage drop over current where the first discharge sets in, ohm; NaN without samples right before and after."""
-    for step in record.steps:
-        if step.kind in _DISCHARGES:
-            places = record.measured_across(step)
-            if places is None or record.time[places[1]] - record.time[places[0]] > _PROMPT_S:
-                break
-            current, voltage = (record.values(name)[list(places)] for name in ("current", "voltage"))
-            jump = float(np.diff(current)[0])
-            largest = float(np.max(np.abs(record.current[step.start : step.stop])))
-            return -float(np.diff(voltage)[0]) / jump if jump > _LEAST_JUMP * largest else float("nan")
-    return float("nan")
+def resistance_ohm(record: Trajectory, first_v: float = float("nan")) -> float:
+    """Voltage drop over current where the first discharge sets in, ohm; NaN without samples right before and after.
+
+    ``first_v`` is the voltage after the switch, V; NaN for that of the first sample there.
+    """
+    step, places = _first_switch(record)
+    if step is None or places is None:
+        return float("nan")
+    current, voltage = (record.values(name)[list(places)] for name in ("current", "voltage"))
+    after_v = voltage[1] if np.isnan(first_v) else first_v
+    jump = float(np.diff(current)[0])
+    largest = float(np.max(np.abs(record.current[step.start : step.stop])))
+    return -float(after_v - voltage[0]) / jump if jump > _LEAST_JUMP * largest else float("nan")
+
+
+def resistance_delay_s(record: Trajectory) -> float:
+    """How long after the switch a measured record reads its resistances, s: the median of its cycles; 0 without any."""
+    cycles = [record.cycle(number) for number in record.cycles]
+    switches = [(cycle, _first_switch(cycle)[1]) for cycle in cycles]
+    delays = [cycle.time[places[1]] - cycle.time[places[0]] for cycle, places in switches if places is not None]
+    return float(np.median(delays)) if delays else 0.0
+
+
+def _first_switch(record: Trajectory) -> tuple[Step | None, tuple[int, int] | None]:
+    """The first discharge, and the places right before and after it sets in; None without prompt samples there."""
+    step = next((step for step in record.steps if step.kind in DISCHARGES), None)
+    places = None if step is None else record.measured_across(step)
+    late = places is not None and record.time[places[1]] - record.time[places[0]] > _PROMPT_S
+    return step, None if late else places
 
 
 def rested_voltage_v(record: Trajectory) -> float:
@@ -51,10 +68,15 @@ def rested_voltage_v(record: Trajectory) -> float:
     return float(record.voltage[last.stop - 1])
 
 
-def line_of(number: int, record: Trajectory, losses: Sequence[float] = ()) -> tuple[float, ...]:
-    """A cycle's line of a `CycleTable`, given its curves and, of a simulation, what was lost (`LOSSES`)."""
+def line_of(
+    number: int, record: Trajectory, losses: Sequence[float] = (), first_v: float = float("nan")
+) -> tuple[float, ...]:
+    """A cycle's line of a `CycleTable`, given its curves and, of a simulation, what was lost (`LOSSES`).
+
+    ``first_v``: as for `resistance_ohm`.
+    """
     lost = tuple(losses) or (float("nan"),) * len(LOSSES)
-    return number, discharged_ah(record), resistance_ohm(record), rested_voltage_v(record), *lost
+    return number, discharged_ah(record), resistance_ohm(record, first_v), rested_voltage_v(record), *lost
 
 
 def table_of(lines: Sequence[tuple[float, ...]]) -> CycleTable | None:

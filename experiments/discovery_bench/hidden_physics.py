@@ -188,9 +188,22 @@ def _lost(which: str) -> Callable[[Any, float, float], None]:
 
 def _clogging(values: Any, strength: float, ambient_k: float) -> None:
     turned_over = pybamm.Variable("Throughput capacity [A.h]") / float(values["Nominal cell capacity [A.h]"])
-    for name, power in (("Electrolyte conductivity [S.m-1]", 1.5), ("Electrolyte diffusivity [m2.s-1]", 0.5)):
+    for name, power in (
+        ("Electrolyte conductivity [S.m-1]", 1.5),
+        ("Electrolyte diffusivity [m2.s-1]", 0.5),
+        ("Thermodynamic factor", 1.0),
+    ):
         narrow = pybamm.exp(-power * strength * turned_over)
         values[name] = multiplied(values[name], lambda *arguments, narrow=narrow: narrow)
+    # In less electrolyte the same reaction moves the salt further. The thermodynamic factor takes back what the anions'
+    # share does to the potential.
+    cations = values["Cation transference number"]
+
+    def fewer(*arguments: Any) -> Any:
+        share = cations(*arguments) if callable(cations) else cations
+        return 1.0 - (1.0 - share) * pybamm.exp(strength * turned_over)
+
+    values["Cation transference number"] = fewer
 
 
 def _gain(time: FloatArray, current: FloatArray, voltage: FloatArray, strength: float) -> tuple[FloatArray, FloatArray]:

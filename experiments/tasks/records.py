@@ -113,7 +113,8 @@ def _fitted(
             voltage, words = open_circuit_start(record.trajectory)
             if request.initial_voltage is not None:
                 voltage, words = request.initial_voltage, f"starts at {request.initial_voltage:.3f} V"
-            soc = with_room_for(record.trajectory, soc_at_voltage(cell.model, voltage), cell.capacity_ah)
+            started = soc_at_voltage(cell.model, voltage, _starting_k(request, record))
+            soc = with_room_for(record.trajectory, started, cell.capacity_ah)
             notes.append(f"{record.name}: {words}, taken as a state of charge of {soc:.3f}.")
         if soc is not None:
             socs.append(soc)
@@ -132,6 +133,16 @@ def _check_effects(cell: CellModel, requests: Sequence[RecordRequest]) -> None:
 
 def _ambient_k(request: RecordRequest, record: Record) -> float | None:
     return record.ambient_k if request.temperature_k is None else request.temperature_k
+
+
+def _initial_k(request: RecordRequest, record: Record) -> float | None:
+    """The temperature of the cell at the start, K; None for the ambient one, where a protocol always starts."""
+    return initial_temperature_k(record.trajectory, _ambient_k(request, record)) if request.protocol is None else None
+
+
+def _starting_k(request: RecordRequest, record: Record) -> float | None:
+    own = _initial_k(request, record)
+    return _ambient_k(request, record) if own is None else own
 
 
 def _over_time(requests: Sequence[RecordRequest]) -> tuple[list[RecordRequest], list[RecordRequest]]:
@@ -250,7 +261,7 @@ def _experiment(
         initial_soc=initial_soc,
         initial_voltage=initial_voltage,
         detailed_cycles=() if request.detailed_cycles is None else record.trajectory.cycles,
-        initial_temperature_k=initial_temperature_k(record.trajectory, ambient_k) if driven else None,
+        initial_temperature_k=_initial_k(request, record),
     )
 
 

@@ -236,16 +236,23 @@ def _clogging(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
     # A soft floor: pores narrow, they never close within the bounds of the loss.
     open_share = pybamm.exp(-p["loss"] * throughput)
 
-    def narrowed(value: Any, power: float) -> Any:
+    def changed(name: str, law: Any) -> Any:
+        value = known[name]
+
         def function(*arguments: Any) -> Any:
-            return (value(*arguments) if callable(value) else value) * open_share**power
+            return law(value(*arguments) if callable(value) else value)
 
         return function
 
-    return {
-        "Electrolyte conductivity [S.m-1]": narrowed(known["Electrolyte conductivity [S.m-1]"], 1.5),
-        "Electrolyte diffusivity [m2.s-1]": narrowed(known["Electrolyte diffusivity [m2.s-1]"], 0.5),
+    # The porosity itself stays, so that the salt which a reaction gives must grow by 1 / open_share; the product of
+    # (1 - t+) and the thermodynamic factor, which drives the potential, stays.
+    laws = {
+        "Electrolyte conductivity [S.m-1]": lambda value: value * open_share**1.5,
+        "Electrolyte diffusivity [m2.s-1]": lambda value: value * open_share**0.5,
+        "Cation transference number": lambda value: 1 - (1 - value) / open_share,
+        "Thermodynamic factor": lambda value: value * open_share,
     }
+    return {name: changed(name, law) for name, law in laws.items()}
 
 
 def _porosity_lacks(evidence: Evidence) -> str:
@@ -257,7 +264,8 @@ def _porosity_lacks(evidence: Evidence) -> str:
 porosity_change = Effect(
     name="porosity-change",
     title="pores that clog with charge throughput",
-    equation="eps -> eps exp(-s Q_throughput / Q_nominal): kappa_eff ~ eps^1.5, D_e,eff / eps ~ eps^0.5",
+    equation="eps -> eps exp(-s Q_throughput / Q_nominal): kappa_eff ~ eps^1.5, D_e,eff / eps ~ eps^0.5, salt from "
+    "reactions (1 - t+) a j / (F eps)",
     parameters=(EffectParameter("loss", "", 0.0, 0.0, 0.1, 1e-3, of=(100.0, "% per nominal capacity passed")),),
     signature="electrolyte polarisation grows from cycle to cycle, with little loss of capacity at low rate",
     citation="Sikha et al., J. Electrochem. Soc. 151 (2004) A1104, doi:10.1149/1.1759972",

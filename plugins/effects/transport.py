@@ -158,7 +158,7 @@ def _slow_share(which: str, model: Any, p: Mapping[str, Any]) -> Any:
         return electrode.U(1 - ((1 - above) + pybamm.sqrt((1 - above) ** 2 + 4e-6)) / 2, temperature)
 
     # What the slow material has not given or taken yet, the other has, whose potential is measured.
-    change = potential(surface - p["share"] * (slow - mean)) - potential(surface)
+    change = potential(surface - p["share"] / (1 - p["share"]) * (slow - mean)) - potential(surface)
     return change if which == "positive" else -change
 
 
@@ -167,7 +167,8 @@ slow_material = tuple(
         name="slow-active-material",
         variant=f"{electrode} electrode",
         title=f"a part of the {electrode} electrode's active material that exchanges lithium slowly",
-        equation="U(x_s) -> U(x_s - w (z - x)), dz/dt = (x - z) / tau(T); x: mean stoichiometry, x_s: at the surface",
+        equation="U(x_s) -> U(x_s - w / (1 - w) (z - x)), dz/dt = (x - z) / tau(T); w: share of the slow material, "
+        "x: mean stoichiometry, x_s: at the surface",
         parameters=(
             EffectParameter("share", "", 0.0, 0.0, 0.5, 0.03),
             EffectParameter("time", "s", 3600.0, 600.0, 36000.0, 3600.0, "log"),

@@ -7,13 +7,14 @@ from typing import Any
 from ...core.effect import Effect
 from ...core.errors import BsaError, unknown
 from ...core.parameters import Candidate
-from ...core.target import CellChange, CyclableLithium, InitialSoc, Target, Value, change_of
+from ...core.target import CellChange, CyclableLithium, InitialSoc, Target, Value, change_of, ocp_name
 from ...core.task import CellModel, Experiment
+from ...core.trajectory import FloatArray
 from . import drive
 from .augmentation import PyBaMMPart, augmented_cell, effects_in, part_of
 from .fresh_integrator import FreshIntegrator
 from .mesh import search_spatial_methods, submeshes
-from .ocp_shape import keeping_ocp_falling
+from .ocp_shape import ELECTRODES, OcpCurves, keeping_ocp_falling
 from .parameter_sets import bake, input_values, load, open_to_search, pybamm, voltage_window
 from .resolution import SEARCH, Resolution
 from .state_of_charge import InitialState, initial_concentration
@@ -118,6 +119,7 @@ class CompiledCell:
             or any(target in starts for target in self._targets.values())
         )
         self._state = InitialState(values) if by_state else None
+        self._without_effects = values.copy()
         open_to_search(values, self._targets)
         # Lower and upper voltage cut-off of the parameter set.
         self.window_v = voltage_window(values)
@@ -193,15 +195,17 @@ class CompiledCell:
         """
         change = self._feasible(change_of(self._targets, candidate))
         inputs = input_values(self._targets, change)
+        strengths = {**self._known, **candidate}
         for effect in self._effects:
-            own = effect.values({**self._known, **candidate})
+            own = effect.values(strengths)
             inputs.update({effect.full_name(p): own[p.name] for p in effect.parameters})
         if self._state is not None:
             change = replace(change, cyclable_lithium=self._lithium * change.cyclable_lithium)
             wanted = [soc, change.soc_of(self._start.record), self._start.soc]
             soc = next((known for known in wanted if known is not None), None)
             if soc is None and self._start.voltage is not None:
-                soc = self._state.soc_at(self._start.voltage, change)
+                added = added_potentials(self._without_effects, self._effects, strengths)
+                soc = self._state.soc_at(self._start.voltage, change, added)
             inputs |= self._state.concentrations(change, soc)
         return inputs
 
@@ -235,6 +239,21 @@ def add_values(values: Any, part: PyBaMMPart, p: Mapping[str, Any], current: Any
     if part.values is not None:
         values.update(dict(part.values(values, p)), check_already_exists=False)
     return part.current(current, p) if part.current is not None and current is not None else current
+
+
+def added_potentials(values: Any, effects: Sequence[Effect], candidate: Candidate) -> dict[str, FloatArray]:
+    """What effects add to the open-circuit potential of an electrode of a parameter set, V, on `GRID`.
+
+    Electrodes whose potential they leave alone are left out.
+    """
+    changed = values.copy()
+    for effect in effects:
+        add_values(changed, part_of(effect), effect.values(candidate), None)
+    others = [which for which in ELECTRODES if changed[ocp_name(which)] is not values[ocp_name(which)]]
+    if not others:
+        return {}
+    before, after = OcpCurves(values), OcpCurves(changed)
+    return {which: after.curve(which, CellChange()) - before.curve(which, CellChange()) for which in others}
 
 
 def add_voltage(model: Any, part: PyBaMMPart, p: Mapping[str, Any]) -> None:

@@ -55,6 +55,8 @@ class SolvedCycle:
     record: Trajectory  # Its curves, from its own start.
     # What was lost up to its end, as in a `CycleTable`; empty where the model cannot tell.
     losses: tuple[float, ...] = ()
+    # Voltage where a resistance is read after its first discharge sets in, V; NaN for that at the switch.
+    first_v: float = float("nan")
 
 
 @dataclass(frozen=True, eq=False)

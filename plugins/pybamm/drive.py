@@ -8,11 +8,12 @@ from typing import Any
 
 import casadi
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import PchipInterpolator, make_lsq_spline
 
 from ...core.errors import BsaError
 from ...core.task import Protocol
-from ...core.trajectory import FloatArray, StepKind, Trajectory
+from ...core.trajectory import SECONDS_PER_HOUR, FloatArray, StepKind, Trajectory
 from .parameter_sets import pybamm
 
 _WITHIN = 2e-3
@@ -198,6 +199,14 @@ def current_function(record: Trajectory) -> CurrentFunction:
     return CurrentFunction(
         time[apart], current[apart], np.unique([first, *stops]), min(drives) if drives else None, np.array(varying)
     )
+
+
+def drawn_ah(current: CurrentFunction, times: FloatArray) -> FloatArray:
+    """Charge that a current has drawn at some times since the first of them, A.h, shape (n,)."""
+    knots = np.union1d(current.time, times)
+    charge = cumulative_trapezoid(np.interp(knots, current.time, current.current), knots, initial=0.0)
+    drawn = np.interp(times, knots, charge)
+    return np.asarray(drawn - drawn[0]) / SECONDS_PER_HOUR
 
 
 def pieces_of(record: Trajectory) -> list[Piece]:

@@ -1,6 +1,7 @@
 """A cell at equilibrium under a measured current: the open-circuit voltage that belongs to the charge drawn so far."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from scipy.constants import physical_constants
@@ -10,10 +11,10 @@ from ...core.parameters import Candidate
 from ...core.simulation import ExperimentRun, Outcome, SimulationFailure
 from ...core.target import CellChange
 from ...core.task import Task
-from ...core.trajectory import SECONDS_PER_HOUR, Trajectory
+from ...core.trajectory import SECONDS_PER_HOUR
 from .augmentation import effects_in, part_of
 from .compiled_cell import start_of
-from .drive import shown_range
+from .drive import CurrentFunction, current_function, drawn_ah, shown_range
 from .ocp_shape import keeping_ocp_falling
 from .parameter_sets import load, voltage_window
 from .state_of_charge import InitialState
@@ -26,8 +27,8 @@ class EquilibriumCell:
     """The open-circuit voltage of a task's cell along its measured currents, without a solver.
 
     Both electrodes are homogeneous: :math:`V = U_p(y_0 + q / Q_p) - U_n(x_0 - q / Q_n)` with the charge :math:`q` drawn
-    since the start and the electrodes' capacities :math:`Q` (Mohtat et al., J. Power Sources 427 (2019) 101, Eqs. 1 to
-    5). Temperature, resistances and the time that diffusion takes have no part in it.
+    since the start, that of the driven cell, and the electrodes' capacities :math:`Q` (Mohtat et al., J. Power Sources
+    427 (2019) 101, Eqs. 1 to 5). Temperature, resistances and the time that diffusion takes have no part in it.
     """
 
     def __init__(self, task: Task) -> None:
@@ -41,8 +42,10 @@ class EquilibriumCell:
         self._shown_v = [
             None if one.is_spectrum else shown_range(window_v, one.target.voltage) for one in task.experiments
         ]
+        self._drives = [None if one.is_spectrum else current_function(one.target) for one in task.experiments]
         self._drawn_ah = [
-            None if experiment.is_spectrum else experiment.target.discharge_capacity for experiment in task.experiments
+            None if drive is None else drawn_ah(drive, record.time)
+            for drive, record in zip(self._drives, self._records, strict=True)
         ]
         self._capacity_ah = float(values["Nominal cell capacity [A.h]"])
         own = [(effect, part_of(effect)) for effect in effects_in(task.cell)]
@@ -59,28 +62,29 @@ class EquilibriumCell:
         return Outcome(tuple(runs), 0.0)
 
     def _run(self, place: int, candidate: Candidate) -> ExperimentRun:
-        record, drawn_ah, shown_v = self._records[place], self._drawn_ah[place], self._shown_v[place]
-        if drawn_ah is None or shown_v is None:
+        record, drive, shown_v = self._records[place], self._drives[place], self._shown_v[place]
+        charge_ah = self._drawn_ah[place]
+        if charge_ah is None or drive is None or shown_v is None:
             return ExperimentRun(record)  # A spectrum stays: nothing is said of it.
         change = self._falling(self._task.space.change(candidate))
         if self._current:
-            drawn_ah = self._through_the_cell(record, candidate).discharge_capacity
-        drawn = drawn_ah * SECONDS_PER_HOUR / _FARADAY / self._area_of(change)
+            charge_ah = drawn_ah(self._through_the_cell(drive, candidate), record.time)
+        drawn = charge_ah * SECONDS_PER_HOUR / _FARADAY / self._area_of(change)
         # Beyond these an empty or overfull cell is simulated as such; published potentials reach to -100 V there.
         voltage = np.clip(self._state.voltages(change, self._soc(place, change), drawn), *shown_v)
         for effect, added in self._at_rest:
             with border(f"effect {effect.key}", "at_rest"):
-                voltage = voltage + added(record.current, drawn_ah, self._capacity_ah, effect.values(candidate))
+                voltage = voltage + added(record.current, charge_ah, self._capacity_ah, effect.values(candidate))
         # The measured temperature stays: nothing is said of it.
         return ExperimentRun(record.changed(record.time - record.time[0], voltage=voltage))
 
-    def _through_the_cell(self, record: Trajectory, candidate: Candidate) -> Trajectory:
-        """The record with the current that the effects make of the measured one."""
-        current = record.current
+    def _through_the_cell(self, drive: CurrentFunction, candidate: Candidate) -> CurrentFunction:
+        """The current that the effects make of the measured one."""
+        current = drive.current
         for effect, changed in self._current:
             with border(f"effect {effect.key}", "current"):
                 current = changed(current, effect.values(candidate))
-        return record.changed(current=current)
+        return replace(drive, current=current)
 
     def _area_of(self, change: CellChange) -> float:
         own = (change.values.get(name, value) * change.factors.get(name, 1.0) for name, value in self._area.items())

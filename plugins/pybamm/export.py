@@ -17,6 +17,7 @@ from ...core.task import CellModel, Experiment, ParameterFile, Task
 from ...core.trajectory import StepKind
 from . import drive
 from .augmentation import augmented_cell, part_of
+from .compiled_cell import added_potentials, temperatures
 from .diffusivity_shape import by_diffusivity
 from .ocp_shape import BUMP_WIDTH, OcpCurves
 from .parameter_sets import FILL_FROM, bake, load, pybamm
@@ -67,7 +68,12 @@ def script(
         bumps={} if from_file else _bumps(task.cell, change),
         diffusivity_factors={} if from_file else by_diffusivity(change.diffusivity_shape),
         bump_width=BUMP_WIDTH,
-        records=[_record(task.cell, experiment, change, tables) for experiment in task.experiments],
+        records=[
+            _record(
+                task.cell, experiment, change, tables, _start_soc(task.cell, experiment, change, effects, candidate)
+            )
+            for experiment in task.experiments
+        ],
         tables=tables,
         spectra=any(experiment.is_spectrum for experiment in task.experiments),
         double_layers=DOUBLE_LAYERS,
@@ -145,15 +151,25 @@ def literal(value: Any, indent: int = 0) -> str:
     return opening + "".join(f"\n{' ' * deeper}{entry}," for entry in entries) + f"\n{' ' * indent}{closing}"
 
 
-def _record(cell: CellModel, experiment: Experiment, change: CellChange, tables: dict[str, str]) -> dict[str, Any]:
-    """How one experiment is simulated; current profiles go into ``tables``."""
+def _start_soc(
+    cell: CellModel, experiment: Experiment, change: CellChange, effects: Sequence[Effect], candidate: Candidate
+) -> float | None:
+    """The state of charge at which an experiment starts, as `CompiledCell` finds it; None leaves it to the set."""
     own = change.soc_of(experiment.name)
     soc = experiment.initial_soc if own is None else own
-    if soc is None and experiment.initial_voltage is not None:
-        values = load(cell.parameter_set, cell.overrides)
-        if experiment.temperature_k is not None:
-            values.update({"Initial temperature [K]": experiment.temperature_k})
-        soc = InitialState(values).soc_at(experiment.initial_voltage, change)
+    if soc is not None or experiment.initial_voltage is None:
+        return soc
+    values = load(cell.parameter_set, cell.overrides)
+    if experiment.temperature_k is not None:
+        values.update(temperatures(experiment.temperature_k, experiment.initial_temperature_k))
+    added = added_potentials(values, effects, candidate)
+    return InitialState(values).soc_at(experiment.initial_voltage, change, added)
+
+
+def _record(
+    cell: CellModel, experiment: Experiment, change: CellChange, tables: dict[str, str], soc: float | None
+) -> dict[str, Any]:
+    """How one experiment is simulated; current profiles go into ``tables``."""
     content: dict[str, Any] = {
         "name": experiment.name,
         "temperature_k": None if experiment.temperature_k is None else float(experiment.temperature_k),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...core.ageing.cycle_table import COLUMNS
-from ...core.ageing.summary import discharged_ah, filled, in_sequence, line_of, table_of
+from ...core.ageing.summary import DISCHARGES, discharged_ah, filled, in_sequence, line_of, resistance_delay_s, table_of
 from ...core.effect import Effect
 from ...core.parameters import Candidate
 from ...core.protocol_text import runs_of
@@ -23,7 +23,7 @@ from .cycle_jumps import TOLERANCE, CycleFailed, CycleRunner, SolvedCycle
 from .last_moments import last_moments, nearest_limit, solve_step
 from .parameter_sets import pybamm
 from .resolution import SEARCH, Resolution
-from .step_solutions import Unfinished, to_trajectory
+from .step_solutions import Unfinished, step_kind, to_trajectory
 
 _COMPILED_REPEATS = 2
 """Of equal cycles so many are compiled, so that the way from the last step of one to the first of the next is there."""
@@ -46,8 +46,9 @@ class _Failed(CycleFailed):
 class LongExperiment:
     """A long experiment, ready to be simulated for many candidates without a rebuild; see `CompiledExperiment`.
 
-    The curves of the experiment's detailed cycles are kept. With ``leave_out``, cycles in which the cell changes
-    steadily are left out (`CycleRunner`).
+    The curves of the experiment's detailed cycles are kept. Resistances are read as long after the switch as the
+    measured ones, for diffusion adds percents to them within a second. With ``leave_out``, cycles in which the cell
+    changes steadily are left out (`CycleRunner`).
     """
 
     def __init__(
@@ -71,6 +72,7 @@ class LongExperiment:
         )
         self._places = [0, *accumulate(repeats)]
         self._tolerance = TOLERANCE if leave_out else None
+        self._delay_s = resistance_delay_s(experiment.target)
         self._compiled = CompiledExperiment(
             cell, replace(experiment, protocol=short), targets, resolution, baked, effects
         )
@@ -87,7 +89,7 @@ class LongExperiment:
         number = 1
         try:
             for place, count in zip(self._places, self._counts, strict=False):
-                steps = _Steps(self._compiled, place, inputs, on_step)
+                steps = _Steps(self._compiled, place, inputs, on_step, self._delay_s)
                 for cycle in runner.run(steps.simulate, number, number + count - 1, self._kept):
                     life.add(cycle)
                 life.close_gaps()
@@ -113,7 +115,7 @@ class _Life:
 
     def add(self, cycle: SolvedCycle) -> None:
         """Take note of a simulated cycle."""
-        self._run.append(line_of(cycle.number, cycle.record, cycle.losses))
+        self._run.append(line_of(cycle.number, cycle.record, cycle.losses, cycle.first_v))
         before = self._run[-2][0] if len(self._run) > 1 else cycle.number - 1
         self.seconds += cycle.record.duration * (cycle.number - before)
         if cycle.number in self._kept:
@@ -141,11 +143,14 @@ class _Steps:
         place: int,
         inputs: dict[str, float],
         on_step: Callable[[str, int], None] | None,
+        delay_s: float,
     ) -> None:
-        self._compiled, self._inputs, self._on_step = compiled, inputs, on_step
+        self._compiled, self._inputs, self._on_step, self._delay_s = compiled, inputs, on_step, delay_s
         self._recipe = compiled.steps[place]
         before = sum(len(cycle) for cycle in compiled.steps[:place])
         self._steps = compiled.simulation.experiment.steps[before : before + len(self._recipe)]
+        kinds = [step_kind(step) for step in self._steps]
+        self._first = next((place for place, kind in enumerate(kinds) if kind in DISCHARGES), None)
 
     def simulate(self, number: int, state: Any) -> SolvedCycle:
         """One cycle from a state.
@@ -153,9 +158,12 @@ class _Steps:
         Raises `CycleFailed` if a step cannot be solved, or ends otherwise than the protocol says.
         """
         parts: list[Any] = []
+        first_v = float("nan")
         for position, step in enumerate(self._steps):
             if self._on_step:
                 self._on_step(str(step), number)
+            if position == self._first and self._delay_s > 0.0:
+                first_v = self._soon(step, state)
             try:
                 part = self._step(step, state)
             except SOLVER_ERRORS as error:
@@ -177,7 +185,7 @@ class _Steps:
         record = self._record(parts, None)
         if record is None:
             raise self._stopped("every step of the cycle ends before it begins", number, 0, parts, "", None)
-        return SolvedCycle(number, state, _vector(state), discharged_ah(record), record, _losses(state))
+        return SolvedCycle(number, state, _vector(state), discharged_ah(record), record, _losses(state), first_v)
 
     def _step(self, step: Any, state: Any) -> Any:
         try:
@@ -186,6 +194,14 @@ class _Steps:
             if "non-positive at initial conditions" in str(error) and "[experiment]" in str(error):
                 return pybamm.EmptySolution("Event exceeded in initial conditions", t=float(state.t[-1]))
             raise
+
+    def _soon(self, step: Any, state: Any) -> float:
+        """The voltage where a resistance is read after a step sets in, V; NaN if the step cannot be solved so far."""
+        try:
+            part = solve_step(self._compiled.simulation, state, step, self._delay_s, self._inputs)
+            return float(part["Voltage [V]"].entries[-1])
+        except SOLVER_ERRORS:
+            return float("nan")
 
     def _gave_up(self, cause: str, number: int, position: int, parts: list[Any], state: Any) -> _Failed:
         """What is known of a step in which the integrator gave up."""

@@ -13,25 +13,25 @@ from .ocp_shape import ELECTRODES, GRID, OcpCurves
 from .parameter_sets import bake, load, pybamm
 
 
-def soc_at_voltage(cell: CellModel, voltage: float) -> float:
+def soc_at_voltage(cell: CellModel, voltage: float, temperature_k: float | None = None) -> float:
     """The state of charge at which the cell's open-circuit voltage is ``voltage``, kept within 0 to 1.
 
     Found from the electrode stoichiometry limits of the cell (PyBaMM's electrode state-of-health model) between its
-    open-circuit voltages at 0 and 100 %; only its parameter values matter.
+    open-circuit voltages at 0 and 100 %; only its parameter values matter. The voltage is that at a temperature, left
+    out at the set's initial one.
     """
     values = load(cell.parameter_set, cell.overrides)
+    if temperature_k is not None:
+        values.update({"Initial temperature [K]": temperature_k})
     lowest, highest = _limits(values)
-    if voltage <= lowest:
-        return 0.0
-    if voltage >= highest:
-        return 1.0
-    try:
-        empty, full, *_ = pybamm.lithium_ion.get_min_max_stoichiometries(values)
-        x, _ = pybamm.lithium_ion.get_initial_stoichiometries(f"{voltage} V", values)[:2]
-    except pybamm.SolverError:
-        # PyBaMM's root finder gives up where the curve is flat; on a grid the same answer is certain.
-        return min(max(InitialState(values).soc_at(voltage), 0.0), 1.0)
-    return min(max(float((x - empty) / (full - empty)), 0.0), 1.0)
+    if lowest < voltage < highest:
+        try:
+            empty, full, *_ = pybamm.lithium_ion.get_min_max_stoichiometries(values)
+            x, _ = pybamm.lithium_ion.get_initial_stoichiometries(f"{voltage} V", values)[:2]
+            return min(max(float((x - empty) / (full - empty)), 0.0), 1.0)
+        except pybamm.SolverError:
+            pass  # PyBaMM's root finder gives up where the curve is flat; on a grid the same answer is certain.
+    return min(max(InitialState(values).soc_at(voltage), 0.0), 1.0)
 
 
 def equilibrium_capacity_ah(parameter_set: ParameterSource, overrides: Mapping[str, float]) -> float:
@@ -130,19 +130,22 @@ class InitialState:
             raise ValueError(f"stoichiometries {negative:.3f} and {positive:.3f} must lie between 0 and 1")
         return _Start({"Negative": negative, "Positive": positive}, held, highest)
 
-    def soc_at(self, voltage: float, change: CellChange | None = None) -> float:
+    def soc_at(
+        self, voltage: float, change: CellChange | None = None, added: Mapping[str, FloatArray] | None = None
+    ) -> float:
         """The state of charge of a changed cell at an open-circuit voltage; beyond 0 and 1 outside its limits.
 
+        ``added`` is what effects add to the potential of an electrode on `GRID`, V; the limits are those without.
         Raises `ValueError`: as `concentrations`.
         """
         x, curve, lithium, held, _ = self._balance(change or CellChange())
         empty, full = np.interp(self._limits, curve, x)
-        if self._warming:
+        parts = [part for part in (self._warming, added) if part]
+        if parts:
             y = (lithium - held["Negative"] * x) / held["Positive"]
-            negative_v, positive_v = (
-                np.interp(at, GRID, self._warming[which]) for which, at in zip(ELECTRODES, (x, y), strict=True)
-            )
-            curve = np.maximum.accumulate(curve + positive_v - negative_v)
+            for which, at, sign in (("Negative", x, -1.0), ("Positive", y, 1.0)):
+                curve = curve + sign * sum(np.interp(at, GRID, part[which]) for part in parts if which in part)
+            curve = np.maximum.accumulate(curve)
         return float((np.interp(voltage, curve, x) - empty) / (full - empty))
 
     def _balance(

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from bsa.core.ageing.choice import kept_cycles
 from bsa.core.ageing.long_record import long_record, measured_table
+from bsa.core.ageing.summary import resistance_delay_s
 from bsa.core.errors import BsaError
 from bsa.core.trajectory import Trajectory
 
@@ -32,6 +33,14 @@ def late(cycle: Trajectory, seconds: float) -> Trajectory:
     time = cycle.time.copy()
     time[first] += seconds
     return Trajectory(time, steps=cycle.steps, signals=cycle.signals)
+
+
+def test_a_record_tells_how_long_after_the_switch_its_resistances_are_read(record: Record) -> None:
+    whole = record(fade=1e-3, rise=1e-4, count=5, kept=(1, 2, 3, 4, 5))
+    assert resistance_delay_s(long_record(whole)) == 0.0
+    assert resistance_delay_s(long_record(late(whole, 0.5))) == pytest.approx(0.5)
+    # Later ones tell no resistance.
+    assert resistance_delay_s(long_record(late(whole, 1.2))) == 0.0
 
 
 def test_a_late_sample_costs_no_charge_and_tells_no_resistance(record: Record) -> None:

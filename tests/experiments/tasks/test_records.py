@@ -221,6 +221,15 @@ def test_charge_that_drifts_over_cycles_does_not_make_a_larger_cell() -> None:
     assert twice.cell.overrides[WIDTH] == pytest.approx(1.58 * 10.0 / 5.0, rel=0.06)
 
 
+def test_a_cold_record_starts_where_the_cold_cell_shows_its_first_voltage() -> None:
+    cold = replace(record(), ambient_k=273.15)
+    task = build_task("t", "Mohtat2020", [RecordRequest(cold)], model="SPM")
+    start = task.experiments[0].initial_soc
+    values = load("Mohtat2020", task.cell.overrides)
+    values.update({"Initial temperature [K]": 273.15})
+    assert start == pytest.approx(InitialState(values).soc_at(4.1), abs=5e-4)
+
+
 def test_an_option_of_a_person_is_kept() -> None:
     assert task_of(record(), options={"contact resistance": True}).cell.options[CONTACT] == "true"
     off = task_of(record(), options={"Contact resistance": False})

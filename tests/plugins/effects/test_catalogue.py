@@ -1,4 +1,7 @@
+from types import SimpleNamespace
+
 import numpy as np
+import pybamm
 import pytest
 from bsa.core.effect import Effect, EffectParameter, Evidence
 from bsa.core.effect_choice import effects_of
@@ -117,6 +120,34 @@ def test_effects_that_contradict_each_other_are_refused():
         augmented_cell(CellModel("Chen2020"), (asks("one", "linear"), asks("other", "Marcus")))
 
 
+@pytest.mark.parametrize("parameter_set", ["Chen2020", "ORegan2022"])
+def test_clogged_pores_are_those_of_a_lower_porosity(parameter_set, monkeypatch):
+    share, seconds = 0.85, np.array([1.0, 60.0, 300.0])
+
+    def solved(change):
+        values = pybamm.ParameterValues(parameter_set)
+        change(values)
+        values.update({"Current function [A]": values["Nominal cell capacity [A.h]"]})
+        points = dict.fromkeys(("x_n", "x_s", "x_p", "r_n", "r_p"), 10)
+        simulation = pybamm.Simulation(pybamm.lithium_ion.SPMe(), parameter_values=values, var_pts=points)
+        return simulation.solve([0, 300], t_interp=seconds, initial_soc=0.9)["Voltage [V]"](seconds)
+
+    def narrow(values):
+        for domain in ("Negative electrode", "Separator", "Positive electrode"):
+            values[f"{domain} porosity"] *= share
+
+    def clog(values):
+        # After as much charge as the cell holds.
+        passed = pybamm.Scalar(values["Nominal cell capacity [A.h]"])
+        with monkeypatch.context() as patch:
+            patch.setattr(pybamm, "Variable", lambda name: passed)
+            values.update(BY_KEY["porosity-change"].physics.values(values, {"loss": -np.log(share)}))
+
+    plain, narrowed, clogged = (solved(change) for change in (lambda values: None, narrow, clog))
+    assert plain[-1] - narrowed[-1] > 5e-3
+    np.testing.assert_allclose(clogged, narrowed, atol=2e-4)
+
+
 def test_bounds_of_an_effect_must_hold_its_null():
     with pytest.raises(BsaError, match="must lie in"):
         EffectParameter("x", "", 0.0, 1.0, 2.0, 1.5)
@@ -192,6 +223,25 @@ def test_slow_material_adds_polarisation_that_relaxes_with_its_time(electrode):
     # What has 60 s is over in a rest of nine minutes; what has ten hours has hardly begun.
     assert abs(quick[rest][-1]) < 0.02 * abs(quick[discharge][-1]) + 1e-4
     assert slow[rest][-1] < 0.5 * slow[discharge][-1]
+
+
+def test_the_slow_share_and_the_rest_together_hold_the_lithium(monkeypatch):
+    share, mean, slow = 0.2, 0.5, 0.6
+    given = {"c_max": 1.0, "c_init": pybamm.Scalar(mean), "D": lambda x, t: 1.0, "U": lambda x, t: x}
+    domains = {"positive": SimpleNamespace(prim=SimpleNamespace(**given))}
+    names = (
+        "Average positive particle stoichiometry",
+        "X-averaged positive particle surface stoichiometry",
+        "Volume-averaged cell temperature [K]",
+    )
+    variables = dict(zip(names, map(pybamm.Scalar, (mean, mean, 298.15)), strict=True))
+    param = SimpleNamespace(domain_params=domains, T_ref=298.15)
+    model = SimpleNamespace(param=param, variables=variables, rhs={}, initial_conditions={})
+    monkeypatch.setattr(pybamm, "Variable", lambda name: pybamm.Scalar(slow))
+    part = BY_KEY["slow-active-material (positive electrode)"].physics
+    # A potential that is the stoichiometry: the change is that of the quick material.
+    change = float(part.voltage(model, {"share": share, "time": 3600.0}).evaluate())
+    assert share * slow + (1 - share) * (mean + change) == pytest.approx(mean, abs=1e-5)
 
 
 @pytest.mark.parametrize("kelvin", [278.15, 298.15, 318.15])

@@ -65,8 +65,7 @@ def test_search_final_score_and_equilibrium_have_the_effect_alike(task: Task) ->
     inner = np.ones(len(record), dtype=bool)
     inner[[step.start for step in record.steps]] = False  # on which side of a jump a sample lies is a convention
     assert np.max(np.abs(by_score - by_search)[inner]) < 3e-4
-    # Half a minute of charge between the samples around a switch is counted otherwise.
-    assert np.max(np.abs(at_rest - by_search)[inner]) < 1e-3
+    assert np.max(np.abs(at_rest - by_search)[inner]) < 3e-4
 
 
 def test_the_script_has_the_effect(task: Task) -> None:

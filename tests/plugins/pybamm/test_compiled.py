@@ -5,8 +5,10 @@ from bsa.core.simulation import ExperimentRun
 from bsa.core.target import CellChange, change_of, target_named
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import StepKind, Trajectory
+from bsa.plugins.effects.catalogue import EFFECTS
 from bsa.plugins.pybamm.compiled import CompiledExperiment
-from bsa.plugins.pybamm.parameter_sets import initial_value
+from bsa.plugins.pybamm.compiled_cell import added_potentials
+from bsa.plugins.pybamm.parameter_sets import initial_value, load
 from bsa.plugins.pybamm.solving import solve_reference
 
 GEOMETRY = (
@@ -147,6 +149,25 @@ def test_steps_end_and_are_held_at_the_voltage_that_an_effect_adds_to() -> None:
     assert run.trajectory is not None
     ends = [float(piece.voltage[-1]) for _, piece in run.trajectory.pieces()]
     assert ends == pytest.approx([3.3, 4.1, 4.1], abs=1e-4)
+
+
+@pytest.mark.parametrize("electrode", ["negative", "positive"])
+def test_a_start_by_voltage_is_where_the_cell_with_its_effects_shows_it(electrode: str) -> None:
+    cell = CellModel("Chen2020", "SPM", effects=(f"ocp-shape.{electrode}-electrode",))
+    nothing = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
+    experiment = Experiment("rest", nothing, (("Rest for 1 minute",),), initial_voltage=3.8)
+    shape = CellChange(effects={"ocp-shape: height [V]": 0.05, "ocp-shape: stoichiometry": 0.5})
+    run = solve_reference(cell, experiment, shape)
+    assert run.trajectory is not None
+    assert run.trajectory.voltage[0] == pytest.approx(3.8, abs=1e-4)
+
+
+@pytest.mark.parametrize("strength", ["null", "probe"])
+def test_effects_that_leave_the_potentials_add_nothing_to_them(strength: str) -> None:
+    candidate = {effect.full_name(p): getattr(p, strength) for effect in EFFECTS for p in effect.parameters}
+    for effect in EFFECTS:
+        if effect.name != "ocp-shape" and effect.physics is not None:
+            assert added_potentials(load("Chen2020"), (effect,), candidate) == {}
 
 
 def test_an_effect_on_the_measured_current_is_refused_where_steps_set_their_own() -> None:

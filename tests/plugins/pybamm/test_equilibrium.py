@@ -77,6 +77,27 @@ def test_electrodes_that_cannot_hold_the_lithium_are_a_failed_outcome() -> None:
     assert "lithium" in failure.cause
 
 
+@pytest.mark.parametrize("effects", [(), ("current-gain",)])
+def test_the_charge_at_a_switch_is_that_of_the_driven_cell(effects: tuple[str, ...]) -> None:
+    # A discharge whose first sample comes ten minutes late, once with that sample at the switch too.
+    time = np.concatenate([[0.0, 60.0], np.linspace(660.0, 3660.0, 6)])
+    late = Trajectory(time, np.where(time > 60.0, 5.0, 0.0), np.full(8, 3.7), None, _steps(2, 8))
+    time = np.insert(time, 2, 60.0)
+    prompt = Trajectory(time, np.append([0.0, 0.0], np.full(7, 5.0)), np.full(9, 3.7), None, _steps(2, 9))
+    found = []
+    for record in (late, prompt):
+        task = task_of(record, initial_soc=0.9)
+        own = replace(task, cell=replace(task.cell, effects=effects))
+        (run,) = EquilibriumCell(own).outcome(CHANGED).runs
+        assert run.trajectory is not None
+        found.append(run.trajectory.voltage)
+    assert found[0] == pytest.approx(np.delete(found[1], 2), abs=1e-6)
+
+
+def _steps(switch: int, stop: int) -> tuple[Step, ...]:
+    return Step(StepKind.REST, 0, switch), Step(StepKind.CC_DISCHARGE, switch, stop)
+
+
 def test_the_charge_is_that_of_the_current_which_an_effect_makes_of_the_measured_one() -> None:
     record = discharge(0.6)
     gained = record.changed(current=1.1 * record.current)

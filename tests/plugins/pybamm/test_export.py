@@ -159,6 +159,19 @@ def test_lithium_of_a_cell_that_starts_where_its_set_does_is_in_the_script():
     assert made["simulate"]()["Voltage [V]"].entries[-1] == pytest.approx(wanted.voltage[-1], abs=1e-4)
 
 
+@pytest.mark.parametrize("effects", [("ocp-shape.positive-electrode",), ()])
+def test_a_start_by_voltage_is_that_of_the_final_score(effects):
+    shape = {"ocp-shape: height [V]": 0.05, "ocp-shape: stoichiometry": 0.5} if effects else {}
+    cell = CellModel("Mohtat2020", "SPM", {"thermal": "lumped"}, effects=effects)
+    cold = Experiment("cold", NOTHING, (("Rest for 1 second",),), temperature_k=298.15, initial_voltage=3.8)
+    cold = replace(cold, initial_temperature_k=273.15)
+    made = namespace_of(script(task_of(cell, cold, RADIUS), {RADIUS: 5e-6, **shape}, effects_in(cell)), "script")
+    start = made["simulate"](0)["Voltage [V]"].entries[0]
+    score = solve_reference(cell, cold, CellChange({RADIUS: 5e-6}, effects=shape)).trajectory
+    assert start == pytest.approx(3.8, abs=1e-3)
+    assert start == pytest.approx(score.voltage[0], abs=1e-4)
+
+
 def test_what_an_effect_adds_to_the_voltage_is_in_the_scripts_cut_offs_and_impedance():
     cell = CellModel("Chen2020", "SPM", effects=("ocp-hysteresis",))
     candidate = {"ocp-hysteresis: half_gap [V]": 0.05, "ocp-hysteresis: decay": 20.0}

@@ -7,7 +7,7 @@ import pybamm
 import pytest
 from bsa.core.target import CellChange, Value
 from bsa.core.task import CellModel, Experiment
-from bsa.core.trajectory import Trajectory
+from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.pybamm.cycle_jumps import TOLERANCE
 from bsa.plugins.pybamm.long_experiment import LongExperiment
 from bsa.plugins.pybamm.resolution import SEARCH
@@ -130,6 +130,28 @@ def test_what_was_lost_is_told_for_every_cycle() -> None:
     assert table is not None
     assert np.all(np.diff(table.lithium_lost_pct) > 0)
     np.testing.assert_allclose(table.negative_material_lost_pct, 0.0, atol=1e-9)
+
+
+def test_a_resistance_is_read_as_long_after_the_switch_as_the_measured_one() -> None:
+    cell = CellModel("Mohtat2020", "SPM")
+    kinds = (Step(StepKind.REST, 0, 2), Step(StepKind.CC_DISCHARGE, 2, 4))
+    current = np.array([0.0, 0.0, 5.0, 5.0])
+    prompt, late = (
+        Trajectory(np.array([0.0, 300.0, first, 900.0]), current, np.full(4, 3.9), None, kinds)
+        for first in (300.0, 301.0)
+    )
+    experiment = replace(life(3, (1, 3)), initial_soc=0.5)
+    runs = [LongExperiment(cell, replace(experiment, target=one), {}).solve({}) for one in (prompt, late)]
+    assert all(run.trajectory is not None and run.trajectory.cycle_table is not None for run in runs)
+    (at_switch, later), tables = [run.trajectory for run in runs], [run.trajectory.cycle_table for run in runs]
+    # Else both are the same.
+    np.testing.assert_array_equal(later.voltage, at_switch.voltage)
+    np.testing.assert_array_equal(tables[1].capacity_ah, tables[0].capacity_ah)
+    short = replace(experiment, target=prompt, protocol=((*CYCLE[:3], "Discharge at 1C for 1 second"),))
+    second = LongExperiment(cell, replace(short, detailed_cycles=(1,)), {}).solve({}).trajectory
+    drop = second.voltage[second.steps[-1].start - 1] - second.voltage[-1]
+    assert tables[1].resistance_ohm[0] == pytest.approx(drop / second.current[-1], rel=1e-3)
+    assert tables[1].resistance_ohm[0] > 1.03 * tables[0].resistance_ohm[0]
 
 
 def test_a_hold_that_ends_at_a_current_leads_on_to_the_next_step() -> None:

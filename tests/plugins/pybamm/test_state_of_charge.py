@@ -54,6 +54,17 @@ def test_a_cold_cell_starts_at_the_voltage_as_pybamm_has_it(name: str) -> None:
     assert abs(InitialState(load(name)).soc_at(3.8) - InitialState(values).soc_at(3.8)) > 5e-3
 
 
+@pytest.mark.parametrize("voltage", [3.8, 4.2])
+def test_a_voltage_is_that_at_a_temperature(voltage: float) -> None:
+    cell = CellModel("Mohtat2020", "SPM")
+    values = load("Mohtat2020")
+    values.update({"Initial temperature [K]": 273.15})
+    cold = soc_at_voltage(cell, voltage, 273.15)
+    assert cold == pytest.approx(InitialState(values).soc_at(voltage), abs=5e-4)
+    assert soc_at_voltage(cell, voltage, 298.15) == soc_at_voltage(cell, voltage)
+    assert soc_at_voltage(cell, voltage) - cold > 5e-3
+
+
 def test_a_cut_off_that_is_moved_moves_no_state_of_charge() -> None:
     usual = soc_at_voltage(CellModel("Ai2020", "SPM"), 4.15)
     for upper in (4.1, 4.35):
