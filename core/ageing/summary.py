@@ -43,7 +43,10 @@ def resistance_ohm(record: Trajectory, first_v: float = float("nan")) -> float:
 
 
 def resistance_delay_s(record: Trajectory) -> float:
-    """How long after the switch a measured record reads its resistances, s: the median of its cycles; 0 without any."""
+    """How long after the switch a measured record reads its resistances, s: the median of its cycles; 0 without any.
+
+    Of a record with a cycle table only the cycles count whose curves are kept.
+    """
     cycles = [record.cycle(number) for number in record.cycles]
     switches = [(cycle, _first_switch(cycle)[1]) for cycle in cycles]
     delays = [cycle.time[places[1]] - cycle.time[places[0]] for cycle, places in switches if places is not None]

@@ -24,6 +24,7 @@ from bsa.experiments.report.page import render
 from bsa.experiments.run_record import read_run
 from bsa_toy_cell import toy_scaffold
 from bsa_toy_life import FadingLives, fading_task
+from scipy.stats import t as student
 
 from ..conftest import RunToy
 
@@ -168,7 +169,7 @@ def test_a_forecast_goes_on_in_the_middle_of_its_band(tmp_path: Path) -> None:
     assert second.exact == 0
     assert (first.made, second.made) == (2, 1)  # the fit's life and one for each draw
     assert found.fade is not None
-    assert found.fade.half_ah[-1] == pytest.approx(1.96 * 0.01, rel=1e-6)
+    assert found.fade.half_ah[-1] == pytest.approx(float(student.ppf(0.975, 2)) * 0.01, rel=1e-6)
 
 
 def test_a_life_is_simulated_once_with_reference_accuracy(tmp_path: Path) -> None:
