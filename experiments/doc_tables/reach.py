@@ -62,8 +62,9 @@ def _blind(results: Results) -> str:
         f"* On {len(cases)} cases of two fresh seeds, which draw the hidden effect, its strength, the cell and the "
         f"tests, each run once: the verdict is right in {grades['right']}, several names with the hidden one among "
         f"them are given in {grades['ambiguous']}, one of two effects is named in {grades['partial']}, none in "
-        f"{grades['declined']}, and a **wrong one in {grades['wrong']}** ({exact_interval(grades['wrong'], len(cases))}): a name is a "
-        "lead to be tested. Case by case: [docs/discovery-results.md](docs/discovery-results.md)."
+        f"{grades['declined']}, and a **wrong one in {grades['wrong']}** "
+        f"({exact_interval(grades['wrong'], len(cases))}): a name is a lead to be tested. Case by case: "
+        "[docs/discovery-results.md](docs/discovery-results.md)."
     )
 
 
