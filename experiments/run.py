@@ -155,8 +155,9 @@ def _open_chapter(
     check_calibration(first, journal.path)
     known = with_budget(first.get("config", {}), earlier)
     same = {**known, **_budgets(config)} == dumped and first.get("task") == json.loads(json.dumps(encoded))
-    if not same or (known != dumped and not rebudgeted):
-        allowed = " ".join(f"--{key} {value}" for key, value in _budgets(config).items() if known.get(key) != value)
+    given = {key: value for key, value in _budgets(config).items() if value != known.get(key)}
+    if not same or (given and not rebudgeted):
+        allowed = " ".join(f"--{key} {value}" for key, value in given.items())
         go_on = f"bsa run --resume {shlex.quote(str(journal.path.parent))}"
         raise BsaError(
             f"{journal.path} belongs to another task or configuration.",
@@ -164,19 +165,18 @@ def _open_chapter(
             if not same
             else f"choose another --out folder, or go on with that run: {go_on} {allowed}",
         )
-    if known != dumped:
+    if given:
         _check_budget(journal.path, earlier, known, config)
     began = first.get("versions", {})
     changed = [f"{name} {began.get(name)} -> {now[name]}" for name in now if began.get(name) != now[name]]
     if changed:
         journal.warnings.append(f"Resumed with other versions than the run began with: {', '.join(changed)}.")
     journal.append("resumed", versions=now)
-    if known != dumped:
+    if given:
         event = {**_budgets(config), "proposals": begun_rounds(earlier)}
         journal.append(BUDGET, **event)
         earlier.append({"event": BUDGET, **event})
-        rises = [(key, value) for key, value in _budgets(config).items() if value != known.get(key)]
-        words = "; ".join(f"{value} {key} in all, before {known.get(key)}" for key, value in rises)
+        words = "; ".join(f"{value} {key} in all, before {known.get(key)}" for key, value in given.items())
         journal.append("note", text=f"The run was taken up again with another budget: {words}.")
         journal.warnings.append(f"The run goes on with another budget: {words}.")
 

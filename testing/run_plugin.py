@@ -69,7 +69,7 @@ class RunPluginConformance(EntryConformance):
         self, scaffold: Scaffold, task: Task, folder: Path, notes: list[str], backend: Backend | None = None
     ) -> RunPlugins:
         """Fresh plugins."""
-        context = RunContext(task, 1, folder, backend or installed().make("backend", "rules", {}))
+        context = RunContext(task, 1, folder, backend or _rules())
         return RunPlugins(scaffold, context, installed(), notes.append)
 
     def run(
@@ -84,8 +84,7 @@ class RunPluginConformance(EntryConformance):
         from ..experiments.run import execute_run
 
         config = RunConfig(scaffold=scaffold, simulations=simulations, warm_up=WARM_UP, rounds=ROUNDS)
-        model = backend or installed().make("backend", "rules", {})
-        return execute_run(task, config, folder, model, report=False, rebudgeted=True)
+        return execute_run(task, config, folder, backend or _rules(), report=False, rebudgeted=True)
 
     def test_a_run_keeps_to_its_budget(self, scaffold: Scaffold, task: Task, tmp_path: Path) -> None:
         """A run with the plugin ends, simulates no more than it may, and leaves nothing of its answers out."""
@@ -117,6 +116,11 @@ class RunPluginConformance(EntryConformance):
         assert len(more.trials) <= SIMULATIONS
         assert [trial.candidate for trial in more.trials][: len(few.trials)] == [t.candidate for t in few.trials]
         assert [trial.candidate for trial in again.trials] == [trial.candidate for trial in more.trials]
+
+
+def _rules() -> Backend:
+    model: Backend = installed().make("backend", "rules", {})
+    return model
 
 
 def _disturb_global_generators(seed: int) -> None:

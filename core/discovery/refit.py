@@ -68,8 +68,7 @@ class Refit:
     @property
     def effective_parameters(self) -> float:
         """Degrees of freedom that the fit has taken: a parameter that its prior holds takes less than one."""
-        information = self.jacobian.T @ self.jacobian
-        prior = np.diag(self.space.prior_weights**2 + 1e-10)
+        information, prior = self._curvatures
         return float(np.trace(np.linalg.solve(information + prior, information)))
 
     def covariance(self, inflation: float = 1.0, systematic: FloatArray | None = None) -> FloatArray:
@@ -78,12 +77,17 @@ class Refit:
         ``inflation`` multiplies the data's variances; ``systematic`` are errors of the residual that do not average
         out, in standard deviations, independent of one another, shape (n, k): each moves the coordinates.
         """
-        information, prior = self.jacobian.T @ self.jacobian, np.diag(self.space.prior_weights**2 + 1e-10)
+        information, prior = self._curvatures
         covariance = np.linalg.inv(information / inflation + prior)
         if systematic is not None:
             moved = np.linalg.solve(information + prior, self.jacobian.T @ systematic)
             covariance = covariance + moved @ moved.T
         return np.asarray(covariance)
+
+    @property
+    def _curvatures(self) -> tuple[FloatArray, FloatArray]:
+        """What the data and what the priors tell of the coordinates, as inverse covariances, each of shape (p, p)."""
+        return self.jacobian.T @ self.jacobian, np.diag(self.space.prior_weights**2 + 1e-10)
 
 
 def refit(
