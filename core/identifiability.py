@@ -98,6 +98,11 @@ class Identifiability:
         """The parameters of which the records say next to nothing."""
         return tuple(name for name, interval in self.intervals.items() if interval.verdict == "open")
 
+    @property
+    def apart(self) -> tuple[str, ...]:
+        """The parameters whose fitted values lie outside their intervals: others follow the records clearly better."""
+        return tuple(name for name, one in self.intervals.items() if not one.lower <= one.value <= one.upper)
+
     def as_json(self) -> dict[str, Any]:
         """Plain dicts, lists, strings and numbers."""
         content = asdict(self)
@@ -202,22 +207,28 @@ def identify(
     )
 
 
-def with_sample(found: Identifiability, draws: FloatArray, space: ParameterSpace) -> Identifiability:
+def with_sample(
+    found: Identifiability, draws: FloatArray, space: ParameterSpace, holds_fit: bool = True
+) -> Identifiability:
     """The same with intervals and covariance of a sample of the posterior.
 
     Parameters
     ----------
     draws : ndarray of shape (n, p)
         In the unit box.
+    holds_fit : bool, optional
+        Whether the fit is as likely as draws are. Every interval then contains the fitted value.
     """
-    ends = np.quantile(draws, [0.5 - _CONFIDENCE / 2, 0.5 + _CONFIDENCE / 2], axis=0)
     intervals = {}
-    for parameter, lower, upper in zip(space, *ends.tolist(), strict=True):
+    for parameter, column in zip(space, draws.T, strict=True):
+        value = found.intervals[parameter.name].value
+        lower, upper = _ends(column, parameter.to_unit(value) if holds_fit else None)
         half = 0.5 * (upper - lower)
+        ends = [parameter.from_unit(lower), parameter.from_unit(upper), *[value] * holds_fit]
         intervals[parameter.name] = Interval(
-            value=found.intervals[parameter.name].value,
-            lower=parameter.from_unit(lower),
-            upper=parameter.from_unit(upper),
+            value=value,
+            lower=min(ends),
+            upper=max(ends),
             share_of_range=half,
             verdict=_verdict(half),
         )
@@ -229,6 +240,20 @@ def with_sample(found: Identifiability, draws: FloatArray, space: ParameterSpace
         covariance=tuple(tuple(row) for row in covariance.tolist()),
         draws=tuple(tuple(row) for row in draws[some].tolist()),
     )
+
+
+def _ends(draws: FloatArray, fitted: float | None) -> tuple[float, float]:
+    """Ends that 95 % of the draws lie between: as many on either side, or so many that they hold a fitted value.
+
+    Where a fit ends at a bound, or in a corner of a valley, fewer than a fortieth of the draws lie beyond it, and an
+    interval with equal tails would leave it out however good the fit is.
+    """
+    tail = 0.5 - _CONFIDENCE / 2
+    if fitted is not None:
+        below, above = float(np.mean(draws < fitted)), float(np.mean(draws > fitted))
+        tail = min(max(tail, 1.0 - _CONFIDENCE - above), below)
+    lower, upper = np.quantile(draws, [tail, min(tail + _CONFIDENCE, 1.0)]).tolist()
+    return (lower, upper) if fitted is None else (min(lower, fitted), max(upper, fitted))
 
 
 def not_narrower(found: Identifiability, other: Identifiability, space: ParameterSpace) -> Identifiability:

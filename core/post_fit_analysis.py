@@ -225,7 +225,7 @@ def analyse(
     sampled, noise = _posterior(task, trials, best, looked, jacobian, errors, prior, plugins, spent)
     informed = prior.jacobian(jacobian, noise)
     straight = identify(informed, residual, task.space, best.candidate, noise)
-    found = with_sample(straight, sampled.draws, task.space)
+    found = with_sample(straight, sampled.draws, task.space, sampled.holds_best)
     if sampled.widened > 1.0:
         # A sample that was cut short may not have seen the ends of a valley.
         found = not_narrower(found, straight, task.space)

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 from bsa.core.forecast import what_to_measure_next
-from bsa.core.identifiability import Identifiability, identify, not_narrower, residual_noise, unsettled
+from bsa.core.identifiability import Identifiability, identify, not_narrower, residual_noise, unsettled, with_sample
 from bsa.core.least_squares import LeastSquares, solve
 from bsa.core.parameters import Candidate, Parameter, ParameterSpace
 from scipy.optimize import lsq_linear
@@ -72,6 +72,34 @@ def test_the_floor_keeps_a_noiseless_record_from_claiming_perfection() -> None:
     assert sharp.intervals["porosity"].share_of_range == pytest.approx(0.0)
     assert honest.intervals["porosity"].share_of_range > 0.05
     assert residual_noise(np.zeros(4), 1, floor=0.2) == 0.2
+
+
+def at_a_bound(value: float, draws: np.ndarray, holds_fit: bool) -> Identifiability:
+    only = ParameterSpace((Parameter("a", 1.0, 1.0, 3.0),))
+    found = identify(np.ones((9, 1)), np.zeros(9), only, {"a": value}, 1.0)
+    return with_sample(found, draws[:, None], only, holds_fit)
+
+
+def test_a_fit_at_a_bound_is_inside_an_interval_of_the_same_probability() -> None:
+    draws = np.abs(np.random.default_rng(0).normal(0.0, 0.1, 4000))
+    found = at_a_bound(1.0, draws, True)
+    one = found.intervals["a"]
+    assert found.apart == ()
+    assert one.lower == 1.0
+    assert np.mean(1.0 + 2.0 * draws <= one.upper) == pytest.approx(0.95, abs=1e-3)
+    # An interval with equal tails is no narrower, and leaves the likeliest value out.
+    tails = at_a_bound(1.0, draws, False)
+    assert tails.apart == ("a",)
+    assert tails.intervals["a"].share_of_range > one.share_of_range
+    # About a fit amid the draws both are the same.
+    assert at_a_bound(1.2, draws, True).intervals == at_a_bound(1.2, draws, False).intervals
+
+
+def test_an_interval_is_not_stretched_to_a_fit_that_is_less_likely_than_the_draws() -> None:
+    draws = np.random.default_rng(0).normal(0.5, 0.01, 4000)
+    found = at_a_bound(2.5, draws, False)
+    assert found.apart == ("a",)
+    assert found.intervals["a"].share_of_range < 0.021
 
 
 def test_intervals_of_two_analyses_are_taken_together() -> None:
