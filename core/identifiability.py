@@ -158,7 +158,8 @@ def effective_noise(residual: FloatArray, parameters: int, floor: float) -> floa
 
     Neighbouring residuals of a model that is not quite right are alike, and ten alike ones say no more than
     one: their correlation rho widens the standard deviation by ``sqrt((1 + rho) / (1 - rho))``, as that of
-    the mean of a first-order autoregressive series.
+    the mean of a first-order autoregressive series. The fit has taken off what parameters follow, so that residuals
+    are less alike than errors were: of m errors by ``(p + (p + 2) rho) / m`` on average, for p smooth responses.
 
     Parameters
     ----------
@@ -169,9 +170,12 @@ def effective_noise(residual: FloatArray, parameters: int, floor: float) -> floa
 
     References
     ----------
-    Bartlett, J. R. Stat. Soc. 98 (1935) 536. Zieba & Ramza, Metrol. Meas. Syst. 18 (2011) 529.
+    Bartlett, J. R. Stat. Soc. 98 (1935) 536. Zieba & Ramza, Metrol. Meas. Syst. 18 (2011) 529. Kendall, Biometrika 41
+    (1954) 403 (the bias, of a mean and of a trend).
     """
-    alike = min(max(neighbour_correlation(residual), 0.0), _MOST_ALIKE)
+    seen = neighbour_correlation(residual)
+    alike = (len(residual) * seen + parameters) / max(len(residual) - parameters - 2, 1) if seen > 0.0 else 0.0
+    alike = min(alike, _MOST_ALIKE)
     return max(residual_noise(residual, parameters) * float(np.sqrt((1 + alike) / (1 - alike))), floor)
 
 
