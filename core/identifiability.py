@@ -64,7 +64,8 @@ class Combination:
     """A direction of the unit box that the records see as one thing."""
 
     weights: Mapping[str, float]  # The parameters that take part, with sign, the largest first.
-    singular_value: float  # Change of the residuals, in tolerances, per unit of the box along it.
+    # Change of the residuals, in tolerances and weighed by their deviations, per unit of the box along it.
+    singular_value: float
     share_of_range: float  # Half the width of its 95 % interval.
     verdict: Verdict  # As for a parameter.
 
