@@ -64,7 +64,8 @@ def _doubt(analysis: PostFitAnalysis) -> str:
     if apart := analysis.identifiability.apart:
         return (
             f"The fit stopped short of the likeliest values, about which the intervals lie: {named(apart)} "
-            f"{'is' if len(apart) == 1 else 'are'} outside. More simulations may come nearer."
+            f"{'is' if len(apart) == 1 else 'are'} outside. More simulations, or a run that begins elsewhere, may come "
+            "nearer."
         )
     if analysis.widened > 1.0:
         return "The analysis stopped before its sample converged, so intervals are wider than the record's."
