@@ -64,7 +64,8 @@ class Combination:
     """A direction of the unit box that the records see as one thing."""
 
     weights: Mapping[str, float]  # The parameters that take part, with sign, the largest first.
-    singular_value: float  # Change of the residuals, in tolerances, per unit of the box along it.
+    # Change of the residuals, in tolerances and weighed by their deviations, per unit of the box along it.
+    singular_value: float
     share_of_range: float  # Half the width of its 95 % interval.
     verdict: Verdict  # As for a parameter.
 
@@ -97,6 +98,11 @@ class Identifiability:
     def open(self) -> tuple[str, ...]:
         """The parameters of which the records say next to nothing."""
         return tuple(name for name, interval in self.intervals.items() if interval.verdict == "open")
+
+    @property
+    def apart(self) -> tuple[str, ...]:
+        """The parameters whose fitted values lie outside their intervals: others follow the records clearly better."""
+        return tuple(name for name, one in self.intervals.items() if not one.lower <= one.value <= one.upper)
 
     def as_json(self) -> dict[str, Any]:
         """Plain dicts, lists, strings and numbers."""
@@ -153,7 +159,8 @@ def effective_noise(residual: FloatArray, parameters: int, floor: float) -> floa
 
     Neighbouring residuals of a model that is not quite right are alike, and ten alike ones say no more than
     one: their correlation rho widens the standard deviation by ``sqrt((1 + rho) / (1 - rho))``, as that of
-    the mean of a first-order autoregressive series.
+    the mean of a first-order autoregressive series. The fit has taken off what parameters follow, so that residuals
+    are less alike than errors were: of m errors by ``(p + (p + 2) rho) / m`` on average, for p smooth responses.
 
     Parameters
     ----------
@@ -164,9 +171,12 @@ def effective_noise(residual: FloatArray, parameters: int, floor: float) -> floa
 
     References
     ----------
-    Bartlett, J. R. Stat. Soc. 98 (1935) 536. Zieba & Ramza, Metrol. Meas. Syst. 18 (2011) 529.
+    Bartlett, J. R. Stat. Soc. 98 (1935) 536. Zieba & Ramza, Metrol. Meas. Syst. 18 (2011) 529. Kendall, Biometrika 41
+    (1954) 403 (the bias, of a mean and of a trend).
     """
-    alike = min(max(neighbour_correlation(residual), 0.0), _MOST_ALIKE)
+    seen = neighbour_correlation(residual)
+    alike = (len(residual) * seen + parameters) / max(len(residual) - parameters - 2, 1) if seen > 0.0 else 0.0
+    alike = min(alike, _MOST_ALIKE)
     return max(residual_noise(residual, parameters) * float(np.sqrt((1 + alike) / (1 - alike))), floor)
 
 
@@ -202,22 +212,28 @@ def identify(
     )
 
 
-def with_sample(found: Identifiability, draws: FloatArray, space: ParameterSpace) -> Identifiability:
+def with_sample(
+    found: Identifiability, draws: FloatArray, space: ParameterSpace, holds_fit: bool = True
+) -> Identifiability:
     """The same with intervals and covariance of a sample of the posterior.
 
     Parameters
     ----------
     draws : ndarray of shape (n, p)
         In the unit box.
+    holds_fit : bool, optional
+        Whether the fit is as likely as draws are. Every interval then contains the fitted value.
     """
-    ends = np.quantile(draws, [0.5 - _CONFIDENCE / 2, 0.5 + _CONFIDENCE / 2], axis=0)
     intervals = {}
-    for parameter, lower, upper in zip(space, *ends.tolist(), strict=True):
+    for parameter, column in zip(space, draws.T, strict=True):
+        value = found.intervals[parameter.name].value
+        lower, upper = _ends(column, parameter.to_unit(value) if holds_fit else None)
         half = 0.5 * (upper - lower)
+        ends = [parameter.from_unit(lower), parameter.from_unit(upper), *[value] * holds_fit]
         intervals[parameter.name] = Interval(
-            value=found.intervals[parameter.name].value,
-            lower=parameter.from_unit(lower),
-            upper=parameter.from_unit(upper),
+            value=value,
+            lower=min(ends),
+            upper=max(ends),
             share_of_range=half,
             verdict=_verdict(half),
         )
@@ -229,6 +245,20 @@ def with_sample(found: Identifiability, draws: FloatArray, space: ParameterSpace
         covariance=tuple(tuple(row) for row in covariance.tolist()),
         draws=tuple(tuple(row) for row in draws[some].tolist()),
     )
+
+
+def _ends(draws: FloatArray, fitted: float | None) -> tuple[float, float]:
+    """Ends that 95 % of the draws lie between: as many on either side, or so many that they hold a fitted value.
+
+    Where a fit ends at a bound, or in a corner of a valley, fewer than a fortieth of the draws lie beyond it, and an
+    interval with equal tails would leave it out however good the fit is.
+    """
+    tail = 0.5 - _CONFIDENCE / 2
+    if fitted is not None:
+        below, above = float(np.mean(draws < fitted)), float(np.mean(draws > fitted))
+        tail = min(max(tail, 1.0 - _CONFIDENCE - above), below)
+    lower, upper = np.quantile(draws, [tail, min(tail + _CONFIDENCE, 1.0)]).tolist()
+    return (lower, upper) if fitted is None else (min(lower, fitted), max(upper, fitted))
 
 
 def not_narrower(found: Identifiability, other: Identifiability, space: ParameterSpace) -> Identifiability:

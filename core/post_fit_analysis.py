@@ -222,16 +222,19 @@ def analyse(
     errors = _errors(task, best, plugins, spent)
     residual = best.residuals + errors.shift
     prior, centre = Prior.of(task.space, priors), task.space.to_unit(best.candidate)
-    sampled, noise = _posterior(task, trials, best, looked, jacobian, errors, prior, plugins, spent)
-    informed = prior.jacobian(jacobian, noise)
-    straight = identify(informed, residual, task.space, best.candidate, noise)
-    found = with_sample(straight, sampled.draws, task.space)
+    sampled = _posterior(task, trials, best, looked, jacobian, errors, prior, plugins, spent)
+    # In tolerances still, and each as much as its deviation allows.
+    overall = rms(errors.deviation)
+    weights, noise = overall / errors.deviation, sampled.excess * overall
+    informed, weighed = prior.jacobian(weights[:, None] * jacobian, noise), weights * residual
+    straight = identify(informed, weighed, task.space, best.candidate, noise)
+    found = with_sample(straight, sampled.draws, task.space, sampled.holds_best)
     if sampled.widened > 1.0:
         # A sample that was cut short may not have seen the ends of a valley.
         found = not_narrower(found, straight, task.space)
     suggestions, forgone = _suggestions(task, best, informed, noise, plugins, spent)
     worst = max(found.intervals, key=lambda name: found.intervals[name].share_of_range)
-    moving = unsettled(informed, prior.residuals(residual, centre, noise), noise, task.space.names, centre)
+    moving = unsettled(informed, prior.residuals(weighed, centre, noise), noise, task.space.names, centre)
     fade = _fade_bands(task, residual, jacobian, found.covariance)
     return PostFitAnalysis(
         best.index,
@@ -313,12 +316,11 @@ def _posterior(
     prior: Prior,
     plugins: Simulating,
     spent: _Spent,
-) -> tuple[SimulatedPosterior, float]:
-    """A sample of the posterior in the unit box, and the noise that it stands on, in tolerances."""
+) -> SimulatedPosterior:
+    """A sample of the posterior in the unit box."""
     assert best.residuals is not None
     space = task.space
     slopes = jacobian / errors.deviation[:, None]
-    overall = float(np.sqrt(np.mean(errors.deviation**2)))
 
     def simulate(points: FloatArray) -> list[FloatArray | None]:
         candidates = [space.from_unit(point) for point in points]
@@ -327,7 +329,7 @@ def _posterior(
 
     known = [(space.to_unit(trial.candidate), trial.residuals) for trial in trials if trial.residuals is not None]
     known = [(space.to_unit(best.candidate), best.residuals), *known, *looked]
-    sampled = simulated_posterior(
+    return simulated_posterior(
         [point for point, _ in known],
         [errors.whitened(residual) for _, residual in known],
         slopes,
@@ -336,7 +338,6 @@ def _posterior(
         most=spent.left,
         **(_OF_A_LIFE if task.long else {}),
     )
-    return sampled, sampled.excess * overall
 
 
 def _jacobian(

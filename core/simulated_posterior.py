@@ -48,6 +48,9 @@ _MOST = 400
 
 _SAME = 1e-12
 
+_LIKELIER = 0.95
+"""Share of the draws that are likelier than the least likely point of the region that holds 95 %."""
+
 
 @dataclass(frozen=True, eq=False)
 class Errors:
@@ -72,6 +75,8 @@ class SimulatedPosterior:
 
     draws: FloatArray  # In the unit box. Shape (n, p).
     excess: float  # By what factor residuals are larger than their deviations.
+    # Whether the best simulation before the sample is one of its likelier 95 %: else others come clearly nearer.
+    holds_best: bool = True
     # By what factor the sample was widened since simulations ended before draws came out as predicted; 1 if they did.
     widened: float = 1.0
 
@@ -141,12 +146,15 @@ def simulated_posterior(
             off, typical = (float(np.quantile(missed, share)) / excess**2 for share in (0.9, 0.5))
             seen, found = np.vstack([seen, wanted[done]]), np.vstack([found, made])
     widened = 1.0
+    assert emulator is not None
     if affordable < at_once and off >= _SETTLED:
-        assert emulator is not None
         # The cost of draws is about the number of parameters: an error as large doubles the variance.
         widened = float(np.sqrt(1.0 + typical / seen.shape[1]))
         costs = _posterior_cost(emulator, widened * excess, prior)
-    return SimulatedPosterior(prior.unit(sample(costs, going_on(draws, costs), MOVES)), excess, widened)
+    draws = prior.unit(sample(costs, going_on(draws, costs), MOVES))
+    unlikely = _unlikeliness(emulator, widened * excess, prior, np.vstack([seen[:1], draws]))
+    holds_best = bool(unlikely[0] <= np.quantile(unlikely[1:], _LIKELIER))
+    return SimulatedPosterior(draws, excess, holds_best, widened)
 
 
 def _reduced(residuals: FloatArray, scale: float) -> FloatArray:
@@ -163,6 +171,12 @@ def _posterior_cost(emulator: Emulator, excess: float, prior: Prior) -> Callable
         return np.asarray(likelihood(places) + np.sum(points**2, axis=1))
 
     return cost
+
+
+def _unlikeliness(emulator: Emulator, excess: float, prior: Prior, points: FloatArray) -> FloatArray:
+    """Twice the negative logarithm of the posterior at points of the unit box, shape (k, p)."""
+    likelihood = emulator.cost_function(excess**2)(prior.as_wide_as_the_box(points))
+    return np.asarray(likelihood + np.sum(prior.deviations(points) ** 2, axis=1))
 
 
 def _wanted(emulator: Emulator, draws: FloatArray, count: int, prior: Prior, rng: np.random.Generator) -> FloatArray:

@@ -14,6 +14,9 @@ FALSE_ALARM = 0.01
 
 _BLOCK = 4
 
+_LONE = 3.0
+"""Deviations that a reading which stands alone counts for at most."""
+
 
 @dataclass(frozen=True)
 class Adequacy:
@@ -33,34 +36,60 @@ class Adequacy:
         return min(self.p_size, self.p_structure) > false_alarm / 2
 
 
-def judge(weighted: Sequence[FloatArray], groups: Sequence[NDArray[np.intp]], fitted: float) -> Adequacy:
+def judge(
+    weighted: Sequence[FloatArray],
+    groups: Sequence[NDArray[np.intp]],
+    fitted: float,
+    noise_freedom: float = np.inf,
+) -> Adequacy:
     """Test residuals of several records, in standard deviations; with the step of each residual.
 
-    Size: the sum of squares against chi-squared. Structure: means of blocks of neighbours within a step, scaled to
-    unit variance, whose sum of squares noise alone makes chi-squared too; four neighbours that agree on half a
-    standard deviation each pass the first test and fail this one. Both lose the degrees of freedom of the
+    Size: the mean of squares against the F distribution, since the deviations are estimates of ``noise_freedom``
+    degrees of freedom (chi-squared where they are known). Structure: means of blocks of neighbours within a step,
+    scaled to unit variance, whose squares noise alone makes as large; four neighbours that agree on half a
+    standard deviation each pass the first test and fail this one. Both count a reading that stands alone for little
+    (`_without_lone`): noise with long tails is no physics. Both lose the degrees of freedom of the
     ``fitted`` parameters, of which those that priors hold count for less (`Refit.effective_parameters`). The
-    deviations contain the floor below which differences are not physics, which lowers the rate of false alarms; the
-    noise in them counts as known, which raises it.
+    deviations contain the floor below which differences are not physics, which lowers the rate of false alarms.
     """
     flat = np.concatenate(list(weighted))
-    total = float(flat @ flat)
+    tamed = [_without_lone(residual, group) for residual, group in zip(weighted, groups, strict=True)]
     freedom = max(len(flat) - fitted, 1)
     blocks: list[float] = []
     products: list[float] = []
-    for residual, group in zip(weighted, groups, strict=True):
+    for residual, near, group in zip(weighted, tamed, groups, strict=True):
         for number in np.unique(group):
-            part = residual[group == number]
+            part, kept = residual[group == number], near[group == number]
             if len(part) > 1:
                 products += list(part[1:] * part[:-1])
-            for start in range(0, len(part), _BLOCK):
-                block = part[start : start + _BLOCK]
+            for start in range(0, len(kept), _BLOCK):
+                block = kept[start : start + _BLOCK]
                 blocks.append(float(np.sum(block) / np.sqrt(len(block))))
     squares = float(np.sum(np.square(blocks)))
     block_freedom = max(len(blocks) - fitted, 1)
-    correlation = float(np.clip(np.mean(products) / max(total / len(flat), 1e-12), 0.0, 0.95)) if products else 0.0
+    power = max(float(flat @ flat) / len(flat), 1e-12)
+    correlation = float(np.clip(np.mean(products) / power, 0.0, 0.95)) if products else 0.0
     return Adequacy(
-        float(stats.chi2.sf(total, freedom)),
-        float(stats.chi2.sf(squares, block_freedom)),
+        _exceeded(float(sum(near @ near for near in tamed)), freedom, noise_freedom),
+        _exceeded(squares, block_freedom, noise_freedom),
         (1 + correlation) / (1 - correlation),
     )
+
+
+def _without_lone(residual: FloatArray, group: NDArray[np.intp]) -> FloatArray:
+    """Residuals in which one that is farther off than both its neighbours in a step is as far as the farther of them.
+
+    What a model lacks shows in neighbours too. At the ends of a step it may not: they stay.
+    """
+    size, beside = np.abs(residual), np.full(len(residual), np.inf)
+    inner = (group[1:-1] == group[:-2]) & (group[1:-1] == group[2:])
+    beside[1:-1][inner] = np.maximum(size[:-2], size[2:])[inner]
+    limit = np.maximum(beside, _LONE)
+    return np.clip(residual, -limit, limit)
+
+
+def _exceeded(squares: float, freedom: float, noise_freedom: float) -> float:
+    """Probability that noise leaves a sum of squares so large, in units of a variance that is itself an estimate."""
+    if np.isinf(noise_freedom):
+        return float(stats.chi2.sf(squares, freedom))
+    return float(stats.f.sf(squares / freedom, freedom, noise_freedom))

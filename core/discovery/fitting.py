@@ -18,6 +18,7 @@ from .adequacy import judge
 from .explanation import Explanation, estimates_of, temperature_misfit
 from .findings import Listener, Settings
 from .first_cycles import first_cycle, longer, near_cycles
+from .observations import freedom_of_deviations, subset
 from .problem import Problem
 from .refit import Refit, Residuals, refit, slopes_at
 from .rules import RULES, bic_difference
@@ -378,6 +379,7 @@ class Fitter:
             [part / sigma for part, sigma in zip(parts, sigmas, strict=True)],
             [observed.step[mask] for observed, _, mask in masks],
             fit.effective_parameters,
+            freedom_of_deviations([subset(observed, mask) for observed, _, mask in masks], sigmas),
         )
         counts = np.concatenate([observed.count[mask] for observed, _, mask in masks])
         volts, sigma = np.concatenate(parts), np.concatenate(sigmas)

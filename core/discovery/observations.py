@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..noise import noise_of, resolution
+from ..noise import noise_freedom, noise_of, resolution, rounding_that_stays
 from ..trajectory import FloatArray, StepKind, Trajectory
 from .simulator import MeasuredRecord, Moments
 
@@ -44,7 +44,7 @@ class Observations:
     time: FloatArray
     current: FloatArray
     voltage: FloatArray
-    # Standard deviation of ``voltage``: noise of the mean, the floor, and the uncertainty of the clock, V.
+    # Standard deviation of ``voltage``: noise of the mean, rounding, the floor, and the uncertainty of the clock, V.
     sigma: FloatArray
     count: FloatArray  # Samples in each stretch.
     step: NDArray[np.intp]  # Index of the step each stretch lies in.
@@ -53,6 +53,7 @@ class Observations:
     charge: FloatArray  # Charge drawn since the start of the record, A.h.
     temperature: FloatArray | None  # Measured temperature, K.
     noise: float  # Standard deviation of one sample, V.
+    noise_freedom: float  # Degrees of freedom from which that is estimated; infinite where it is assumed.
     floor: float  # Differences below this are not physics, V.
     moments: Moments  # When a simulation is looked at to be compared.
 
@@ -69,6 +70,7 @@ def observe(measured_record: MeasuredRecord, points: int = 500, floor_v: float =
     """Condense a record to about so many stretches of its steps; voltages closer than ``floor_v`` count as equal."""
     record = measured_record.record
     noise = voltage_noise(record)
+    shared = rounding_that_stays(noise, resolution(record.voltage))
     groups: list[NDArray[np.intp]] = []
     steps: list[int] = []
     per_step = max(12, points // max(len(record.steps), 1))
@@ -103,7 +105,7 @@ def observe(measured_record: MeasuredRecord, points: int = 500, floor_v: float =
         time,
         mean(record.current),
         voltage,
-        np.sqrt(noise**2 / count + floor_v**2 + clock**2 + knee**2),
+        np.sqrt((noise**2 - shared**2) / count + shared**2 + floor_v**2 + clock**2 + knee**2),
         count,
         index,
         np.array([record.steps[number].cycle for number in steps], dtype=np.intp),
@@ -111,6 +113,7 @@ def observe(measured_record: MeasuredRecord, points: int = 500, floor_v: float =
         charge,
         None if record.temperature is None else mean(record.temperature),
         noise,
+        noise_freedom(record),
         floor_v,
         _moments(record, clocked, groups),
     )
@@ -119,6 +122,25 @@ def observe(measured_record: MeasuredRecord, points: int = 500, floor_v: float =
 def voltage_noise(record: Trajectory) -> float:
     """Standard deviation of the voltage's measurement noise, V; 1 mV where the record is too short to tell it."""
     return noise_of(record, record.voltage) or max(_UNKNOWN_NOISE_V, resolution(record.voltage))
+
+
+def freedom_of_deviations(observations: Sequence[Observations], sigmas: Sequence[FloatArray]) -> float:
+    """Degrees of freedom of the deviations of some records together; infinite where none hangs on an estimate.
+
+    Noise is a part of each deviation, and what else is in them counts as known (Satterthwaite, Biometrics Bull. 2
+    (1946) 110).
+
+    Parameters
+    ----------
+    sigmas : sequence of ndarray of shape (n,)
+        Deviations of the stretches of each record, V.
+    """
+    total = sum(map(len, sigmas))
+    doubt = sum(
+        (float(np.sum(observed.noise**2 / (observed.count * sigma**2))) / total) ** 2 / observed.noise_freedom
+        for observed, sigma in zip(observations, sigmas, strict=True)
+    )
+    return 1.0 / doubt if doubt > 0.0 else np.inf
 
 
 def _moments(record: Trajectory, taken: FloatArray, groups: Sequence[NDArray[np.intp]]) -> Moments:

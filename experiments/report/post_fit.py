@@ -61,6 +61,12 @@ def _doubt(analysis: PostFitAnalysis) -> str:
             f"The fit has not settled: {named(analysis.unsettled)} would move by more than the interval with another "
             "step, so the intervals say little in either direction. More simulations would tell."
         )
+    if apart := analysis.identifiability.apart:
+        return (
+            f"The fit stopped short of the likeliest values, about which the intervals lie: {named(apart)} "
+            f"{'is' if len(apart) == 1 else 'are'} outside. More simulations, or a run that begins elsewhere, may come "
+            "nearer."
+        )
     if analysis.widened > 1.0:
         return "The analysis stopped before its sample converged, so intervals are wider than the record's."
     return ""

@@ -3,10 +3,19 @@ import json
 import numpy as np
 import pytest
 from bsa.core.forecast import what_to_measure_next
-from bsa.core.identifiability import Identifiability, identify, not_narrower, residual_noise, unsettled
+from bsa.core.identifiability import (
+    Identifiability,
+    effective_noise,
+    identify,
+    not_narrower,
+    residual_noise,
+    unsettled,
+    with_sample,
+)
 from bsa.core.least_squares import LeastSquares, solve
 from bsa.core.parameters import Candidate, Parameter, ParameterSpace
 from scipy.optimize import lsq_linear
+from scipy.signal import lfilter
 
 SPACE = ParameterSpace(
     (
@@ -36,6 +45,23 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
         wanted = SPACE.from_unit(truth)
         hits += [found.intervals[n].lower <= wanted[n] <= found.intervals[n].upper for n in SPACE.names]
     assert hits / repeats == pytest.approx(np.full(3, 0.95), abs=0.035)
+
+
+@pytest.mark.parametrize(("correlation", "least"), [(0.0, 0.93), (0.8, 0.90), (0.95, 0.80)])
+def test_intervals_hold_where_neighbouring_errors_are_alike(correlation: float, least: float) -> None:
+    """With the correlation that residuals show they hold the truth in 89 and 75 % at 0.8 and 0.95."""
+    rng = np.random.default_rng(5)
+    place = (np.arange(300) + 0.5) / 300
+    jacobian = np.column_stack([np.cos(np.pi * number * place) for number in range(4)])
+    known = np.linalg.inv(jacobian.T @ jacobian)
+    held = []
+    for _ in range(300):
+        steps = np.sqrt(1.0 - correlation**2) * rng.normal(size=700)
+        errors = lfilter([1.0], [1.0, -correlation], steps)[400:]
+        found = known @ jacobian.T @ errors
+        noise = effective_noise(errors - jacobian @ found, 4, 0.0)
+        held += list(np.abs(found) < 1.96 * noise * np.sqrt(np.diag(known)))
+    assert least < np.mean(held) < 0.97
 
 
 def test_a_product_is_one_combination_and_its_factors_a_correlated_group() -> None:
@@ -72,6 +98,34 @@ def test_the_floor_keeps_a_noiseless_record_from_claiming_perfection() -> None:
     assert sharp.intervals["porosity"].share_of_range == pytest.approx(0.0)
     assert honest.intervals["porosity"].share_of_range > 0.05
     assert residual_noise(np.zeros(4), 1, floor=0.2) == 0.2
+
+
+def at_a_bound(value: float, draws: np.ndarray, holds_fit: bool) -> Identifiability:
+    only = ParameterSpace((Parameter("a", 1.0, 1.0, 3.0),))
+    found = identify(np.ones((9, 1)), np.zeros(9), only, {"a": value}, 1.0)
+    return with_sample(found, draws[:, None], only, holds_fit)
+
+
+def test_a_fit_at_a_bound_is_inside_an_interval_of_the_same_probability() -> None:
+    draws = np.abs(np.random.default_rng(0).normal(0.0, 0.1, 4000))
+    found = at_a_bound(1.0, draws, True)
+    one = found.intervals["a"]
+    assert found.apart == ()
+    assert one.lower == 1.0
+    assert np.mean(1.0 + 2.0 * draws <= one.upper) == pytest.approx(0.95, abs=1e-3)
+    # An interval with equal tails is no narrower, and leaves the likeliest value out.
+    tails = at_a_bound(1.0, draws, False)
+    assert tails.apart == ("a",)
+    assert tails.intervals["a"].share_of_range > one.share_of_range
+    # About a fit amid the draws both are the same.
+    assert at_a_bound(1.2, draws, True).intervals == at_a_bound(1.2, draws, False).intervals
+
+
+def test_an_interval_is_not_stretched_to_a_fit_that_is_less_likely_than_the_draws() -> None:
+    draws = np.random.default_rng(0).normal(0.5, 0.01, 4000)
+    found = at_a_bound(2.5, draws, False)
+    assert found.apart == ("a",)
+    assert found.intervals["a"].share_of_range < 0.021
 
 
 def test_intervals_of_two_analyses_are_taken_together() -> None:

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from bsa.core.noise import noise_of
+from bsa.core.noise import noise_freedom, noise_of, rounding_that_stays
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -37,6 +37,32 @@ def test_rounding_counts_as_noise() -> None:
     found = noise_of(made, made.voltage)
     assert found is not None
     assert found >= 1e-3 / np.sqrt(12)
+
+
+@pytest.mark.parametrize("noise", [1e-3, 2e-3, 3e-3, 6e-3])
+def test_rounded_readings_tell_their_noise_too(noise: float) -> None:
+    step = 3e-3
+    voltage = bending(900) + np.random.default_rng(2).normal(0.0, noise, 900)
+    made = record(step * np.round(voltage / step), 4.0)
+    assert noise_of(made, made.voltage) == pytest.approx(np.hypot(noise, step / np.sqrt(12.0)), rel=0.12)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.1, 0.2, 0.4, 1.0])
+def test_rounding_errors_that_noise_does_not_blur_stay_in_a_mean(noise: float) -> None:
+    rng = np.random.default_rng(3)
+    true = rng.uniform(0.0, 50.0, 400)
+    readings = np.round(true[:, None] + rng.normal(0.0, noise, (400, 2000)))
+    seen = np.std(readings.mean(axis=1) - true)
+    rounding = 12.0**-0.5
+    assert rounding_that_stays(np.hypot(noise, rounding), rounding) == pytest.approx(seen, rel=0.1, abs=0.03)
+
+
+def test_the_noise_is_as_uncertain_as_its_degrees_of_freedom_say() -> None:
+    rng = np.random.default_rng(4)
+    made = [record(rng.normal(0.0, 1e-3, 400), 4.0) for _ in range(400)]
+    found = np.array([noise_of(one, one.voltage) for one in made])
+    assert noise_freedom(made[0]) == pytest.approx(0.5 / np.var(np.log(found)), rel=0.2)
+    assert noise_freedom(record(bending(20), 4.0)) == np.inf
 
 
 def test_a_short_record_and_a_drive_cycle_tell_nothing() -> None:

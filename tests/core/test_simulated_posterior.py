@@ -60,6 +60,22 @@ def test_a_valley_that_is_straight_takes_one_round() -> None:
     assert np.std(draws, axis=0) == pytest.approx(deviation, rel=0.12)
 
 
+@pytest.mark.parametrize(("off", "held"), [(0.0, True), (0.01, True), (0.1, False)])
+def test_a_fit_that_stopped_short_is_told_from_one_that_is_as_likely_as_the_draws(off: float, held: bool) -> None:
+    """Two hundred residuals see each parameter to about a hundredth of its range."""
+    rng = np.random.default_rng(4)
+    slopes, noise = rng.normal(size=(200, 2)) * 7.0, rng.normal(size=200)
+
+    def line(points: np.ndarray) -> np.ndarray:
+        return (points - 0.5) @ slopes.T + noise
+
+    asked, simulate = recording(line)
+    start = np.array([0.5 + off, 0.5]) + np.vstack([np.zeros(2), 0.007 * np.eye(2)])
+    found = simulated_posterior(start, list(line(start)), slopes, simulate, NO_PRIOR)
+    assert asked
+    assert found.holds_best == held
+
+
 def test_an_error_of_one_sign_costs_little_and_others_as_much_as_before() -> None:
     doubt = np.array([3.0, 4.0, 0.0])
     errors = Errors(np.ones(3), np.array([0.5, 0.0, 0.0]), doubt)

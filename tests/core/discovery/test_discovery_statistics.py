@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 from bsa.core.discovery.adequacy import FALSE_ALARM, judge
-from bsa.core.discovery.observations import voltage_noise
+from bsa.core.discovery.observations import freedom_of_deviations, observe, voltage_noise
 from bsa.core.discovery.refit import Refit, refit, slopes_at
 from bsa.core.discovery.score import score_effect
+from bsa.core.discovery.simulator import MeasuredRecord
 from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from hypothesis import given, settings
@@ -43,6 +44,50 @@ def test_false_alarms_stay_at_the_stated_rate():
         group = np.repeat(np.arange(5), 40)
         alarms += not judge([residual], [group], 0).adequate
     assert alarms / 600 < 2.5 * FALSE_ALARM
+
+
+def discharge(time, voltage):
+    return Trajectory(time, np.ones_like(time), voltage, None, (Step(StepKind.CC_DISCHARGE, 0, len(time)),))
+
+
+@pytest.mark.parametrize(
+    ("count", "noise_v", "rounding_v", "tails"),
+    [(100, 3e-3, 0.0, None), (300, 2e-3, 3e-3, None), (2000, 1e-4, 3e-3, None), (300, 1e-3, 0.0, 3)],
+    ids=["few samples", "rounded", "rounded with little noise", "outliers"],
+)
+def test_noise_that_a_record_tells_itself_raises_no_false_alarms(count, noise_v, rounding_v, tails):
+    rng = np.random.default_rng(11)
+    time = 5.0 * np.arange(count)
+    alarms = 0
+    for _ in range(100):
+        noise = rng.normal(size=count) if tails is None else rng.standard_t(tails, count) / np.sqrt(tails / (tails - 2))
+        true = 4.1 - 0.3 * time / time[-1] - 0.05 * np.exp(-time / 60) + rng.uniform(-1e-3, 1e-3)
+        seen = true + noise_v * noise
+        if rounding_v:
+            seen = rounding_v * np.round(seen / rounding_v)
+        found = observe(MeasuredRecord("r", discharge(time, seen)))
+        residual = (found.voltage - np.interp(found.time, time, true)) / found.sigma
+        alarms += not judge([residual], [found.step], 0, freedom_of_deviations([found], [found.sigma])).adequate
+    assert alarms <= 3
+
+
+def test_a_reading_that_stands_alone_is_no_discrepancy_and_neighbours_or_the_end_of_a_step_are():
+    step = np.zeros(300, dtype=int)
+    noise = np.random.default_rng(12).normal(size=300)
+    for places, adequate in (([100], True), ([100, 200], True), ([100, 101, 102, 103], False), ([299], False)):
+        residual = noise.copy()
+        residual[places] += 15.0
+        assert judge([residual], [step], 0).adequate == adequate, places
+
+
+def test_deviations_that_are_mostly_floor_are_known():
+    time = 5.0 * np.arange(400)
+    rng = np.random.default_rng(13)
+    noisy, quiet = (observe(MeasuredRecord("r", discharge(time, 4.0 + rng.normal(0.0, s, 400)))) for s in (3e-3, 5e-5))
+    assert freedom_of_deviations([noisy], [noisy.sigma]) == pytest.approx(100, rel=0.1)
+    assert freedom_of_deviations([quiet], [quiet.sigma]) > 1e4
+    both = freedom_of_deviations([noisy, noisy], [noisy.sigma, noisy.sigma])
+    assert both == pytest.approx(200, rel=0.1)
 
 
 def test_parameters_that_priors_hold_raise_no_false_alarms():

@@ -71,6 +71,15 @@ def test_where_the_fit_has_not_settled_intervals_say_little_in_either_direction(
     assert not any(words in said for words in ("wide", "narrow"))
 
 
+def test_fitted_values_outside_their_intervals_are_named() -> None:
+    found = judged({"a": "fixed", "b": "open"})
+    outside = replace(found.identifiability.intervals["a"], lower=1.5)
+    found = replace(found, identifiability=replace(found.identifiability, intervals={"a": outside}))
+    assert verdict_line(found).startswith(
+        "The fit stopped short of the likeliest values, about which the intervals lie: a is outside. "
+    )
+
+
 def test_an_analysis_beyond_its_budget_says_that_some_simulations_are_made_in_any_case() -> None:
     ended = replace(judged({"a": "open"}), widened=44.0, simulations=22, budget=3)
     assert (
