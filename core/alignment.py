@@ -68,6 +68,11 @@ class StepPair:
         return np.sqrt(np.bincount(met // len(sampled), squares, minlength=len(fractions)))
 
     @property
+    def sampled(self) -> FloatArray:
+        """The fractions of the measured duration at which samples were taken, in order."""
+        return self._taken[1]
+
+    @property
     def _taken(self) -> tuple[NDArray[np.intp], FloatArray]:
         """Places of the samples that were taken, and the fractions of the step's duration at which they were."""
         measured = self.measured

@@ -1,6 +1,5 @@
 """Residuals for numerical fitting: smooth in the parameters, each in units of its tolerance."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -15,6 +14,7 @@ from .noise import noise_of
 from .robust_loss import robust
 from .signals import Signal
 from .simulation import ExperimentRun, Outcome
+from .step_parts import OSCILLATING, count_of_parts, step_parts
 from .task import Experiment, Task
 from .trajectory import FloatArray, StepKind, Trajectory
 
@@ -23,16 +23,6 @@ DURATION = "duration"
 
 POINTS = 16
 """Points of a signal in a step under a protocol."""
-
-_DRIVEN_POINTS = 40
-"""Points of a signal in a step under a measured drive, where steps are few and long."""
-
-_AVERAGED = 10
-"""Points that each of a driven step's residuals averages at least; where the record has more samples, as many as these:
-a cell that is empty, volts off, for the last half minute of a day would fall between fewer."""
-
-_OSCILLATING_POINTS = 200
-"""Points at least of a signal that swings within a step: ten for each of twenty periods."""
 
 _ZERO_SHARE = 0.1
 """Share of its peak by which a relative tolerance is wider, so that it is not zero where the signal is."""
@@ -69,9 +59,8 @@ def misfits(task: Task, outcome: Outcome) -> list[StepMisfit]:
         pairs = [pair for pair in pair_steps(run.trajectory, experiment) if pair.reached]
         for pair, part in zip(pairs, _by_step(task, pairs, experiment), strict=True):
             signals = task.compared(pair.step.kind, experiment)
-            usual = _DRIVEN_POINTS if experiment.protocol is None else POINTS
             names = [signal.name for signal in signals] + [DURATION] * (experiment.protocol is not None)
-            split = np.split(part, np.cumsum([_points(signal, usual) for signal in signals]))
+            split = np.split(part, np.cumsum([_count(pair.step.kind, signal, experiment) for signal in signals]))
             squares = {name: float(values @ values) for name, values in zip(names, split, strict=False)}
             found.append(StepMisfit(experiment, pair, squares))
     return found
@@ -163,7 +152,7 @@ def noise_of_residuals(task: Task) -> FloatArray:
 def _kept_of_noise(task: Task, pair: StepPair, experiment: Experiment) -> FloatArray:
     """Deviations of a driven step's residuals in units of those that a mismatch of the noise of one sample gives."""
     signals = task.compared(pair.step.kind, experiment)
-    return np.concatenate([pair.kept_of_noise(_averaged_at(pair, signal)) for signal in signals])
+    return np.concatenate([pair.kept_of_noise(step_parts(pair, signal)) for signal in signals])
 
 
 def _finished(pairs: list[StepPair], run: ExperimentRun) -> int:
@@ -198,7 +187,7 @@ def _protocol(task: Task, pairs: list[StepPair], experiment: Experiment) -> list
     parts: list[FloatArray] = []
     for pair in pairs:
         curves = [
-            _mismatch(task, pair, signal, experiment, np.linspace(0.0, 1.0, _points(signal, POINTS)))
+            _mismatch(task, pair, signal, experiment, np.linspace(0.0, 1.0, _points(signal)))
             # A rest of a second says what its neighbours say; let it not count 16 times.
             * (1.0 if signal.relative else min(1.0, pair.measured.duration / brief_s) ** 0.5)
             for signal in task.compared(pair.step.kind, experiment)
@@ -219,8 +208,7 @@ def _weight_of_curves(task: Task, experiment: Experiment) -> float:
     if table is None:
         return 1.0
     points = sum(
-        1 + sum(_points(signal, POINTS) for signal in task.compared(step.kind, experiment))
-        for step in experiment.target.steps
+        1 + sum(_points(signal) for signal in task.compared(step.kind, experiment)) for step in experiment.target.steps
     )
     return min(1.0, float(np.sqrt(len(table_residuals(None, table)) / points)))
 
@@ -228,25 +216,16 @@ def _weight_of_curves(task: Task, experiment: Experiment) -> float:
 def _driven(task: Task, pairs: list[StepPair], experiment: Experiment) -> list[FloatArray]:
     durations = _durations_counted(pairs, experiment.target)
     total = sum(durations) or 1.0
-    steps = _steps_a_record(task)
     parts: list[FloatArray] = []
     for pair, duration in zip(pairs, durations, strict=True):
-        weight = np.sqrt(duration / total * steps)
         curves = []
         for signal in task.compared(pair.step.kind, experiment):
-            fractions = _averaged_at(pair, signal)
+            fractions = step_parts(pair, signal)
+            weight = np.sqrt(duration / total * _parts_a_record(task, signal) / len(fractions))
             mismatch = _mismatch(task, pair, signal, experiment, fractions.ravel()).reshape(fractions.shape)
             curves.append(weight * mismatch.mean(axis=1) * _tells_of_the_cell(signal, pair, len(fractions)))
         parts.append(np.concatenate(curves))
     return parts
-
-
-def _averaged_at(pair: StepPair, signal: Signal) -> FloatArray:
-    """Fractions of a driven step at which the mismatches stand that each residual, a row, is the mean of."""
-    points = _points(signal, _DRIVEN_POINTS)
-    # A swing would average out. Midpoints: the ends of a step are where two records agree least on the clock.
-    averaged = 1 if signal.oscillates else max(_AVERAGED, math.ceil(len(pair.measured) / points))
-    return ((np.arange(averaged * points) + 0.5) / (averaged * points)).reshape(points, averaged)
 
 
 def _tells_of_the_cell(signal: Signal, pair: StepPair, points: int) -> NDArray[np.bool_]:
@@ -257,14 +236,14 @@ def _tells_of_the_cell(signal: Signal, pair: StepPair, points: int) -> NDArray[n
     return np.asarray(ends <= max(signal.settles_s, ends[0]))
 
 
-def _steps_a_record(task: Task) -> float:
-    """Mean number of steps of the driven records: what each of them weighs, however many steps it has itself.
+def _parts_a_record(task: Task, signal: Signal) -> float:
+    """Mean number of parts of the driven records: what each of them weighs, however many it has itself.
 
     A pulse test has hundreds of steps and a discharge two. Misfits of a model that is not quite right repeat
     themselves from pulse to pulse, so that their number is no reason to count the discharge for nothing.
     """
     driven = [e.target.steps for e in task.experiments if e.protocol is None]
-    return sum(map(len, driven)) / len(driven)
+    return sum(count_of_parts(step.kind, signal) for steps in driven for step in steps) / len(driven)
 
 
 def _durations_counted(pairs: list[StepPair], record: Trajectory) -> list[float]:
@@ -310,8 +289,14 @@ def tolerance_at(signal: Signal, size: Any, experiment: Experiment) -> Any:
     return signal.tolerance * (size + _ZERO_SHARE * peak)
 
 
-def _points(signal: Signal, usual: int) -> int:
-    return max(usual, _OSCILLATING_POINTS) if signal.oscillates else usual
+def _points(signal: Signal) -> int:
+    """Points of a signal in a step under a protocol."""
+    return max(POINTS, OSCILLATING) if signal.oscillates else POINTS
+
+
+def _count(kind: str, signal: Signal, experiment: Experiment) -> int:
+    """Residuals of a signal in a step."""
+    return count_of_parts(kind, signal) if experiment.protocol is None else _points(signal)
 
 
 def capacity_rows(task: Task) -> list[NDArray[np.intp]]:
@@ -354,8 +339,11 @@ def rows_of(task: Task) -> ResidualRows:
         for pair in pair_steps(record, experiment):
             place = record.steps.index(pair.step)
             for signal in task.compared(pair.step.kind, experiment):
-                points = _points(signal, _DRIVEN_POINTS if experiment.protocol is None else POINTS)
-                times = pair.measured.duration * (np.arange(points) + 0.5) / points
+                if experiment.protocol is None:
+                    fractions = step_parts(pair, signal).mean(axis=1)
+                else:
+                    fractions = (np.arange(_points(signal)) + 0.5) / _points(signal)
+                times = pair.measured.duration * fractions
                 found += [(number, place, signal.name, float(time)) for time in times]
             if experiment.protocol is not None:
                 found.append((number, place, "", pair.measured.duration))

@@ -217,11 +217,30 @@ def test_a_parameter_of_which_the_data_say_nothing_keeps_its_prior_and_costs_no_
     searched = ParameterSpace((*task.space, idle))
     everything = staged(stages=[{"name": "all", "data": "everything"}], order=[])
     result = run_toy(tmp_path / "run", task=replace(task, space=searched), scaffold=everything, simulations=60)
-    counts = [event["rationale"] for event in read_events(tmp_path / "run") if event["event"] == "proposal"]
+    proposals = [event for event in read_events(tmp_path / "run") if event["event"] == "proposal"]
+    counts = [event["rationale"] for event in proposals]
+    first_step = [event["action"] for event in proposals].index("refine")
     assert "5 parameters" in counts[0]
-    assert all("4 parameters" in text for text in counts[1:-1])
+    assert all("4 parameters" in text for text in counts[first_step:-1])
     assert result.best.candidate["Idle [1]"] == 1.0
     assert result.best.candidate[CAPACITY] == pytest.approx(HIDDEN[CAPACITY], rel=0.02)
+
+
+def test_a_slope_over_far_too_large_a_change_is_taken_again_nearer_by(run_toy: RunToy, tmp_path: Path) -> None:
+    everything = staged(stages=[{"name": "all", "data": "everything"}], order=[])
+    run_toy(tmp_path / "run", scaffold=everything, simulations=20)
+    moved: list[dict[str, float]] = []  # By batch of differences, how far each parameter was moved.
+    start = toy_task().space.initial
+    for event in read_events(tmp_path / "run"):
+        if event["event"] == "proposal":
+            if event["action"] != "jacobian":
+                break
+            moved.append({})
+        elif event["event"] == "trial" and moved:
+            moved[-1] |= {name: abs(v - start[name]) for name, v in event["candidate"].items() if v != start[name]}
+    first, again = moved[:2]
+    assert 0 < len(again) < len(first)
+    assert all(distance < 0.5 * first[name] for name, distance in again.items())
 
 
 def heated(volume: float, transfer: float) -> Record:
