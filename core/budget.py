@@ -42,6 +42,11 @@ def begun_rounds(events: Iterable[Mapping[str, Any]]) -> int:
     return made + begun
 
 
+def simulated(events: Iterable[Mapping[str, Any]]) -> int:
+    """How many simulations were made, up to the last one: of those side by side a later one may have ended first."""
+    return max((event["index"] + 1 for event in events if event["event"] == "trial"), default=0)
+
+
 def since_budget(events: Sequence[Mapping[str, Any]]) -> Sequence[Mapping[str, Any]]:
     """The events since the budget was last changed; all where it never was."""
     last = max((place for place, event in enumerate(events) if event["event"] == BUDGET), default=-1)
