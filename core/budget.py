@@ -1,4 +1,4 @@
-"""How many simulations a search may take, where a run that was taken up again was allowed more."""
+"""How long a search may go on, where a run that was taken up again was allowed more."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -7,7 +7,10 @@ from .recording import is_outcome
 from .run_config import RunConfig
 
 BUDGET = "budget"
-"""Event of the journal: from its proposal on a run may take another number of simulations and of rounds."""
+"""Event of the journal: from its proposal on a run may take another number of simulations, rounds and idle rounds."""
+
+RAISED = ("simulations", "rounds", "patience")
+"""What of a configuration a run that is taken up again may be given more of."""
 
 
 class SimulationBudget:
@@ -58,5 +61,5 @@ def with_budget(config: Mapping[str, Any], events: Iterable[Mapping[str, Any]]) 
     given = dict(config)
     for event in events:
         if event["event"] == BUDGET:
-            given |= {key: event[key] for key in ("simulations", "rounds")}
+            given |= {key: event[key] for key in RAISED if event.get(key) is not None}
     return given

@@ -2,6 +2,7 @@
 
 import json
 import platform
+from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
@@ -26,11 +27,10 @@ from ..core.shape import decoding, shaped
 from ..core.task import Task
 from ..core.validation import validated
 from .another_budget import (
-    NOTHING_ADDED,
-    added_nothing,
     budget_of,
     check_budget,
     given_anew,
+    nothing_added,
     resuming_with,
     write_budget,
 )
@@ -81,9 +81,9 @@ def execute_run(
     is closed at the end. Without ``report`` no ``report.html`` is written: the journal is enough to write it later.
     ``analysing`` finds out after the search what the records fix and what to measure next; studies count simulations
     and leave it out. ``to_discover`` is the command that looks for what the model lacks; it is told where the misfit of
-    the best candidate is no noise. ``rebudgeted`` lets the configuration allow another number of simulations and of
-    rounds than the run had; what it has simulated stands. Raises `BsaError` if the folder holds a run of another task
-    or configuration, the budget is smaller than what was simulated, or a plugin cannot be used.
+    the best candidate is no noise. ``rebudgeted`` lets the configuration allow more simulations, rounds and patience
+    than the run had; what it has simulated stands. Raises `BsaError` if the folder holds a run of another task or
+    configuration, the budget is smaller than what was simulated, or a plugin cannot be used.
     """
     from .report.forecast_line import forecast_line
     from .report.page import FILE_NAME as REPORT
@@ -126,8 +126,8 @@ def execute_run(
             result = Run(
                 task, config, plugins, recorder, journal, folder, earlier, listener, analysing, forecast
             ).execute()
-            if added_nothing(earlier, result):
-                note(NOTHING_ADDED)
+            if said := nothing_added(folder, earlier, config, result):
+                note(said)
             for text in misfit_notes(task, result.best, to_discover) if to_discover else ():
                 note(text)
             write(result)
@@ -183,8 +183,10 @@ def discovery_command_of(folder: Path) -> str:
     return str(next(read_events(folder), {}).get("to_discover", ""))
 
 
-def read_request(folder: Path, simulations: int | None = None, rounds: int | None = None) -> tuple[Task, RunConfig]:
+def read_request(folder: Path, budget: Mapping[str, Any] | None = None) -> tuple[Task, RunConfig]:
     """The task and configuration of an earlier run, from its journal, with another budget where one is given.
+
+    ``budget`` has any of the simulations, rounds and patience.
 
     Raises `BsaError` if the folder holds no run, or a budget is none.
     """
@@ -194,9 +196,7 @@ def read_request(folder: Path, simulations: int | None = None, rounds: int | Non
     check_calibration(first, path)
     with decoding(path, "a run", "restore the file, or start a new run."):
         task, config = decode_task(first["task"]), shaped(RunConfig, with_budget(first["config"], events))
-    asked = {"simulations": simulations, "rounds": rounds}
-    given = {key: value for key, value in asked.items() if value is not None}
-    return task, validated(RunConfig, {**config.model_dump(), **given}, "run configuration") if given else config
+    return task, validated(RunConfig, {**config.model_dump(), **budget}, "run configuration") if budget else config
 
 
 def summary(task: Task, config: RunConfig, backend_name: str, result: RunResult) -> dict[str, Any]:

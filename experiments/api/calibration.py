@@ -144,8 +144,8 @@ def calibrate(
     out : path, optional
         Folder of the run; by default ``runs/<task>-<scaffold>-<n>``.
     resume : path, optional
-        Go on with the run in this folder, to ``simulations`` and ``rounds`` in all where these are given; all other
-        options but ``workers``, ``identifiability`` and allowances are its own.
+        Go on with the run in this folder, to ``simulations`` and ``rounds`` in all where these are given, and with the
+        ``patience`` in ``settings``; all other options but ``workers``, ``identifiability`` and allowances are its own.
     progress : bool
         Whether a bar shows how far the search is.
 
@@ -160,9 +160,11 @@ def calibrate(
         If data, an option or a plugin cannot be used.
     """
     if resume is not None:
+        from ..another_budget import asked_anew
         from ..run import read_request
 
-        asked = RunRequest(*read_request(Path(resume), simulations, rounds), Path(resume))
+        budget = asked_anew(settings or {}, simulations=simulations, rounds=rounds)
+        asked = RunRequest(*read_request(Path(resume), budget), Path(resume))
     else:
         if out is not None:
             check_run_folder(Path(out))

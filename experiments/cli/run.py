@@ -169,6 +169,7 @@ def run(
     version: shared.Version = False,
 ) -> None:
     """Calibrate a model against a target: the packaged demo, a task file, or cycler records."""
+    from ..another_budget import asked_anew
     from ..request import (
         CellChoice,
         Records,
@@ -186,9 +187,10 @@ def run(
         check_run_folder(out)
     resources = Resources(simulation_workers(workers), max_tokens, max_cost)
     if resume is not None:
-        taken = ("simulations", "rounds", "workers", "identifiability", "max_tokens", "max_cost", "as_json")
+        taken = ("simulations", "rounds", "settings", "workers", "identifiability", "max_tokens", "max_cost", "as_json")
         shared.note_what_resuming_leaves(context, taken)
-        request = RunRequest(*read_request(resume, simulations, rounds), resume)
+        budget = asked_anew(key_values(settings, "--set"), simulations=simulations, rounds=rounds)
+        request = RunRequest(*read_request(resume, budget), resume)
         _execute(request, resources, as_json, identifiability, discovery_command_of(resume), resumed=True)
         return
     if data and task is not None:
