@@ -12,18 +12,11 @@ from ...core.journal import FILE_NAME, check_run_folder
 from ...core.printable import shown
 from ...core.reading.part_of_file import file_and_part
 from ...core.task import Task
-from ..checked_options import as_numbers
-from ..request import (
-    CellChoice,
-    Records,
-    RunRequest,
-    backend_options,
-    given_budgets,
-    readings,
-    run_config,
-    run_request,
-    simulation_workers,
-)
+from ..checked_options import as_numbers, simulation_workers
+from ..read_options import readings
+from ..request import RunRequest, run_request
+from ..run_settings import backend_options, given_budgets, run_config
+from ..task_request import CellChoice, Records
 from .calibration_result import CalibrationResult
 from .measured import Data, sources
 

@@ -125,7 +125,7 @@ def suite_command(
 
 def _own_budgets(pairs: list[str] | None) -> dict[str, int]:
     from ...core.errors import BsaError
-    from ..request import key_values
+    from ..run_settings import key_values
 
     budgets = key_values(pairs, "--own-budget")
     for name, count in budgets.items():
@@ -296,7 +296,7 @@ def real_cells_command(
     from dataclasses import asdict
 
     from ...core.files import write_csv
-    from ..request import simulation_workers
+    from ..checked_options import simulation_workers
     from ..studies.real_cells import MEASURED_CURRENT, PAPER, chosen, run_cell, run_cells
 
     at_once = simulation_workers(workers)

@@ -170,17 +170,11 @@ def run(
 ) -> None:
     """Calibrate a model against a target: the packaged demo, a task file, or cycler records."""
     from ..another_budget import asked_anew
-    from ..request import (
-        CellChoice,
-        Records,
-        RunRequest,
-        given_budgets,
-        key_values,
-        run_config,
-        run_request,
-        simulation_workers,
-    )
+    from ..checked_options import simulation_workers
+    from ..request import RunRequest, run_request
     from ..run import Resources, discovery_command_of, read_request
+    from ..run_settings import given_budgets, key_values, run_config
+    from ..task_request import CellChoice, Records
     from ..tasks.find import find_task
 
     if out is not None:
