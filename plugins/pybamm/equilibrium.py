@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,10 @@ from ...core.border import border
 from ...core.parameters import Candidate
 from ...core.simulation import ExperimentRun, Outcome, SimulationFailure
 from ...core.target import CellChange
-from ...core.task import Experiment, Task
+from ...core.task import Task
 from ...core.trajectory import SECONDS_PER_HOUR, FloatArray
 from .augmentation import effects_in, part_of
-from .compiled_cell import added_potentials, start_of, temperatures
+from .compiled_cell import Start, added_potentials, start_of
 from .drive import CurrentFunction, current_function, drawn_ah, shown_range
 from .ocp_shape import keeping_ocp_falling
 from .parameter_sets import load, voltage_window
@@ -39,7 +40,8 @@ class EquilibriumCell:
         values = load(task.cell.parameter_set, task.cell.overrides)
         self._falling = keeping_ocp_falling(values, self._targets)
         self._values, self._effects = values, effects_in(task.cell)
-        self._states = [InitialState(_at_start(values, experiment)) for experiment in task.experiments]
+        self._starts = [start_of(experiment) for experiment in task.experiments]
+        self._states = [_state_at(start, values) for start in self._starts]
         self._area = {name: float(values[name]) for name in _AREA}
         self._records = [experiment.target for experiment in task.experiments]
         window_v = voltage_window(values)
@@ -75,9 +77,10 @@ class EquilibriumCell:
         if self._current:
             charge_ah = drawn_ah(self._through_the_cell(drive, candidate), record.time)
         drawn = charge_ah * SECONDS_PER_HOUR / _FARADAY / self._area_of(change)
+        state = self._states[place]
+        soc = self._starts[place].soc_of(change, partial(state.soc_at, change=change, added=potentials))
         # Beyond these an empty or overfull cell is simulated as such; published potentials reach to -100 V there.
-        soc = self._soc(place, change, potentials)
-        voltage = np.clip(self._states[place].voltages(change, soc, drawn, potentials), *shown_v)
+        voltage = np.clip(state.voltages(change, soc, drawn, potentials), *shown_v)
         for effect, added in self._at_rest:
             with border(f"effect {effect.key}", "at_rest"):
                 voltage = voltage + added(record.current, charge_ah, self._capacity_ah, effect.values(candidate))
@@ -96,19 +99,9 @@ class EquilibriumCell:
         own = (change.values.get(name, value) * change.factors.get(name, 1.0) for name, value in self._area.items())
         return math.prod(own)
 
-    def _soc(self, place: int, change: CellChange, potentials: Mapping[str, FloatArray]) -> float | None:
-        start = start_of(self._task.experiments[place])
-        known = change.soc_of(start.record)
-        soc = start.soc if known is None else known
-        if soc is not None or start.voltage is None:
-            return soc
-        return self._states[place].soc_at(start.voltage, change, potentials)
 
-
-def _at_start(values: Any, experiment: Experiment) -> Any:
-    """The parameter set at the temperature at which an experiment starts."""
-    if experiment.temperature_k is None:
-        return values
+def _state_at(start: Start, values: Any) -> InitialState:
+    """The electrodes of a parameter set at the temperature at which a record starts."""
     warmed = values.copy()
-    warmed.update(temperatures(experiment.temperature_k, experiment.initial_temperature_k))
-    return warmed
+    start.set_temperatures(warmed)
+    return InitialState(warmed)
