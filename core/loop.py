@@ -47,7 +47,7 @@ _PHASE_CODE: dict[Phase, int] = {"initial": 0, "warm-up": 1, "search": 2}
 
 
 class Listener(Watching, Protocol):
-    """Watches a run, for progress on a screen; a class that inherits it need not say what it passes over."""
+    """Watches a run, for progress on a screen."""
 
     def proposed(self, proposal: Proposal, phase: Phase, number: int) -> None:
         """A proposal was made."""

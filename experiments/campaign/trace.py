@@ -8,7 +8,6 @@ from pathlib import Path
 from ...core.errors import BsaError
 from ...core.files import read_json
 from ...core.journal import read_events
-from ...core.loop import Listener
 from ...core.messages import Usage
 from ...core.proposal import Proposal
 from ...core.shape import shaped
@@ -53,7 +52,7 @@ class Trace:
         return found is not None and (before is None or found < before)
 
 
-class Stopwatch(Listener):
+class Stopwatch:
     """A listener that reads the clock when proposals and trials come by.
 
     ``resumed``: the run was begun by an earlier process, whose times are not known.
@@ -89,6 +88,15 @@ class Stopwatch(Listener):
             self.rounds[-1] = RoundTime(
                 last.proposer_s, last.backend_s + backend_s, last.round_s + spent, last.simulations + 1
             )
+
+    def counted(self, purpose: str, done: int, total: int) -> None:
+        """See `Listener.counted`."""
+
+    def cycled(self, cycle: int, cycles: int) -> None:
+        """See `Listener.cycled`."""
+
+    def noted(self, text: str) -> None:
+        """See `Listener.noted`."""
 
 
 def read_trace(folder: Path) -> Trace:
