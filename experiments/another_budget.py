@@ -88,5 +88,6 @@ def nothing_added(folder: Path, earlier: Sequence[Event], config: RunConfig, res
     said = "The search had ended by itself and not by its budget, so that nothing was added."
     if result.status == "converged" and result.lowest.objective > config.stop_below:
         more = resuming_with(folder, {"patience": 2 * config.patience})
-        return f"{said} Its last {config.patience} rounds gained nothing; to allow it more of them: {more}"
+        rounds = "round" if config.patience == 1 else f"{config.patience} rounds"
+        return f"{said} Its last {rounds} gained nothing; to allow it more of them: {more}"
     return f"{said} Another search, as with another --seed, is a run of its own."

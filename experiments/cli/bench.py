@@ -124,13 +124,13 @@ def _choice(model: shared.LanguageModel) -> BackendChoice:
 @bench_app.command("suite")
 @with_options(Study, backend="rules", workers=2)
 def suite_command(
+    study: Study,
     *,
     scaffolds: Scaffolds = "default,least-squares,hybrid",
     own_budget: Annotated[
         list[str] | None,
         shared.search_option(metavar="NAME=N", help="Simulations of one base cell's cases, ORegan2022=50; repeat."),
     ] = None,
-    study: Study,
 ) -> None:
     """The paper's main table: errors by mode and chemistry, with the paper's rows beside."""
     budgets = _own_budgets(own_budget)
@@ -176,7 +176,7 @@ def runtime_command(
 
 @bench_app.command("recovery")
 @with_options(Study, cases="10", backend="rules", workers=2)
-def recovery_command(*, scaffolds: Scaffolds = "full,hybrid", study: Study) -> None:
+def recovery_command(study: Study, *, scaffolds: Scaffolds = "full,hybrid") -> None:
     """Whether a better fit means better parameters, and what held-out rates say."""
     from ..campaign.task_sources import suite_cases
     from ..studies.recovery import write_recovery
@@ -188,11 +188,11 @@ def recovery_command(*, scaffolds: Scaffolds = "full,hybrid", study: Study) -> N
 @bench_app.command("warmup")
 @with_options(Study, cases="10", backend="rules", workers=2)
 def warmup_command(
+    study: Study,
     *,
     scaffold: Annotated[
         str, shared.search_option(metavar="NAME", help="Scaffold whose warm-up is exchanged.")
     ] = "full",
-    study: Study,
 ) -> None:
     """Random against proposed perturbations."""
     from ...core.scaffold import load_scaffold
@@ -310,6 +310,7 @@ def real_cells_command(
 @bench_app.command("models")
 @with_options(Study, suite="generated", simulations=20, backend="rules", workers=1)
 def models_command(
+    study: Study,
     *,
     scaffold: Annotated[str, shared.search_option(metavar="NAME", help="Scaffold of the calibrations.")] = "full",
     warmup: Annotated[
@@ -322,7 +323,6 @@ def models_command(
     rankings: Annotated[
         bool, shared.records_option("--rankings/--no-rankings", help="Whether reports are ranked at all.")
     ] = True,
-    study: Study,
 ) -> None:
     """A card of a language model: twelve calibrations, and discrepancy reports ranked with names and without."""
     from dataclasses import replace
