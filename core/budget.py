@@ -1,4 +1,4 @@
-"""How many simulations a search may take, where a run that was taken up again was allowed more."""
+"""How long a search may go on, where a run that was taken up again was allowed more."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -7,7 +7,10 @@ from .recording import is_outcome
 from .run_config import RunConfig
 
 BUDGET = "budget"
-"""Event of the journal: from its proposal on a run may take another number of simulations and of rounds."""
+"""Event of the journal: from its proposal on a run may take another number of simulations, rounds and idle rounds."""
+
+RAISED = ("simulations", "rounds", "patience")
+"""What of a configuration a run that is taken up again may be given more of."""
 
 
 class SimulationBudget:
@@ -42,6 +45,11 @@ def begun_rounds(events: Iterable[Mapping[str, Any]]) -> int:
     return made + begun
 
 
+def simulated(events: Iterable[Mapping[str, Any]]) -> int:
+    """How many simulations were made, up to the last one: of those side by side a later one may have ended first."""
+    return max((event["index"] + 1 for event in events if event["event"] == "trial"), default=0)
+
+
 def since_budget(events: Sequence[Mapping[str, Any]]) -> Sequence[Mapping[str, Any]]:
     """The events since the budget was last changed; all where it never was."""
     last = max((place for place, event in enumerate(events) if event["event"] == BUDGET), default=-1)
@@ -53,5 +61,5 @@ def with_budget(config: Mapping[str, Any], events: Iterable[Mapping[str, Any]]) 
     given = dict(config)
     for event in events:
         if event["event"] == BUDGET:
-            given |= {key: event[key] for key in ("simulations", "rounds")}
+            given |= {key: event[key] for key in RAISED if event.get(key) is not None}
     return given

@@ -74,7 +74,8 @@ def _shapes() -> dict[str, Any]:
             lost=str,
             finished=bool,
         ),
-        "budget": mapping_with(simulations=int, rounds=int, proposals=int),
+        # Earlier versions did not raise the patience.
+        "budget": mapping_with(simulations=int, rounds=int, patience=(int | None, None), proposals=int),
         "score": mapping_with(index=int, metrics=dict[str, float] | None, records=(list[RecordErrors], [])),
         "appraisal": mapping_with(appraisal=analysis),
         # Of how many draws of the posterior bands are made; earlier versions did not write it.

@@ -1,7 +1,9 @@
-"""What a person said of files, checked in the words that were used: options, not fields."""
+"""What a person said, checked in the words that were used: options, not fields."""
 
+import os
 from collections.abc import Iterable, Mapping
 from math import isfinite
+from numbers import Integral
 from typing import Any, get_args
 
 from ..core.errors import BsaError, did_you_mean
@@ -67,3 +69,16 @@ def by_signal(given: Mapping[str, Any] | None, option: str) -> dict[str, str]:
                 f"{nearest} " * bool(nearest) + f"Signals: {', '.join(_SIGNALS)}.",
             )
     return {key: str(value) for key, value in (given or {}).items()}
+
+
+def simulation_workers(asked: int) -> int:
+    """How many simulations run side by side: what was asked for, or one on each of up to four cores.
+
+    Raises `BsaError` if it is no number of simulations.
+    """
+    if isinstance(asked, bool) or not isinstance(asked, Integral) or asked < 0:
+        raise BsaError(
+            f"--workers is {shown(repr(asked))}, which is no number of simulations.",
+            "give how many run side by side; 0 takes as many as there are cores, 4 at most.",
+        )
+    return int(asked) or min(os.cpu_count() or 1, 4)

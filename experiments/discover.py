@@ -61,7 +61,7 @@ def _over_life(
     from .report.life_discovery import render
 
     discovery = discover_over_life(options, journal, listener, workers)
-    return discovery, render(discovery.to_json())
+    return discovery, render(discovery)
 
 
 def _on_records(

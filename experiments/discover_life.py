@@ -25,8 +25,8 @@ from ..plugins.pybamm.life_simulator import LifeSimulatorPool
 from ..plugins.pybamm.parameter_sets import pybamm
 from .degradation_modes import degradation_modes
 from .discovery_case import DiscoverOptions, read_life
-from .request import run_config
 from .run import Resources, execute_run
+from .run_settings import run_config
 from .told_run import ToldRun
 
 CELL = "cell"

@@ -19,7 +19,8 @@ from ..core.target import CyclableLithium, Factor, Value, factor_name, target_na
 from ..core.task import CellModel, Task
 from ..core.validation import validated
 from ..core.yaml_text import read_yaml
-from .request import Records, named_after, numbered_folder
+from .run_names import named_after, numbered_folder
+from .task_request import Records
 from .tasks.influence import no_influence
 
 if TYPE_CHECKING:

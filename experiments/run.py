@@ -2,7 +2,7 @@
 
 import json
 import platform
-import shlex
+from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
@@ -10,12 +10,12 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from ..core.budget import BUDGET, begun_rounds, with_budget
+from ..core.budget import with_budget
 from ..core.encoding import decode_task, encode_task
 from ..core.errors import BsaError
 from ..core.files import write_json, write_text
 from ..core.hooks import RunContext
-from ..core.journal import FILE_NAME, FORMAT, LOCK, Journal, check_calibration, opened, read_events
+from ..core.journal import FILE_NAME, FORMAT, Journal, check_calibration, opened, read_events
 from ..core.loop import Listener, Run, RunResult
 from ..core.messages import Backend
 from ..core.metrics import Metrics, errors_of
@@ -26,11 +26,18 @@ from ..core.run_plugins import RunPlugins
 from ..core.shape import decoding, shaped
 from ..core.task import Task
 from ..core.validation import validated
+from .another_budget import (
+    budget_of,
+    check_budget,
+    given_anew,
+    nothing_added,
+    resuming_with,
+    write_budget,
+)
 from .misfit_notes import misfit_notes
 from .run_record import read_run
 
 RESULT = "result.json"
-_ANOTHER = "Another search, as with another --seed, is a run of its own."
 
 _VERSIONED = ("battery-sim-agent", "pybamm", "numpy", "scipy")
 
@@ -74,9 +81,9 @@ def execute_run(
     is closed at the end. Without ``report`` no ``report.html`` is written: the journal is enough to write it later.
     ``analysing`` finds out after the search what the records fix and what to measure next; studies count simulations
     and leave it out. ``to_discover`` is the command that looks for what the model lacks; it is told where the misfit of
-    the best candidate is no noise. ``rebudgeted`` lets the configuration allow another number of simulations and of
-    rounds than the run had; what it has simulated stands. Raises `BsaError` if the folder holds a run of another task
-    or configuration, the budget is smaller than what was simulated, or a plugin cannot be used.
+    the best candidate is no noise. ``rebudgeted`` lets the configuration allow more simulations, rounds and patience
+    than the run had; what it has simulated stands. Raises `BsaError` if the folder holds a run of another task or
+    configuration, the budget is smaller than what was simulated, or a plugin cannot be used.
     """
     from .report.forecast_line import forecast_line
     from .report.page import FILE_NAME as REPORT
@@ -119,11 +126,8 @@ def execute_run(
             result = Run(
                 task, config, plugins, recorder, journal, folder, earlier, listener, analysing, forecast
             ).execute()
-            by_itself = result.status in ("finished", "converged") and not result.reason
-            if earlier and earlier[-1]["event"] == BUDGET and by_itself:
-                simulated = sum(event["event"] == "trial" for event in earlier)
-                if len(result.trials) == simulated:
-                    note("The search had ended by itself and not by its budget, so that nothing was added. " + _ANOTHER)
+            if said := nothing_added(folder, earlier, config, result):
+                note(said)
             for text in misfit_notes(task, result.best, to_discover) if to_discover else ():
                 note(text)
             write(result)
@@ -154,56 +158,24 @@ def _open_chapter(
     first = earlier[0]
     check_calibration(first, journal.path)
     known = with_budget(first.get("config", {}), earlier)
-    same = {**known, **_budgets(config)} == dumped and first.get("task") == json.loads(json.dumps(encoded))
-    given = {key: value for key, value in _budgets(config).items() if value != known.get(key)}
+    same = {**known, **budget_of(config)} == dumped and first.get("task") == json.loads(json.dumps(encoded))
+    given = given_anew(known, config)
     if not same or (given and not rebudgeted):
-        allowed = " ".join(f"--{key} {value}" for key, value in given.items())
-        go_on = f"bsa run --resume {shlex.quote(str(journal.path.parent))}"
         raise BsaError(
             f"{journal.path} belongs to another task or configuration.",
             "choose another --out folder, or resume with --resume alone."
             if not same
-            else f"choose another --out folder, or go on with that run: {go_on} {allowed}",
+            else f"choose another --out folder, or go on with that run: {resuming_with(journal.path.parent, given)}",
         )
     if given:
-        _check_budget(journal.path, earlier, known, config)
+        check_budget(journal.path, earlier, known, config)
     began = first.get("versions", {})
     changed = [f"{name} {began.get(name)} -> {now[name]}" for name in now if began.get(name) != now[name]]
     if changed:
         journal.warnings.append(f"Resumed with other versions than the run began with: {', '.join(changed)}.")
     journal.append("resumed", versions=now)
     if given:
-        event = {**_budgets(config), "proposals": begun_rounds(earlier)}
-        journal.append(BUDGET, **event)
-        earlier.append({"event": BUDGET, **event})
-        words = "; ".join(f"{value} {key} in all, before {known.get(key)}" for key, value in given.items())
-        journal.append("note", text=f"The run was taken up again with another budget: {words}.")
-        journal.warnings.append(f"The run goes on with another budget: {words}.")
-
-
-def _budgets(config: RunConfig) -> dict[str, int]:
-    """What a run that is taken up again may be given more of."""
-    return {"simulations": config.simulations, "rounds": config.rounds}
-
-
-def _check_budget(path: Path, earlier: list[dict[str, Any]], known: dict[str, Any], config: RunConfig) -> None:
-    """Refuse a budget that is smaller than what was done. Raises `BsaError`."""
-    if (path.parent / LOCK).exists():
-        raise BsaError(
-            f"{path.parent} is a run of a grid, whose cells are compared by their budgets.",
-            "give the grid other simulations or rounds; or copy the folder without its file lock, and resume the copy.",
-        )
-    done = max((event["index"] + 1 for event in earlier if event["event"] == "trial"), default=0)
-    if config.simulations < done:
-        raise BsaError(
-            f"the run has made {done} simulations, which is more than --simulations {config.simulations}.",
-            f"give more than {done}: those that {path} holds count with the new ones.",
-        )
-    if config.rounds < known.get("rounds", 0):
-        raise BsaError(
-            f"--rounds {config.rounds} is less than the {known['rounds']} of the run.",
-            "give more, or leave it out; --simulations may end the search sooner.",
-        )
+        write_budget(journal, earlier, known, config)
 
 
 def discovery_command_of(folder: Path) -> str:
@@ -211,8 +183,10 @@ def discovery_command_of(folder: Path) -> str:
     return str(next(read_events(folder), {}).get("to_discover", ""))
 
 
-def read_request(folder: Path, simulations: int | None = None, rounds: int | None = None) -> tuple[Task, RunConfig]:
+def read_request(folder: Path, budget: Mapping[str, Any] | None = None) -> tuple[Task, RunConfig]:
     """The task and configuration of an earlier run, from its journal, with another budget where one is given.
+
+    ``budget`` has any of the simulations, rounds and patience.
 
     Raises `BsaError` if the folder holds no run, or a budget is none.
     """
@@ -222,9 +196,7 @@ def read_request(folder: Path, simulations: int | None = None, rounds: int | Non
     check_calibration(first, path)
     with decoding(path, "a run", "restore the file, or start a new run."):
         task, config = decode_task(first["task"]), shaped(RunConfig, with_budget(first["config"], events))
-    asked = {"simulations": simulations, "rounds": rounds}
-    given = {key: value for key, value in asked.items() if value is not None}
-    return task, validated(RunConfig, {**config.model_dump(), **given}, "run configuration") if given else config
+    return task, validated(RunConfig, {**config.model_dump(), **budget}, "run configuration") if budget else config
 
 
 def summary(task: Task, config: RunConfig, backend_name: str, result: RunResult) -> dict[str, Any]:

@@ -12,18 +12,11 @@ from ...core.journal import FILE_NAME, check_run_folder
 from ...core.printable import shown
 from ...core.reading.part_of_file import file_and_part
 from ...core.task import Task
-from ..checked_options import as_numbers
-from ..request import (
-    CellChoice,
-    Records,
-    RunRequest,
-    backend_options,
-    given_budgets,
-    readings,
-    run_config,
-    run_request,
-    simulation_workers,
-)
+from ..checked_options import as_numbers, simulation_workers
+from ..read_options import readings
+from ..request import RunRequest, run_request
+from ..run_settings import backend_options, given_budgets, run_config
+from ..task_request import CellChoice, Records
 from .calibration_result import CalibrationResult
 from .measured import Data, sources
 
@@ -144,8 +137,8 @@ def calibrate(
     out : path, optional
         Folder of the run; by default ``runs/<task>-<scaffold>-<n>``.
     resume : path, optional
-        Go on with the run in this folder, to ``simulations`` and ``rounds`` in all where these are given; all other
-        options but ``workers``, ``identifiability`` and allowances are its own.
+        Go on with the run in this folder, to ``simulations`` and ``rounds`` in all where these are given, and with the
+        ``patience`` in ``settings``; all other options but ``workers``, ``identifiability`` and allowances are its own.
     progress : bool
         Whether a bar shows how far the search is.
 
@@ -160,9 +153,11 @@ def calibrate(
         If data, an option or a plugin cannot be used.
     """
     if resume is not None:
+        from ..another_budget import asked_anew
         from ..run import read_request
 
-        asked = RunRequest(*read_request(Path(resume), simulations, rounds), Path(resume))
+        budget = asked_anew(settings or {}, simulations=simulations, rounds=rounds)
+        asked = RunRequest(*read_request(Path(resume), budget), Path(resume))
     else:
         if out is not None:
             check_run_folder(Path(out))

@@ -149,9 +149,11 @@ class CalibrationResult:
         BsaError
             If the data cannot be read, or was fitted.
         """
-        from ..checked_options import as_numbers
+        from ..checked_options import as_numbers, simulation_workers
         from ..predict import predict_records, write_scores
-        from ..request import Records, named_after, numbered_folder, readings, simulation_workers
+        from ..read_options import readings
+        from ..run_names import named_after, numbered_folder
+        from ..task_request import Records
         from .prediction_result import PredictionResult
 
         reader, reader_option = options.pop("reader", None), options.pop("reader_option", None) or {}

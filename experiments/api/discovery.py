@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.errors import BsaError
 from ...core.printable import shown
-from ..request import Records, backend_options, readings, simulation_workers
+from ..checked_options import simulation_workers
+from ..read_options import readings
+from ..run_settings import backend_options
+from ..task_request import Records
 from .discovery_result import DiscoveryResult
 from .measured import Data, sources
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.discovery.discovery import Discovery
 from ...core.discovery.explanation import Estimate
+from ..report.base_parameters import base_parameters
 from ..report.wording import number, quantity
 from .notebook import pictures_of, render
 from .scripts import namespace_of
@@ -113,6 +114,7 @@ class DiscoveryResult:
             title=f"{self.verdict}: {', '.join(self.effects) or self._found.findings.reason}",
             errors=[(name, number(error["initial"]), number(error["best"])) for name, error in self.errors.items()],
             rows=[(name, *_quantities(estimate)) for name, estimate in self._estimates.items()],
+            base=base_parameters(self._found),
             pictures=pictures_of(self.report, 2),  # drawn there: the curves need the simulator
             report=self.report,
         )

@@ -11,7 +11,7 @@ from ...core.errors import BsaError
 from ...core.printable import shown
 from ...core.record import ReadOptions, Record
 from ..checked_options import FIELDS
-from ..request import one_each, reading
+from ..read_options import one_each, reading
 
 if TYPE_CHECKING:
     import pandas

@@ -11,7 +11,7 @@ from ...core.errors import unknown
 from ...core.run_config import RunConfig
 from ...core.scaffold import Scaffold
 from ...core.yaml_text import YAML_SUFFIXES
-from ..request import run_config
+from ..run_settings import run_config
 from .calibration import Calibration, TaskLabel
 from .cell import Axes, Axis
 from .grid_file import BackendChoice, Budgets, GridFile

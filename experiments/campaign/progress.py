@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, TextIO
 
-from ..cli.progress import Redrawn, brief, printable
-from ..report.wording import duration
+from ..cli.progress import Redrawn, printable
+from ..report.wording import duration, number
 from .cell import Cell, Report
 from .store import best_score
 
@@ -127,7 +127,7 @@ class PlainCampaign(_Counting):
         more = f" (and {self._unsaid} more)" if self._unsaid else ""
         failed = f", {self.total.failed} failed" * bool(self.total.failed)
         count = f"[{self.total.done + self.total.failed}/{self.total.total}]"
-        outcome = report.result.get("summary") or brief(objective_of(report))
+        outcome = report.result.get("summary") or number(objective_of(report))
         self.say(f"{count} {named(cell)}: {outcome}{more}; {duration(self.left_s)} left{failed}")
         self._last, self._unsaid = time.monotonic(), 0
 
@@ -181,4 +181,4 @@ class LiveCampaign(Redrawn, _Counting):
 
 
 def _columns(tally: Tally) -> list[str]:
-    return [str(tally.total), str(tally.done), str(tally.running), str(tally.failed), brief(tally.best)]
+    return [str(tally.total), str(tally.done), str(tally.running), str(tally.failed), number(tally.best)]

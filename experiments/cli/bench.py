@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -17,6 +17,7 @@ from .campaign import RESULTS, Execution, Executors, Metric, StoreOption, finish
 from .option_groups import with_options
 
 if TYPE_CHECKING:
+    from ...core.scaffold import Scaffold
     from ..campaign.grid_file import BackendChoice, GridFile, SuiteFilter
     from ..campaign.store import Store
     from ..campaign.summary import Row
@@ -73,6 +74,31 @@ Out = Annotated[
 Analysis = Callable[["list[Row]", "Store", Path], Any]
 
 
+@dataclass(frozen=True)
+class Study(shared.LanguageModel, Execution, Cases):
+    """What a study of calibrations is told, whatever it compares."""
+
+    simulations: Simulations = 100
+    seed: shared.Seed = 1234
+    out: Out = None
+
+    @property
+    def chosen(self) -> SuiteFilter:
+        """Its cases."""
+        return self.filter(self.seed)
+
+    @property
+    def choice(self) -> BackendChoice:
+        """The language model of the methods that ask one."""
+        return _choice(self)
+
+    def grid(self, name: str, scaffolds: Sequence[str | Scaffold], **more: Any) -> GridFile:
+        """Every case by every method; ``more`` as in `study_grid`."""
+        from ..studies.grids import study_grid
+
+        return study_grid(name, self.chosen, scaffolds, self.choice, self.simulations, self.seed, **more)
+
+
 def _study(grid: GridFile, execution: Execution, out: Path | None, analyse: Analysis | None = None) -> None:
     """Run a study's grid, write the tables of every campaign, and then its own."""
     from ..campaign.running import plan_campaign
@@ -96,36 +122,25 @@ def _choice(model: shared.LanguageModel) -> BackendChoice:
 
 
 @bench_app.command("suite")
-@with_options(Cases)
-@with_options(shared.LanguageModel, backend="rules")
-@with_options(Execution, workers=2)
+@with_options(Study, backend="rules", workers=2)
 def suite_command(
-    cases: Cases,
+    study: Study,
     *,
     scaffolds: Scaffolds = "default,least-squares,hybrid",
-    simulations: Simulations = 100,
-    seed: shared.Seed = 1234,
     own_budget: Annotated[
         list[str] | None,
         shared.search_option(metavar="NAME=N", help="Simulations of one base cell's cases, ORegan2022=50; repeat."),
     ] = None,
-    execution: Execution,
-    model: shared.LanguageModel,
-    out: Out = None,
 ) -> None:
     """The paper's main table: errors by mode and chemistry, with the paper's rows beside."""
-    from ..studies.grids import study_grid
-
     budgets = _own_budgets(own_budget)
-    grid = study_grid(
-        "suite", cases.filter(seed), scaffolds.split(","), _choice(model), simulations, seed, budgets, paper_rows=True
-    )
-    _study(grid, execution, out)
+    grid = study.grid("suite", scaffolds.split(","), own_budgets=budgets, paper_rows=True)
+    _study(grid, study, study.out)
 
 
 def _own_budgets(pairs: list[str] | None) -> dict[str, int]:
     from ...core.errors import BsaError
-    from ..request import key_values
+    from ..run_settings import key_values
 
     budgets = key_values(pairs, "--own-budget")
     for name, count in budgets.items():
@@ -160,54 +175,31 @@ def runtime_command(
 
 
 @bench_app.command("recovery")
-@with_options(Cases, cases="10")
-@with_options(shared.LanguageModel, backend="rules")
-@with_options(Execution, workers=2)
-def recovery_command(
-    cases: Cases,
-    *,
-    scaffolds: Scaffolds = "full,hybrid",
-    simulations: Simulations = 100,
-    seed: shared.Seed = 1234,
-    execution: Execution,
-    model: shared.LanguageModel,
-    out: Out = None,
-) -> None:
+@with_options(Study, cases="10", backend="rules", workers=2)
+def recovery_command(study: Study, *, scaffolds: Scaffolds = "full,hybrid") -> None:
     """Whether a better fit means better parameters, and what held-out rates say."""
     from ..campaign.task_sources import suite_cases
-    from ..studies.grids import study_grid
     from ..studies.recovery import write_recovery
 
-    chosen = cases.filter(seed)
-    grid = study_grid("recovery", chosen, scaffolds.split(","), _choice(model), simulations, seed)
-    analyse = partial(write_recovery, cases=suite_cases(chosen), seed=seed, say=say)
-    _study(grid, execution, out, analyse)
+    analyse = partial(write_recovery, cases=suite_cases(study.chosen), seed=study.seed, say=say)
+    _study(study.grid("recovery", scaffolds.split(",")), study, study.out, analyse)
 
 
 @bench_app.command("warmup")
-@with_options(Cases, cases="10")
-@with_options(shared.LanguageModel, backend="rules")
-@with_options(Execution, workers=2)
+@with_options(Study, cases="10", backend="rules", workers=2)
 def warmup_command(
-    cases: Cases,
+    study: Study,
     *,
     scaffold: Annotated[
         str, shared.search_option(metavar="NAME", help="Scaffold whose warm-up is exchanged.")
     ] = "full",
-    simulations: Simulations = 100,
-    seed: shared.Seed = 1234,
-    execution: Execution,
-    model: shared.LanguageModel,
-    out: Out = None,
 ) -> None:
     """Random against proposed perturbations."""
     from ...core.scaffold import load_scaffold
-    from ..studies.grids import study_grid
     from ..studies.warmup import STRATEGIES, with_warm_up, write_warmup
 
     scaffolds = [with_warm_up(load_scaffold(scaffold), strategy) for strategy in STRATEGIES]
-    grid = study_grid("warmup", cases.filter(seed), scaffolds, _choice(model), simulations, seed)
-    _study(grid, execution, out, write_warmup)
+    _study(study.grid("warmup", scaffolds), study, study.out, write_warmup)
 
 
 @bench_app.command("no-harm")
@@ -296,7 +288,7 @@ def real_cells_command(
     from dataclasses import asdict
 
     from ...core.files import write_csv
-    from ..request import simulation_workers
+    from ..checked_options import simulation_workers
     from ..studies.real_cells import MEASURED_CURRENT, PAPER, chosen, run_cell, run_cells
 
     at_once = simulation_workers(workers)
@@ -316,14 +308,11 @@ def real_cells_command(
 
 
 @bench_app.command("models")
-@with_options(Cases, suite="generated")
-@with_options(shared.LanguageModel, backend="rules")
-@with_options(Execution, workers=1)
+@with_options(Study, suite="generated", simulations=20, backend="rules", workers=1)
 def models_command(
-    cases: Cases,
+    study: Study,
     *,
     scaffold: Annotated[str, shared.search_option(metavar="NAME", help="Scaffold of the calibrations.")] = "full",
-    simulations: Annotated[int, shared.search_option(min=1, metavar="N", help="Simulations a run at most.")] = 20,
     warmup: Annotated[
         int | None, shared.search_option(min=0, metavar="N", help="Warm-up simulations; default: a fifth of all.")
     ] = None,
@@ -334,10 +323,6 @@ def models_command(
     rankings: Annotated[
         bool, shared.records_option("--rankings/--no-rankings", help="Whether reports are ranked at all.")
     ] = True,
-    seed: shared.Seed = 1234,
-    execution: Execution,
-    model: shared.LanguageModel,
-    out: Out = None,
 ) -> None:
     """A card of a language model: twelve calibrations, and discrepancy reports ranked with names and without."""
     from dataclasses import replace
@@ -346,17 +331,17 @@ def models_command(
     from ..discovery_bench.reports import PACKAGED, read_reports
     from ..studies.models import CASES, card, models_grid, plan_rankings, write_card
 
-    backend = _choice(model)
-    chosen = replace(cases, cases=cases.cases or ",".join(CASES)).filter(seed)
+    backend = study.choice
+    chosen = replace(study, cases=study.cases or ",".join(CASES)).chosen
     told = read_reports(reports or PACKAGED) if rankings else []
-    execution.check()
-    grid = models_grid(chosen, backend, scaffold, simulations, seed, warmup)
-    plan = plan_campaign(grid, execution.store, out, say=say, make=not execution.dry_run)
-    rows = execution.run(plan)
+    study.check()
+    grid = models_grid(chosen, backend, scaffold, study.simulations, study.seed, warmup)
+    plan = plan_campaign(grid, study.store, study.out, say=say, make=not study.dry_run)
+    rows = study.run(plan)
     ranked: list[Row] = []
     if told:
-        ranked = execution.run(plan_rankings(told, backend, seed, execution.store, plan.folder / "rankings"))
-    found = card(backend.use, scaffold, simulations, rows, ranked, told, plan.store)
+        ranked = study.run(plan_rankings(told, backend, study.seed, study.store, plan.folder / "rankings"))
+    found = card(backend.use, scaffold, study.simulations, rows, ranked, told, plan.store)
     print(write_card(found, plan.folder))
     finish([*rows, *ranked])
 

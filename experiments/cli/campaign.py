@@ -128,7 +128,7 @@ def grid(
 ) -> None:
     """Run a grid: tasks x scaffolds x backends x seeds. What is finished is not run again."""
     from ..campaign.running import plan_grid
-    from ..request import key_values
+    from ..run_settings import key_values
 
     execution.check()
     plan = plan_grid(file, execution.store, key_values(settings, "--set"), say, make=not execution.dry_run)

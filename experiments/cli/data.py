@@ -41,7 +41,7 @@ def data(
 ) -> None:
     """Say what files hold: signals, steps, cycles, resistances, slow curves and every problem."""
     from ...core.reading.reading import read_file
-    from ..request import one_each
+    from ..read_options import one_each
 
     _check_outputs(files, join, plot, export, out)
     sources: list[Any] = [files] if join else list(files)

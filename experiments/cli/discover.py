@@ -90,7 +90,8 @@ def discover(
 ) -> None:
     """Find where a model and measured records disagree, name the missing effect, add it, show the gap shrink."""
     from ..discovery_case import discover_options
-    from ..request import Records, key_values
+    from ..run_settings import key_values
+    from ..task_request import Records
 
     if resume is not None:
         from ..discovery_journal import read_options
@@ -130,8 +131,8 @@ def discover(
 
 def _carry_out(asked: DiscoverOptions, workers: int, as_json: bool) -> None:
     from ...core.messages import Outage
+    from ..checked_options import simulation_workers
     from ..discover import discover as find
-    from ..request import simulation_workers
 
     print(f"discovery → {asked.out}", file=sys.stderr)
 

@@ -30,9 +30,11 @@ def predict(
     as_json: Annotated[bool, shared.output_option("--json", help="Print prediction.json to standard output.")] = False,
 ) -> None:
     """Score records that a run did not fit, with a 95 % band of what its parameters leave open and of its misfit."""
+    from ..checked_options import simulation_workers
     from ..predict import predict_records, write_scores
     from ..report.records import error_rows
-    from ..request import Records, named_after, numbered_folder, simulation_workers
+    from ..run_names import named_after, numbered_folder
+    from ..task_request import Records
     from .progress import PlainProgress, printable
 
     records = Records(data, (), reading.options(), reading.reader, reading.reader_options, initial_soc or ())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 import time
 from abc import ABC, abstractmethod
@@ -203,11 +202,13 @@ class LiveProgress(Redrawn):
         from rich.table import Table
         from rich.text import Text
 
+        from ..report.wording import number
+
         grid = Table.grid(padding=(0, 2))
         rows = {
             "now": self._state["at"] or self._state["phase"],
             "hypothesis": printable(self._state["hypothesis"], 160) or "–",
-            "error": f"{brief(self._first)} → {brief(self._best)} {self._unit}",
+            "error": f"{number(self._first)} → {number(self._best)} {self._unit}",
             "simulations": f"{self._state['count']} of {self._simulations}"
             + f" ({self._state['failed']} failed)" * bool(self._state["failed"]),
             "model": f"{self._usage.tokens} tokens, ${self._usage.cost_usd:.4f}",
@@ -216,8 +217,3 @@ class LiveProgress(Redrawn):
         for name, value in rows.items():
             grid.add_row(Text(name, style="bold"), Text(str(value)))
         return Panel(grid, title=Text(self._title), border_style="cyan")
-
-
-def brief(value: float | None) -> str:
-    """A number to four digits; a dash for none, and for one that is not finite."""
-    return f"{value:.4g}" if value is not None and math.isfinite(value) else "–"

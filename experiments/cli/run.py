@@ -169,26 +169,22 @@ def run(
     version: shared.Version = False,
 ) -> None:
     """Calibrate a model against a target: the packaged demo, a task file, or cycler records."""
-    from ..request import (
-        CellChoice,
-        Records,
-        RunRequest,
-        given_budgets,
-        key_values,
-        run_config,
-        run_request,
-        simulation_workers,
-    )
+    from ..another_budget import asked_anew
+    from ..checked_options import simulation_workers
+    from ..request import RunRequest, run_request
     from ..run import Resources, discovery_command_of, read_request
+    from ..run_settings import given_budgets, key_values, run_config
+    from ..task_request import CellChoice, Records
     from ..tasks.find import find_task
 
     if out is not None:
         check_run_folder(out)
     resources = Resources(simulation_workers(workers), max_tokens, max_cost)
     if resume is not None:
-        taken = ("simulations", "rounds", "workers", "identifiability", "max_tokens", "max_cost", "as_json")
+        taken = ("simulations", "rounds", "settings", "workers", "identifiability", "max_tokens", "max_cost", "as_json")
         shared.note_what_resuming_leaves(context, taken)
-        request = RunRequest(*read_request(resume, simulations, rounds), resume)
+        budget = asked_anew(key_values(settings, "--set"), simulations=simulations, rounds=rounds)
+        request = RunRequest(*read_request(resume, budget), resume)
         _execute(request, resources, as_json, identifiability, discovery_command_of(resume), resumed=True)
         return
     if data and task is not None:

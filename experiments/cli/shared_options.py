@@ -190,7 +190,8 @@ class Reading:
 
         Raises `BsaError` if an option is not valid, or two are repeated different numbers of times.
         """
-        from ..request import key_texts, readings
+        from ..read_options import readings
+        from ..run_settings import key_texts
 
         return readings(
             key_texts(self.column, "--column"),
@@ -209,7 +210,7 @@ class Reading:
     @property
     def reader_options(self) -> dict[str, Any]:
         """The reader's own options."""
-        from ..request import key_values
+        from ..run_settings import key_values
 
         return key_values(self.reader_option, "--reader-option")
 
@@ -224,7 +225,7 @@ class Reading:
 
 def reaching(via: str | None, base_url: str | None, backend_option: list[str] | None, **more: Any) -> dict[str, Any]:
     """What the command line says about the language model, as it goes into a configuration: only what was set."""
-    from ..request import backend_options, key_values
+    from ..run_settings import backend_options, key_values
 
     return backend_options(key_values(backend_option, "--backend-option"), via=via, base_url=base_url, **more)
 

@@ -27,8 +27,9 @@ from ..api import calibration, discovery, measured
 from ..api.calibration_result import CalibrationResult
 from ..api.discovery_result import DiscoveryResult
 from ..discover import RESULT as DISCOVERY_RESULT
+from ..read_options import reading
 from ..report.page import FILE_NAME as REPORT
-from ..request import CellChoice, Records, reading, task_of_records
+from ..task_request import CellChoice, Records, task_of_records
 from ..tasks.find import find_task
 
 Json = dict[str, Any]

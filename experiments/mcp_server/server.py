@@ -19,7 +19,7 @@ from ...core.printable import shown
 from ...core.redaction import redact
 from ...core.run_config import RunConfig
 from ...core.validation import explain
-from ..request import named_after, numbered_folder
+from ..run_names import named_after, numbered_folder
 from ..tasks.task_file import SUFFIXES
 from . import functions
 from .arguments import Arguments, Cell, Reading

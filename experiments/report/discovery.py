@@ -10,6 +10,7 @@ from ...core.discovery.observations import Observations
 from ...core.discovery.problem import Problem
 from ...core.discovery.record_discovery import RecordDiscovery
 from ...core.discovery.simulator import Prediction
+from .base_parameters import base_parameters
 from .chart import Chart, Key, horizontal, padded
 from .templates import template
 from .wording import time_unit
@@ -39,7 +40,8 @@ def render(discovery: RecordDiscovery, problem: Problem) -> str:
     with_effect = bool(discovery.findings.best.effects)
     page = template("record_discovery.html.j2")
     headline = _headline(discovery.verdict, discovery.findings.nominations)
-    return page.render(d=content, headline=headline, figures=figures, with_effect=with_effect)
+    base = base_parameters(discovery, problem)
+    return page.render(d=content, headline=headline, figures=figures, with_effect=with_effect, base=base)
 
 
 def _headline(verdict: str, nominations: Sequence[Nomination]) -> str:

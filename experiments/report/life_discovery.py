@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from ...core.discovery.life_discovery import LifeDiscovery
+from .base_parameters import base_parameters
 from .chart import Chart, Key, horizontal, padded
 from .templates import template
 
@@ -18,10 +20,11 @@ _STYLES = ("best", "initial", "limit")
 _LOST_HEIGHT, _OTHER_HEIGHT = 210.0, 110.0
 
 
-def render(content: Mapping[str, Any]) -> str:
-    """The page as HTML. ``content`` is what ``discovery.json`` holds."""
-    chart = _modes(content["modes"])
-    return template("life_discovery.html.j2").render(d=content, headline=_headline(content), chart=chart)
+def render(discovery: LifeDiscovery) -> str:
+    """The page as HTML."""
+    content, base = discovery.to_json(), base_parameters(discovery)
+    page = template("life_discovery.html.j2")
+    return page.render(d=content, headline=_headline(content), chart=_modes(content["modes"]), base=base)
 
 
 def _headline(content: Mapping[str, Any]) -> str:

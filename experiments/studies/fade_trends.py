@@ -14,7 +14,7 @@ import numpy as np
 from ...core.files import write_csv
 from ...core.record import ReadOptions
 from ...core.trajectory import FloatArray
-from ..request import CellChoice, Records, task_of_records
+from ..task_request import CellChoice, Records, task_of_records
 from .whole_life import CELLS, FITTED, FORETOLD, MODEL, SET
 
 FITTED_TO = (FITTED, 300)

@@ -22,7 +22,8 @@ from ...plugins.pybamm.parameter_sets import pybamm
 from ..discover import discover
 from ..discovery_case import discover_options
 from ..processor_time import processor_s
-from ..request import Records, reading
+from ..read_options import reading
+from ..task_request import Records
 
 CYCLE = (
     "Charge at 1C until 4.2 V",

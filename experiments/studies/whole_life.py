@@ -14,9 +14,10 @@ import numpy as np
 from ...backends.opening import open_backend
 from ...core.files import write_csv
 from ...core.record import ReadOptions
-from ..request import CellChoice, Records, run_config, task_of_records
 from ..run import execute_run
 from ..run_record import RunRecord, read_run
+from ..run_settings import run_config
+from ..task_request import CellChoice, Records, task_of_records
 
 CELLS = ("CS2_35", "CS2_36")
 FITTED, FORETOLD, EVERY = 200, 500, 50

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...core.recognised_protocol import with_switches
 from ...core.record import Record
-from ...core.target import THERMODYNAMIC_FACTOR, Value
+from ...core.target import THERMODYNAMIC_FACTOR, Value, factor_name, target_named
 from ...core.task import NEAREST, CellModel, ParameterFile, ParameterSource
 from .record_request import RecordRequest
 
@@ -79,24 +79,29 @@ def at_several_temperatures(options: Mapping[str, Any], ambient_k: Sequence[floa
     return options.get(THERMAL, ISOTHERMAL) != ISOTHERMAL or float(np.ptp(known or [0.0])) >= _WARMS_K
 
 
-def temperature_dependent(
-    parameter_set: ParameterSource, search: str | Mapping[str, Any], fixed: Mapping[str, float]
-) -> tuple[ParameterSource, list[str]]:
-    """The parameter set with transport that depends on the temperature, and what is to be said of it."""
+def temperature_dependent(cell: CellModel, search: str | Mapping[str, Any]) -> tuple[ParameterSource, list[str]]:
+    """The cell's parameter set with transport that depends on the temperature, and what is to be said of it.
+
+    What the cell's model does not have is given it too, for another model that begins there, but is not spoken of.
+    """
     from ...plugins.pybamm.activation_energies import TRANSPORT, independent_of_temperature, with_activation_energies
+    from ...plugins.pybamm.influence import without_influence
     from ...plugins.pybamm.presets import is_preset
 
-    constant = tuple(name for name in independent_of_temperature(parameter_set) if name not in fixed)
-    if not constant:
+    parameter_set = cell.parameter_set
+    constant = tuple(name for name in independent_of_temperature(parameter_set) if name not in cell.overrides)
+    idle = without_influence(cell, {name: target_named(factor_name(name)) for name in constant})
+    shown = [name for name in constant if name not in idle]
+    if not shown:
         return parameter_set, []
-    names = ", ".join(name.split(" [")[0].lower() for name in constant)
+    names = ", ".join(name.split(" [")[0].lower() for name in shown)
     said = f"In {parameter_set} these do not depend on the temperature: {names}."
     if not is_preset(search):  # it may name them as the numbers that they are
         return parameter_set, [
             f"{said} A warm cell is simulated with those of a cold one, and a fast discharge that heats the cell may "
             "be predicted to end too early."
         ]
-    energies = ", ".join(f"{TRANSPORT[name].energy / 1e3:g}" for name in constant)
+    energies = ", ".join(f"{TRANSPORT[name].energy / 1e3:g}" for name in shown)
     return with_activation_energies(parameter_set, constant), [
         f"{said} They get activation energies ({energies} kJ/mol, those of other published sets), at the reference "
         "temperature they stay as they are."
@@ -121,8 +126,8 @@ def with_searched_energies(
     if spread_k < _TELLS_K or not searches(search, additional_energy_name(RATES[0])):
         return parameter_set, []
     return with_additional_energies(parameter_set, [name for name in RATES if name not in fixed]), [
-        f"The temperatures around the fitted records are {spread_k:.0f} K apart: how diffusivities, conductivity and "
-        "reactions depend on the temperature is fitted too, as additional activation energies."
+        f"The temperatures around the fitted records are {spread_k:.0f} K apart: how transport and reactions depend "
+        "on the temperature is fitted too, as additional activation energies."
     ]
 
 

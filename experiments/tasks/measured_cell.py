@@ -95,7 +95,9 @@ def _set_and_options(
     options, said = with_thermal_model(in_pybamm_spelling(wanted.options), requests, records)
     notes += said
     if at_several_temperatures(options, ambient_k) and not wanted.is_own_file:
-        parameter_set, said = temperature_dependent(parameter_set, wanted.search, wanted.overrides)
+        parameter_set, said = temperature_dependent(
+            CellModel(parameter_set, wanted.model, options, wanted.overrides), wanted.search
+        )
         notes += said
         parameter_set, said = with_searched_energies(
             parameter_set, wanted.search, wanted.overrides, ambient_k[: len(records)]

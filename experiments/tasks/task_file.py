@@ -133,9 +133,12 @@ def task_from(content: TaskFile, folder: Path) -> Task:
 
 
 def _request(entry: ExperimentEntry, folder: Path) -> RecordRequest:
+    read = entry.read
+    if entry.temperature_degc is not None:  # a reader need not guess it
+        read = read.model_copy(update={"ambient_c": entry.temperature_degc})
     return RecordRequest(
-        source=source_of([folder / name for name in entry.files], entry.read, entry.reader, entry.reader_options),
-        read=entry.read,
+        source=source_of([folder / name for name in entry.files], read, entry.reader, entry.reader_options),
+        read=read,
         reader=entry.reader,
         reader_options=entry.reader_options,
         protocol=read_protocol(entry.protocol) if isinstance(entry.protocol, list) else entry.protocol,

@@ -16,7 +16,7 @@ from ...core.extras import require
 from ...core.target import CellChange
 from ...core.task import CellModel, Experiment
 from ...core.trajectory import FloatArray
-from .compiled_cell import temperatures
+from .compiled_cell import start_of
 from .nameplate import labelled
 from .ocp_shape import GRID
 from .parameter_sets import arguments_of, bake, load, pybamm
@@ -73,8 +73,7 @@ def to_bpx(cell: CellModel, change: CellChange, experiment: Experiment, title: s
     values = load(cell.parameter_set, cell.overrides)
     bake(values, change)
     labelled(values, cell)
-    if experiment.temperature_k is not None:
-        values.update(temperatures(experiment.temperature_k, experiment.initial_temperature_k))
+    start_of(experiment).set_temperatures(values)
     soc = change.soc_of(experiment.name)
     writer = _Writer(values, change.cyclable_lithium)
     content, left_out = writer.written(cell, experiment.initial_soc if soc is None else soc, experiment.initial_voltage)

@@ -1,7 +1,8 @@
 """A cell model whose searched parameters are inputs: one compilation serves every candidate."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from ...core.effect import Effect
@@ -41,6 +42,22 @@ class Start:
     temperature_k: float | None = None  # Ambient temperature, K; None keeps the parameter set's.
     initial_temperature_k: float | None = None  # Of the cell, K; None for the ambient one.
 
+    def set_temperatures(self, values: Any) -> None:
+        """Put its temperatures into a parameter set, in place; where none is known those of the set stay."""
+        if self.temperature_k is not None:
+            own = self.initial_temperature_k
+            initial_k = self.temperature_k if own is None else own
+            values.update({"Ambient temperature [K]": self.temperature_k, "Initial temperature [K]": initial_k})
+
+    def soc_of(self, change: CellChange, soc_at: Callable[[float], float]) -> float | None:
+        """The state of charge at which a changed cell starts; None keeps the set's initial concentrations.
+
+        ``soc_at`` gives that at a voltage, see `InitialState.soc_at`.
+        """
+        own = change.soc_of(self.record)
+        soc = self.soc if own is None else own
+        return soc_at(self.voltage) if soc is None and self.voltage is not None else soc
+
 
 def start_of(experiment: Experiment) -> Start:
     """Where an experiment begins."""
@@ -51,14 +68,6 @@ def start_of(experiment: Experiment) -> Start:
         experiment.temperature_k,
         experiment.initial_temperature_k,
     )
-
-
-def temperatures(ambient_k: float, initial_k: float | None) -> dict[str, float]:
-    """The parameters for a temperature around a cell, and one of the cell at the start where that is another one."""
-    return {
-        "Ambient temperature [K]": ambient_k,
-        "Initial temperature [K]": ambient_k if initial_k is None else initial_k,
-    }
 
 
 def make_model(cell: CellModel) -> Any:
@@ -106,8 +115,7 @@ class CompiledCell:
         self._model = make_model(augmented if measured_current is None else _with_averaged_reactions(augmented))
         self.heats = self._model.options["thermal"] != "isothermal"
         values = load(cell.parameter_set, cell.overrides)
-        if start.temperature_k is not None:
-            values.update(temperatures(start.temperature_k, start.initial_temperature_k))
+        start.set_temperatures(values)
         bake(values, baked)
         self._feasible = keeping_ocp_falling(values, self._targets)
         starts = (InitialSoc(), InitialSoc(start.record), CyclableLithium())
@@ -201,13 +209,14 @@ class CompiledCell:
             inputs.update({effect.full_name(p): own[p.name] for p in effect.parameters})
         if self._state is not None:
             change = replace(change, cyclable_lithium=self._lithium * change.cyclable_lithium)
-            wanted = [soc, change.soc_of(self._start.record), self._start.soc]
-            soc = next((known for known in wanted if known is not None), None)
-            if soc is None and self._start.voltage is not None:
-                added = added_potentials(self._without_effects, self._effects, strengths)
-                soc = self._state.soc_at(self._start.voltage, change, added)
+            if soc is None:
+                soc = self._start.soc_of(change, partial(self._soc_at, change, strengths))
             inputs |= self._state.concentrations(change, soc)
         return inputs
+
+    def _soc_at(self, change: CellChange, strengths: Candidate, voltage: float) -> float:
+        assert self._state is not None
+        return self._state.soc_at(voltage, change, added_potentials(self._without_effects, self._effects, strengths))
 
 
 def first_line(error: Exception) -> str:

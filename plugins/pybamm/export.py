@@ -17,7 +17,7 @@ from ...core.task import CellModel, Experiment, ParameterFile, Task
 from ...core.trajectory import StepKind
 from . import drive
 from .augmentation import augmented_cell, part_of
-from .compiled_cell import added_potentials, temperatures
+from .compiled_cell import added_potentials, start_of
 from .diffusivity_shape import by_diffusivity
 from .ocp_shape import BUMP_WIDTH, OcpCurves
 from .parameter_sets import FILL_FROM, bake, load, pybamm
@@ -155,15 +155,14 @@ def _start_soc(
     cell: CellModel, experiment: Experiment, change: CellChange, effects: Sequence[Effect], candidate: Candidate
 ) -> float | None:
     """The state of charge at which an experiment starts, as `CompiledCell` finds it; None leaves it to the set."""
-    own = change.soc_of(experiment.name)
-    soc = experiment.initial_soc if own is None else own
-    if soc is not None or experiment.initial_voltage is None:
-        return soc
-    values = load(cell.parameter_set, cell.overrides)
-    if experiment.temperature_k is not None:
-        values.update(temperatures(experiment.temperature_k, experiment.initial_temperature_k))
-    added = added_potentials(values, effects, candidate)
-    return InitialState(values).soc_at(experiment.initial_voltage, change, added)
+    start = start_of(experiment)
+
+    def soc_at(voltage: float) -> float:
+        values = load(cell.parameter_set, cell.overrides)
+        start.set_temperatures(values)
+        return InitialState(values).soc_at(voltage, change, added_potentials(values, effects, candidate))
+
+    return start.soc_of(change, soc_at)
 
 
 def _record(

@@ -105,19 +105,23 @@ class InitialState:
         _, _, lithium, held, _ = self._balance(change)
         return {"lithium": lithium, **held}
 
-    def voltages(self, change: CellChange, soc: float | None, drawn: FloatArray) -> FloatArray:
-        """Open-circuit voltage after charge was drawn, V, shape (n,); see `concentrations`.
+    def voltages(
+        self,
+        change: CellChange,
+        soc: float | None,
+        drawn: FloatArray,
+        added: Mapping[str, FloatArray] | None = None,
+    ) -> FloatArray:
+        """Open-circuit voltage at the initial temperature after charge was drawn, V, shape (n,); see `concentrations`.
 
         ``drawn``, shape (n,), is the lithium that has left the negative electrode since the start, mol per m2 of
-        electrode. Beyond what an electrode holds its potential stays at its last value.
+        electrode; ``added`` is as in `soc_at`. Beyond what an electrode holds its potential stays at its last value.
         """
         start = self._start(change, soc)
-        potentials = {
-            which: np.interp(
-                start.stoichiometry[which] + sign * drawn / start.held[which], GRID, self._ocp.curve(which, change)
-            )
-            for which, sign in (("Negative", -1.0), ("Positive", 1.0))
-        }
+        potentials: dict[str, FloatArray] = {}
+        for which, sign in (("Negative", -1.0), ("Positive", 1.0)):
+            curve = self._ocp.curve(which, change) + sum(part[which] for part in self._parts(added) if which in part)
+            potentials[which] = np.interp(start.stoichiometry[which] + sign * drawn / start.held[which], GRID, curve)
         return np.asarray(potentials["Positive"] - potentials["Negative"])
 
     def _start(self, change: CellChange, soc: float | None) -> _Start:
@@ -140,13 +144,17 @@ class InitialState:
         """
         x, curve, lithium, held, _ = self._balance(change or CellChange())
         empty, full = np.interp(self._limits, curve, x)
-        parts = [part for part in (self._warming, added) if part]
+        parts = self._parts(added)
         if parts:
             y = (lithium - held["Negative"] * x) / held["Positive"]
             for which, at, sign in (("Negative", x, -1.0), ("Positive", y, 1.0)):
                 curve = curve + sign * sum(np.interp(at, GRID, part[which]) for part in parts if which in part)
             curve = np.maximum.accumulate(curve)
         return float((np.interp(voltage, curve, x) - empty) / (full - empty))
+
+    def _parts(self, added: Mapping[str, FloatArray] | None) -> list[Mapping[str, FloatArray]]:
+        """What temperature and effects add to the potentials, V on `GRID`, by electrode."""
+        return [part for part in (self._warming, added) if part]
 
     def _balance(
         self, change: CellChange

@@ -125,6 +125,21 @@ def test_more_rounds_go_on_behind_the_last(run_toy: RunToy, tmp_path: Path) -> N
     assert read_request(tmp_path)[1].rounds == 4
 
 
+def test_more_patience_goes_on_behind_the_last_idle_round(run_toy: RunToy, tmp_path: Path) -> None:
+    limits = {"simulations": 30, "rounds": 40, "warm_up": 2}
+    first = run_toy(tmp_path, patience=2, **limits)
+    assert first.status == "converged"
+    before = tried(tmp_path)
+    run_toy(tmp_path, patience=2, **{**limits, "simulations": 40}, rebudgeted=True)
+    assert any(f"bsa run --resume {tmp_path} --set patience=4" in note for note in read_run(tmp_path).notes)
+    second = run_toy(tmp_path, patience=6, **{**limits, "simulations": 40}, rebudgeted=True)
+    assert len(second.trials) > len(first.trials)
+    assert tried(tmp_path)[: len(before)] == before
+    assert read_request(tmp_path)[1].patience == 6
+    with pytest.raises(BsaError, match="--set patience=5 is less than the 6 of the run"):
+        run_toy(tmp_path, patience=5, **{**limits, "simulations": 40}, rebudgeted=True)
+
+
 def test_less_than_was_done_is_refused_and_nothing_is_written(run_toy: RunToy, tmp_path: Path) -> None:
     run_toy(tmp_path, simulations=9)
     before = (tmp_path / FILE_NAME).read_bytes()
@@ -133,7 +148,7 @@ def test_less_than_was_done_is_refused_and_nothing_is_written(run_toy: RunToy, t
     with pytest.raises(BsaError, match="--rounds 3 is less than the 12 of the run"):
         run_toy(tmp_path, simulations=9, rounds=3, rebudgeted=True)
     with pytest.raises(BsaError, match="simulations"):
-        read_request(tmp_path, simulations=0)
+        read_request(tmp_path, {"simulations": 0})
     assert (tmp_path / FILE_NAME).read_bytes() == before
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from bsa.core.errors import BsaError
-from bsa.experiments.checked_options import as_numbers
-from bsa.experiments.request import reading, readings, simulation_workers
+from bsa.experiments.checked_options import as_numbers, simulation_workers
+from bsa.experiments.read_options import reading, readings
 
 
 @pytest.mark.parametrize(
@@ -42,7 +42,7 @@ def test_one_number_several_or_none():
 
 def test_a_number_of_each_record_is_checked_once(monkeypatch):
     checked = []
-    monkeypatch.setattr("bsa.experiments.request.as_number", lambda value, option: checked.append(value) or value)
+    monkeypatch.setattr("bsa.experiments.read_options.as_number", lambda value, option: checked.append(value) or value)
     assert [one.current_offset_a for one in readings(current_offset=[0.1, 0.2], voltage_lag=3.0)] == [0.1, 0.2]
     assert checked == [0.1, 0.2, 3.0]
 

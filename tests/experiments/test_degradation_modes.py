@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 from bsa.experiments.degradation_modes import LITHIUM, degradation_modes, lost_material
-from bsa.experiments.request import CellChoice, Records, reading, task_of_records
+from bsa.experiments.read_options import reading
 from bsa.experiments.studies.life_discovery import HIDDEN, make
+from bsa.experiments.task_request import CellChoice, Records, task_of_records
 from bsa.experiments.tasks.measured_cell import RESISTANCE
 from bsa.plugins.pybamm.life_simulator import LifeSimulator
 

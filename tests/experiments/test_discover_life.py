@@ -21,8 +21,9 @@ from bsa.experiments.api.scripts import namespace_of
 from bsa.experiments.cli.main import main
 from bsa.experiments.discover import discover
 from bsa.experiments.discovery_case import DiscoverOptions, discover_options
-from bsa.experiments.request import CellChoice, Records, reading, task_of_records
+from bsa.experiments.read_options import reading
 from bsa.experiments.studies.life_discovery import HIDDEN, make
+from bsa.experiments.task_request import CellChoice, Records, task_of_records
 from bsa.plugins.effects.ageing import EFFECTS
 from bsa.plugins.pybamm.export import script
 from bsa.plugins.pybamm.life_simulator import LifeSimulator

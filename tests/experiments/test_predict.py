@@ -13,7 +13,7 @@ from bsa.core.target import CellChange
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Trajectory
 from bsa.experiments.cli.main import app
-from bsa.experiments.request import CellChoice, Records, task_of_records
+from bsa.experiments.task_request import CellChoice, Records, task_of_records
 from bsa.plugins.pybamm.parameter_sets import load
 from bsa.plugins.pybamm.solving import solve_reference
 from typer.testing import CliRunner

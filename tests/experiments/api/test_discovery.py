@@ -98,6 +98,7 @@ def test_a_hidden_resistance_is_found_and_shown(resistive_cell, tmp_path) -> Non
     page = found._repr_html_()
     assert page.count("data:image/svg+xml") == 1
     assert "contact-resistance" in page
+    assert "Cyclable lithium factor" in page
     values, model = found.parameter_values, found.model
     assert interval[0] <= values["Contact resistance [Ohm]"] <= interval[1]
     assert model.options["contact resistance"] == "true"

@@ -10,7 +10,7 @@ from bsa.core.journal import FILE_NAME
 from bsa.core.reading.reading import read_record
 from bsa.experiments.cli.main import main, run_main
 from bsa.experiments.cli.shared_options import Reading
-from bsa.experiments.request import key_values, run_config
+from bsa.experiments.run_settings import key_values, run_config
 
 GOOD_CSV = "Test Time / s,Voltage / V,Current / A\n" + "\n".join(
     f"{10 * k},{4.1 - 0.001 * k:.4f},{-1.0 if k > 2 else 0.0}" for k in range(60)

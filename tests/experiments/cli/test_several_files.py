@@ -5,7 +5,7 @@ import typer
 from bsa.core.errors import BsaError
 from bsa.experiments.cli.main import app
 from bsa.experiments.cli.several_files import one_option_a_file
-from bsa.experiments.request import named_after
+from bsa.experiments.run_names import named_after
 from typer.testing import CliRunner
 
 

@@ -54,7 +54,7 @@ def page(**given: Any) -> str:
     unset = lists | dict.fromkeys(("next_experiment", "closure", "backend_ranking"))
     numbers = {"simulations": 1, "wall_s": 1.0, "mesh_correction_mv": 0.0, "false_alarm_rate": 0.01}
     content |= unset | numbers | {"reason": "", "temperature_rms_k": {}} | given.pop("d", {})
-    shown = {"d": content, "headline": "", "figures": [], "with_effect": False}
+    shown = {"d": content, "headline": "", "figures": [], "with_effect": False, "base": []}
     return template("record_discovery.html.j2").render(**shown | given)
 
 

@@ -38,20 +38,22 @@ def discovery(verdict: str = "unexplained", modes: bool = True) -> LifeDiscovery
 
 
 def test_the_page_has_verdict_mechanisms_and_modes() -> None:
-    page = render(discovery().to_json())
+    page = render(discovery())
     for text in ("verdict: unexplained", "77 simulations", "no cold &lt;charge&gt;", "a note", "a partial explanation"):
         assert text in page, text
     assert "Contact resistance [Ohm]" in page
     assert "4.25" in page or "4.3" in page
     assert "<svg" in page
+    assert '<th>Negative particle radius</th><td class="n">5 µm</td>' in page
 
 
 def test_a_strength_stands_with_its_unit() -> None:
-    content = discovery("effect-found").to_json()
+    found = discovery("effect-found")
+    content = found.to_json()
     (parameter,) = content["effects"][0]["parameters"]
     assert (parameter["value"], parameter["physical"]["unit"]) == (12.0, "A.m-2")
     np.testing.assert_allclose(parameter["physical"]["value"], 12.0 * 1.5e-7)
-    assert render(content).count("A m⁻²") == 2  # with the effect, and among all that was considered
+    assert render(found).count("A m⁻²") == 2  # with the effect, and among all that was considered
 
 
 def test_a_candidate_that_was_not_fitted_has_no_numbers() -> None:
@@ -62,7 +64,7 @@ def test_a_candidate_that_was_not_fitted_has_no_numbers() -> None:
 
 
 def test_without_a_window_there_is_no_figure() -> None:
-    assert "<svg" not in render(discovery(modes=False).to_json())
+    assert "<svg" not in render(discovery(modes=False))
 
 
 def test_the_headline_counts_the_mechanisms_that_were_tried() -> None:
@@ -73,8 +75,8 @@ def test_the_headline_counts_the_mechanisms_that_were_tried() -> None:
         ((), "No mechanism could be tried that would explain how the cell ages"),
     ):
         found.tried = tried
-        assert f"<h1>{words}</h1>" in render(found.to_json())
-    assert "catalogue" not in render(found.to_json())
+        assert f"<h1>{words}</h1>" in render(found)
+    assert "catalogue" not in render(found)
 
 
 def test_what_speaks_against_a_mechanism_is_told_in_words_of_a_life() -> None:

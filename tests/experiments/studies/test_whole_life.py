@@ -9,10 +9,10 @@ from bsa.core.ageing.fade_band import FadeBand
 from bsa.core.prediction import Prediction
 from bsa.core.record_errors import RecordErrors
 from bsa.core.task import Task
-from bsa.experiments.request import CellChoice, Records
 from bsa.experiments.run_record import RunRecord
 from bsa.experiments.studies import whole_life
 from bsa.experiments.studies.whole_life import EVERY, FITTED, FORETOLD, forecast, rows_of
+from bsa.experiments.task_request import CellChoice, Records
 from bsa_toy_life import life, life_task
 
 

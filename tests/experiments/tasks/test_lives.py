@@ -10,7 +10,7 @@ from bsa.core.errors import BsaError
 from bsa.core.prediction import begins_under_load
 from bsa.core.record import ReadOptions, Record
 from bsa.core.trajectory import Step, StepKind, Trajectory
-from bsa.experiments.request import CellChoice, Records, task_of_records
+from bsa.experiments.task_request import CellChoice, Records, task_of_records
 from bsa.experiments.tasks.lives import USUAL_GROWTH, cracks_note, with_ageing
 from bsa.experiments.tasks.record_request import RecordRequest
 from bsa.experiments.tasks.records import holding_out

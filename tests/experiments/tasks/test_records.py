@@ -86,7 +86,10 @@ def test_a_cell_that_warms_has_a_thermal_model_whose_temperature_is_fitted() -> 
     assert [signal.name for signal in warm.observed] == ["voltage", "temperature"]
     assert {"Cell volume [m3]", "Total heat transfer coefficient [W.m-2.K-1]"} < set(warm.space.names)
     assert any("12.0 K" in note for note in warm.notes)
-    assert any("They get activation energies (20, 20, 20, 15 kJ/mol" in note for note in warm.notes)
+    (said,) = (note for note in warm.notes if "They get activation energies" in note)
+    assert "negative particle diffusivity, positive particle diffusivity. They" in said  # an SPM has no electrolyte
+    assert "(20, 20 kJ/mol" in said
+    assert "Electrolyte conductivity activation energy [J.mol-1]" in load(warm.cell.parameter_set)
     assert "Negative particle diffusivity [m2.s-1] factor" in warm.space.names
     other = build_task("t", "OKane2022", [RecordRequest(warming(12.0))], model="SPM")
     assert other.cell.options["thermal"] == "lumped"

@@ -14,8 +14,8 @@ from bsa.core.target import CellChange
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Trajectory
 from bsa.experiments.cli.main import app, main
-from bsa.experiments.request import CellChoice, Records, task_of_records
 from bsa.experiments.run_record import read_run
+from bsa.experiments.task_request import CellChoice, Records, task_of_records
 from bsa.plugins.proposers.stage_data import view_of
 from bsa.plugins.pybamm.solving import solve_reference
 from bsa.plugins.pybamm.state_of_charge import InitialState

@@ -32,3 +32,16 @@ def test_several_files_of_one_cell_are_one_record(folder: Path) -> None:
     assert len(experiment.target) == 62
     assert experiment.target.discharge_capacity[-1] == pytest.approx(2 * 2.5 / 3.0, rel=0.1)
     assert any("joined" in note for note in load_task_file(folder / "task.yaml").notes)
+
+
+@pytest.mark.parametrize("said", [True, False])
+def test_a_temperature_that_is_given_is_not_guessed(tmp_path: Path, said: bool) -> None:
+    rows = [f"{60 * n},{-2.5 if 5 <= n < 25 else 0.0},{4 - 0.01 * n:.3f},{25 + 0.02 * n:.2f}" for n in range(31)]
+    text = "Time [s],Current [A],Voltage [V],Temperature [degC]\n" + "\n".join(rows) + "\n"
+    (tmp_path / "warm.csv").write_text(text, encoding="utf-8")
+    entry = "data: warm.csv, initial_soc: 0.9" + ", temperature_degc: 20" * said
+    task = f"name: warm\nparameter_set: Chen2020\nmodel: SPM\nsearch: geometry\nexperiments: [{{{entry}}}]\n"
+    (tmp_path / "task.yaml").write_text(task, encoding="utf-8")
+    loaded = load_task_file(tmp_path / "task.yaml")
+    assert any("ambient temperature is taken" in note for note in loaded.notes) != said
+    assert loaded.experiments[0].temperature_k == pytest.approx(293.15 if said else 298.15)

@@ -11,7 +11,9 @@ from bsa.core.target import target_named
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.pybamm.augmentation import effects_in
+from bsa.plugins.pybamm.compiled_cell import start_of
 from bsa.plugins.pybamm.drive import shown_range
+from bsa.plugins.pybamm.driven_cell import DrivenCell
 from bsa.plugins.pybamm.equilibrium import EquilibriumCell
 from bsa.plugins.pybamm.ocp_shape import corrected
 from bsa.plugins.pybamm.parameter_sets import load, pybamm
@@ -111,3 +113,26 @@ def test_the_charge_is_that_of_the_current_which_an_effect_makes_of_the_measured
     assert found.trajectory is not None
     assert wanted.trajectory is not None
     assert found.trajectory.voltage == pytest.approx(wanted.trajectory.voltage, abs=1e-9)
+
+
+SHAPE = "ocp-shape.positive-electrode"
+
+
+@pytest.mark.parametrize(("effects", "kelvin"), [((), 263.15), ((SHAPE,), 298.15), ((SHAPE,), 263.15)])
+def test_temperature_and_effects_on_the_potentials_are_those_of_the_driven_cell(
+    effects: tuple[str, ...], kelvin: float
+) -> None:
+    """A record so slow that the driven cell is at equilibrium, started at a voltage."""
+    record = discharge(0.4)
+    record = record.changed(time=300.0 * record.time, current=record.current / 300.0)
+    task = task_of(record, initial_voltage=3.9, temperature_k=kelvin)
+    own = replace(task, cell=CellModel("Mohtat2020", "SPM", effects=effects))
+    searched = [p for effect in effects_in(own.cell) for p in effect.searched]
+    own = replace(own, space=ParameterSpace((parameter(BUMP, 0.0), *searched)))
+    candidate = {BUMP: 0.0, **{p.name: 0.04 if p.name.endswith("[V]") else 0.5 for p in searched}}
+    (run,) = EquilibriumCell(own).outcome(candidate).runs
+    start = start_of(own.experiments[0])
+    driven = DrivenCell(own.cell, (), record, own.space.targets, kelvin, start=start)
+    assert run.trajectory is not None
+    np.testing.assert_allclose(run.trajectory.voltage[0], 3.9, atol=5e-4)
+    np.testing.assert_allclose(run.trajectory.voltage, driven.follow(candidate, record.time).voltage, atol=2e-3)

@@ -1,0 +1,159 @@
+"""The task of matching records of a cell, from what a person typed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..core.errors import BsaError
+from ..core.record import ReadOptions, Record
+from ..core.task import Task
+from .read_options import one_each
+from .run_names import named_after
+
+if TYPE_CHECKING:
+    from .tasks.record_request import RecordRequest
+
+
+@dataclass(frozen=True)
+class Records:
+    """Records to be matched or predicted, and how the files among them are read."""
+
+    sources: Sequence[Path | Record]
+    held_out: Sequence[Path | Record] = ()  # Are not fitted, and scored after the search.
+    # What headers do not say: once for all, or for each of them, held-out ones last.
+    reads: Sequence[ReadOptions] = (ReadOptions(),)
+    reader: str | None = None  # The reader to use; None finds the one that fits.
+    reader_options: Mapping[str, Any] = field(default_factory=dict)  # The reader's own options.
+    initial_soc: Sequence[float] = ()  # Nothing, one state of charge for all sources, or one for each.
+    as_protocol: bool = False  # Whether the steps that they show are simulated, in place of the measured current.
+    life: bool = False  # Whether they are whole lives: capacity by cycle and the curves of a few cycles are compared.
+    fit_cycles: int | None = None  # Of a life so many cycles are fitted, the later ones held out; implies ``life``.
+
+    @property
+    def lives(self) -> bool:
+        """Whether they are whole lives."""
+        return self.life or self.fit_cycles is not None
+
+    @property
+    def joined(self) -> bool:
+        """Whether the sources are several files of one cell."""
+        files = all(isinstance(source, Path) for source in self.sources)
+        return self.reads[0].join and files and len(self.sources) > 1
+
+    def each_read(self) -> list[ReadOptions]:
+        """What headers do not say, for each source and each record that is held out.
+
+        Raises `BsaError` if that was said for another number of records.
+        """
+        return one_each(self.reads, (1 if self.joined else len(self.sources)) + len(self.held_out))
+
+    def requests(self) -> list[RecordRequest]:
+        """What is asked of each source; files of one cell are joined.
+
+        Raises `BsaError` if there are several states of charge, but not one for each record, or one is not between 0
+        and 1.
+        """
+        from .tasks.record_request import RECOGNISED
+
+        sources = self._joined()
+        wild = [soc for soc in self.initial_soc if not 0 <= soc <= 1]
+        if wild:
+            raise BsaError(f"an initial state of charge is {wild[0]:g}.", "give a share between 0 and 1.")
+        if len(self.initial_soc) not in (0, 1, len(sources)):
+            raise BsaError(
+                f"{len(self.initial_soc)} initial states of charge were given for {len(sources)} records.",
+                "give one for all records, or one for each, in their order.",
+            )
+        each = len(self.initial_soc) == len(sources)
+        socs = self.initial_soc if each else [*self.initial_soc, None][:1] * len(sources)
+        protocol = RECOGNISED if self.as_protocol else None
+        asked = self._asked(sources, self.each_read()[: len(sources)], socs, protocol=protocol)
+        return [request.as_life(self.fit_cycles) for request in asked] if self.lives else asked
+
+    def held_out_requests(self) -> list[RecordRequest]:
+        """What is asked of each record that is held out."""
+        count = len(self.held_out)
+        return self._asked(self.held_out, self.each_read()[-count:] if count else [], [None] * count)
+
+    def _asked(
+        self,
+        sources: Sequence[Path | Record],
+        reads: Sequence[ReadOptions],
+        socs: Sequence[float | None],
+        **more: Any,
+    ) -> list[RecordRequest]:
+        from .tasks.record_request import RecordRequest
+
+        return [
+            RecordRequest(source, read, self.reader, self.reader_options, initial_soc=soc, **more)
+            for source, read, soc in zip(sources, reads, socs, strict=True)
+        ]
+
+    def _joined(self) -> Sequence[Path | Record]:
+        if not self.joined:
+            return self.sources
+        from .tasks.record_request import source_of
+
+        files = [source for source in self.sources if isinstance(source, Path)]
+        return [source_of(files, self.each_read()[0], self.reader, self.reader_options)]
+
+
+@dataclass(frozen=True)
+class CellChoice:
+    """Which model of which cell, and what of it is searched; None leaves the default, or what a run began with."""
+
+    parameters: str | None = None  # A parameter set, a parameter file or the folder of a run.
+    model: str | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)  # PyBaMM's model options.
+    search: str | Mapping[str, Any] | None = None
+    ocp: str = ""  # Whose open-circuit potentials: "nearest", a set, or NEGATIVE/POSITIVE; empty for the set's own.
+    scale: bool = True  # Whether the electrode area is scaled to the records' capacity.
+    # Folder of a run that this one begins from: its parameters, model, options and search stand where nothing else is
+    # said.
+    start_from: Path | None = None
+    effects: Sequence[str] = ()  # Effects of the catalogue that the model has too; their parameters are searched.
+
+
+def task_of_records(records: Records, cell: CellChoice) -> Task:
+    """The task of matching records, those that are held out included.
+
+    Raises `BsaError` if no parameter set is given, or a record, a set or a parameter makes no sense.
+    """
+    from .tasks.parameter_source import parameter_source, read_finished, start_from, with_its_space
+    from .tasks.records import build_task
+
+    requests = records.requests()
+    asked: dict[str, Any] = {
+        "name": named_after([request.source for request in requests]),
+        "records": requests,
+        "held_out": records.held_out_requests(),
+        "scale_to_capacity": cell.scale,
+        "ocp": cell.ocp,
+        "search": cell.search or ("life" if records.lives else "cell"),
+    }
+    if cell.start_from is not None:
+        if cell.parameters is not None:
+            raise BsaError(
+                f'both a run to start from and the parameter set "{cell.parameters}" were given.', "give one of them."
+            )
+        run = read_finished(cell.start_from)
+        base, overrides = start_from(run, cell.search)
+        begun = run.task.cell
+        model, options = cell.model or begun.model, {**begun.options, **cell.options}
+        effects = cell.effects or begun.effects
+        task = build_task(
+            parameter_set=base, overrides=overrides, model=model, options=options, effects=effects, **asked
+        )
+        return task if cell.search is not None else with_its_space(task, run, bool(records.initial_soc))
+    if cell.parameters is None:
+        raise BsaError(
+            "a record needs a parameter set to start from.",
+            "add --parameters Chen2020 (NMC811), Marquis2019 or Ai2020 (LCO), Prada2013 (LFP), Ecker2015 (NMC), or "
+            "nearest with a discharge at C/10; bsa list parameters shows all sets.",
+        )
+    source = parameter_source(cell.parameters)
+    model = cell.model or "DFN"
+    return build_task(parameter_set=source, model=model, options=cell.options, effects=cell.effects, **asked)
