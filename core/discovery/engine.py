@@ -16,7 +16,7 @@ from .fitting import LAG, Fitter
 from .nomination import most_simulations, nominate, nominate_second, screen
 from .problem import Problem
 from .progress import Progress
-from .rules import RULES, bic_difference, closed, ranked
+from .rules import RULES, bic_difference, ranked
 
 Screened = tuple[tuple[Effect, ...], Nomination]
 """Effects, and the nomination of the last of them with its short fit."""
@@ -160,7 +160,7 @@ class Engine:
             return self.finish(known.base, found)
         if not (found and self._explains(known.base, found[0])):
             rest = [n for n in nominations if n.sensitivity is not None and n.promise > before.cost]
-            self._say(f"none of them explains half of it; fitting {len(rest)} effects with strengths of either sign")
+            self._say(f"all of them leave too much; fitting {len(rest)} effects with strengths of either sign")
             self._progress.estimate(self.problem.simulated, 2 * len(rest) * most_simulations(before))
             fitter.problem.misfit_v = misfit_v  # the scores were taken with it
             self._screen(rest, partial(screen, fitter, before, either_sign=True), before.cost)
@@ -180,8 +180,7 @@ class Engine:
         self.problem.side_by_side([partial(one, nomination) for nomination in nominations])
 
     def _explains(self, base: Explanation, best: Explanation) -> bool:
-        share = closed(base.rmse_v, best.rmse_v, self.problem.noise_v)
-        return best.adequacy.adequate or share >= 1.0 - RULES.left_fitted
+        return not RULES.leaves_too_much(best, self._gap(base, base))
 
     def _race(
         self, base: Explanation, screened: Sequence[Screened], early_fitter: Fitter | None = None

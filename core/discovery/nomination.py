@@ -1,6 +1,8 @@
 """Which effects of a catalogue are worth a fit: score tests, and short fits from several starts."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -43,6 +45,10 @@ def nominate(
         else:
             nomination.sensitivity, nomination.deviation = sensitivity, fitter.problem.deviation()
             nomination.score = score_of(base, nomination.effect, sensitivity)
+    scored = [nomination for nomination in shown if nomination.score is not None]
+    strong = fitter.problem.side_by_side([partial(score_where_strong, fitter, base, n) for n in scored])
+    for nomination, score in zip(scored, strong, strict=True):
+        nomination.score = score
     nominations.sort(key=lambda n: -(n.score.gain if n.score else -1.0))
     for n in nominations[:6]:
         if n.score:
@@ -89,6 +95,33 @@ def score_of(explanation: Explanation, effect: Effect, sensitivity: FloatArray) 
     """Score an effect on what an explanation leaves."""
     fit = explanation.fit
     return score_effect(fit.residual, fit.jacobian, sensitivity, fit.space, fit.u, _ends(effect))
+
+
+def score_where_strong(fitter: Fitter, before: Explanation, nomination: Nomination) -> Score:
+    """The score of an effect, or that of one of its larger strengths where this promises more.
+
+    The derivative at the null says nothing of an effect that acts on the voltage only where it is strong: a double
+    layer that relaxes faster than the record is sampled. What a strength leaves is simulated, and the base parameters
+    are moved along as their derivatives say. The strengths are those from which a short fit starts.
+    """
+    effect, fit, known = nomination.effect, before.fit, nomination.score
+    assert known is not None
+    space = ParameterSpace((*fit.space, *effect.searched))
+    least, worse, best = np.inf, 0, known
+    without = fit.cost - trusted_step(fit.jacobian, fit.residual, fit.space, fit.u, _REACH)[1]
+    for strength in _strengths(nomination, _wanted_sign(nomination)):
+        residual = fitter.residuals((*before.effects, effect))([space.at(_with_effect(effect, fit.u, strength))])[0]
+        left, worse = np.inf, worse + 1
+        if residual is not None:
+            moved = trusted_step(fit.jacobian, residual, fit.space, fit.u, _REACH)[1]
+            left = float(residual @ residual) + fit.prior_cost - moved
+        if left < least:
+            least, worse = left, 0
+        if without - left > best.gain:
+            best = replace(known, amplitude=strength, gain=without - left)
+        if worse == 2:
+            break
+    return best
 
 
 def most_simulations(before: Explanation) -> int:

@@ -58,12 +58,10 @@ class Rules:
     far_ahead: float = 10.0
     # Share by which an error on data not fitted must be smaller to be clearly smaller.
     held_margin: float = 0.1
-    # Share of the excess variance that a named explanation may leave: the error beyond noise is halved, as that of a
-    # temperature must be. One that leaves more is a partial explanation.
+    # Share of the excess variance that a named explanation may leave, on the fitted data and on data not fitted alike:
+    # the error beyond noise is halved, as that of a temperature must be. What leaves more is a partial explanation, and
+    # another effect may stand behind it.
     left_over: float = 0.25
-    # The same on fitted data, where data that was not fitted shows the gap too. A base model moves its parameters to
-    # fit what it is fitted to and hides part of its gap there, so that what an effect closes of it is understated.
-    left_fitted: float = 0.5
     # How well a model's temperature can be expected to agree with a sensor, K.
     temperature_k: float = TEMPERATURE_DEVIATION_K
     # What a temperature's error must be smaller by, besides being half as large, to be clearly smaller, K.
@@ -101,7 +99,7 @@ class Rules:
         # A base model with parameters far from their priors may come as near to the voltage; BIC counts the priors.
         # A temperature predicted clearly better, which no fit was shown, then stands for the gap that it hides.
         warm = self.predicts_temperature(found, base)
-        if not (self.explains_all(found) or warm) and (objection := self._leaves_too_much(found, gap)):
+        if not warm and (objection := self.leaves_too_much(found, gap)):
             return objection
         # A measured temperature is data not fitted too: where it tells, the voltage has to be predicted about as well.
         # So it has where noise alone is left by an explanation that is far ahead: what both mispredict tells nothing.
@@ -110,13 +108,16 @@ class Rules:
             return f"does not predict {self.held_words} better than {self.base_words}"
         return ""
 
-    def _leaves_too_much(self, found: Explanation, gap: Gap) -> str:
-        shown = gap.base.held_rmse_v > (1.0 + self.held_margin) * gap.held_noise_v
+    def leaves_too_much(self, found: Explanation, gap: Gap) -> str:
+        """Why an explanation is a partial one at most, for what it leaves; empty if it is not."""
+        if self.explains_all(found):
+            return ""
         share = closed(gap.nearest.rmse_v, found.rmse_v, gap.noise_v)
-        if share < 1.0 - (self.left_fitted if shown else self.left_over):
-            return f"closes {share:.0%} of the gap only"
-        held = closed(gap.base.held_rmse_v, found.held_rmse_v, gap.held_noise_v)
-        return f"closes {held:.0%} of the gap in {self.held_words} only" * (shown and held < 1.0 - self.left_over)
+        if share < 1.0 - self.left_over:
+            return f"closes {share:.0%} of the gap only, and leaves {found.rmse_v / gap.noise_v:.1f} times the noise"
+        held, shown = gap.base.held_rmse_v, gap.base.held_rmse_v > (1.0 + self.held_margin) * gap.held_noise_v
+        share = closed(held, found.held_rmse_v, gap.held_noise_v)
+        return f"closes {share:.0%} of the gap in {self.held_words} only" * (shown and share < 1.0 - self.left_over)
 
     def rivals(self, best: Explanation, others: Sequence[Explanation]) -> list[Explanation]:
         """Explanations with other names that cannot be told from the best one.
@@ -169,6 +170,8 @@ class Rules:
                 best = other
         equal = self.rivals(best, [e for e in needed if e is not best])
         reason = f"{best.label} beats {self.base_words} by {bic_difference(base, best):.0f} in BIC"
+        if not self.explains_all(best):
+            reason += f" and leaves {best.rmse_v / gap.noise_v:.1f} times the noise: something else may be missing too"
         if not (best.settled or self.explains_all(best)):
             reason += "; its fit did not converge, and its intervals may be too narrow"
         if equal:

@@ -11,7 +11,7 @@ from ..trajectory import FloatArray
 
 @dataclass(frozen=True)
 class Score:
-    """What a linear extrapolation says of an effect."""
+    """What a linear extrapolation says of an effect, or one of its strengths that was simulated."""
 
     amplitude: float  # The strength it asks for, in units of the probe; 0 where only the forbidden sign would help.
     # Standard score of the strength with everything that the fitted parameters imitate projected out; the sign says

@@ -19,6 +19,11 @@ from .protocols import Step
 _INVENTORY = "cyclable lithium"
 """Not a parameter of PyBaMM: the lithium of both electrodes together."""
 
+_RADIAL = 4
+"""Times as many mesh points in a particle: PyBaMM spaces them evenly, and with 25 to 40 of them the voltage under a
+drive cycle is off by 1 to 2 mV, more than the noise: half of the outermost cell acts as a resistance in the first
+seconds. With four times as many it is off by 0.1 to 0.2 mV."""
+
 
 @dataclass(frozen=True)
 class Hidden:
@@ -35,7 +40,7 @@ class Hidden:
     # Whether the noise is Student's t with four degrees of freedom, scaled to that deviation.
     heavy_tailed: bool = False
     resolution_v: float = 1e-4  # Step of the voltage readings, V.
-    points: int = 30  # Mesh points in every domain.
+    points: int = 30  # Mesh points in every domain; in a particle `_RADIAL` times as many.
     outside: str = ""  # Name of an effect that no catalogue has; empty for none.
     outside_strength: float = 0.0  # Its strength, V.
 
@@ -59,7 +64,8 @@ def measure(
     # A record runs beyond the limits where an instrument or an overpotential says so.
     values.update({"Lower voltage cut-off [V]": 0.5, "Upper voltage cut-off [V]": 6.0})
     model = _model(hidden)
-    points = dict.fromkeys(("x_n", "x_s", "x_p", "r_n", "r_p"), hidden.points)
+    points = dict.fromkeys(("x_n", "x_s", "x_p"), hidden.points)
+    points |= dict.fromkeys(("r_n", "r_p"), _RADIAL * hidden.points)
     for effect in hidden.effects:
         points |= effect.points
     simulation = pybamm.Simulation(

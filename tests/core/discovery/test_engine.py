@@ -46,7 +46,7 @@ def test_progress_never_says_that_no_simulation_is_left_where_more_follow():
     lines = []
     problem, space = toy.problem(np.random.default_rng(0), {"sign": -0.01}, True)
     Engine(problem, space, (toy.HYSTERESIS,), toy.EVIDENCE, listener=lines.append).run()
-    (place,) = (number for number, line in enumerate(lines) if line.startswith("none of them explains half of it"))
+    (place,) = (number for number, line in enumerate(lines) if line.startswith("all of them leave too much"))
     assert not any(line.startswith("at most 0 simulations") for line in lines)
     assert lines[place + 1].startswith("at most ")
 
@@ -139,6 +139,17 @@ def test_beside_a_base_model_that_is_lost_an_effect_starts_from_what_is_believed
     (nomination,) = nominate(fitter, lost, [toy.HYSTERESIS], toy.EVIDENCE, print)
     screen(fitter, lost, nomination)
     assert nomination.promise < 0.05 * lost.cost
+
+
+def test_an_effect_that_acts_only_where_it_is_strong_is_scored_there():
+    problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
+    problem.simulator = toy.Unfelt()
+    known = Engine(problem, space, CATALOGUE, toy.EVIDENCE).shortlist()
+    first, second, *_ = known.nominations
+    assert first.effect is toy.HYSTERESIS
+    assert first.score.amplitude == pytest.approx(10.0)
+    assert first.gain > 0.9 * known.refitted.cost
+    assert first.gain > 1.5 * second.gain
 
 
 def test_where_what_the_scores_favour_helps_little_the_others_are_fitted_whatever_their_sign():

@@ -77,6 +77,7 @@ def test_a_null_that_the_voltage_does_not_exclude_the_temperature_may(without, e
     [
         (5.0, 3.0, 10.0, ""),
         (5.0, 6.0, 10.0, "in data not fitted only"),
+        (5.5, 3.0, 10.0, "closes 70% of the gap only, and leaves 5.5 times the noise"),
         (8.0, 3.0, 10.0, "of the gap only"),
         (6.0, 1.0, 1.05, "of the gap only"),
         (3.0, 1.0, 1.05, ""),
@@ -92,6 +93,15 @@ def test_data_that_was_not_fitted_decides_what_is_closed_where_it_shows_the_gap(
     reason = RULES.objection_to(found, Gap(base, base, 1e-3, 1e-3))
     assert words in reason
     assert bool(words) == bool(reason)
+
+
+def test_a_name_beside_which_more_than_noise_is_left_says_how_much():
+    base = explanation("base", None, rmse=10.0)
+    base.rmse_v = base.held_rmse_v = 10e-3
+    partial, whole = explanation("effect", None, rmse=2.0), explanation("effect", None)
+    partial.adequacy, partial.rmse_v = Adequacy(0.0, 0.0, 1.0), 2e-3
+    for found, said in ((partial, "leaves 4.0 times the noise: something else may be missing too"), (whole, "in BIC")):
+        assert RULES.decide(Gap(base, base, 0.5e-3, 0.5e-3), [found]).reason.endswith(said)
 
 
 def test_who_predicts_data_not_fitted_clearly_worse_is_no_rival():

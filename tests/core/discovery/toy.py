@@ -51,6 +51,10 @@ class ToySimulator:
     def predict(self, requests):
         return [self.one(request) for request in requests]
 
+    def felt(self, size):
+        """By how much of its mark an effect moves the voltage, V."""
+        return size
+
     def one(self, request):
         candidate, record, times, current = (
             request.candidate,
@@ -64,7 +68,7 @@ class ToySimulator:
         full = marks(record.current, record.time)
         for added in request.effects:
             mark = np.interp(times, record.time, full[added.name])
-            voltage = voltage + added.values(candidate)["size"] * mark
+            voltage = voltage + self.felt(added.values(candidate)["size"]) * mark
         return Prediction(request.moments.averaged(voltage))
 
 
@@ -82,6 +86,13 @@ class TwoFidelities(ToySimulator):
         if not request.low_fidelity:
             return found
         return Prediction(3.0 + 1.1 * (found.voltage - 3.0))
+
+
+class Unfelt(ToySimulator):
+    """Its effects act on the voltage only where they are strong: at 10 probes of 0.01, and next to nothing at one."""
+
+    def felt(self, size):
+        return 10.0 * size**3
 
 
 CHECK = ((0, 60), (1, 600), (0, 400), (2.5, 300), (0, 400), (-1, 500), (0, 300), (1.8, 200), (0, 200))

@@ -35,7 +35,7 @@ def found(left_mv, p=0.0):
 def test_a_constant_changes_the_verdicts_that_lie_near_it(left_mv, half):
     findings = found(left_mv)
     for factor, verdict in ((0.5, half), (2.0, "effect-found")):
-        rules = replace(RULES, left_over=factor * RULES.left_over, left_fitted=factor * RULES.left_fitted)
+        rules = replace(RULES, left_over=factor * RULES.left_over)
         assert verdict_by(rules, findings)["verdict"] == verdict
 
 
