@@ -83,9 +83,10 @@ def sensitivity_table(rows: Sequence[Row]) -> str:
     """A line for each constant: what changes at half of it, and at twice."""
     known = {row["task"]: row for row in rows if row["factor"] == 1.0}
     lines = []
-    for constant in dict.fromkeys(row["constant"] for row in rows if row["factor"] != 1.0):
-        value = f"{getattr(RULES, constant):.3g}"
-        lines.append([f"`{constant}`", value, *(_changes(rows, known, constant, factor) for factor in FACTORS)])
+    # Of a constant that a later version has no more, the rows know what it was.
+    values = {row["constant"]: row["value"] / row["factor"] for row in rows if row["factor"] != 1.0}
+    for constant, value in values.items():
+        lines.append([f"`{constant}`", f"{value:.3g}", *(_changes(rows, known, constant, factor) for factor in FACTORS)])
     return markdown_table(["constant", "value", f"half ({len(known)} cases)", "twice"], lines, 4)
 
 

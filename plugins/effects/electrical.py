@@ -35,14 +35,10 @@ def _double_layer_lacks(evidence: Evidence) -> str:
     return "no sample lies within 2 s of a current step" * (evidence.sampling_s > 2.0)
 
 
-_LEAST_CAPACITANCE = 0.02
-"""That of the null value, F.m-2: a hundredth of the probe."""
-
-
 def _double_layer(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
-    # The surface equation stays differential at the null value. A thousandth of a second is too short to be seen, and
-    # long enough for an integrator that starts afresh every second of a drive cycle.
-    capacity = p["capacitance"] + _LEAST_CAPACITANCE
+    # The surface equation stays differential at the null value, a hundredth of the probe. A thousandth of a second is
+    # too short to be seen, and long enough for an integrator that starts afresh every second of a drive cycle.
+    capacity = p["capacitance"] + 0.02
     return {
         "Negative electrode double-layer capacity [F.m-2]": capacity,
         "Positive electrode double-layer capacity [F.m-2]": capacity,
