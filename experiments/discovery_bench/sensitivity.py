@@ -86,7 +86,9 @@ def sensitivity_table(rows: Sequence[Row]) -> str:
     # Of a constant that a later version has no more, the rows know what it was.
     values = {row["constant"]: row["value"] / row["factor"] for row in rows if row["factor"] != 1.0}
     for constant, value in values.items():
-        lines.append([f"`{constant}`", f"{value:.3g}", *(_changes(rows, known, constant, factor) for factor in FACTORS)])
+        lines.append(
+            [f"`{constant}`", f"{value:.3g}", *(_changes(rows, known, constant, factor) for factor in FACTORS)]
+        )
     return markdown_table(["constant", "value", f"half ({len(known)} cases)", "twice"], lines, 4)
 
 

@@ -52,15 +52,15 @@ def test_the_table_tells_which_cases_change(tmp_path):
         return dict(zip(("task", "constant", "factor", "verdict", "named", "grade"), values, strict=True))
 
     rows = [row("case_1", "", 1.0, "effect-found", "heat", "right"), row("case_2", "", 1.0, "unexplained", "", "right")]
-    for constant in ("clear_bic", "left_over"):
+    for constant, value in (("clear_bic", 10.0), ("of_an_earlier_version", 0.25)):
         for factor in (0.5, 2.0):
-            rows += [{**known, "constant": constant, "factor": factor} for known in rows[:2]]
+            rows += [{**known, "constant": constant, "factor": factor, "value": factor * value} for known in rows[:2]]
     rows[-2] |= {"verdict": "unexplained", "named": "", "grade": "declined"}
     expected = markdown_table(
         ["constant", "value", "half (2 cases)", "twice"],
         [
             ["`clear_bic`", "10", "all the same", "all the same"],
-            ["`left_over`", "0.25", "all the same", "case_1: heat, right → unexplained, declined"],
+            ["`of_an_earlier_version`", "0.25", "all the same", "case_1: heat, right → unexplained, declined"],
         ],
         4,
     )
