@@ -52,6 +52,7 @@ def test_the_table_tells_which_cases_change(tmp_path):
         return dict(zip(("task", "constant", "factor", "verdict", "named", "grade"), values, strict=True))
 
     rows = [row("case_1", "", 1.0, "effect-found", "heat", "right"), row("case_2", "", 1.0, "unexplained", "", "right")]
+    rows = [{**known, "value": float("nan")} for known in rows]
     for constant, value in (("clear_bic", 10.0), ("of_an_earlier_version", 0.25)):
         for factor in (0.5, 2.0):
             rows += [{**known, "constant": constant, "factor": factor, "value": factor * value} for known in rows[:2]]
