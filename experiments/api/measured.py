@@ -11,7 +11,7 @@ from ...core.errors import BsaError
 from ...core.printable import shown
 from ...core.record import ReadOptions, Record
 from ..checked_options import FIELDS
-from ..read_options import one_each, reading
+from ..read_options import one_each, reading, readings
 
 if TYPE_CHECKING:
     import pandas
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 Data: TypeAlias = "str | Path | Record | pandas.DataFrame"
 """One record: a file, a DataFrame, or what `read_record` returned."""
 
-READING = tuple(name for name in inspect.signature(reading).parameters if name != "join")
+READING = tuple(name for name in inspect.signature(readings).parameters if name != "join")
 """The options of reading a record."""
 
 

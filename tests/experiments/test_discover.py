@@ -190,7 +190,7 @@ def test_a_hidden_resistance_is_found_from_files(tmp_path):
     script = [sys.executable, tmp_path / "out" / "augmented_model.py"]
     said = subprocess.run(script, capture_output=True, text=True, timeout=300, check=True).stdout
     rms_mv = float(said.split("rms error ")[1].split(" mV")[0])
-    assert rms_mv == pytest.approx(found.gap["final_rmse_mv"], rel=0.05)
+    assert rms_mv == pytest.approx(found.gap["final_rmse_mv"], abs=0.1)  # the script tells tenths
     simulated = count_simulations(options.out)
     again = discover(read_options(options.out))
     assert (again.verdict, again.gap) == (found.verdict, found.gap)

@@ -14,7 +14,7 @@ from bsa.experiments.tasks.find import find_task
 @pytest.mark.slow
 def test_the_hidden_cell_lies_inside_the_intervals(tmp_path: Path) -> None:
     task = find_task("demo")
-    config = RunConfig(scaffold=load_scaffold("least-squares"), simulations=60, rounds=60, warm_up=0)
+    config = RunConfig(scaffold=load_scaffold("least-squares"), simulations=100, rounds=60, warm_up=0)
     analysis = execute_run(task, config, tmp_path, RulesBackend(), analysing=True).analysis
     assert analysis is not None
     intervals = analysis.identifiability.intervals

@@ -1,10 +1,13 @@
 """`bsa.read_record`: files and DataFrames become the same records."""
 
+import inspect
+
 import bsa
 import numpy as np
 import pandas as pd
 import pytest
 from bsa.core.errors import BsaError
+from bsa.experiments.api.measured import READING, read_record
 from bsa.experiments.tasks.find import PACKAGED
 
 DEMO = PACKAGED / "demo.csv"
@@ -14,6 +17,11 @@ def frame(**changes):
     time = np.arange(0.0, 1000.0, 10.0)
     content = {"time": time, "current": np.where(time < 300, 0.0, -2.0), "voltage": 4.0 - time / 5000, **changes}
     return pd.DataFrame(content)
+
+
+def test_the_options_of_reading_are_those_that_a_record_is_read_with() -> None:
+    assert set(READING) <= set(inspect.signature(read_record).parameters)
+    assert {"column", "unit", "temperature", "cycles", "sheet"} <= set(READING)
 
 
 def test_a_frame_of_a_file_is_the_record_of_the_file() -> None:
