@@ -216,12 +216,13 @@ def _weight_of_curves(task: Task, experiment: Experiment) -> float:
 def _driven(task: Task, pairs: list[StepPair], experiment: Experiment) -> list[FloatArray]:
     durations = _durations_counted(pairs, experiment.target)
     total = sum(durations) or 1.0
+    each = {signal.name: _parts_a_record(task, signal) for signal in task.signals_of(experiment)}
     parts: list[FloatArray] = []
     for pair, duration in zip(pairs, durations, strict=True):
         curves = []
         for signal in task.compared(pair.step.kind, experiment):
             fractions = step_parts(pair, signal)
-            weight = np.sqrt(duration / total * _parts_a_record(task, signal) / len(fractions))
+            weight = np.sqrt(duration / total * each[signal.name] / len(fractions))
             mismatch = _mismatch(task, pair, signal, experiment, fractions.ravel()).reshape(fractions.shape)
             curves.append(weight * mismatch.mean(axis=1) * _tells_of_the_cell(signal, pair, len(fractions)))
         parts.append(np.concatenate(curves))
