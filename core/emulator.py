@@ -57,6 +57,31 @@ class Emulator:
         share = np.maximum(alone - np.sum(solved**2, axis=0), 0.0)
         return self.rows @ self.best + across @ self.weights, share[:, None] * self.amplitudes
 
+    def expected_cost(self, point: FloatArray) -> tuple[float, FloatArray]:
+        """Expected sum of squared residuals at a point of shape (p,), and its derivatives of shape (p,).
+
+        The emulator's own variance is part of it: a point of which it knows little is not expected to be good.
+        """
+        curved, linear = _kernels(point[None, :], self.points, self.lengths)
+        across = (curved + linear)[0]
+        slopes = curved[0][:, None] * (self.points - point) / self.lengths**2 + _LINEAR * (self.points - _MIDDLE)
+        mean = self.rows @ self.best + across @ self.weights
+        solved = cho_solve((self.factor, True), across, check_finite=False)
+        alone = 1.0 + _LINEAR * (1.0 + float(np.sum((point - _MIDDLE) ** 2)))
+        total = float(np.sum(self.amplitudes))
+        share = alone - float(across @ solved)
+        value = self.beyond + float(mean @ mean) + max(share, 0.0) * total
+        slope = 2.0 * (slopes.T @ (self.weights @ mean))
+        if share > 0.0:
+            slope = slope + 2.0 * total * (_LINEAR * (point - _MIDDLE) - slopes.T @ solved)
+        return value, slope
+
+    def derivatives(self, point: FloatArray) -> FloatArray:
+        """Derivatives of the likeliest residuals at a point of shape (p,), shape (m, p)."""
+        curved, _ = _kernels(point[None, :], self.points, self.lengths)
+        slopes = curved[0][:, None] * (self.points - point) / self.lengths**2 + _LINEAR * (self.points - _MIDDLE)
+        return np.asarray(self.rows.T @ (self.weights.T @ slopes))
+
     @property
     def beyond(self) -> float:
         """Sum of squares of the best residuals outside the components: part of every cost."""

@@ -33,6 +33,8 @@ class Settings:
     closer: float = 0.0
     # Whether the last Jacobian must have been taken at the best point, whatever the steps before it gained.
     ends_on_fresh: bool = False
+    # Whether steps by an emulator, learnt from every simulation, come before another Jacobian (`EmulatedSteps`).
+    emulates: bool = False
 
 
 @dataclass(frozen=True, eq=False)

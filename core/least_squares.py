@@ -1,9 +1,13 @@
-"""Bounded least squares for expensive, noisy simulations: Levenberg-Marquardt with Broyden's updates.
+"""Bounded least squares for expensive, noisy simulations: Levenberg-Marquardt with Broyden's updates, or an emulator.
 
 Derivatives are finite differences, asked for as one batch that can be simulated side by side. Between them the
 Jacobian learns from each step by Broyden's rank-one update, which costs nothing. A step that fails on a Jacobian
 measured at the best point is too long, and the next one is shorter; on an updated one it may be the Jacobian that is
 wrong, and a new one is measured.
+
+Where simulations cost much more than linear algebra (`Settings.emulates`), steps between two Jacobians go where an
+emulator, learnt from all simulations, expects the least cost (`EmulatedSteps`). With twenty parameters a Jacobian is
+the price of twenty such steps.
 
 References
 ----------
@@ -19,11 +23,12 @@ from numpy.typing import NDArray
 
 from .bounded_step import damped_step
 from .differences import Differences
+from .emulated_steps import EmulatedSteps
 from .errors import BsaError
 from .fit_settings import Box, Settings
 from .trajectory import FloatArray
 
-Stage = Literal["start", "jacobian", "step", "done"]
+Stage = Literal["start", "jacobian", "step", "emulated", "done"]
 
 Ending = Literal["", "failed", "perfect", "noise", "misfit", "no progress"]
 """Why a fit has ended: its start failed; it is as good as perfect; the next step would gain less than the noise hides;
@@ -40,6 +45,10 @@ _RAISES = 12
 
 _POOR_STEPS = 2
 """Poor steps in a row before a new Jacobian."""
+
+_MISSES = 3
+"""Steps of the emulator in a row that gain nothing worth a simulation, or hardly anything of what was predicted, before
+a new Jacobian: it learns from them. Twice as many change nothing on measured cells."""
 
 _LEAST = 1e-7
 """Least damping."""
@@ -72,6 +81,8 @@ class LeastSquares:
         Bounds and priors; the unit box without priors by default.
     fresh : bool
         Whether the derivatives were measured at the start itself.
+    known : sequence of (point, residual)
+        Earlier simulations, of which an emulator learns too.
 
     Attributes
     ----------
@@ -81,7 +92,7 @@ class LeastSquares:
         What is known of the derivatives at the best point; None before the first batch.
     damping : float
         How little the linear model is trusted.
-    stage : {'start', 'jacobian', 'step', 'done'}
+    stage : {'start', 'jacobian', 'step', 'emulated', 'done'}
         What the next batch is for.
 
     Notes
@@ -98,6 +109,7 @@ class LeastSquares:
         jacobian: FloatArray | None = None,
         box: Box | None = None,
         fresh: bool = False,
+        known: Sequence[tuple[FloatArray, FloatArray]] = (),
     ) -> None:
         self.settings = settings or Settings()
         self._box = box or Box.unit(len(start))
@@ -115,6 +127,13 @@ class LeastSquares:
         self.simulations = 0
         self.ending: Ending = ""
         self.stage: Stage = "start"
+        self._misses = self._failures = 0
+        self._promised = 0.0
+        self._emulated: EmulatedSteps | None = None
+        if self.settings.emulates:
+            self._emulated = EmulatedSteps(self._box, self._free, self.settings.noise, self.settings.radius)
+            for place, seen in [*known, *([] if residual is None else [(self.point, residual)])]:
+                self._emulated.remember(place, seen)
         if residual is not None:
             self._begin()
 
@@ -157,6 +176,8 @@ class LeastSquares:
                 self.stage = "step" if limit <= self._free.sum() else "jacobian"
             if self.stage == "step":
                 self._batch = self._step()
+            if self.stage == "emulated":
+                self._batch = self._emulated_step()
             if self.stage == "start":
                 self._batch = [self.point]
             elif self.stage == "jacobian":
@@ -177,11 +198,16 @@ class LeastSquares:
         self.simulations += len(residuals)
         usable = [value if value is not None and np.all(np.isfinite(value)) else None for value in residuals]
         batch, self._batch = self._batch, []
+        if self._emulated is not None:
+            for point, residual in zip(batch, usable, strict=True):
+                self._emulated.remember(point, residual)
         if self.stage == "start":
             self.residual = usable[0]
             self._begin()
         elif self.stage == "step":
             self._take_step(batch[0], usable[0])
+        elif self.stage == "emulated":
+            self._take_emulated_step(batch[0], usable[0])
         else:
             self._take_differences(usable)
 
@@ -225,11 +251,49 @@ class LeastSquares:
             self._end("perfect")
         elif self._predicted_gain(step) > self._worth:
             return [np.clip(self.point + step, self._box.lower, self._box.upper)]
-        elif self._another_round():
+        else:
+            self._leave_linear_steps()
+        return []
+
+    def _leave_linear_steps(self) -> None:
+        """Go on where the linear model has come to its end: by an emulator, if there is one."""
+        if self._emulated is not None:
+            self.stage = "emulated"
+        else:
+            self._next_round()
+
+    def _next_round(self) -> None:
+        """Go on with another Jacobian, or end."""
+        if self._another_round():
             self.stage = "jacobian"
         else:
-            self._end(self._why_nothing_is_left())
+            self._end("no progress" if self._poor_steps >= _POOR_STEPS else self._why_nothing_is_left())
+
+    def _emulated_step(self) -> list[FloatArray]:
+        """The next point by the emulator; none where it promises too little, or has promised too much too often."""
+        assert self._emulated is not None
+        if self._perfect():
+            self._end("perfect")
+            return []
+        if self._misses < _MISSES:
+            step, gain = self._emulated.step(self.point)
+            if gain > self._worth:
+                self._promised = gain
+                return [np.clip(self.point + 0.5**self._failures * step, self._box.lower, self._box.upper)]
+        self._misses = self._failures = 0
+        self._next_round()
         return []
+
+    def _take_emulated_step(self, point: FloatArray, residual: FloatArray | None) -> None:
+        assert self._emulated is not None
+        gained = -np.inf if residual is None else self.cost - self._cost_of(residual, point)
+        self._misses = self._misses + 1 if gained <= max(self._worth, _POOR * self._promised) else 0
+        self._failures = self._failures + 1 if residual is None else 0
+        if residual is not None and gained > 0:
+            self.point, self.residual = point, residual
+            self.jacobian = self._emulated.derivatives(point)
+            self._fresh = False
+            self.damping = self._known_damping = self.settings.damping
 
     def _linear_step(self, damping: float) -> FloatArray:
         jacobian, residual = self._linear_model()
@@ -300,11 +364,9 @@ class LeastSquares:
             self._known_damping = self.damping
         # On a fresh Jacobian a failed step was too long; else it may be the Jacobian that is wrong.
         self._poor_steps = self._poor_steps + 1 if ratio < _POOR and not (failed and fresh) else 0
-        if self._poor_steps >= _POOR_STEPS:
-            if self._another_round():
-                self.stage = "jacobian"
-            else:
-                self._end("no progress")
+        # What Broyden's updates make of a Jacobian an emulator knows better.
+        if self._poor_steps >= _POOR_STEPS or (self._emulated is not None and not self._fresh):
+            self._leave_linear_steps()
 
     def _shortening(self, failed: FloatArray) -> float:
         """The damping by which the next step is at most half as long as one that failed."""

@@ -15,7 +15,7 @@ from .trajectory import FloatArray
 _FARTHEST = 4.0
 """Standard deviations within which `Prior.normal` keeps: of an even range they leave a part in 30,000 at each bound."""
 
-_EVEN = 12.0**-0.5
+EVEN = 12.0**-0.5
 """Standard deviation of an even distribution over the box."""
 
 
@@ -67,7 +67,7 @@ class Prior:
 
     def as_wide_as_the_box(self, points: FloatArray) -> FloatArray:
         """Points of shape (..., p) in coordinates in which every prior is as wide as an even one over the box."""
-        return np.where(self._known, 0.5 + _EVEN * self.deviations(points), points)
+        return np.where(self._known, 0.5 + EVEN * self.deviations(points), points)
 
     @cached_property
     def _known(self) -> NDArray[np.bool_]:

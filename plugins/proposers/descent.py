@@ -163,6 +163,11 @@ class Descent:
         """Whether the candidates asked for are finite differences rather than a step."""
         return self._search is not None and self._search.stage == "jacobian"
 
+    @property
+    def emulated_next(self) -> bool:
+        """Whether the candidate asked for is an emulator's."""
+        return self._search is not None and self._search.stage == "emulated"
+
     def ask(self, limit: int, planning_budget: int | None = None) -> list[Candidate]:
         """What to simulate next, at most ``limit`` candidates; empty when done.
 
@@ -266,8 +271,12 @@ class Descent:
             # Above the noise the misfit is all that is known of the errors: one of its own squares is one deviation.
             tolerance=1.0 / freedom,
             enough=enough,
+            emulates=True,
         )
-        return LeastSquares(self._task.space.to_unit(candidate), residuals, settings, jacobian=jacobian)
+        seen = [(trial.candidate, trial.residuals) for trial in self._told if trial.reduction is None]
+        known = [(self._task.space.to_unit(there), found) for there, found in seen if found is not None]
+        point = self._task.space.to_unit(candidate)
+        return LeastSquares(point, residuals, settings, jacobian=jacobian, known=known)
 
     def _is_too_slow(self) -> bool:
         """Whether a fit far from the record has come to a new Jacobian without having gained much by the last one."""

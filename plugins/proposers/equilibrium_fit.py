@@ -8,6 +8,7 @@ IEEE Trans. Microw. Theory Tech. 52 (2004) 337 (space mapping).
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,9 @@ from ...core.trajectory import FloatArray
 from ...core.trial import Trial
 from .stage_data import View
 from .stage_fit import SETTINGS, Stage, StageChoice
+
+_SETTINGS = replace(SETTINGS, emulates=False)
+"""Those of a stage, but for the emulator: a cell at equilibrium costs less than what it would learn from it."""
 
 Equilibrium = Callable[[Sequence[Candidate]], Sequence[Outcome] | None]
 
@@ -72,11 +76,13 @@ class EquilibriumFit(Stage):
         (trial,) = trials
         assert self._next is not None
         self._left -= 1
-        if self._cost(self._weighed(trial), self._next) < self._cost(self._weighed(self._here), self._point()):
+        if self._cost(self._weighed(trial), self._next) < self._cost(
+            self._weighed(self._here), self._point(self._here)
+        ):
             self._here, self._next, self._rejected = trial, None, 0
             self._noise = self._misfit_noise()
         else:
-            self._next, self._rejected = 0.5 * (self._next + self._point()), self._rejected + 1
+            self._next, self._rejected = 0.5 * (self._next + self._point(self._here)), self._rejected + 1
         return self._here
 
     @property
@@ -102,7 +108,7 @@ class EquilibriumFit(Stage):
 
     def _fitted(self, corrected: bool = True) -> FloatArray | None:
         """Where the (corrected) cell at equilibrium fits best; None where that gains next to nothing."""
-        here = self._at_equilibrium([self._point()])[0]
+        here = self._at_equilibrium([self._point(self._here)])[0]
         seen = self._weighed(self._here)
         if here is None or seen is None:
             return None
@@ -111,11 +117,11 @@ class EquilibriumFit(Stage):
         def shifted(points: list[FloatArray]) -> list[FloatArray | None]:
             return [None if found is None else found + correction for found in self._at_equilibrium(points)]
 
-        before = self._cost(here + correction, self._point())
-        starts = [self._point()] if corrected else self._drawn()
+        before = self._cost(here + correction, self._point(self._here))
+        starts = [self._point(self._here)] if corrected else self._drawn()
         searches = []
         for start, residual in zip(starts, shifted(starts), strict=True):
-            searches.append(LeastSquares(start, residual, SETTINGS, self._free, box=self._box()))
+            searches.append(LeastSquares(start, residual, _SETTINGS, self._free, box=self._box()))
             solve(searches[-1], shifted, _EVALUATIONS)
         best = min(searches, key=lambda search: search.cost)
         gained = before - best.cost
@@ -127,7 +133,7 @@ class EquilibriumFit(Stage):
         From a cell that is empty before its record ends no derivative leads to one that is not: a fit bends the
         potentials instead.
         """
-        start = self._point()
+        start = self._point(self._here)
         spread = self._free & (self._space.prior_weights > 0.0)
         drawn = start + spread * norm.ppf(qmc.Sobol(len(start), seed=0).random(_DRAWS))
         points = list(np.clip(drawn, self._space.lowest, self._space.highest))

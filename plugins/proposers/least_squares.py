@@ -6,7 +6,7 @@ from .descent import Descent, DescentOptions
 
 
 class LeastSquaresProposer:
-    """Bounded Levenberg-Marquardt with Broyden's updates; a Jacobian or a step a round.
+    """Bounded Levenberg-Marquardt with steps by an emulator between Jacobians; a Jacobian or a step a round.
 
     It rebuilds itself on resume by being asked the same questions and told the same trials.
     """
@@ -59,6 +59,8 @@ def words(descent: Descent) -> str:
         return "The fit is stuck far from the record: again from elsewhere."
     if descent.jacobian_next:
         return "Finite differences: what does each parameter do here?"
+    if descent.emulated_next:
+        return "Where an emulator, learnt from the simulations so far, expects the least misfit."
     return "The damped least-squares step from the best point."
 
 

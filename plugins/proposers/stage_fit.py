@@ -27,7 +27,7 @@ _USUAL_NOISE = 10.0
 """Standard deviation that is assumed at most, in tolerances: physical models of measured cells end at 5 to 15 mV. The
 misfit of a start says how wrong the start is, and priors that are weighed against it would hold it there."""
 
-SETTINGS = Settings(radius=2.0, noise=1.0, tolerance=5e-3, visible=0.3)
+SETTINGS = Settings(radius=2.0, noise=1.0, tolerance=5e-3, visible=0.3, emulates=True)
 """Coordinates are in standard deviations of the priors, residuals in standard deviations of the misfit: beyond two of
 the former a linear picture of a cell is a guess, and a gain of one of the latter says nothing. Slopes are taken over a
 change of 0.3 of the latter, 3 mV at first: at the knee of a discharge 1.5 % of capacity, a tenth of its prior, changes
@@ -164,21 +164,30 @@ class Stage(ABC):
         steps = [p.difference if p.deviation is not None else _SHARE_OF_RANGE for p in self._space]
         return Box(self._space.lowest, self._space.highest, self._space.prior_weights, np.array(steps))
 
-    def _point(self) -> FloatArray:
-        return np.array([p.coordinate(self._here.candidate[p.name]) for p in self._space])
+    def _point(self, trial: Trial) -> FloatArray:
+        return np.array([p.coordinate(trial.candidate[p.name]) for p in self._space])
 
 
 class StageFit(Stage):
     """A stage whose derivatives are simulated; parameters and attributes as for `Stage`.
 
-    One that is fitted to the first cycle simulates no other, and the whole task where it ended.
+    One that is fitted to the first cycle simulates no other, and the whole task where it ended. What ``earlier`` trials
+    show of its residuals is known to it.
     """
 
     def __init__(
-        self, task: Task, choice: StageChoice, view: View, free: NDArray[np.bool_], start: Trial, budget: int
+        self,
+        task: Task,
+        choice: StageChoice,
+        view: View,
+        free: NDArray[np.bool_],
+        start: Trial,
+        budget: int,
+        earlier: Sequence[Trial] = (),
     ) -> None:
         super().__init__(task, choice, view, free, start, budget)
         self._start = start
+        self._told_so_far = list(earlier)
         self._first_cycle = _first_cycle_of(task) if choice.data == "first-cycle" else None
         self.reduction = self._first_cycle
         self._search = self._from_here()
@@ -212,9 +221,10 @@ class StageFit(Stage):
         # Where far residuals count little, a start tells little of what the data know.
         known = None if self._task.weight == "robust" else jacobian
         self._free = self._chosen if known is None else self._chosen & self._told(known)
-        return LeastSquares(
-            self._point(), self._weighed(self._here), SETTINGS, self._free, jacobian, self._box(), fresh
-        )
+        point, residual = self._point(self._here), self._weighed(self._here)
+        seen = [(self._point(trial), self._weighed(trial)) for trial in self._told_so_far if trial is not self._here]
+        known = [(there, residual) for there, residual in seen if residual is not None]
+        return LeastSquares(point, residual, SETTINGS, self._free, jacobian, self._box(), fresh, known)
 
     def _told(self, jacobian: FloatArray) -> NDArray[np.bool_]:
         """Of which parameters the data can say something beside their priors; all of those without one."""
@@ -233,7 +243,7 @@ class StageFit(Stage):
         # The last one simulates all cycles where the fit of the first one ended.
         limit = min(self._left, simulations_left) - (self.reduction is not None)
         points = self._search.ask(limit) if limit > 0 else []
-        if not points and self._improved():
+        if (not points or self.takes_slopes) and self._improved():
             before, self._noise = self._noise, self._misfit_noise()
             known, fresh = self._search.jacobian, bool(np.isfinite(self._search.predicted))
             self._search = self._from_here(None if known is None else before / self._noise * known, fresh)
@@ -247,7 +257,9 @@ class StageFit(Stage):
     def _method(self) -> str:
         if self._first_cycle is not None and self.reduction is None:
             return "all cycles where it ended"
-        return f"{len(self._scan)} values over the ranges of those without a prior" if self._scan else super()._method
+        if self._scan:
+            return f"{len(self._scan)} values over the ranges of those without a prior"
+        return "an emulator's step" if self._search.stage == "emulated" else super()._method
 
     def _improved(self) -> bool:
         """Whether the misfit has fallen below the assumed noise by more than the standard error of its estimate."""
@@ -259,6 +271,7 @@ class StageFit(Stage):
     def tell(self, trials: Sequence[Trial]) -> Trial:
         """Take in the trials of the candidates asked for, in order; the trial of the best point."""
         self._left -= len(trials)
+        self._told_so_far += trials
         if self._scan:
             return self._take_scan(trials)
         if self._here.reduction is not None and self.reduction is None:

@@ -161,7 +161,7 @@ class StagedProposer:
             return EquilibriumFit(context.task, choice, view, free, start, budget, context.equilibrium), ""
         if budget < np.count_nonzero(free) + _FEWEST_STEPS:
             return None, self._too_few(choice, int(np.count_nonzero(free)), context)
-        return StageFit(context.task, choice, view, free, start, budget), ""
+        return StageFit(context.task, choice, view, free, start, budget, context.trials), ""
 
     def _too_few(self, choice: StageChoice, parameters: int, context: ProposeContext) -> str:
         """That the simulations left do not suffice for a stage, and of how many a run comes to it in any case."""

@@ -67,7 +67,11 @@ class CompiledExperiment:
         cause = cause or watcher.cause
         if cause:
             return self._failed(cause, watcher, inputs if watcher.step else {})
-        return ExperimentRun(to_trajectory(self.simulation._solution, self.steps, self.cell.heats))
+        trajectory = to_trajectory(self.simulation._solution, self.steps, self.cell.heats)
+        skipped = (
+            None if trajectory else SimulationFailure("every step of the protocol had reached its end at its start")
+        )
+        return ExperimentRun(trajectory, skipped)
 
     def _failed(self, cause: str, watcher: _Watcher, inputs: dict[str, float]) -> ExperimentRun:
         """What was reached, the last moments of the step it died in included."""

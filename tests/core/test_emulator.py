@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from bsa.core.emulator import learn
+from scipy.optimize import approx_fprime
 
 
 def bent(points: np.ndarray) -> np.ndarray:
@@ -44,3 +45,17 @@ def test_a_dispersion_divides_the_cost() -> None:
 def test_points_that_are_the_same_twice_are_no_trouble() -> None:
     points = np.repeat(np.random.default_rng(4).uniform(size=(6, 2)), 2, axis=0)
     assert np.all(np.isfinite(learn(points, bent(points)).cost_function()(points)))
+
+
+def test_the_expected_cost_is_that_of_mean_and_variance_and_its_slopes_are_right() -> None:
+    rng = np.random.default_rng(6)
+    points = rng.uniform(size=(15, 2))
+    found = learn(points, bent(points))
+    for point in rng.uniform(size=(5, 2)):
+        mean, variance = found.predict(point[None, :])
+        value, slopes = found.expected_cost(point)
+        assert value == pytest.approx(found.beyond + np.sum(mean**2 + variance))
+        assert slopes == pytest.approx(approx_fprime(point, lambda at: found.expected_cost(at)[0], 1e-5), rel=1e-2)
+        moved = [found.residuals((point + 1e-6 * step)[None, :])[0] for step in np.eye(2)]
+        differences = (np.array(moved) - found.residuals(point[None, :])[0]).T / 1e-6
+        assert found.derivatives(point) == pytest.approx(differences, rel=1e-3, abs=1e-3)

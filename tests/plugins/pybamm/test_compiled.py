@@ -104,6 +104,15 @@ def test_an_impossible_state_is_a_failed_trial(chen: CompiledExperiment) -> None
     assert "stoichiometries" in run.failure.cause
 
 
+def test_a_protocol_whose_every_step_is_skipped_is_a_failed_trial() -> None:
+    nothing = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
+    experiment = Experiment("over", nothing, (("Discharge at 1C until 4 V",),), initial_soc=0.5)
+    run = CompiledExperiment(CellModel("Chen2020", "SPM"), experiment, {}).solve({})
+    assert run.trajectory is None
+    assert run.failure is not None
+    assert "had reached its end" in run.failure.cause
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["ORegan2022", "Ecker2015", "Prada2013", "Marquis2019"])
 @pytest.mark.parametrize("model", ["SPM", "SPMe", "DFN"])
