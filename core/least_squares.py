@@ -127,7 +127,7 @@ class LeastSquares:
         self.simulations = 0
         self.ending: Ending = ""
         self.stage: Stage = "start"
-        self._misses = self._failures = 0
+        self._misses = 0
         self._promised = 0.0
         self._emulated: EmulatedSteps | None = None
         if self.settings.emulates:
@@ -279,8 +279,8 @@ class LeastSquares:
             step, gain = self._emulated.step(self.point)
             if gain > self._worth:
                 self._promised = gain
-                return [np.clip(self.point + 0.5**self._failures * step, self._box.lower, self._box.upper)]
-        self._misses = self._failures = 0
+                return [np.clip(self.point + step, self._box.lower, self._box.upper)]
+        self._misses = 0
         self._next_round()
         return []
 
@@ -288,7 +288,8 @@ class LeastSquares:
         assert self._emulated is not None
         gained = -np.inf if residual is None else self.cost - self._cost_of(residual, point)
         self._misses = self._misses + 1 if gained <= max(self._worth, _POOR * self._promised) else 0
-        self._failures = self._failures + 1 if residual is None else 0
+        if residual is None:
+            self._misses = _MISSES
         if residual is not None and gained > 0:
             self.point, self.residual = point, residual
             self.jacobian = self._emulated.derivatives(point)

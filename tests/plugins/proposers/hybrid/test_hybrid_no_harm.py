@@ -18,6 +18,7 @@ from bsa.core.prompt_sections import FEEDBACK, NUMERICS, SENSITIVITIES, read_sec
 from bsa.core.scaffold import Scaffold
 from bsa.core.sensitivities import Sensitivities
 from bsa.plugins.agent.actions import Offer, check_action
+from bsa.plugins.proposers.descent import PERFECT
 from bsa_toy_cell import CAPACITY, HIDDEN, POLARISATION, RELAXATION, SERIES, toy_scaffold, toy_task
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -98,7 +99,8 @@ def test_no_backend_does_harm(run_toy: RunToy, tmp_path: Path, who: str, budget:
         plain = search(run_toy, tmp_path / f"plain-{number}", "least-squares", int(0.8 * budget), hidden)
         backend = BACKENDS[who]()
         mixed = search(run_toy, tmp_path / f"mixed-{number}", "hybrid", budget, hidden, backend=backend)
-        assert mixed.lowest.objective <= plain.lowest.objective + 1e-12, number
+        perfect = mixed.lowest.misfit <= PERFECT  # Where below it a fit ends is chance.
+        assert perfect or mixed.lowest.objective <= plain.lowest.objective + 1e-12, number
 
 
 def hidden_cells(count: int) -> list[dict[str, float]]:
@@ -176,8 +178,8 @@ def test_a_good_idea_is_taken_up_once_the_fit_is_at_a_loss(run_toy: RunToy, tmp_
     def wise(schema: JsonSchema, seed: int, call: int) -> dict[str, Any]:
         return words("set", updated_params={SERIES: "0.0051"})
 
-    plain = search(run_toy, tmp_path / "plain", "least-squares", 40, hidden, scaffold=with_proposer(scaffold))
-    mixed = search(run_toy, tmp_path / "mixed", "hybrid", 40, hidden, scaffold=scaffold, backend=Speaking(wise))
+    plain = search(run_toy, tmp_path / "plain", "least-squares", 60, hidden, scaffold=with_proposer(scaffold))
+    mixed = search(run_toy, tmp_path / "mixed", "hybrid", 60, hidden, scaffold=scaffold, backend=Speaking(wise))
     assert mixed.lowest.objective < 0.05
     assert mixed.lowest.objective < plain.lowest.objective
 
