@@ -89,10 +89,12 @@ def _set_and_options(
     wanted: CellRequest, requests: Sequence[RecordRequest], records: Sequence[Record], ambient_k: Sequence[float | None]
 ) -> tuple[ParameterSource, dict[str, Any], list[str]]:
     from ...plugins.pybamm.model_options import in_pybamm_spelling
+    from ...plugins.pybamm.parameter_sets import load
 
     parameter_set, notes = with_chosen_potentials(wanted.parameter_set, wanted.ocp, records)
     notes = notes if wanted.effects else [*notes, *hysteresis_note(records)]
-    options, said = with_thermal_model(in_pybamm_spelling(wanted.options), requests, records)
+    values = load(parameter_set, wanted.overrides)
+    options, said = with_thermal_model(in_pybamm_spelling(wanted.options), requests, records, values)
     notes += said
     if at_several_temperatures(options, ambient_k) and not wanted.is_own_file:
         parameter_set, said = temperature_dependent(

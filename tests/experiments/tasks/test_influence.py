@@ -14,8 +14,8 @@ SEPARATOR = "Separator thickness [m]"
 RECORD = Record(
     "r",
     Trajectory(
-        np.linspace(0.0, 3600.0, 61),
-        np.full(61, 5.0),
+        np.linspace(0.0, 7200.0, 61),
+        np.full(61, 2.5),
         np.linspace(4.0, 2.6, 61),
         None,
         (Step(StepKind.CC_DISCHARGE, 0, 61, 1),),

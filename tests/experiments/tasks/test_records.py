@@ -74,6 +74,12 @@ def test_records_of_one_name_are_numbered_and_one_that_is_given_twice_is_refused
         holding_out(task, [RecordRequest(record())])
 
 
+def slow(name: str = "r") -> Record:
+    """Slow enough to stay cold."""
+    found = record(name)
+    return replace(found, trajectory=found.trajectory.changed(1.2 * found.trajectory.time))
+
+
 def warming(kelvin: float) -> Record:
     found = record()
     rise = np.linspace(0.0, kelvin, len(found.trajectory))
@@ -101,16 +107,16 @@ def test_a_cell_that_warms_has_a_thermal_model_whose_temperature_is_fitted() -> 
 
 def test_transport_depends_on_the_temperature_where_the_temperatures_differ_and_nothing_was_said_of_it() -> None:
     energy, name = "Negative particle diffusivity activation energy [J.mol-1]", "Negative particle diffusivity [m2.s-1]"
-    rooms = [replace(record(key), ambient_k=kelvin) for key, kelvin in (("a", 283.15), ("b", 298.15))]
+    rooms = [replace(slow(key), ambient_k=kelvin) for key, kelvin in (("a", 283.15), ("b", 298.15))]
     assert energy in load(task_of(*rooms, search="cell").cell.parameter_set)
     assert energy not in load(task_of(rooms[0], search="cell").cell.parameter_set)
-    asked = [RecordRequest(record(key), temperature_k=kelvin) for key, kelvin in (("a", 283.15), ("b", 298.15))]
+    asked = [RecordRequest(slow(key), temperature_k=kelvin) for key, kelvin in (("a", 283.15), ("b", 298.15))]
     assert energy in load(build_task("t", "Chen2020", asked, model="SPM").cell.parameter_set)
     later = [RecordRequest(rooms[1])]
     colder = build_task("t", "Chen2020", [RecordRequest(rooms[0])], model="SPM", held_out=later)
     assert energy in load(colder.cell.parameter_set)
     alike = build_task(
-        "t", "Chen2020", [RecordRequest(rooms[1])], model="SPM", held_out=[replace(later[0], source=record())]
+        "t", "Chen2020", [RecordRequest(rooms[1])], model="SPM", held_out=[replace(later[0], source=slow())]
     )
     assert energy not in load(alike.cell.parameter_set)
     said = task_of(*rooms, search="cell", overrides={name: 2e-14})
@@ -158,10 +164,22 @@ def test_an_ideal_electrolyte_is_replaced_by_a_measured_one_where_its_factor_is_
 
 def test_a_cell_that_stays_cold_or_is_said_to_be_isothermal_has_no_thermal_model() -> None:
     kept = task_of(warming(12.0), options={"thermal": "isothermal"}, search="cell")
-    for task in (task_of(warming(1.0), search="cell"), task_of(record(), search="cell"), kept):
+    for task in (task_of(warming(1.0), search="cell"), task_of(slow(), search="cell"), kept):
         assert task.cell.options.get("thermal", "isothermal") == "isothermal"
         assert [signal.name for signal in task.observed] == ["voltage"]
         assert "Cell volume [m3]" not in task.space
+
+
+def test_a_fast_cell_whose_temperature_was_not_measured_has_a_thermal_model_that_is_compared_by_its_voltage() -> None:
+    task = task_of(record(rest=False, amperes=8.0), search="cell")
+    assert task.cell.options["thermal"] == "lumped"
+    assert [signal.name for signal in task.observed] == ["voltage"]
+    assert any("The current reaches 1 times the cell's charge per hour" in note for note in task.notes)
+    # Rests do not count, and a part of a discharge does not tell the charge.
+    assert task_of(record(), search="cell").cell.options["thermal"] == "lumped"
+    part = record()
+    part = replace(part, trajectory=part.trajectory.changed(voltage=0.2 * part.trajectory.voltage + 3.0))
+    assert "thermal" not in task_of(part, search="cell").cell.options
 
 
 def test_a_cell_of_another_size_has_another_volume_and_surface() -> None:
