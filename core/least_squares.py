@@ -46,9 +46,10 @@ _RAISES = 12
 _POOR_STEPS = 2
 """Poor steps in a row before a new Jacobian."""
 
-_MISSES = 3
+_MISSES, _PRICE = 3, 0.25
 """Steps of the emulator in a row that gain nothing worth a simulation, or hardly anything of what was predicted, before
-a new Jacobian: it learns from them. Twice as many change nothing on measured cells."""
+a new Jacobian, at least, and as a share of its price: the emulator learns from them. Twice as many change little on
+measured cells."""
 
 _LEAST = 1e-7
 """Least damping."""
@@ -275,7 +276,7 @@ class LeastSquares:
         if self._perfect():
             self._end("perfect")
             return []
-        if self._misses < _MISSES:
+        if self._misses < max(_MISSES, _PRICE * np.count_nonzero(self._free)):
             step, gain = self._emulated.step(self.point)
             if gain > self._worth:
                 self._promised = gain
@@ -289,7 +290,7 @@ class LeastSquares:
         gained = -np.inf if residual is None else self.cost - self._cost_of(residual, point)
         self._misses = self._misses + 1 if gained <= max(self._worth, _POOR * self._promised) else 0
         if residual is None:
-            self._misses = _MISSES
+            self._misses = len(self.point)
         if residual is not None and gained > 0:
             self.point, self.residual = point, residual
             self.jacobian = self._emulated.derivatives(point)
