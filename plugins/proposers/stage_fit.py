@@ -27,11 +27,9 @@ _USUAL_NOISE = 10.0
 """Standard deviation that is assumed at most, in tolerances: physical models of measured cells end at 5 to 15 mV. The
 misfit of a start says how wrong the start is, and priors that are weighed against it would hold it there."""
 
-SETTINGS = Settings(radius=2.0, noise=1.0, tolerance=5e-3, visible=0.3, emulates=True)
+SETTINGS = Settings(radius=2.0, noise=1.0, tolerance=5e-3, emulates=True)
 """Coordinates are in standard deviations of the priors, residuals in standard deviations of the misfit: beyond two of
-the former a linear picture of a cell is a guess, and a gain of one of the latter says nothing. Slopes are taken over a
-change of 0.3 of the latter, 3 mV at first: at the knee of a discharge 1.5 % of capacity, a tenth of its prior, changes
-the voltage by 25 mV rms, and a slope over that is none of the point's."""
+the former a linear picture of a cell is a guess, and a gain of one of the latter says nothing."""
 
 _SHARE_OF_RANGE = 0.007
 """Finite difference of a parameter that has no deviation, as a share of its range."""
