@@ -226,21 +226,13 @@ def test_a_parameter_of_which_the_data_say_nothing_keeps_its_prior_and_costs_no_
     assert result.best.candidate[CAPACITY] == pytest.approx(HIDDEN[CAPACITY], rel=0.02)
 
 
-def test_a_slope_over_far_too_large_a_change_is_taken_again_nearer_by(run_toy: RunToy, tmp_path: Path) -> None:
+def test_between_two_jacobians_an_emulator_goes_on(run_toy: RunToy, tmp_path: Path) -> None:
     everything = staged(stages=[{"name": "all", "data": "everything"}], order=[])
-    run_toy(tmp_path / "run", scaffold=everything, simulations=20)
-    moved: list[dict[str, float]] = []  # By batch of differences, how far each parameter was moved.
-    start = toy_task().space.initial
-    for event in read_events(tmp_path / "run"):
-        if event["event"] == "proposal":
-            if event["action"] != "jacobian":
-                break
-            moved.append({})
-        elif event["event"] == "trial" and moved:
-            moved[-1] |= {name: abs(v - start[name]) for name, v in event["candidate"].items() if v != start[name]}
-    first, again = moved[:2]
-    assert 0 < len(again) < len(first)
-    assert all(distance < 0.5 * first[name] for name, distance in again.items())
+    run_toy(tmp_path / "run", scaffold=everything, simulations=40)
+    told = [event["rationale"] for event in read_events(tmp_path / "run") if event["event"] == "proposal"]
+    methods = [words.rsplit(": ", 1)[-1] for words in told]
+    assert methods[0] == "finite differences."
+    assert "an emulator's step." in methods
 
 
 def heated(volume: float, transfer: float) -> Record:
