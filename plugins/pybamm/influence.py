@@ -17,6 +17,10 @@ _OUTPUTS = ("Voltage [V]", "Volume-averaged cell temperature [K]")
 _AMBIENT_K = 303.0
 """No set's reference temperature, at which activation energies vanish from the equations, K."""
 
+_ANSWERED: dict[str, frozenset[str]] = {}
+"""Inputs of the models that were built to find them, by cell and targets: building one takes half a second, and a grid
+asks the same of every task."""
+
 
 def without_influence(cell: CellModel, targets: Mapping[str, Target]) -> list[str]:
     """Those of the targets, by name, on which neither the equations of a cell nor its voltage and temperature depend.
@@ -26,7 +30,11 @@ def without_influence(cell: CellModel, targets: Mapping[str, Target]) -> list[st
     inputs = {name: _input(name, target) for name, target in targets.items()}
     if not any(inputs.values()):
         return []
-    present = _inputs_in(CompiledCell(cell, targets, Start(temperature_k=_AMBIENT_K)).built_model())
+    question = repr((cell, sorted(targets.items())))
+    if question not in _ANSWERED:
+        built = CompiledCell(cell, targets, Start(temperature_k=_AMBIENT_K)).built_model()
+        _ANSWERED[question] = frozenset(_inputs_in(built))
+    present = _ANSWERED[question]
     return [name for name, own in inputs.items() if own and own not in present]
 
 

@@ -16,21 +16,12 @@ from .parameter_sets import bake, load, pybamm
 def soc_at_voltage(cell: CellModel, voltage: float, temperature_k: float | None = None) -> float:
     """The state of charge at which the cell's open-circuit voltage is ``voltage``, kept within 0 to 1.
 
-    Found from the electrode stoichiometry limits of the cell (PyBaMM's electrode state-of-health model) between its
-    open-circuit voltages at 0 and 100 %; only its parameter values matter. The voltage is that at a temperature, left
-    out at the set's initial one.
+    That of `InitialState`, from which simulations start; only the cell's parameter values matter. The voltage is that
+    at a temperature, left out at the set's initial one.
     """
     values = load(cell.parameter_set, cell.overrides)
     if temperature_k is not None:
         values.update({"Initial temperature [K]": temperature_k})
-    lowest, highest = _limits(values)
-    if lowest < voltage < highest:
-        try:
-            empty, full, *_ = pybamm.lithium_ion.get_min_max_stoichiometries(values)
-            x, _ = pybamm.lithium_ion.get_initial_stoichiometries(f"{voltage} V", values)[:2]
-            return min(max(float((x - empty) / (full - empty)), 0.0), 1.0)
-        except pybamm.SolverError:
-            pass  # PyBaMM's root finder gives up where the curve is flat; on a grid the same answer is certain.
     return min(max(InitialState(values).soc_at(voltage), 0.0), 1.0)
 
 
@@ -40,9 +31,8 @@ def equilibrium_capacity_ah(parameter_set: ParameterSource, overrides: Mapping[s
     The nominal capacity that a parameter set states is a label, up to a fifth off this.
     """
     values = load(parameter_set, overrides)
-    empty, full, *_ = pybamm.lithium_ion.get_min_max_stoichiometries(values)
     negative_ah = values.evaluate(pybamm.LithiumIonParameters().n.prim.Q_init)
-    return float(negative_ah * (full - empty))
+    return float(negative_ah) * InitialState(values).span
 
 
 def maximum_concentration(which: str) -> str:
@@ -99,6 +89,13 @@ class InitialState:
         """
         start = self._start(change, soc)
         return {initial_concentration(which): start.stoichiometry[which] * start.highest[which] for which in ELECTRODES}
+
+    @property
+    def span(self) -> float:
+        """Share of what the negative electrode holds that goes from an empty cell to a full one."""
+        x, voltage, *_ = self._balance(CellChange())
+        empty, full = np.interp(self._limits, voltage, x)
+        return float(full - empty)
 
     def inventory(self, change: CellChange) -> dict[str, float]:
         """Lithium that the electrodes share, under ``"lithium"``, and what each can hold, mol per m2 of electrode."""

@@ -2,23 +2,24 @@ import numpy as np
 import pytest
 from bsa.core.target import CellChange
 from bsa.core.task import CellModel
-from bsa.plugins.pybamm import state_of_charge
 from bsa.plugins.pybamm.parameter_sets import load, pybamm
-from bsa.plugins.pybamm.state_of_charge import InitialState, initial_concentration, soc_at_voltage
+from bsa.plugins.pybamm.state_of_charge import (
+    InitialState,
+    equilibrium_capacity_ah,
+    initial_concentration,
+    soc_at_voltage,
+)
 
 
-@pytest.mark.parametrize("name", ["Chen2020", "OKane2022"])
-@pytest.mark.parametrize("voltage", [3.4, 3.8, 4.1])
-def test_the_grid_gives_what_the_root_finder_gives_and_stands_in_for_it(monkeypatch, name, voltage):
-    cell = CellModel(name, "SPMe")
-    found = soc_at_voltage(cell, voltage)
-    assert InitialState(load(name)).soc_at(voltage) == pytest.approx(found, abs=5e-4)
-
-    def gives_up(*arguments, **keywords):
-        raise pybamm.SolverError("no acceptable solution")
-
-    monkeypatch.setattr(state_of_charge.pybamm.lithium_ion, "get_initial_stoichiometries", gives_up)
-    assert soc_at_voltage(cell, voltage) == pytest.approx(found, abs=5e-4)
+@pytest.mark.parametrize("name", ["Chen2020", "OKane2022", "Prada2013"])
+def test_states_of_charge_and_capacities_are_those_of_pybamm(name: str) -> None:
+    values = load(name)
+    empty, full, *_ = pybamm.lithium_ion.get_min_max_stoichiometries(values)
+    for voltage in (3.25, 3.3, 3.4):
+        x = pybamm.lithium_ion.get_initial_stoichiometries(f"{voltage} V", values)[0]
+        assert soc_at_voltage(CellModel(name), voltage) == pytest.approx((x - empty) / (full - empty), abs=2e-4)
+    held_ah = values.evaluate(pybamm.LithiumIonParameters().n.prim.Q_init)
+    assert equilibrium_capacity_ah(name, {}) == pytest.approx(held_ah * (full - empty), rel=2e-4)
 
 
 def test_factors_multiply_hosts_and_the_lithium_between_them():
