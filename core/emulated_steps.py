@@ -77,6 +77,7 @@ class EmulatedSteps:
         step[self._free] = np.clip(found.x, lower, upper) - point[self._free]
         return step, (here - float(found.fun)) * self._noise**2
 
+    @on_one_thread
     def derivatives(self, point: FloatArray) -> FloatArray:
         """Likeliest derivatives of the residuals at a point, shape (m, p); those of fixed coordinates are zero."""
         self._learn()

@@ -73,16 +73,20 @@ def warms_by(records: Sequence[Record]) -> float:
 
 
 def with_thermal_model(
-    options: dict[str, Any], requests: Sequence[RecordRequest], records: Sequence[Record], values: Any
+    options: dict[str, Any],
+    requests: Sequence[RecordRequest],
+    records: Sequence[Record],
+    held_out: Sequence[Record],
+    values: Any,
 ) -> tuple[dict[str, Any], list[str]]:
     """The model's options with a temperature where the cell warms, and what is to be said of it.
 
-    That is where a temperature was measured that changes, and where none was and the current is fast; ``values`` are
-    those of the cell's parameter set.
+    That is where a temperature was measured that changes, and where none was and the current is fast, that of records
+    that are held out included; ``values`` are those of the cell's parameter set.
     """
     if THERMAL in options or any(request.protocol is not None for request in requests):
         return options, []
-    change_k, rate = warms_by(records), fastest_rate(records, values)
+    change_k, rate = warms_by(records), fastest_rate([*records, *held_out], values)
     if change_k >= _WARMS_K:
         why = (
             f"The measured temperature changes by {change_k:.1f} K: the model is thermal (lumped); its temperature is "

@@ -72,21 +72,29 @@ class MeasuredCell:
 
 
 def measured_cell(
-    wanted: CellRequest, requests: Sequence[RecordRequest], records: Sequence[Record], ambient_k: Sequence[float | None]
+    wanted: CellRequest,
+    requests: Sequence[RecordRequest],
+    records: Sequence[Record],
+    ambient_k: Sequence[float | None],
+    held_out: Sequence[Record] = (),
 ) -> MeasuredCell:
     """The cell model for records: potentials, temperature, electrolyte, size and options.
 
     ``records`` are those of the ``requests``; ``ambient_k`` are the temperatures around them and around what is held
     out, K.
     """
-    parameter_set, options, notes = _set_and_options(wanted, requests, records, ambient_k)
+    parameter_set, options, notes = _set_and_options(wanted, requests, records, ambient_k, held_out)
     model = CellModel(parameter_set, wanted.model, options, wanted.overrides, wanted.effects)
     overrides, capacity_ah, said = _values(wanted, model, requests, records)
     return MeasuredCell(replace(model, overrides=overrides), capacity_ah, [*notes, *said])
 
 
 def _set_and_options(
-    wanted: CellRequest, requests: Sequence[RecordRequest], records: Sequence[Record], ambient_k: Sequence[float | None]
+    wanted: CellRequest,
+    requests: Sequence[RecordRequest],
+    records: Sequence[Record],
+    ambient_k: Sequence[float | None],
+    held_out: Sequence[Record],
 ) -> tuple[ParameterSource, dict[str, Any], list[str]]:
     from ...plugins.pybamm.model_options import in_pybamm_spelling
     from ...plugins.pybamm.parameter_sets import load
@@ -94,7 +102,7 @@ def _set_and_options(
     parameter_set, notes = with_chosen_potentials(wanted.parameter_set, wanted.ocp, records)
     notes = notes if wanted.effects else [*notes, *hysteresis_note(records)]
     values = load(parameter_set, wanted.overrides)
-    options, said = with_thermal_model(in_pybamm_spelling(wanted.options), requests, records, values)
+    options, said = with_thermal_model(in_pybamm_spelling(wanted.options), requests, records, held_out, values)
     notes += said
     if at_several_temperatures(options, ambient_k) and not wanted.is_own_file:
         parameter_set, said = temperature_dependent(

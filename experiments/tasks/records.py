@@ -74,7 +74,7 @@ def build_task(
     wanted = CellRequest(
         parameter_set, model, options or {}, overrides or {}, search, scale_to_capacity, ocp, tuple(effects)
     )
-    cell = measured_cell(wanted, records, loaded, ambient_k)
+    cell = measured_cell(wanted, records, loaded, ambient_k, [record for _, record in later])
     _check_effects(cell.model, [*asked, *forecast, *held_out])
     experiments, socs, said = _fitted(records, loaded, cell)
     space, left_out = searched_space(wanted, cell.model, loaded, spectra)

@@ -177,6 +177,9 @@ def test_a_fast_cell_whose_temperature_was_not_measured_has_a_thermal_model_that
     assert any("The current reaches 1 times the cell's charge per hour" in note for note in task.notes)
     # Rests do not count, and a part of a discharge does not tell the charge.
     assert task_of(record(), search="cell").cell.options["thermal"] == "lumped"
+    slow_one, fast_one = RecordRequest(slow()), RecordRequest(record("f", amperes=8.0))
+    later = build_task("t", "Chen2020", [slow_one], model="SPM", held_out=[fast_one])
+    assert later.cell.options["thermal"] == "lumped"
     part = record()
     part = replace(part, trajectory=part.trajectory.changed(voltage=0.2 * part.trajectory.voltage + 3.0))
     assert "thermal" not in task_of(part, search="cell").cell.options
