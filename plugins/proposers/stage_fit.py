@@ -221,8 +221,8 @@ class StageFit(Stage):
         self._free = self._chosen if known is None else self._chosen & self._told(known)
         point, residual = self._point(self._here), self._weighed(self._here)
         seen = [(self._point(trial), self._weighed(trial)) for trial in self._told_so_far if trial is not self._here]
-        known = [(there, residual) for there, residual in seen if residual is not None]
-        return LeastSquares(point, residual, SETTINGS, self._free, jacobian, self._box(), fresh, known)
+        earlier = [(there, found) for there, found in seen if found is not None]
+        return LeastSquares(point, residual, SETTINGS, self._free, jacobian, self._box(), fresh, earlier)
 
     def _told(self, jacobian: FloatArray) -> NDArray[np.bool_]:
         """Of which parameters the data can say something beside their priors; all of those without one."""
