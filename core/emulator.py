@@ -63,8 +63,7 @@ class Emulator:
         The emulator's own variance is part of it: a point of which it knows little is not expected to be good.
         """
         curved, linear = _kernels(point[None, :], self.points, self.lengths)
-        across = (curved + linear)[0]
-        slopes = curved[0][:, None] * (self.points - point) / self.lengths**2 + _LINEAR * (self.points - _MIDDLE)
+        across, slopes = (curved + linear)[0], self._slopes(point, curved)
         mean = self.rows @ self.best + across @ self.weights
         solved = cho_solve((self.factor, True), across, check_finite=False)
         alone = 1.0 + _LINEAR * (1.0 + float(np.sum((point - _MIDDLE) ** 2)))
@@ -79,8 +78,11 @@ class Emulator:
     def derivatives(self, point: FloatArray) -> FloatArray:
         """Derivatives of the likeliest residuals at a point of shape (p,), shape (m, p)."""
         curved, _ = _kernels(point[None, :], self.points, self.lengths)
-        slopes = curved[0][:, None] * (self.points - point) / self.lengths**2 + _LINEAR * (self.points - _MIDDLE)
-        return np.asarray(self.rows.T @ (self.weights.T @ slopes))
+        return np.asarray(self.rows.T @ (self.weights.T @ self._slopes(point, curved)))
+
+    def _slopes(self, point: FloatArray, curved: FloatArray) -> FloatArray:
+        """Derivatives of the prior covariances between a point and those simulated by its coordinates, shape (n, p)."""
+        return curved[0][:, None] * (self.points - point) / self.lengths**2 + _LINEAR * (self.points - _MIDDLE)
 
     @property
     def beyond(self) -> float:

@@ -86,13 +86,15 @@ def with_thermal_model(
     """
     if THERMAL in options or any(request.protocol is not None for request in requests):
         return options, []
-    change_k, rate = warms_by(records), fastest_rate([*records, *held_out], values)
+    change_k = warms_by(records)
     if change_k >= _WARMS_K:
         why = (
             f"The measured temperature changes by {change_k:.1f} K: the model is thermal (lumped); its temperature is "
             "fitted beside the voltage"
         )
-    elif rate >= _WARMS_AT and all(name in values for name in _COOLED) and not _measured(records):
+    elif _measured(records) or any(name not in values for name in _COOLED):
+        return options, []
+    elif (rate := fastest_rate([*records, *held_out], values)) >= _WARMS_AT:
         why = (
             f"The current reaches {rate:.2g} times the cell's charge per hour and no temperature was measured: the "
             "model is thermal (lumped), with the cooling of the parameter set"

@@ -68,10 +68,9 @@ class CompiledExperiment:
         if cause:
             return self._failed(cause, watcher, inputs if watcher.step else {})
         trajectory = to_trajectory(self.simulation._solution, self.steps, self.cell.heats)
-        skipped = (
-            None if trajectory else SimulationFailure("every step of the protocol had reached its end at its start")
-        )
-        return ExperimentRun(trajectory, skipped)
+        if trajectory is None:
+            return ExperimentRun(None, SimulationFailure("every step of the protocol had reached its end at its start"))
+        return ExperimentRun(trajectory)
 
     def _failed(self, cause: str, watcher: _Watcher, inputs: dict[str, float]) -> ExperimentRun:
         """What was reached, the last moments of the step it died in included."""

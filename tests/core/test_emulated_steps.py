@@ -14,7 +14,7 @@ _ALONG = _RNG.normal(size=(6, 40))
 _NOISE = 0.3 * _RNG.normal(size=40)
 
 
-def bent(point: np.ndarray) -> np.ndarray:
+def curved(point: np.ndarray) -> np.ndarray:
     """Forty noisy residuals of six parameters whose combinations act a thousand times more and less, and bend."""
     turned = _MIXED @ (np.asarray(point) - 0.55)
     turned = turned + 3.0 * np.roll(turned, 1) ** 2
@@ -23,7 +23,7 @@ def bent(point: np.ndarray) -> np.ndarray:
 
 def fitted(emulates: bool, budget: int) -> LeastSquares:
     search = LeastSquares(np.full(6, 0.2), settings=Settings(noise=0.3, tolerance=1 / 34, emulates=emulates))
-    solve(search, lambda points: [bent(point) for point in points], budget)
+    solve(search, lambda points: [curved(point) for point in points], budget)
     return search
 
 
@@ -38,11 +38,11 @@ def test_a_narrow_valley_that_bends_takes_fewer_simulations_than_with_jacobians_
 def test_failures_never_lead_out_of_the_box_nor_uphill_and_end(seed: int, share_failing: float) -> None:
     rng = np.random.default_rng(seed)
     search = LeastSquares(rng.uniform(size=6), settings=Settings(noise=0.3, tolerance=1 / 34, emulates=True))
-    search.tell([bent(point) for point in search.ask()])
+    search.tell([curved(point) for point in search.ask()])
     costs = [search.cost]
     while (batch := search.ask()) and search.simulations < 120:
         assert np.all((np.array(batch) >= 0.0) & (np.array(batch) <= 1.0))
-        search.tell([None if rng.uniform() < share_failing else bent(point) for point in batch])
+        search.tell([None if rng.uniform() < share_failing else curved(point) for point in batch])
         costs.append(search.cost)
     assert all(later <= earlier for earlier, later in pairwise(costs))
     assert search.done or search.simulations >= 120
@@ -51,7 +51,7 @@ def test_failures_never_lead_out_of_the_box_nor_uphill_and_end(seed: int, share_
 def test_what_fails_is_answered_by_a_jacobian_at_the_best_point() -> None:
     search = LeastSquares(np.full(6, 0.2), settings=Settings(noise=0.3, tolerance=1 / 34, emulates=True))
     while search.stage != "emulated":
-        search.tell([bent(point) for point in search.ask()])
+        search.tell([curved(point) for point in search.ask()])
     assert len(search.ask()) == 1
     search.tell([None])
     assert len(search.ask()) == 6
@@ -76,7 +76,7 @@ def test_the_noise_sets_the_unit_of_residuals_and_of_a_gain() -> None:
     for unit in (1.0, 1e3):
         steps = EmulatedSteps(Box.unit(6), np.ones(6, dtype=bool), noise=0.3 * unit, radius=1.0)
         for point in np.random.default_rng(2).uniform(size=(30, 6)):
-            steps.remember(point, unit * bent(point))
+            steps.remember(point, unit * curved(point))
         step, gain = steps.step(np.full(6, 0.5))
         found.append(np.append(step, gain / unit**2))
     assert found[0] == pytest.approx(found[1], rel=1e-3, abs=1e-4)
@@ -84,9 +84,9 @@ def test_the_noise_sets_the_unit_of_residuals_and_of_a_gain() -> None:
 
 def test_what_was_simulated_before_is_learnt_from() -> None:
     points = np.random.default_rng(3).uniform(size=(60, 6))
-    known = [(point, bent(point)) for point in points]
+    known = [(point, curved(point)) for point in points]
     how = Settings(noise=0.3, tolerance=1 / 34, emulates=True)
     start, residual = min(known, key=lambda pair: float(pair[1] @ pair[1]))
     knowing = LeastSquares(start, residual, how, jacobian=np.zeros((40, 6)), known=known)
-    solve(knowing, lambda batch: [bent(point) for point in batch], budget=12)
+    solve(knowing, lambda batch: [curved(point) for point in batch], budget=12)
     assert knowing.cost < 0.2 * float(residual @ residual)
