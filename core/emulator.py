@@ -82,7 +82,9 @@ class Emulator:
 
     def _slopes(self, point: FloatArray, curved: FloatArray) -> FloatArray:
         """Derivatives of the prior covariances between a point and those simulated by its coordinates, shape (n, p)."""
-        return np.asarray(curved[0][:, None] * (self.points - point) / self.lengths**2 + _LINEAR * (self.points - _MIDDLE))
+        return np.asarray(
+            curved[0][:, None] * (self.points - point) / self.lengths**2 + _LINEAR * (self.points - _MIDDLE)
+        )
 
     @property
     def beyond(self) -> float:
