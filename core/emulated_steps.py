@@ -41,12 +41,10 @@ class EmulatedSteps:
         Which coordinates may move.
     noise : float
         Standard deviation of a residual; 0 takes residuals as they are.
-    radius : float
-        Longest step of a coordinate.
     """
 
-    def __init__(self, box: Box, free: NDArray[np.bool_], noise: float, radius: float) -> None:
-        self._free, self._noise, self._radius = free, noise or 1.0, radius
+    def __init__(self, box: Box, free: NDArray[np.bool_], noise: float) -> None:
+        self._free, self._noise = free, noise or 1.0
         self._lower, self._upper = box.lower, box.upper
         self._prior = box.prior / self._noise
         wide = np.where(box.upper > box.lower, box.upper - box.lower, 1.0)
@@ -64,12 +62,20 @@ class EmulatedSteps:
             self._points.append(np.asarray(point, dtype=np.float64))
             self._residuals.append(np.asarray(residual, dtype=np.float64))
 
+    @property
+    def known(self) -> int:
+        """How many simulations it knows."""
+        return len(self._points)
+
     @on_one_thread
-    def step(self, point: FloatArray) -> tuple[FloatArray, float]:
-        """A step from a point to where the least cost is expected, each coordinate's of shape (p,), and the gain."""
+    def step(self, point: FloatArray, radius: float) -> tuple[FloatArray, float]:
+        """A step of shape (p,) from a point to where the least cost is expected, and the gain.
+
+        ``radius`` is the longest step of a coordinate.
+        """
         self._learn()
-        lower = np.maximum(self._lower, point - self._radius)[self._free]
-        upper = np.minimum(self._upper, point + self._radius)[self._free]
+        lower = np.maximum(self._lower, point - radius)[self._free]
+        upper = np.minimum(self._upper, point + radius)[self._free]
         bounds = np.stack([lower, upper], axis=1)
         here, _ = self._cost(point[self._free], point)
         found = minimize(self._cost, point[self._free], (point,), "L-BFGS-B", jac=True, bounds=bounds)

@@ -136,7 +136,7 @@ def slopes_at(residuals: Residuals, fit: Refit) -> FloatArray:
     """The Jacobian where a fit has ended, shape (n, p), taken anew; its own sets the steps."""
     search = _search(fit.space, fit.u, fit.jacobian, 0.0, fit.residual)
     search.renew_jacobian()
-    while search.stage != "step":
+    while search.stage == "jacobian":
         search.tell(residuals([fit.space.at(point) for point in search.ask()]))
     assert search.jacobian is not None
     return search.jacobian

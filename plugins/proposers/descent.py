@@ -222,7 +222,7 @@ class Descent:
             return
         measured = self.jacobian_next
         self._search.tell([trial.residuals for trial in trials])
-        if measured and self._search.stage == "step":
+        if measured and not self.jacobian_next:
             self._objective_before = self._objective(self._search)
         if self._restarting and self._best is not None:
             self._restarting = self._search.cost > self._best.cost

@@ -240,12 +240,14 @@ class StageFit(Stage):
             return self._scan
         # The last one simulates all cycles where the fit of the first one ended.
         limit = min(self._left, simulations_left) - (self.reduction is not None)
-        points = self._search.ask(limit) if limit > 0 else []
+        # What does not suffice for another Jacobian is left to later stages, if there are any.
+        reckoned = limit if self._left >= simulations_left else None
+        points = self._search.ask(reckoned) if limit > 0 else []
         if (not points or self.takes_slopes) and self._improved():
             before, self._noise = self._noise, self._misfit_noise()
             known, fresh = self._search.jacobian, bool(np.isfinite(self._search.predicted))
             self._search = self._from_here(None if known is None else before / self._noise * known, fresh)
-            points = self._search.ask(limit) if limit > 0 else []
+            points = self._search.ask(reckoned) if limit > 0 else []
         if points and len(points) <= limit:
             return [self._space.at(point) for point in points]
         self.reduction = None
@@ -284,7 +286,7 @@ class StageFit(Stage):
             if residual is not None and residual is self._search.residual:
                 self._here = trial
         jacobian = self._search.jacobian
-        if first and jacobian is not None and self._search.stage == "step":
+        if first and jacobian is not None and not self.takes_slopes:
             self._search = self._from_here(jacobian, fresh=True)
         return self._here
 

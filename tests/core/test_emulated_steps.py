@@ -58,13 +58,58 @@ def test_what_fails_is_answered_by_a_jacobian_at_the_best_point() -> None:
     assert search.stage == "jacobian"
 
 
+def test_behind_the_first_jacobian_its_updates_lead_until_they_fail() -> None:
+    search = LeastSquares(np.full(6, 0.2), settings=Settings(noise=0.3, tolerance=1 / 34, emulates=True))
+    solve(search, lambda points: [curved(point) for point in points], budget=1 + 6 + 3)
+    assert search.stage == "step"
+    while search.stage == "step":
+        search.tell([curved(point) for point in search.ask()])
+    assert search.stage == "emulated"
+    while search.stage != "jacobian":
+        search.tell([curved(point) for point in search.ask()])
+    for _ in range(2):  # The second Jacobian and a step on it.
+        search.tell([curved(point) for point in search.ask()])
+    while search.stage == "step":
+        failed = search.cost
+        search.tell([curved(point) for point in search.ask()])
+        assert search.cost == failed or search.stage != "step"
+
+
+def test_whether_a_jacobian_is_wanted_is_known_before_it_is_asked_for() -> None:
+    search = LeastSquares(np.full(6, 0.2), settings=Settings(noise=0.3, tolerance=1 / 34, emulates=True))
+    while (stage := search.stage) != "done" and search.simulations < 200:
+        batch = search.ask()
+        assert search.stage == stage
+        assert (len(batch) > 1) == (stage == "jacobian")
+        search.tell([curved(point) for point in batch])
+
+
+def test_what_does_not_suffice_for_a_jacobian_goes_to_an_emulators_steps_shorter_ones_behind_a_failure() -> None:
+    search = LeastSquares(np.full(6, 0.2), settings=Settings(noise=0.3, tolerance=1 / 34, emulates=True))
+    while search.stage != "emulated":
+        search.tell([curved(point) for point in search.ask()])
+    here = search.point
+    (failed,) = search.ask()
+    search.tell([None])
+    assert search.stage == "jacobian"
+    (shorter,) = search.ask(limit=6)
+    assert search.stage == "emulated"
+    assert np.max(np.abs(shorter - here)) <= 0.5 * np.max(np.abs(failed - here)) + 1e-12
+    before = search.cost
+    search.tell([curved(shorter)])
+    for left in range(5, 0, -1):
+        (point,) = search.ask(left)
+        search.tell([curved(point)])
+    assert search.cost < before
+
+
 def test_only_free_coordinates_move_and_a_prior_is_kept() -> None:
     box = Box(np.full(2, -4.0), np.full(2, 4.0), np.array([3.0, 0.0]))
-    steps = EmulatedSteps(box, np.array([True, False]), noise=1.0, radius=9.0)
+    steps = EmulatedSteps(box, np.array([True, False]), noise=1.0)
     for x in np.linspace(-2.0, 2.0, 9):
         steps.remember(np.array([x, 0.0]), np.array([4.0 * (x - 1.0), 0.1]))
     steps.remember(np.array([0.1, 0.0]), None)
-    step, gain = steps.step(np.array([-1.0, 0.0]))
+    step, gain = steps.step(np.array([-1.0, 0.0]), radius=9.0)
     # Of 16 (x - 1)^2 + 9 x^2 the least.
     assert step == pytest.approx([1.0 + 16.0 / 25.0, 0.0], abs=1e-3)
     assert gain == pytest.approx(64.0 + 9.0 - (16.0 * 0.36**2 + 9.0 * 0.64**2), rel=0.1)
@@ -74,10 +119,10 @@ def test_only_free_coordinates_move_and_a_prior_is_kept() -> None:
 def test_the_noise_sets_the_unit_of_residuals_and_of_a_gain() -> None:
     found = []
     for unit in (1.0, 1e3):
-        steps = EmulatedSteps(Box.unit(6), np.ones(6, dtype=bool), noise=0.3 * unit, radius=1.0)
+        steps = EmulatedSteps(Box.unit(6), np.ones(6, dtype=bool), noise=0.3 * unit)
         for point in np.random.default_rng(2).uniform(size=(30, 6)):
             steps.remember(point, unit * curved(point))
-        step, gain = steps.step(np.full(6, 0.5))
+        step, gain = steps.step(np.full(6, 0.5), radius=1.0)
         found.append(np.append(step, gain / unit**2))
     assert found[0] == pytest.approx(found[1], rel=1e-3, abs=1e-4)
 
