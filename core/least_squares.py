@@ -54,8 +54,9 @@ measured cells."""
 
 _KNOWS_MORE = 2.0
 """Simulations, in units of those that determine a linear model, from which an emulator is asked in place of Broyden's
-updates. Of fewer it learns the slopes but hardly how they change, and its steps are short: a measured record that
-Broyden's steps bring from 185 to 18 mV in 40 simulations ends at 42."""
+updates. Of fewer it learns the slopes but hardly how they change, and its steps are short. A measured record of 25
+parameters ends at 18 mV in 40 simulations, with 1.5 too, and at 42 with 1; the worst of twelve published tasks ends at
+0.08 % in 100 simulations, and at 0.30 % with 1."""
 
 _LEAST = 1e-7
 """Least damping."""
@@ -180,12 +181,12 @@ class LeastSquares:
         ----------
         limit : int, optional
             How many can still be simulated. Where they do not suffice for a new Jacobian, the one at
-            hand, or the emulator, is used to the end.
+            hand, or the emulator, is used to the end; where these promise nothing, it is asked for all the same.
         """
-        if not self._batch and self.stage == "jacobian":
+        if self.stage == "jacobian" and not self._batch:
             if self.jacobian is not None and limit is not None and limit <= np.count_nonzero(self._free):
-                self._last_steps()
-            else:
+                self._plan_last_step()
+            if not self._batch:
                 assert self.residual is not None
                 self._differences = Differences(
                     self.point, self.residual, self.jacobian, self._box, self.settings, self._free, self._closer
@@ -284,8 +285,8 @@ class LeastSquares:
         self._misses = 0
         self._next_round()
 
-    def _last_steps(self) -> None:
-        """The next point where too few simulations are left for another Jacobian; none where none promises a gain."""
+    def _plan_last_step(self) -> None:
+        """The next point where too few simulations are left for another Jacobian; none if none promises a gain."""
         if self._emulated is not None and self._emulator_knows(1.0):
             stage: Stage = "emulated"
             step, self._promised = self._emulated.step(self.point, self._reach)
