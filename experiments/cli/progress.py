@@ -50,7 +50,7 @@ def cycle_words(stage: str, cycle: int, cycles: int) -> str:
 
 
 class PlainProgress:
-    """One line for each round and each better trial, and of a long simulation one from time to time.
+    """One line for each better trial and each round that says something new, and from time to time what goes on.
 
     ``unit`` is that of the objective, ``command`` what a note may end with and is never cut. Progress goes to standard
     error by default, results to standard output.
@@ -68,7 +68,7 @@ class PlainProgress:
         self._command = command
         self._best = float("inf")
         self._stage = "start"
-        self._purpose = ""
+        self._purpose = self._words = ""
         self._clock = clock
         self._said = clock()
 
@@ -78,7 +78,10 @@ class PlainProgress:
             f"lost: {proposal.lost}" if proposal.lost else proposal.hypothesis or proposal.rationale or proposal.action
         )
         self._stage = f"{phase} {number}"
-        self._say(f"{self._stage}: {printable(words)}")
+        # Twenty steps of one kind in a row are twenty equal lines.
+        if words != self._words or self._silent:
+            self._say(f"{self._stage}: {printable(words)}")
+        self._words = words
 
     def tried(self, trial: Trial, best: Trial, usage: Usage) -> None:
         """See `Listener.tried`."""

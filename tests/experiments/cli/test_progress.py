@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from bsa.backends.rules.backend import RulesBackend
 from bsa.core.journal import read_events
+from bsa.core.proposal import Proposal
 from bsa.core.run_config import RunConfig
 from bsa.experiments.cli.progress import LiveProgress, PlainProgress, note_line
 from bsa.experiments.run import execute_run
@@ -122,3 +123,19 @@ def test_the_panel_shows_the_cycle_until_something_else_begins() -> None:
     assert "cycle 7" not in shown()
     live.cycled(130, 400)
     assert "forecast: cycle 130 of 400" in shown()
+
+
+def test_rounds_in_the_same_words_have_one_line_and_another_one_after_a_silence() -> None:
+    stream, now = io.StringIO(), [0.0]
+    progress = PlainProgress("%", stream, clock=lambda: now[0])
+    for number, (words, at) in enumerate(
+        [("a step", 0.0), ("a step", 1.0), ("slopes", 2.0), ("a step", 3.0), ("a step", 60.0)]
+    ):
+        now[0] = at
+        progress.proposed(Proposal(candidates=(), rationale=words), "search", number)
+    assert stream.getvalue().splitlines() == [
+        "search 0: a step",
+        "search 2: slopes",
+        "search 3: a step",
+        "search 4: a step",
+    ]
