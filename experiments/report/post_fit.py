@@ -58,18 +58,24 @@ def _doubt(analysis: PostFitAnalysis) -> str:
     """What keeps the intervals from being the record's, in a sentence or two; empty if nothing does."""
     if analysis.unsettled:
         return (
-            f"The fit has not settled: {named(analysis.unsettled)} would move by more than the interval with another "
+            f"The fit has not settled: {_named_or_counted(analysis.unsettled, analysis)} would move by more than the interval with another "
             "step, so the intervals say little in either direction. More simulations would tell."
         )
     if apart := analysis.identifiability.apart:
         return (
-            f"The fit stopped short of the likeliest values, about which the intervals lie: {named(apart)} "
+            f"The fit stopped short of the likeliest values, about which the intervals lie: "
+            f"{_named_or_counted(apart, analysis)} "
             f"{'is' if len(apart) == 1 else 'are'} outside. More simulations, or a run that begins elsewhere, may come "
             "nearer."
         )
     if analysis.widened > 1.0:
         return "The analysis stopped before its sample converged, so intervals are wider than the record's."
     return ""
+
+
+def _named_or_counted(names: Sequence[str], analysis: PostFitAnalysis) -> str:
+    of_all = f"{len(names)} of {len(analysis.identifiability.intervals)} parameters"
+    return named(names) if len(names) <= _NAMED else of_all
 
 
 def caution_line(analysis: PostFitAnalysis) -> str:

@@ -71,6 +71,12 @@ def test_where_the_fit_has_not_settled_intervals_say_little_in_either_direction(
     assert not any(words in said for words in ("wide", "narrow"))
 
 
+def test_many_parameters_that_have_not_settled_are_counted() -> None:
+    names = tuple("abcdefg")
+    found = replace(judged(dict.fromkeys(names, "open")), unsettled=names)
+    assert verdict_line(found).startswith("The fit has not settled: 7 of 7 parameters would move by more than")
+
+
 def test_fitted_values_outside_their_intervals_are_named() -> None:
     found = judged({"a": "fixed", "b": "open"})
     outside = replace(found.identifiability.intervals["a"], lower=1.5)
