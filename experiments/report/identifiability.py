@@ -52,6 +52,7 @@ def _row(parameter: Parameter, found: PostFitAnalysis) -> dict[str, Any]:
         "upper": number(scale * interval.upper),
         "share": share(interval.share_of_range),
         "verdict": interval.verdict,
+        "unsettled": parameter.name in found.unsettled,
         **{name: min(max(parameter.to_unit(value), 0.0), 1.0) for name, value in places.items()},
     }
 

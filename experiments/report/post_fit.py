@@ -58,8 +58,8 @@ def _doubt(analysis: PostFitAnalysis) -> str:
     """What keeps the intervals from being the record's, in a sentence or two; empty if nothing does."""
     if analysis.unsettled:
         return (
-            f"The fit has not settled: {_named_or_counted(analysis.unsettled, analysis)} would move by more than the interval with another "
-            "step, so the intervals say little in either direction. More simulations would tell."
+            f"The fit has not settled: {_named_or_counted(analysis.unsettled, analysis)} would move by more than the "
+            "interval with another step, so the intervals say little in either direction. More simulations would tell."
         )
     if apart := analysis.identifiability.apart:
         return (

@@ -239,6 +239,7 @@ def test_a_fit_that_stopped_short_says_so(run_toy: RunToy, tmp_path: Path) -> No
     assert result.analysis.forgone > 0
     assert "What to measure next was not looked for" in report
     assert "The fit has not settled" in report
+    assert report.count(", not settled") == len(result.analysis.unsettled)
 
 
 def test_a_misfit_that_follows_the_curve_widens_the_noise() -> None:
