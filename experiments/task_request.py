@@ -152,7 +152,7 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
         raise BsaError(
             "a record needs a parameter set to start from.",
             "add --parameters Chen2020 (NMC811), Marquis2019 or Ai2020 (LCO), Prada2013 (LFP), Ecker2015 (NMC), or "
-            "nearest with a discharge at C/10; bsa list parameters shows all sets.",
+            "nearest with a discharge at 1C or slower; bsa list parameters shows all sets.",
         )
     source = parameter_source(cell.parameters)
     model = cell.model or "DFN"

@@ -48,8 +48,8 @@ Ocp = Annotated[
     model_option(
         "--ocp",
         metavar="WHOSE",
-        help="Whose open-circuit potentials to start from: nearest (of the installed sets, to the slow record), a set, "
-        "or NEGATIVE/POSITIVE; default: those of --parameters.",
+        help="Whose open-circuit potentials to start from: nearest (of the installed sets, to the slowest record), a "
+        "set, or NEGATIVE/POSITIVE; default: those of --parameters.",
     ),
 ]
 Scale = Annotated[bool, model_option("--scale/--no-scale", help="Scale the electrode area to the records' capacity.")]

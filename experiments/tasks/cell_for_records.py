@@ -28,8 +28,8 @@ _HYSTERESIS_V = 0.03
 each, of which this is twice."""
 
 _NEAR_POTENTIALS_V = 0.015
-"""Misfit of a slow record up to which a set's potentials are near, V: published ones of one chemistry differ by 12 to
-16 mV."""
+"""Misfit of the slowest record up to which a set's potentials are near, V: published ones of one chemistry differ by 12
+to 16 mV."""
 
 _WARMS_K = 2.0
 """Change of the temperature from which on the model is thermal, and transport depends on it, K: a smaller one may be
@@ -208,16 +208,15 @@ def with_chosen_potentials(
     parameter_set: ParameterSource, wanted: str, records: Sequence[Record]
 ) -> tuple[ParameterSource, list[str]]:
     """The parameter set with the potentials that were asked for, and what is to be said of them."""
-    from ...plugins.pybamm.nearest_potentials import chosen_potentials, misfit_of, with_potentials
+    from ...plugins.pybamm.nearest_potentials import chosen_potentials, misfit_of, slowest_curve, with_potentials
 
     measured = [record.trajectory for record in records]
-    words = []
+    curve, words = slowest_curve(measured), []
+    which = "the slow record" if curve is None else curve.words
     if parameter_set != NEAREST:
         own_v = misfit_of(parameter_set, measured)
         far = own_v is not None and own_v > _NEAR_POTENTIALS_V
-        words = [
-            f"The open-circuit potentials of {parameter_set} leave {1e3 * (own_v or 0.0):.1f} mV of the slow record"
-        ]
+        words = [f"The open-circuit potentials of {parameter_set} leave {1e3 * (own_v or 0.0):.1f} mV of {which}"]
         if not wanted:
             return parameter_set, [f"{words[0]}: --ocp nearest looks for nearer ones among the installed sets."] * far
     named = "name a set with --parameters (bsa list parameters shows all)"
@@ -226,7 +225,7 @@ def with_chosen_potentials(
     taken = found[0]
     base = taken.positive if parameter_set == NEAREST else parameter_set
     left = "" if words else "leave "
-    rest = "" if words else " of the slow record"
+    rest = "" if words else f" of {which}"
     words.append(f"{'those' if words else 'The potentials'} of {taken} {left}{1e3 * taken.rms_v:.1f} mV{rest}")
     said = f"{', '.join(words)}: they are taken, with electrodes balanced for them, and all else from {base}."
     others = "; ".join(f"{other}: {1e3 * other.rms_v:.1f} mV" for other in found[1:4])

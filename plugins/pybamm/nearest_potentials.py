@@ -1,7 +1,7 @@
-"""Which published open-circuit potentials describe a cell: those of every installed set, fitted to slow records."""
+"""Which published open-circuit potentials describe a cell: those of installed sets, fitted to its slowest record."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
@@ -19,11 +19,16 @@ from .ocp_shape import ELECTRODES, GRID, OcpCurves
 from .parameter_sets import load, pybamm, set_names
 from .state_of_charge import initial_concentration, maximum_concentration
 
+_FASTEST_HOURS = 0.7
+"""Length of a charge or discharge from which it tells whose potentials a cell has where none is slow, h. Of six
+records at C/2 and 1C of five measured cells whose chemistry is known, each comes out with a positive electrode of its
+own; at 2C one of two does."""
+
 _POINTS = 200
-"""Points of a slow step, at equal charges."""
+"""Points of a step, at equal charges."""
 
 _COVERED = 0.5
-"""Share of a record's charge that its slow steps cross at least: less does not tell how the electrodes are balanced."""
+"""Share of a record's charge that its steps cross at least: less does not tell how the electrodes are balanced."""
 
 _STARTS = ((0.9, 0.03, 0.27, 0.9), (0.85, 0.02, 0.2, 0.95), (0.75, 0.01, 0.4, 0.98))
 """Stoichiometries of a full and an empty cell from which a fit starts: negative, then positive electrode."""
@@ -35,7 +40,7 @@ _EVALUATIONS = 100
 """Steps of such a fit at most: a pair that describes the cell needs twenty."""
 
 _POLARISATION_V = 0.01
-"""Half the distance of a slow charge from a slow discharge, to start with."""
+"""Half the distance of a charge from a discharge, to start with."""
 
 _NO_LITHIUM = ("Chayambuka2022",)
 """Installed sets of sodium-ion cells: PyBaMM's sets do not say it."""
@@ -46,7 +51,7 @@ _MOST = 0.95
 
 @dataclass(frozen=True, eq=False)
 class SlowCurve:
-    """What a record's slow charges and discharges show of the open-circuit voltage; shapes are (n,)."""
+    """What a record's slowest charges and discharges show of the open-circuit voltage; shapes are (n,)."""
 
     share: FloatArray  # Charge drawn since the fullest point, from 0 to 1 at the emptiest.
     voltage: FloatArray  # Halfway between charge and discharge where both were measured, V.
@@ -54,6 +59,14 @@ class SlowCurve:
     polarised: int  # 1 or -1 where the voltage is that of discharges or of charges alone, 0 where it is that of both.
     # By how much the charge lies above the discharge at the same charge, median, V; NaN where one was not measured.
     gap_v: float
+    hours: float  # Length of the shorter of these steps.
+
+    @property
+    def words(self) -> str:
+        """``"the slow record"``, or which one takes its place."""
+        if self.hours >= SLOW_HOURS:
+            return "the slow record"
+        return f"the record at about {1.0 / self.hours:.1g}C (none is slow; it tells the chemistry, the rest roughly)"
 
 
 @dataclass(frozen=True)
@@ -63,8 +76,8 @@ class Potentials:
     # negative, positive: The sets that they are from.
     negative: str
     positive: str
-    rms_v: float  # What they leave of the slow record, V.
-    # Of each electrode, at the fullest and at the emptiest point of the slow record.
+    rms_v: float  # What they leave of the slowest record, V.
+    # Of each electrode, at the fullest and at the emptiest point of that record.
     stoichiometry: Mapping[str, tuple[float, float]]
 
     @property
@@ -78,25 +91,32 @@ class Potentials:
         return f"{self.negative} (negative) and {self.positive} (positive)"
 
 
-def slow_curve(records: Iterable[Trajectory]) -> SlowCurve | None:
-    """The slow curve of the record in which it crosses the most charge; None where none crosses enough."""
-    found = [curve for record in records if (curve := _slow_curve(record)) is not None]
+def slow_curve(records: Iterable[Trajectory], hours: float = SLOW_HOURS) -> SlowCurve | None:
+    """The curve of the record whose steps of so many hours or more cross most charge; None if none crosses enough."""
+    found = [curve for record in records if (curve := _slow_curve(record, hours)) is not None]
     return max(found, key=lambda curve: curve.charge_ah, default=None)
 
 
-def _slow_curve(record: Trajectory) -> SlowCurve | None:
+def slowest_curve(records: Sequence[Trajectory]) -> SlowCurve | None:
+    """The slow curve of the records; where there is none, that of a faster charge or discharge, up to about 1C."""
+    return slow_curve(records) or slow_curve(records, _FASTEST_HOURS)
+
+
+def _slow_curve(record: Trajectory, least_hours: float) -> SlowCurve | None:
     drawn = record.discharge_capacity
     measured: dict[StepKind, tuple[FloatArray, FloatArray]] = {}
+    lengths: dict[StepKind, float] = {}
     for step in record.steps:
         place = slice(step.start, step.stop)
         hours = (record.time[step.stop - 1] - record.time[step.start]) / SECONDS_PER_HOUR
-        slow = hours >= SLOW_HOURS and np.ptp(record.voltage[place]) >= SLOW_SWING_V
+        slow = hours >= least_hours and np.ptp(record.voltage[place]) >= SLOW_SWING_V
         if slow and step.kind in (StepKind.CC_CHARGE, StepKind.CC_DISCHARGE):
             kind = StepKind(step.kind)
             longest = measured.get(kind)
             if longest is None or np.ptp(longest[0]) < np.ptp(drawn[place]):
                 order = np.argsort(drawn[place], kind="stable")
                 measured[kind] = drawn[place][order], record.voltage[place][order]
+                lengths[kind] = float(hours)
     if not measured:
         return None
     first, last = (float(end([end(charge) for charge, _ in measured.values()])) for end in (np.min, np.max))
@@ -107,7 +127,8 @@ def _slow_curve(record: Trajectory) -> SlowCurve | None:
     polarised = 0 if len(curves) > 1 else 1 if StepKind.CC_DISCHARGE in measured else -1
     voltage = _halfway(at, *curves) if len(curves) > 1 else curves[0]
     gap_v = float(np.nanmedian(np.abs(curves[1] - curves[0]))) if len(curves) > 1 else np.nan
-    return SlowCurve((at - first) / (last - first), voltage, last - first, polarised, gap_v)
+    hours = min(lengths.values())
+    return SlowCurve((at - first) / (last - first), voltage, last - first, polarised, gap_v, hours)
 
 
 def _halfway(at: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
@@ -118,19 +139,19 @@ def _halfway(at: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def chosen_potentials(
-    wanted: str, records: Iterable[Trajectory], otherwise: str = "leave --ocp out"
+    wanted: str, records: Sequence[Trajectory], otherwise: str = "leave --ocp out"
 ) -> list[Potentials]:
-    """Published potentials, those that describe the slow records best first.
+    """Published potentials, those that describe the slowest record best first.
 
     ``wanted`` is ``"nearest"`` for the potentials of all installed sets, or the set, or two with a slash between them:
     ``"Mohtat2020/NCA_Kim2011"`` for the negative and the positive electrode. Raises `BsaError` if there is no such set,
-    or no slow record: ``otherwise`` is then what to do without one.
+    or only faster records than 1C: ``otherwise`` is then what to do without one.
     """
-    slow = slow_curve(records)
+    slow = slowest_curve(records)
     if slow is None:
         raise BsaError(
-            "no record holds a charge or discharge at C/10 or less that crosses half of its charge.",
-            f"open-circuit potentials are chosen by such a record: add one, or {otherwise}.",
+            "no record holds a charge or discharge at 1C or less that crosses half of its charge.",
+            f"open-circuit potentials are chosen by such a record, best at C/10 or less: add one, or {otherwise}.",
         )
     known = {which: published_potentials(which) for which in ELECTRODES}
     if wanted == NEAREST:
@@ -172,7 +193,7 @@ def distinct(curves: Mapping[str, FloatArray]) -> list[str]:
 
 
 def _balanced(slow: SlowCurve, curves: Mapping[str, FloatArray]) -> tuple[float, dict[str, tuple[float, float]]]:
-    """Root mean square misfit, V, and stoichiometries at which two potentials describe the slow steps best."""
+    """Root mean square misfit, V, and stoichiometries at which two potentials describe the curve best."""
 
     def misfit(at: FloatArray) -> FloatArray:
         x, y = at[0] + (at[1] - at[0]) * slow.share, at[2] + (at[3] - at[2]) * slow.share
@@ -189,9 +210,9 @@ def _balanced(slow: SlowCurve, curves: Mapping[str, FloatArray]) -> tuple[float,
     return rms_v, {"Negative": (full_n, empty_n), "Positive": (full_p, empty_p)}
 
 
-def misfit_of(base: ParameterSource, records: Iterable[Trajectory]) -> float | None:
-    """What a set's own potentials leave of the slow records, V; None where there are none, or no potentials."""
-    slow, values = slow_curve(records), load(base)
+def misfit_of(base: ParameterSource, records: Sequence[Trajectory]) -> float | None:
+    """What a set's own potentials leave of the slowest record, V; None if all are fast, or there are no potentials."""
+    slow, values = slowest_curve(records), load(base)
     if slow is None or not all(callable(values[ocp_name(which)]) for which in ELECTRODES):
         return None
     own = OcpCurves(values)
@@ -201,7 +222,7 @@ def misfit_of(base: ParameterSource, records: Iterable[Trajectory]) -> float | N
 def with_potentials(base: ParameterSource, found: Potentials) -> ParameterFile:
     """A parameter set with other open-circuit potentials, and with electrodes balanced for them.
 
-    The volume fractions of active material get the ratio of capacities that the slow record shows, their product
+    The volume fractions of active material get the ratio of capacities that the record shows, their product
     unchanged as far as there is room; the initial concentrations are those of its fullest point. The size of the cell
     is not touched, and all else is that of ``base``.
     """

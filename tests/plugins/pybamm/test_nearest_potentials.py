@@ -7,7 +7,13 @@ import pytest
 from bsa.core.errors import BsaError
 from bsa.core.target import CellChange
 from bsa.core.trajectory import Step, StepKind, Trajectory
-from bsa.plugins.pybamm.nearest_potentials import chosen_potentials, misfit_of, slow_curve, with_potentials
+from bsa.plugins.pybamm.nearest_potentials import (
+    chosen_potentials,
+    misfit_of,
+    slow_curve,
+    slowest_curve,
+    with_potentials,
+)
 from bsa.plugins.pybamm.parameter_sets import load
 from bsa.plugins.pybamm.state_of_charge import InitialState, equilibrium_capacity_ah
 
@@ -75,11 +81,25 @@ def test_the_electrodes_can_be_of_two_sets() -> None:
     assert str(found) == "Mohtat2020 (negative) and Ecker2015 (positive)"
 
 
-def test_an_unknown_set_and_a_record_without_a_slow_step_are_refused() -> None:
+def test_an_unknown_set_and_a_record_faster_than_1c_are_refused() -> None:
     with pytest.raises(BsaError, match="Mohtat2002") as refused:
         chosen_potentials("Mohtat2002", [slow("Ecker2015", 0.0)])
     assert "Mohtat2020" in refused.value.hint
-    record = slow("Ecker2015", 0.0)
-    with pytest.raises(BsaError, match="C/10"):
-        chosen_potentials("nearest", [record.changed(time=record.time / 10.0)])
-    assert misfit_of("Chen2020", [record.changed(time=record.time / 10.0)]) is None
+    fast = slow("Ecker2015", 0.0)
+    fast = fast.changed(time=fast.time / 40.0)
+    with pytest.raises(BsaError, match="at 1C or less"):
+        chosen_potentials("nearest", [fast])
+    assert misfit_of("Chen2020", [fast]) is None
+
+
+def test_without_a_slow_record_a_faster_one_tells_and_says_so() -> None:
+    record = slow("Ecker2015", 0.06)
+    fast = record.changed(time=record.time / 20.0)
+    assert slow_curve([fast]) is None
+    curve = slowest_curve([fast])
+    assert curve is not None
+    assert "at about 1C" in curve.words
+    assert chosen_potentials("nearest", [fast])[0].positive == "Ecker2015"
+    both = slowest_curve([fast, record])
+    assert both is not None
+    assert both.words == "the slow record"
