@@ -261,15 +261,17 @@ def test_an_option_of_a_person_is_kept() -> None:
     assert RESISTANCE not in off.space
 
 
-def slow_discharge() -> Record:
-    """Twenty hours of the open-circuit voltage of Ecker2015 at about C/20, for a cell of 5 A.h."""
+def slow_discharge(hours: float = 20.0) -> Record:
+    """The open-circuit voltage of Ecker2015 over so many hours, at about C/20 by default, for a cell of 5 A.h."""
     values = load("Ecker2015")
     area = values["Electrode width [m]"] * values["Electrode height [m]"]
     share = np.linspace(0.0, 0.98, 201)
     drawn = share * equilibrium_capacity_ah("Ecker2015", {}) * 3600.0 / 96485.332 / area
     voltage = InitialState(values).voltages(CellChange(), 0.99, drawn)
     step = (Step(StepKind.CC_DISCHARGE, 0, 201),)
-    return Record("slow", Trajectory(np.linspace(0.0, 72000.0, 201), np.full(201, 0.25), voltage, None, step))
+    return Record(
+        "slow", Trajectory(np.linspace(0.0, 3600.0 * hours, 201), np.full(201, 5.0 / hours), voltage, None, step)
+    )
 
 
 def test_the_potentials_of_another_set_are_offered_and_taken_where_that_is_asked() -> None:
@@ -287,8 +289,15 @@ def test_the_nearest_set_is_that_of_the_positive_electrode() -> None:
     assert str(task.cell.parameter_set) == "Ecker2015 with the potentials of Ecker2015"
     assert any("all else from Ecker2015" in note for note in task.notes)
     assert not any("Rates of" in note for note in task.notes)
-    with pytest.raises(BsaError, match="C/10"):
-        build_task("t", "nearest", [RecordRequest(record())], model="SPM")
+    with pytest.raises(BsaError, match="at 1C or less"):
+        build_task("t", "nearest", [RecordRequest(slow_discharge(hours=0.5))], model="SPM")
+
+
+def test_without_a_slow_record_a_discharge_at_1c_tells_the_set_and_a_note_says_so() -> None:
+    notes = build_task("t", "nearest", [RecordRequest(slow_discharge(hours=1.0))], model="SPM").notes
+    assert any(
+        "of the record at about 1C (none is slow" in note and "all else from Ecker2015" in note for note in notes
+    )
 
 
 def test_rates_of_the_nearest_set_that_are_far_from_all_others_are_replaced_and_those_of_a_named_set_kept() -> None:
@@ -299,8 +308,8 @@ def test_rates_of_the_nearest_set_that_are_far_from_all_others_are_replaced_and_
     assert not str(named[0]).endswith("with usual rates")
 
 
-def test_nothing_is_said_of_potentials_that_are_near_or_without_a_slow_record() -> None:
-    assert not any("open-circuit potentials" in note for note in task_of(record()).notes)
+def test_nothing_is_said_of_potentials_that_are_near_or_where_every_record_is_fast() -> None:
+    assert not any("open-circuit potentials" in note for note in task_of(slow_discharge(hours=0.5)).notes)
     own = build_task("t", "Ecker2015", [RecordRequest(slow_discharge())], model="SPM")
     assert not any("open-circuit potentials" in note for note in own.notes)
 
@@ -344,9 +353,7 @@ def test_a_slow_charge_far_above_the_discharge_is_a_hysteresis(gap_v: float, sai
         ("Chen2020", "nearest", "add one, or leave --ocp out."),
     ],
 )
-def test_without_a_slow_record_what_was_asked_for_is_to_be_left_out(parameter_set, ocp, hint):
-    time = np.linspace(0.0, 3600.0, 61)
-    fast = Trajectory(time, np.full(61, 5.0), 4.0 - time / 3600.0, steps=(Step(StepKind.CC_DISCHARGE, 0, 61),))
-    with pytest.raises(BsaError, match="at C/10 or less") as found:
-        with_chosen_potentials(parameter_set, ocp, [Record("fast", fast)])
+def test_where_every_record_is_fast_what_was_asked_for_is_to_be_left_out(parameter_set, ocp, hint):
+    with pytest.raises(BsaError, match="at 1C or less") as found:
+        with_chosen_potentials(parameter_set, ocp, [slow_discharge(hours=0.5)])
     assert found.value.hint.endswith(hint)
