@@ -21,6 +21,20 @@ def fitted_and_held_out(results: Results) -> str:
     return results.framed("real_cells", table_of(results.rows("real_cells"), columns, 3))
 
 
+def by_start(results: Results) -> str:
+    """Errors of single fast records, calibrated from a set that was named first and from the nearest."""
+    columns = {
+        "record": "{record}",
+        "`--parameters`": "{parameters}",
+        "taken": "{taken}",
+        "before / mV": "{start_mv:known}",
+        "rms / mV": "{rms_mv:brief}",
+        "over 99 % of the time / mV": "{rms_99_mv:brief}",
+        "simulations": "{simulations:.0f}",
+    }
+    return results.framed("nearest_set", table_of(results.rows("nearest_set"), columns, 3))
+
+
 def as_in_the_paper(results: Results) -> str:
     """The paper's errors of first cycles whose steps are simulated."""
     columns = {
