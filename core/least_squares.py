@@ -397,7 +397,8 @@ class LeastSquares:
 
     def _emulator_knows(self, times: float) -> bool:
         """Whether an emulator knows so many times the simulations that determine a linear model."""
-        return self._emulated is not None and self._emulated.known >= times * (np.count_nonzero(self._free) + 1)
+        linear = int(np.count_nonzero(self._free)) + 1
+        return self._emulated is not None and self._emulated.known >= times * linear
 
     def _shortening(self, failed: FloatArray) -> float:
         """The damping by which the next step is at most half as long as one that failed."""
