@@ -218,7 +218,10 @@ def with_chosen_potentials(
         far = own_v is not None and own_v > _NEAR_POTENTIALS_V
         words = [f"The open-circuit potentials of {parameter_set} leave {1e3 * (own_v or 0.0):.1f} mV of {which}"]
         if not wanted:
-            return parameter_set, [f"{words[0]}: --ocp nearest looks for nearer ones among the installed sets."] * far
+            nearer = (
+                "--ocp nearest takes the nearest of the installed sets, --parameters nearest the rest of that set too."
+            )
+            return parameter_set, [f"{words[0]}: {nearer}"] * far
     named = "name a set with --parameters (bsa list parameters shows all)"
     without = [named] * (parameter_set == NEAREST) + ["leave --ocp out"] * bool(wanted)
     found = chosen_potentials(wanted or NEAREST, measured, " and ".join(without))
