@@ -19,7 +19,7 @@ from ...core.target import (
     ocp_name,
     target_named,
 )
-from ...core.task import ParameterFile, ParameterSource
+from ...core.task import NEAREST, ParameterFile, ParameterSource
 from .diffusivity_shape import reshape
 from .ocp_shape import ELECTRODES, OcpCurves, correct
 
@@ -43,7 +43,7 @@ def _load(name: ParameterSource) -> Mapping[str, Any]:
     if not isinstance(name, ParameterFile) and name not in pybamm.parameter_sets:
         raise BsaError(
             f'there is no parameter set "{name}".',
-            (did_you_mean(name, set_names()) or f"installed sets: {', '.join(set_names())}.")
+            (did_you_mean(name, (*set_names(), NEAREST)) or f"installed sets: {', '.join(set_names())}.")
             + " bsa list parameters shows them.",
         )
     values: dict[str, Any] = {}

@@ -60,6 +60,7 @@ COMMANDS = [
     (["--resume", "nowhere"], "nowhere", ""),
     (["--data", "record.csv"], "a record needs a parameter set to start from", "--parameters Chen2020"),
     (["--data", "record.csv", "--parameters", "Chen2021"], 'no parameter set "Chen2021"', 'did you mean "Chen2020"'),
+    (["--data", "record.csv", "--parameters", "neares"], 'no parameter set "neares"', 'did you mean "nearest"'),
     (["--data", "absent.csv", "--parameters", "Chen2020"], "absent.csv", ""),
     (["demo", "--data", "record.csv", "--parameters", "Chen2020"], "both a task", "give one of them"),
     (["--data", "record.csv", "--parameters", "Chen2020", "--search", "gemoetry"], "gemoetry", "geometry"),
