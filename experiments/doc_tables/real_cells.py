@@ -21,6 +21,22 @@ def fitted_and_held_out(results: Results) -> str:
     return results.framed("real_cells", table_of(results.rows("real_cells"), columns, 3))
 
 
+def by_potentials(results: Results) -> str:
+    """Which published potentials are nearest to records that are not slow."""
+    columns = {
+        "cell": "{cell}",
+        "record": "{record}",
+        "chemistry": "{chemistry}",
+        "nearest (negative, positive)": "{negative}, {positive}",
+        "its chemistry": "{taken}",
+        "next other chemistry": "{other}",
+        "hours": "{hours:.1f}",
+        "nearest, rms / mV": "{rms_mv:.1f}",
+        "next, rms / mV": "{other_mv:.1f}",
+    }
+    return results.framed("nearest_potentials", table_of(results.rows("nearest_potentials"), columns, 6))
+
+
 def by_start(results: Results) -> str:
     """Errors of single fast records, calibrated from a set that was named first and from the nearest."""
     columns = {
