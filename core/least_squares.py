@@ -289,12 +289,12 @@ class LeastSquares:
         """The next point where too few simulations are left for another Jacobian; none if none promises a gain."""
         if self._emulated is not None and self._emulator_knows(1.0):
             stage: Stage = "emulated"
-            step, self._promised = self._emulated.step(self.point, self._reach)
+            step, gain = self._emulated.step(self.point, self._reach)
         else:
             stage, step = "step", self._linear_step(self.damping)
-            self._promised = self._predicted_gain(step)
-        if self._promised > self._worth:
-            self.stage, self._batch = stage, [self._moved(step)]
+            gain = self._predicted_gain(step)
+        if gain > self._worth:
+            self.stage, self._batch, self._promised = stage, [self._moved(step)], gain
 
     def _next_round(self) -> None:
         """Go on with another Jacobian, or end."""

@@ -63,7 +63,7 @@ def _doubt(analysis: PostFitAnalysis) -> str:
         )
     if apart := analysis.identifiability.apart:
         return (
-            f"The fit stopped short of the likeliest values, about which the intervals lie: "
+            "The fit stopped short of the likeliest values, about which the intervals lie: "
             f"{_named_or_counted(apart, analysis)} "
             f"{'is' if len(apart) == 1 else 'are'} outside. More simulations, or a run that begins elsewhere, may come "
             "nearer."

@@ -210,11 +210,10 @@ def with_chosen_potentials(
     """The parameter set with the potentials that were asked for, and what is to be said of them."""
     from ...plugins.pybamm.nearest_potentials import chosen_potentials, misfit_of, slowest_curve, with_potentials
 
-    measured = [record.trajectory for record in records]
-    curve, words = slowest_curve(measured), []
+    curve, words = slowest_curve([record.trajectory for record in records]), []
     which = "the slow record" if curve is None else curve.words
     if parameter_set != NEAREST:
-        own_v = misfit_of(parameter_set, measured)
+        own_v = None if curve is None else misfit_of(parameter_set, curve)
         far = own_v is not None and own_v > _NEAR_POTENTIALS_V
         words = [f"The open-circuit potentials of {parameter_set} leave {1e3 * (own_v or 0.0):.1f} mV of {which}"]
         if not wanted:
@@ -224,7 +223,7 @@ def with_chosen_potentials(
             return parameter_set, [f"{words[0]}: {nearer}"] * far
     named = "name a set with --parameters (bsa list parameters shows all)"
     without = [named] * (parameter_set == NEAREST) + ["leave --ocp out"] * bool(wanted)
-    found = chosen_potentials(wanted or NEAREST, measured, " and ".join(without))
+    found = chosen_potentials(wanted or NEAREST, curve, " and ".join(without))
     taken = found[0]
     base = taken.positive if parameter_set == NEAREST else parameter_set
     left = "" if words else "leave "

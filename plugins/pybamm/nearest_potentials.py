@@ -104,30 +104,28 @@ def slowest_curve(records: Sequence[Trajectory]) -> SlowCurve | None:
 
 def _slow_curve(record: Trajectory, least_hours: float) -> SlowCurve | None:
     drawn = record.discharge_capacity
-    measured: dict[StepKind, tuple[FloatArray, FloatArray]] = {}
-    lengths: dict[StepKind, float] = {}
+    measured: dict[StepKind, tuple[FloatArray, FloatArray, float]] = {}
     for step in record.steps:
         place = slice(step.start, step.stop)
-        hours = (record.time[step.stop - 1] - record.time[step.start]) / SECONDS_PER_HOUR
+        hours = float(record.time[step.stop - 1] - record.time[step.start]) / SECONDS_PER_HOUR
         slow = hours >= least_hours and np.ptp(record.voltage[place]) >= SLOW_SWING_V
         if slow and step.kind in (StepKind.CC_CHARGE, StepKind.CC_DISCHARGE):
             kind = StepKind(step.kind)
             longest = measured.get(kind)
             if longest is None or np.ptp(longest[0]) < np.ptp(drawn[place]):
                 order = np.argsort(drawn[place], kind="stable")
-                measured[kind] = drawn[place][order], record.voltage[place][order]
-                lengths[kind] = float(hours)
+                measured[kind] = drawn[place][order], record.voltage[place][order], hours
     if not measured:
         return None
-    first, last = (float(end([end(charge) for charge, _ in measured.values()])) for end in (np.min, np.max))
+    first, last = (float(end([end(charge) for charge, _, _ in measured.values()])) for end in (np.min, np.max))
     if last - first < _COVERED * np.ptp(drawn):
         return None
     at = np.linspace(first, last, _POINTS)
-    curves = [np.interp(at, *curve, left=np.nan, right=np.nan) for curve in measured.values()]
+    curves = [np.interp(at, *curve, left=np.nan, right=np.nan) for *curve, _ in measured.values()]
     polarised = 0 if len(curves) > 1 else 1 if StepKind.CC_DISCHARGE in measured else -1
     voltage = _halfway(at, *curves) if len(curves) > 1 else curves[0]
     gap_v = float(np.nanmedian(np.abs(curves[1] - curves[0]))) if len(curves) > 1 else np.nan
-    hours = min(lengths.values())
+    hours = min(hours for *_, hours in measured.values())
     return SlowCurve((at - first) / (last - first), voltage, last - first, polarised, gap_v, hours)
 
 
@@ -138,16 +136,13 @@ def _halfway(at: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
     return np.where(np.isfinite(one), one + half, other - half)
 
 
-def chosen_potentials(
-    wanted: str, records: Sequence[Trajectory], otherwise: str = "leave --ocp out"
-) -> list[Potentials]:
-    """Published potentials, those that describe the slowest record best first.
+def chosen_potentials(wanted: str, slow: SlowCurve | None, otherwise: str = "leave --ocp out") -> list[Potentials]:
+    """Published potentials, those that describe the slowest record (`slowest_curve`) best first.
 
     ``wanted`` is ``"nearest"`` for the potentials of all installed sets, or the set, or two with a slash between them:
     ``"Mohtat2020/NCA_Kim2011"`` for the negative and the positive electrode. Raises `BsaError` if there is no such set,
-    or only faster records than 1C: ``otherwise`` is then what to do without one.
+    or no such curve: ``otherwise`` is then what to do without one.
     """
-    slow = slowest_curve(records)
     if slow is None:
         raise BsaError(
             "no record holds a charge or discharge at 1C or less that crosses half of its charge.",
@@ -210,10 +205,10 @@ def _balanced(slow: SlowCurve, curves: Mapping[str, FloatArray]) -> tuple[float,
     return rms_v, {"Negative": (full_n, empty_n), "Positive": (full_p, empty_p)}
 
 
-def misfit_of(base: ParameterSource, records: Sequence[Trajectory]) -> float | None:
-    """What a set's own potentials leave of the slowest record, V; None if all are fast, or there are no potentials."""
-    slow, values = slowest_curve(records), load(base)
-    if slow is None or not all(callable(values[ocp_name(which)]) for which in ELECTRODES):
+def misfit_of(base: ParameterSource, slow: SlowCurve) -> float | None:
+    """What a set's own potentials leave of the slowest record, V; None if it has none."""
+    values = load(base)
+    if not all(callable(values[ocp_name(which)]) for which in ELECTRODES):
         return None
     own = OcpCurves(values)
     return _balanced(slow, {which: own.curve(which, CellChange()) for which in ELECTRODES})[0]

@@ -43,11 +43,13 @@ def slow(parameter_set: str, polarisation_v: float, charge: bool = False) -> Tra
 
 
 def test_the_potentials_of_the_set_that_made_the_record_are_nearest() -> None:
-    found = chosen_potentials("nearest", [slow("Ecker2015", 0.005)])
+    found = chosen_potentials("nearest", slowest_curve([slow("Ecker2015", 0.005)]))
     assert (found[0].negative, found[0].positive) == ("Ecker2015", "Ecker2015")
     assert found[0].rms_v < 1e-3
     assert found[1].rms_v > 3 * found[0].rms_v
-    own = misfit_of("Chen2020", [slow("Ecker2015", 0.005)])
+    record = slowest_curve([slow("Ecker2015", 0.005)])
+    assert record is not None
+    own = misfit_of("Chen2020", record)
     assert own is not None
     assert own > 0.015
 
@@ -63,7 +65,7 @@ def test_halfway_between_charge_and_discharge_is_the_open_circuit() -> None:
 
 def test_a_set_with_other_potentials_shows_the_slow_record() -> None:
     record = slow("Ecker2015", 0.0)
-    combined = with_potentials("Chen2020", chosen_potentials("Ecker2015", [record])[0])
+    combined = with_potentials("Chen2020", chosen_potentials("Ecker2015", slowest_curve([record]))[0])
     values = load(combined)
     state = InitialState(values)
     scale = np.ptp(record.discharge_capacity) / equilibrium_capacity_ah(combined, {})
@@ -77,19 +79,19 @@ def test_a_set_with_other_potentials_shows_the_slow_record() -> None:
 
 
 def test_the_electrodes_can_be_of_two_sets() -> None:
-    (found,) = chosen_potentials("Mohtat2020/Ecker2015", [slow("Ecker2015", 0.0)])
+    (found,) = chosen_potentials("Mohtat2020/Ecker2015", slowest_curve([slow("Ecker2015", 0.0)]))
     assert str(found) == "Mohtat2020 (negative) and Ecker2015 (positive)"
 
 
 def test_an_unknown_set_and_a_record_faster_than_1c_are_refused() -> None:
     with pytest.raises(BsaError, match="Mohtat2002") as refused:
-        chosen_potentials("Mohtat2002", [slow("Ecker2015", 0.0)])
+        chosen_potentials("Mohtat2002", slowest_curve([slow("Ecker2015", 0.0)]))
     assert "Mohtat2020" in refused.value.hint
     fast = slow("Ecker2015", 0.0)
     fast = fast.changed(time=fast.time / 40.0)
     with pytest.raises(BsaError, match="at 1C or less"):
-        chosen_potentials("nearest", [fast])
-    assert misfit_of("Chen2020", [fast]) is None
+        chosen_potentials("nearest", slowest_curve([fast]))
+    assert slowest_curve([fast]) is None
 
 
 def test_without_a_slow_record_a_faster_one_tells_and_says_so() -> None:
@@ -99,7 +101,7 @@ def test_without_a_slow_record_a_faster_one_tells_and_says_so() -> None:
     curve = slowest_curve([fast])
     assert curve is not None
     assert "at about 1C" in curve.words
-    assert chosen_potentials("nearest", [fast])[0].positive == "Ecker2015"
+    assert chosen_potentials("nearest", slowest_curve([fast]))[0].positive == "Ecker2015"
     both = slowest_curve([fast, record])
     assert both is not None
     assert both.words == "the slow record"
