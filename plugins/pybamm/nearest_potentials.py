@@ -121,7 +121,7 @@ def _slow_curve(record: Trajectory, least_hours: float) -> SlowCurve | None:
     if last - first < _COVERED * np.ptp(drawn):
         return None
     at = np.linspace(first, last, _POINTS)
-    curves = [np.interp(at, *curve, left=np.nan, right=np.nan) for *curve, _ in measured.values()]
+    curves = [np.interp(at, charge, voltage, left=np.nan, right=np.nan) for charge, voltage, _ in measured.values()]
     polarised = 0 if len(curves) > 1 else 1 if StepKind.CC_DISCHARGE in measured else -1
     voltage = _halfway(at, *curves) if len(curves) > 1 else curves[0]
     gap_v = float(np.nanmedian(np.abs(curves[1] - curves[0]))) if len(curves) > 1 else np.nan
