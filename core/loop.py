@@ -334,7 +334,7 @@ class Run:
         # A single simulation is no fit, and there is nothing to judge.
         analysing = last_word and self._analysing and len(self._trials) > 1
 
-        def result(analysis: PostFitAnalysis | None, held_out: tuple[Prediction, ...]) -> RunResult:
+        def result(analysis: PostFitAnalysis | None, held_out: tuple[Prediction, ...], spent_s: float) -> RunResult:
             return RunResult(
                 status=status,
                 best=best,
@@ -346,7 +346,7 @@ class Run:
                 usage=self._recorder.usage,
                 llm_calls=self._recorder.calls,
                 lost_calls=self._recorder.lost,
-                wall_s=self._earlier_s + time.perf_counter() - started,
+                wall_s=self._earlier_s + spent_s,
                 simulator_s=sum(trial.seconds for trial in self._trials),
                 analysis=analysis,
                 reason=reason,
@@ -358,9 +358,9 @@ class Run:
 
         soon = self._after.forecast(best) if analysing else ()
         if soon:
-            self._forecast(result(None, soon))
+            self._forecast(result(None, soon, time.perf_counter() - started))
         analysis = self._after.analyse(self._trials, best, self._config.simulations) if analysing else None
         held_out = self._after.predict(best, analysis, fit.records) if last_word else ()
         spent_s = time.perf_counter() - started
         self._journal.append("end", status=status, best=best.index, wall_s=spent_s)
-        return result(analysis, held_out)
+        return result(analysis, held_out, spent_s)

@@ -104,6 +104,8 @@ def test_the_time_of_a_run_that_is_taken_up_again_is_summed(run_toy: RunToy, tmp
     first = run_toy(simulations=10).wall_s
     second, third = run_toy(simulations=10).wall_s, run_toy(simulations=10).wall_s
     assert first < second < third
+    spent = [event["wall_s"] for event in read_events(tmp_path / "run") if event["event"] == "end"]
+    assert (first, second, third) == tuple(np.cumsum(spent)), "what is reported is what the journal keeps"
     assert json.loads((tmp_path / "run" / "result.json").read_text())["wall_s"] == third
 
 
