@@ -1,6 +1,5 @@
 """All that a discovery works with, set up from a case."""
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -34,8 +33,7 @@ class DiscoverySetup:
     catalogue: tuple[Effect, ...]  # What may be missing.
     simulator: Simulator  # The problem's, with what it refused to build.
     mesh: RadialMesh  # How finely the particles are resolved.
-    capacity_ah: float  # Nominal capacity of the cell, A.h.
-    began: float  # When it was begun to be set up, on the clock of `time.perf_counter`, s.
+    capacity_ah: float  # Charge of the cell between its cut-offs at rest, which C-rates count in, A.h.
     passed_over: tuple[str, ...] = ()  # Effects that cannot be used, and why.
 
     @property
@@ -80,7 +78,6 @@ def set_up(
 ) -> DiscoverySetup:
     """Settle the mesh, choose what is uncertain, and condense the records of a case."""
     pybamm.set_logging_level("CRITICAL")
-    began = time.perf_counter()
     cell = case.cell
     mesh = radial_mesh(cell, [*case.measured_records, *case.held], case.initial_soc)
     if mesh.note:
@@ -98,4 +95,4 @@ def set_up(
     catalogue = effects_of(options.effects, None, options.effect_options, passed_over.append)
     for text in passed_over:
         listener(text)
-    return DiscoverySetup(case, problem, space, catalogue, simulator, mesh, capacity, began, tuple(passed_over))
+    return DiscoverySetup(case, problem, space, catalogue, simulator, mesh, capacity, tuple(passed_over))

@@ -26,7 +26,7 @@ class Discovery(ABC):
     notes: list[str] = field(default_factory=list, kw_only=True)  # What was assumed.
     ranking: Ranking | None = field(default=None, kw_only=True)  # What a language model said, where one was asked.
     simulations: int = field(default=0, kw_only=True)  # Single solves.
-    wall_s: float = field(default=0.0, kw_only=True)
+    wall_s: float = field(default=0.0, kw_only=True)  # Of each time that it was taken up, together.
     # Source of ``augmented_model.py``: the best explanation, in the simulator's own language.
     script: str = field(default="", kw_only=True)
 

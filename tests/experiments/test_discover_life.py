@@ -106,6 +106,9 @@ def test_a_discovery_that_was_stopped_keeps_every_simulation(
     monkeypatch.setattr(ToyLives, "most", 10**9)
     found = discover(options(toy, tmp_path / "stopped"))
     assert ToyLives.asked == asked - before
+    spent = [event.get("wall_s", 0.0) for event in read_events(tmp_path / "stopped") if event["event"] == "end"]
+    assert len(spent) == 4, "each time that it was stopped, and at the end"
+    assert found.wall_s == pytest.approx(sum(spent)), "what is reported is what the journal keeps"
     same = [{**one.to_json(), "wall_s": 0.0} for one in (whole, found)]
     assert same[0] == same[1]
     content = json.loads((tmp_path / "stopped" / "discovery.json").read_text())
