@@ -140,6 +140,7 @@ def discover_on(
         places,
         localise(problem.observations, problem.errors(predictions), setup.capacity_ah),
         in_words(places, noise),
+        setup.capacity_ah,
         ranking=asked[-1] if asked else None,
         notes=[*setup.notes, *(f"not built: {name}: {why}" for name, why in setup.simulator.refused.items())],
     )

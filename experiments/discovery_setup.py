@@ -16,9 +16,9 @@ from ..core.effect_choice import effects_of
 from ..core.parameters import ParameterSpace
 from ..core.task import CellModel
 from ..plugins.pybamm.effect_simulator import EffectSimulator
-from ..plugins.pybamm.nameplate import nominal_capacity_ah
 from ..plugins.pybamm.parameter_sets import pybamm
 from ..plugins.pybamm.radial_mesh import RadialMesh, radial_mesh
+from ..plugins.pybamm.state_of_charge import equilibrium_capacity_ah
 from ..plugins.pybamm.uncertain_parameters import uncertain_parameters
 from .discovery_case import Case, DiscoverOptions, spreads_of
 
@@ -90,7 +90,7 @@ def set_up(
         [observe(one, options.points, floor) for one in case.measured_records],
         [observe(one, options.points, floor) for one in case.held],
     )
-    capacity = nominal_capacity_ah(cell.parameter_set, cell.overrides)
+    capacity = equilibrium_capacity_ah(cell.parameter_set, cell.overrides)
     passed_over: list[str] = []
     catalogue = effects_of(options.effects, None, options.effect_options, passed_over.append)
     for text in passed_over:

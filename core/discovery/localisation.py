@@ -38,7 +38,7 @@ def localise(
     """Lay the residual out; ``errors`` are measured minus simulated voltage by record, V.
 
     A bias is simulated minus measured, as on the page of a calibration.
-    The capacity makes C-rates of currents; left out, it is the largest charge drawn in any record.
+    The capacity makes C-rates of currents and shares of charges; left out, it is the most that a record draws.
     """
     drawn = max(float(np.ptp(o.charge)) for o in observations)
     capacity = capacity_ah or drawn or 1.0
@@ -117,7 +117,7 @@ def _rate(observed: Observations, capacity: float) -> NDArray[np.str_]:
 def _charge(observed: Observations, capacity: float) -> NDArray[np.str_]:
     drawn = observed.charge - np.min(observed.charge)
     part = np.clip((5 * drawn / max(capacity, 1e-9)).astype(int), 0, 4)
-    names = np.array([f"{20 * k}-{20 * (k + 1)} % of the charge drawn" for k in range(5)])
+    names = np.array([f"{20 * k}-{20 * (k + 1)} % of the capacity drawn" for k in range(5)])
     return np.asarray(names[part], dtype=np.str_)
 
 

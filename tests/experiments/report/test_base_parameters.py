@@ -29,7 +29,7 @@ def found(deviation: float | None) -> RecordDiscovery:
     fit = Refit(SPACE, U, np.zeros(40), np.vstack([10.0 * np.eye(4)] * 10), True, 1, weighed)
     best = Explanation((RESISTANCE,), fit, Adequacy(0.0, 0.0, 1.0), 1e-3, 1e-3, np.zeros(40), np.full(40, 1e-3))
     findings = Findings("effect-found", Gap(best, best, 1e-3, 1e-3), best, [], [best], [], "why")
-    return RecordDiscovery(findings, [], [], [])
+    return RecordDiscovery(findings, [], [], [], 2.0)
 
 
 def test_values_stand_with_their_intervals_and_what_was_known_before() -> None:
