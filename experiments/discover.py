@@ -135,6 +135,13 @@ def discover_on(
     predictions = _predicted(problem, findings.best)
     noise = findings.gap.noise_v
     places = localise(problem.observations, before, setup.capacity_ah)
+    beyond = [
+        f"{name}: {soc:.3f}, as fitted, is outside 0 to 1, the window between the parameter set's empty and full cell. "
+        "Its potentials or its capacity may not be those of the measured cell."
+        for name, soc in findings.best.beyond_window.items()
+    ]
+    for text in beyond:
+        listener(text)
     discovery = RecordDiscovery(
         findings,
         places,
@@ -142,7 +149,8 @@ def discover_on(
         in_words(places, noise),
         setup.capacity_ah,
         ranking=asked[-1] if asked else None,
-        notes=[*setup.notes, *(f"not built: {name}: {why}" for name, why in setup.simulator.refused.items())],
+        notes=[*setup.notes, *(f"not built: {name}: {why}" for name, why in setup.simulator.refused.items()), *beyond],
+        restricted=options.effects is not None,
     )
     best = findings.best
     others = (one for one in findings.explanations if one is not best and one.names != best.names)

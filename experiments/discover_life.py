@@ -71,7 +71,14 @@ def discover_over_life(
     findings.nominations += [one for one in considered if one.lacks]
     notes += [f"not built: {name}: {why}" for name, why in simulator.refused.items()]
     found = LifeDiscovery(
-        findings, tuple(modes), fit_cycles, cell, tried=tried, notes=notes, simulations=simulator.simulations
+        findings,
+        tuple(modes),
+        fit_cycles,
+        cell,
+        tried=tried,
+        notes=notes,
+        restricted=options.effects is not None,
+        simulations=simulator.simulations,
     )
     found.script = script(task, found.parameters, findings.best.effects, "augmented_model.py")
     return found

@@ -68,7 +68,7 @@ class RecordDiscovery(Discovery):
     def _rationale(self, effect: Effect) -> str:
         text = super()._rationale(effect)
         if self.sentences:
-            text += f" Seen: {self.sentences[0]}."
+            text += f" {self.sentences[0]}."
         ranked = self.ranking.ranked if self.ranking is not None else ()
         return text + "".join(f" Backend: {r.reason}" for r in ranked if r.key == effect.key)
 
