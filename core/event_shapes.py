@@ -81,13 +81,18 @@ def _shapes() -> dict[str, Any]:
         # Of how many draws of the posterior bands are made; earlier versions did not write it.
         "held-out": mapping_with(base=int, predictions=list_of(predicted), draws=(int | None, None)),
         "appraisal-simulation": mapping_with(experiments=list[str], candidate=dict[str, float], outcome=dict[str, Any]),
-        # Voltage and temperature are those of a measured record, residuals those of a life.
+        # Voltage and temperature are those of a measured record, residuals those of a life. Earlier versions wrote no
+        # time since the journal was opened, here and at the end.
         "simulation": mapping_with(
-            key=str, voltage=(str | None, None), temperature=(str | None, None), residual=(str | None, None)
+            key=str,
+            wall_s=(float, 0.0),
+            voltage=(str | None, None),
+            temperature=(str | None, None),
+            residual=(str | None, None),
         ),
         "refused": mapping_with(effect=str, why=str),
         "note": mapping_with(text=str),
-        "end": mapping_with(status=str, wall_s=(float, 0.0)),  # Earlier versions did not write the time.
+        "end": mapping_with(status=str, wall_s=(float, 0.0)),
     }
 
 

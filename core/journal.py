@@ -2,7 +2,8 @@
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,6 +36,7 @@ class Journal:
     """
 
     def __init__(self, folder: Path) -> None:
+        self._opened = time.perf_counter()
         check_run_folder(folder)
         self.path = folder / FILE_NAME
         self.warnings: list[str] = []
@@ -64,6 +66,11 @@ class Journal:
             keep = content.rfind(b"\n") + 1
             self._file.truncate(keep)
             self.warnings.append(f"{self.path}: dropped a torn last line of {len(content) - keep} bytes.")
+
+    @property
+    def open_s(self) -> float:
+        """Time since it was opened, s."""
+        return time.perf_counter() - self._opened
 
     def append(self, event: str, **fields: Any) -> None:
         """Write one event and wait until it is on disk.
@@ -103,6 +110,11 @@ class OpenJournal:
     file: Journal  # Open for writing.
     earlier: list[dict[str, Any]]  # Events from before it was stopped; none of a new one.
 
+    @property
+    def wall_s(self) -> float:
+        """Time so far, of each time that it was taken up, s."""
+        return spent_s(self.earlier) + self.file.open_s
+
 
 @contextmanager
 def opened(folder: Path, simulation: str) -> Iterator[OpenJournal]:
@@ -120,6 +132,19 @@ def opened(folder: Path, simulation: str) -> Iterator[OpenJournal]:
         raise
     finally:
         file.close()
+
+
+def spent_s(events: Iterable[Event]) -> float:
+    """Time that events tell of, s: each time that a run was taken up counts up to the last event that has one.
+
+    That is its end, or, where it was killed, a simulation of a discovery.
+    """
+    total = since = 0.0
+    for event in events:
+        since = float(event.get("wall_s", since))
+        if event["event"] in ("end", "resumed"):
+            total, since = total + since, 0.0
+    return total + since
 
 
 def check_run_folder(folder: Path) -> None:

@@ -19,7 +19,7 @@ from .encoding import decode_trial, encode_proposal, encode_trial
 from .errors import BsaError
 from .feedback import Feedback
 from .hooks import ProposeContext
-from .journal import Journal
+from .journal import Journal, spent_s
 from .messages import Outage, RunStopped, Usage
 from .metrics import Metrics, evaluate
 from .parameters import Candidate
@@ -123,7 +123,7 @@ class Run:
         self._budget = SimulationBudget(config, earlier)
         self._proposals = 0
         self._earlier_proposals = sum(event["event"] == "proposal" for event in earlier)
-        self._earlier_s = sum(float(event.get("wall_s", 0.0)) for event in earlier if event["event"] == "end")
+        self._earlier_s = spent_s(earlier)
         self._analysing = analysing
         self._after = AfterSearch(task, plugins, journal, earlier, listener)
         self._trials: list[Trial] = []

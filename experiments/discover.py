@@ -1,7 +1,6 @@
 """``bsa discover``: from records to what the model is missing."""
 
 import json
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 
@@ -19,8 +18,8 @@ from ..core.discovery.record_discovery import RecordDiscovery
 from ..core.discovery.recorded import RecordedSimulator
 from ..core.discovery.simulator import Prediction, Simulator
 from ..core.files import write_text
-from ..core.journal import OpenJournal
-from ..core.messages import Backend
+from ..core.journal import OpenJournal, spent_s
+from ..core.messages import Backend, Outage
 from ..core.parameters import ParameterSpace
 from ..core.recording import Recorder
 from ..core.task import CellModel
@@ -43,13 +42,18 @@ def discover(options: DiscoverOptions, listener: Listener = lambda text: None, w
     """
     carry_out = _over_life if options.life else _on_records
     with opened(options) as journal:
-        discovery, page = carry_out(options, journal, listener, workers)
+        try:
+            discovery, page = carry_out(options, journal, listener, workers)
+        except (KeyboardInterrupt, Outage) as stopped:
+            status = "interrupted" if isinstance(stopped, KeyboardInterrupt) else "outage"
+            journal.file.append("end", status=status, wall_s=journal.file.open_s)
+            raise
         # Said before it is written: a disk that is full by now must not cost the answer.
         listener(f"{discovery.verdict}: {', '.join(discovery.names) or discovery.findings.reason}")
         write_text(options.out / RESULT, json.dumps(discovery.to_json(), indent=1, allow_nan=False))
         write_text(options.out / "augmented_model.py", discovery.script)
         write_text(options.out / "report.html", page)
-        journal.file.append("end", status=discovery.verdict)
+        journal.file.append("end", status=discovery.verdict, wall_s=discovery.wall_s - spent_s(journal.earlier))
     return discovery
 
 
@@ -61,6 +65,7 @@ def _over_life(
     from .report.life_discovery import render
 
     discovery = discover_over_life(options, journal, listener, workers)
+    discovery.wall_s = journal.wall_s
     return discovery, render(discovery)
 
 
@@ -83,6 +88,7 @@ def _on_records(
         setup = set_up(case, options, listener, make_simulator)
         asked = None if backend is None else recorder.around(backend)
         discovery = discover_on(setup, options, listener, asked)
+        discovery.wall_s = journal.wall_s
         return discovery, render(discovery, setup.problem)
 
 
@@ -129,13 +135,22 @@ def discover_on(
     predictions = _predicted(problem, findings.best)
     noise = findings.gap.noise_v
     places = localise(problem.observations, before, setup.capacity_ah)
+    beyond = [
+        f"{name}: {soc:.3f}, as fitted, is outside 0 to 1, the window between the parameter set's empty and full cell. "
+        "Its potentials or its capacity may not be those of the measured cell."
+        for name, soc in findings.best.beyond_window.items()
+    ]
+    for text in beyond:
+        listener(text)
     discovery = RecordDiscovery(
         findings,
         places,
         localise(problem.observations, problem.errors(predictions), setup.capacity_ah),
         in_words(places, noise),
+        setup.capacity_ah,
         ranking=asked[-1] if asked else None,
-        notes=[*setup.notes, *(f"not built: {name}: {why}" for name, why in setup.simulator.refused.items())],
+        notes=[*setup.notes, *(f"not built: {name}: {why}" for name, why in setup.simulator.refused.items()), *beyond],
+        restricted=options.effects is not None,
     )
     best = findings.best
     others = (one for one in findings.explanations if one is not best and one.names != best.names)
@@ -154,7 +169,6 @@ def discover_on(
         case.cell, best.effects, best.fit.candidate, setup.space.targets, case.measured_records, setup.mesh.fine
     )
     discovery.simulations = setup.simulator.simulations
-    discovery.wall_s = time.perf_counter() - setup.began
     return discovery
 
 

@@ -1,6 +1,5 @@
 """A discovery over a life: which mechanism ages a cell."""
 
-import time
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import replace
@@ -45,7 +44,6 @@ def discover_over_life(
 ) -> LifeDiscovery:
     """Fit the cell to the first cycle of a life, then each mechanism to the fitted cycles, and say which one it is."""
     pybamm.set_logging_level("CRITICAL")
-    began = time.perf_counter()
     task = read_life(options)
     notes = list(task.notes)
     # What is wrong with the options is said before the first simulation.
@@ -73,10 +71,16 @@ def discover_over_life(
     findings.nominations += [one for one in considered if one.lacks]
     notes += [f"not built: {name}: {why}" for name, why in simulator.refused.items()]
     found = LifeDiscovery(
-        findings, tuple(modes), fit_cycles, cell, tried=tried, notes=notes, simulations=simulator.simulations
+        findings,
+        tuple(modes),
+        fit_cycles,
+        cell,
+        tried=tried,
+        notes=notes,
+        restricted=options.effects is not None,
+        simulations=simulator.simulations,
     )
     found.script = script(task, found.parameters, findings.best.effects, "augmented_model.py")
-    found.wall_s = time.perf_counter() - began
     return found
 
 

@@ -1,6 +1,5 @@
 """All that a discovery works with, set up from a case."""
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -17,9 +16,9 @@ from ..core.effect_choice import effects_of
 from ..core.parameters import ParameterSpace
 from ..core.task import CellModel
 from ..plugins.pybamm.effect_simulator import EffectSimulator
-from ..plugins.pybamm.nameplate import nominal_capacity_ah
 from ..plugins.pybamm.parameter_sets import pybamm
 from ..plugins.pybamm.radial_mesh import RadialMesh, radial_mesh
+from ..plugins.pybamm.state_of_charge import equilibrium_capacity_ah
 from ..plugins.pybamm.uncertain_parameters import uncertain_parameters
 from .discovery_case import Case, DiscoverOptions, spreads_of
 
@@ -34,8 +33,7 @@ class DiscoverySetup:
     catalogue: tuple[Effect, ...]  # What may be missing.
     simulator: Simulator  # The problem's, with what it refused to build.
     mesh: RadialMesh  # How finely the particles are resolved.
-    capacity_ah: float  # Nominal capacity of the cell, A.h.
-    began: float  # When it was begun to be set up, on the clock of `time.perf_counter`, s.
+    capacity_ah: float  # Charge of the cell between its cut-offs at rest, which C-rates count in, A.h.
     passed_over: tuple[str, ...] = ()  # Effects that cannot be used, and why.
 
     @property
@@ -80,7 +78,6 @@ def set_up(
 ) -> DiscoverySetup:
     """Settle the mesh, choose what is uncertain, and condense the records of a case."""
     pybamm.set_logging_level("CRITICAL")
-    began = time.perf_counter()
     cell = case.cell
     mesh = radial_mesh(cell, [*case.measured_records, *case.held], case.initial_soc)
     if mesh.note:
@@ -93,9 +90,9 @@ def set_up(
         [observe(one, options.points, floor) for one in case.measured_records],
         [observe(one, options.points, floor) for one in case.held],
     )
-    capacity = nominal_capacity_ah(cell.parameter_set, cell.overrides)
+    capacity = equilibrium_capacity_ah(cell.parameter_set, cell.overrides)
     passed_over: list[str] = []
     catalogue = effects_of(options.effects, None, options.effect_options, passed_over.append)
     for text in passed_over:
         listener(text)
-    return DiscoverySetup(case, problem, space, catalogue, simulator, mesh, capacity, began, tuple(passed_over))
+    return DiscoverySetup(case, problem, space, catalogue, simulator, mesh, capacity, tuple(passed_over))

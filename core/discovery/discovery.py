@@ -21,12 +21,17 @@ class Discovery(ABC):
     """What was found, with the evidence."""
 
     rules: ClassVar[Rules] = RULES  # By which it was decided.
+    # noun, explained, nothing: What the headline calls what is looked for, what that explains, and that none is needed.
+    noun: ClassVar[str] = "effect"
+    explained: ClassVar[str] = "the discrepancy"
+    nothing: ClassVar[str] = "Nothing is missing: noise explains what the base model leaves"
 
     findings: Findings  # The engine's own account.
     notes: list[str] = field(default_factory=list, kw_only=True)  # What was assumed.
+    restricted: bool = field(default=False, kw_only=True)  # Whether only effects that were asked for were considered.
     ranking: Ranking | None = field(default=None, kw_only=True)  # What a language model said, where one was asked.
     simulations: int = field(default=0, kw_only=True)  # Single solves.
-    wall_s: float = field(default=0.0, kw_only=True)
+    wall_s: float = field(default=0.0, kw_only=True)  # Of each time that it was taken up, together.
     # Source of ``augmented_model.py``: the best explanation, in the simulator's own language.
     script: str = field(default="", kw_only=True)
 
@@ -44,6 +49,37 @@ class Discovery(ABC):
     def named(self) -> bool:
         """Whether the verdict names an effect."""
         return self.verdict in ("effect-found", "ambiguous")
+
+    @property
+    def headline(self) -> str:
+        """The verdict as a sentence. Where more than noise is left, an effect explains a part."""
+        if self.verdict == "no-missing-effect":
+            return self.nothing
+        if self.verdict == "unexplained":
+            return self._unexplained()
+        count, verb, tail = "one", "explains", ""
+        if self.verdict == "ambiguous":
+            count, verb, tail = "several", "explain", " and cannot be told apart"
+        elif len(self.names) > 1:
+            count, verb, tail = "two", "explain", " together"
+        part = "" if self.findings.best.adequacy.adequate else "part of "
+        who = f"{count.capitalize()} {self.noun}{'s' * (count != 'one')}"
+        return f"{self._among(count) or who} {verb} {part}{self.explained}{tail}"
+
+    def _unexplained(self) -> str:
+        if not self._tried:
+            return f"No {self.noun} could be tried that would explain {self.explained}"
+        if self._tried == 1 and not self.restricted:
+            return f"The one {self.noun} that was tried does not explain {self.explained}"
+        who = self._among("none") or f"None of the {self._tried} {self.noun}s that were tried"
+        return f"{who} explains {self.explained}"
+
+    def _among(self, count: str) -> str:
+        return f"Of the {self.noun}s that were asked for, {count}" if self.restricted else ""
+
+    @property
+    def _tried(self) -> int:
+        return sum(not nomination.lacks for nomination in self.findings.nominations)
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -65,6 +101,7 @@ class Discovery(ABC):
         found = self.findings
         content = {
             "verdict": self.verdict,
+            "headline": self.headline,
             "reason": found.reason,
             "effects": self._effects(found.best) if self.named else [],
             "partial": self._effects(found.best) if self.verdict == "unexplained" else [],
@@ -105,7 +142,7 @@ class Discovery(ABC):
         ]
 
     def _rationale(self, effect: Effect) -> str:
-        return f"expected signature: {effect.signature}."
+        return f"Expected signature: {effect.signature.rstrip('.')}."
 
     def _candidates(self) -> list[Json]:
         fitted: dict[str, Explanation] = {e.label: e for e in self.findings.explanations}

@@ -149,7 +149,7 @@ class Engine:
         scored = [n for n in nominations if n.gain > 0]
         first = self.settings.screened
         chosen = [n for place, n in enumerate(scored) if place < first or n.effect.key in keys]
-        self._say(f"screening {len(chosen)} effects")
+        self._say(f"short fits of {len(chosen)} effects")
         # Before the last level of a race, which gets the whole budget, there may be three of a third.
         whole = 2 * min(len(chosen), self.settings.confirmed) * self.settings.refit_budget
         self._progress.estimate(self.problem.simulated, len(chosen) * most_simulations(before) + whole)

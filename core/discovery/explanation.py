@@ -8,6 +8,7 @@ import numpy as np
 from ..effect import Effect
 from ..normal import NORMAL_95, robust_deviation
 from ..robust_loss import robust
+from ..target import InitialSoc
 from ..trajectory import FloatArray
 from .adequacy import Adequacy
 from .refit import Refit
@@ -123,6 +124,12 @@ class Explanation:
     def label(self) -> str:
         """The effects in words."""
         return " + ".join(effect.key for effect in self.effects) or "base model"
+
+    @property
+    def beyond_window(self) -> dict[str, float]:
+        """Initial states of charge, by name, below the empty or above the full cell of the parameter set."""
+        states = {p.name: self.fit.candidate[p.name] for p in self.fit.space if isinstance(p.target, InitialSoc)}
+        return {name: float(soc) for name, soc in states.items() if not 0.0 <= soc <= 1.0}
 
     def excludes_null(self, clear_k: float = CLEAR_K) -> bool:
         """Whether each effect's strength stays off its far bound and has an interval without its null value.

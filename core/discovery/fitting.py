@@ -422,11 +422,12 @@ class Fitter:
         return _sample_rmse(errors, counts, self.problem.held_noise_v)
 
     def tell(self, base: Explanation, explanation: Explanation) -> None:
-        """Say in one line how an explanation did."""
+        """Say in one line how an explanation did, beside the base model."""
         margin = bic_difference(base, explanation)
         rms, held = 1e3 * explanation.rmse_v, 1e3 * explanation.held_rmse_v
         doubt = " (not converged)" * (not explanation.settled)
-        self._say(f"  {explanation.label}: {rms:.2f} mV, held out {held:.2f} mV, BIC {margin:+.0f}{doubt}")
+        told = f"BIC {'better' if margin >= 0 else 'worse'} by {abs(margin):.0f}"
+        self._say(f"  {explanation.label}: {rms:.2f} mV, held out {held:.2f} mV, {told}{doubt}")
 
 
 def _temperature_error(problem: Problem, predictions: Sequence[Prediction]) -> float | None:

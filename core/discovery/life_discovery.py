@@ -16,11 +16,18 @@ class LifeDiscovery(Discovery):
     """Which mechanism ages a cell."""
 
     rules = LIFE_RULES
+    noun = "mechanism"
+    explained = "how the cell ages"
+    nothing = "The cell does not age by more than the scatter of its cycles"
 
     modes: tuple[Drift, ...]  # Lithium, active material and resistance by cycle, whatever the mechanism.
     fit_cycles: int  # The last cycle that was fitted.
     cell: Candidate  # The cell's own parameters, fitted to its first cycle.
     tried: tuple[str, ...] = field(default=(), kw_only=True)  # Keys of the mechanisms that were fitted to the life.
+
+    @property
+    def _tried(self) -> int:
+        return len(self.tried)
 
     @property
     def parameters(self) -> dict[str, float]:

@@ -27,7 +27,7 @@ class Place:
     rms_mv: float
     bias_mv: float
     z: float  # The bias over its standard error.
-    share: float  # Share of the whole excess (squared error beyond noise) that lies here, 0 to 1.
+    share: float  # Share of the squared misfit (squared error beyond noise) that lies here, 0 to 1.
     trend_mv_per_h: float  # Slope of that difference with time within the place, mV per hour.
     samples: int  # Averages that it rests on.
 
@@ -38,7 +38,7 @@ def localise(
     """Lay the residual out; ``errors`` are measured minus simulated voltage by record, V.
 
     A bias is simulated minus measured, as on the page of a calibration.
-    The capacity makes C-rates of currents; left out, it is the largest charge drawn in any record.
+    The capacity makes C-rates of currents and shares of charges; left out, it is the most that a record draws.
     """
     drawn = max(float(np.ptp(o.charge)) for o in observations)
     capacity = capacity_ah or drawn or 1.0
@@ -117,7 +117,7 @@ def _rate(observed: Observations, capacity: float) -> NDArray[np.str_]:
 def _charge(observed: Observations, capacity: float) -> NDArray[np.str_]:
     drawn = observed.charge - np.min(observed.charge)
     part = np.clip((5 * drawn / max(capacity, 1e-9)).astype(int), 0, 4)
-    names = np.array([f"{20 * k}-{20 * (k + 1)} % of the charge drawn" for k in range(5)])
+    names = np.array([f"{20 * k}-{20 * (k + 1)} % of the capacity drawn" for k in range(5)])
     return np.asarray(names[part], dtype=np.str_)
 
 
@@ -156,16 +156,16 @@ def in_words(places: Sequence[Place], noise_v: float) -> list[str]:
             same = place.trend_mv_per_h * place.bias_mv > 0
             growing = ", growing with time" if same else ", shrinking with time"
         sentences.append(
-            f"measured voltage lies {abs(place.bias_mv):.1f} mV {direction} the model during {place.where}{growing} "
-            f"(rms {place.rms_mv:.1f} mV, {place.share:.0%} of the excess)"
+            f"The measured voltage lies on average {abs(place.bias_mv):.1f} mV {direction} the model during "
+            f"{place.where}{growing} (rms {place.rms_mv:.1f} mV, {place.share:.0%} of the squared misfit)"
         )
-    for by in ("rate", "since step", "cycle"):
+    for by, words in (("rate", "rate"), ("since step", "time since the last step"), ("cycle", "cycle")):
         rows = [p for p in places if p.by == by and p.samples >= 4]
         if len(rows) > 1:
             worst = max(rows, key=lambda p: p.rms_mv)
             best = min(rows, key=lambda p: p.rms_mv)
             sentences.append(
-                f"by {by}: {worst.rms_mv:.1f} mV rms (simulated minus measured {worst.bias_mv:+.1f} mV) for "
-                f"{worst.where}, {best.rms_mv:.1f} mV for {best.where}"
+                f"By {words}, the largest error: {worst.where} ({worst.rms_mv:.1f} mV rms, simulated minus measured "
+                f"on average {worst.bias_mv:+.1f} mV); the smallest: {best.where} ({best.rms_mv:.1f} mV rms)"
             )
     return sentences

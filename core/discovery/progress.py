@@ -1,4 +1,4 @@
-"""How far a discovery has come: a line for each candidate effect, and the time that is left at most."""
+"""How far a discovery has come: a line for each candidate effect, and how long the fits at hand take at most."""
 
 import threading
 import time
@@ -16,7 +16,6 @@ class Progress:
         self._began = clock()
         self._lock = threading.Lock()
         self._done = self._total = 0
-        self._phase_began = self._began
 
     def estimate(self, simulated: float, left: int) -> None:
         """Say how many simulations the fits at hand take, and how long at the pace of those made since this began.
@@ -31,22 +30,24 @@ class Progress:
 
     def begin(self, total: int) -> None:
         """Begin to fit so many candidates."""
-        self._done, self._total, self._phase_began = 0, total, self._clock()
+        self._done, self._total = 0, total
 
     def refitted(self, nomination: Nomination, base_cost: float) -> None:
         """One of them has its short fit: say what that leaves."""
         found = nomination.screened
-        left = "cannot be fitted" if found is None else f"leaves {nomination.promise / base_cost:.0%} of the misfit"
+        share = nomination.promise / base_cost
+        left = "cannot be fitted" if found is None else f"a short fit leaves {share:.0%} of the squared misfit"
         self.ended(nomination.effect.key, left)
 
     def ended(self, candidate: str, outcome: str) -> None:
-        """One of them is done: say what came of it, and how long the others will take."""
+        """One of them is done: say what came of it.
+
+        Not how long the others take: fits differ in length, and those that a journal answers take none.
+        """
         with self._lock:
             self._done += 1
-            left = self._total - self._done
-            seconds = (self._clock() - self._phase_began) / self._done * left
-        rest = f", {duration(seconds)} left" if left else ""
-        self._say(f"  {candidate}: {outcome} ({self._done} of {self._total}{rest})")
+            place = self._done
+        self._say(f"  {candidate}: {outcome} ({place} of {self._total})")
 
 
 def duration(seconds: float) -> str:

@@ -20,6 +20,7 @@ class RecordDiscovery(Discovery):
     places_before: list[Place]
     places_after: list[Place]
     sentences: list[str]  # The first map in words.
+    capacity_ah: float  # Charge of the cell between its cut-offs at rest, which C-rates count in, A.h.
     next_experiment: NextExperiment | None = None  # What would separate the best explanation from its nearest rival.
     closure: Closure | None = None  # Empirical correction, where nothing explains the discrepancy.
     # By record: error of the predicted temperature, which no fit is shown, K.
@@ -55,6 +56,7 @@ class RecordDiscovery(Discovery):
             "localisation": [asdict(place) for place in self.places_before],
             "localisation_after": [asdict(place) for place in self.places_after],
             "in_words": self.sentences,
+            "capacity_ah": self.capacity_ah,
             "next_experiment": None if self.next_experiment is None else asdict(self.next_experiment),
             "closure": None if self.closure is None else asdict(self.closure),
             "backend_ranking": None if self.ranking is None else asdict(self.ranking),
@@ -66,7 +68,7 @@ class RecordDiscovery(Discovery):
     def _rationale(self, effect: Effect) -> str:
         text = super()._rationale(effect)
         if self.sentences:
-            text += f" Seen: {self.sentences[0]}."
+            text += f" {self.sentences[0]}."
         ranked = self.ranking.ranked if self.ranking is not None else ()
         return text + "".join(f" Backend: {r.reason}" for r in ranked if r.key == effect.key)
 

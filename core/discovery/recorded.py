@@ -59,9 +59,10 @@ class RecordedSimulator(Generic[Asked, Given]):
         if missing:
             found = self._inner.predict(list(missing.values()))
             with self._lock:
+                wall_s = self._journal.open_s
                 for key, answer in zip(missing, found, strict=True):
                     self._known[key] = answer
-                    self._journal.append(SIMULATION, key=key, **self._encoded(answer))
+                    self._journal.append(SIMULATION, key=key, wall_s=wall_s, **self._encoded(answer))
                 for effect in self._inner.refused.keys() - self.refused.keys():
                     self.refused[effect] = self._inner.refused[effect]
                     self._journal.append(REFUSED, effect=effect, why=self.refused[effect])

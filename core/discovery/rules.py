@@ -42,7 +42,7 @@ def ranked(explanations: Sequence[Explanation]) -> list[Explanation]:
 
 
 def closed(before_v: float, after_v: float, noise_v: float) -> float:
-    """Share of the excess variance that is gone: ``1 - (after^2 - noise^2) / (before^2 - noise^2)``."""
+    """Share of the squared misfit beyond noise that is gone: ``1 - (after^2 - noise^2) / (before^2 - noise^2)``."""
     excess = before_v**2 - noise_v**2
     return 1.0 if excess <= 0 else 1.0 - max(after_v**2 - noise_v**2, 0.0) / excess
 
@@ -114,10 +114,12 @@ class Rules:
             return ""
         share = closed(gap.nearest.rmse_v, found.rmse_v, gap.noise_v)
         if share < 1.0 - self.left_over:
-            return f"closes {share:.0%} of the gap only, and leaves {found.rmse_v / gap.noise_v:.1f} times the noise"
+            times = found.rmse_v / gap.noise_v
+            return f"explains {share:.0%} of the squared misfit only, and leaves {times:.1f} times the noise"
         held, shown = gap.base.held_rmse_v, gap.base.held_rmse_v > (1.0 + self.held_margin) * gap.held_noise_v
         share = closed(held, found.held_rmse_v, gap.held_noise_v)
-        return f"closes {share:.0%} of the gap in {self.held_words} only" * (shown and share < 1.0 - self.left_over)
+        little = shown and share < 1.0 - self.left_over
+        return f"explains {share:.0%} of the squared misfit in {self.held_words} only" * little
 
     def rivals(self, best: Explanation, others: Sequence[Explanation]) -> list[Explanation]:
         """Explanations with other names that cannot be told from the best one.
@@ -153,14 +155,14 @@ class Rules:
         """The verdict on explanations that are sorted, the best first."""
         base, explanations = gap.base, list(best_first)
         if not explanations:
-            return Findings("unexplained", gap, base, reason="no effect of the catalogue points the right way")
+            return Findings("unexplained", gap, base, reason="no effect that was tried points the right way")
         # A pair must beat each of its members clearly, on data not fitted too, or the simpler one stands.
         needed = [e for e in explanations if not self.needless(e, explanations)]
         accepted = [e for e in needed if not self.objection_to(e, gap)]
         if not accepted:
             first = needed[0]
             reason = f"{first.label}: {self.objection_to(first, gap)}"
-            # What is no better than the base model explains no part of the gap.
+            # What is no better than the base model explains no part of the discrepancy.
             nearest = first if self.behind(base, first) > 0 else gap.nearest
             return Findings("unexplained", gap, nearest, explanations=explanations, reason=reason)
         best = accepted[0]
@@ -172,6 +174,7 @@ class Rules:
         reason = f"{best.label} beats {self.base_words} by {bic_difference(base, best):.0f} in BIC"
         if not self.explains_all(best):
             reason += f" and leaves {best.rmse_v / gap.noise_v:.1f} times the noise: something else may be missing too"
+            reason += ", and the values found may compensate for it"
         if not (best.settled or self.explains_all(best)):
             reason += "; its fit did not converge, and its intervals may be too narrow"
         if equal:

@@ -37,6 +37,11 @@ class DiscoveryResult:
         return self._found.verdict
 
     @property
+    def headline(self) -> str:
+        """The verdict as a sentence: whether an effect explains all of the discrepancy or a part of it."""
+        return self._found.headline
+
+    @property
     def effects(self) -> tuple[str, ...]:
         """Names of the effects found; empty unless the verdict is ``"effect-found"`` or ``"ambiguous"``."""
         return self._found.names
@@ -112,6 +117,8 @@ class DiscoveryResult:
         return render(
             "discovery.html.j2",
             title=f"{self.verdict}: {', '.join(self.effects) or self._found.findings.reason}",
+            headline=self.headline,
+            reason=self._found.findings.reason if self.effects else "",
             errors=[(name, number(error["initial"]), number(error["best"])) for name, error in self.errors.items()],
             rows=[(name, *_quantities(estimate)) for name, estimate in self._estimates.items()],
             base=base_parameters(self._found),

@@ -159,7 +159,7 @@ COLUMNS = (
     Column(
         "gap_closed",
         float,
-        "of a discovery: share of the gap to the noise that is closed on fitted records",
+        "of a discovery: share of the squared misfit beyond noise that is explained on fitted records",
         lambda facts: facts.number("gap", "closed"),
         "Gap closed",
     ),

@@ -146,6 +146,7 @@ def _carry_out(asked: DiscoverOptions, workers: int, as_json: bool) -> None:
         print(json.dumps(found.to_json(), indent=1, allow_nan=False))
         return
     print(f"verdict: {found.verdict}")
+    print(f"  {found.headline}")
     for name in found.names:
         print(f"  {printable(name)}")
     print(f"  {printable(found.findings.reason, 1500)}")

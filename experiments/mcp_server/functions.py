@@ -119,7 +119,7 @@ def calibrate(options: Mapping[str, Any]) -> Json:
 def discover(options: Mapping[str, Any]) -> Json:
     """A discovery; see `bsa.discover`."""
     found = discovery.discover(**options, progress=False)
-    return _told(found, verdict=found.verdict, effects=list(found.effects))
+    return _told(found, verdict=found.verdict, headline=found.headline, effects=list(found.effects))
 
 
 def report(folder: Path) -> Json:

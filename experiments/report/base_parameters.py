@@ -1,5 +1,6 @@
 """What a discovery fitted of the base model itself, beside the effects, as a table shows it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp
 
@@ -17,6 +18,10 @@ _NEAR = 1e-3
 """A value within this share of the range between the bounds is at a bound."""
 
 
+BEYOND = "outside 0 to 1"
+"""Flag of a state of charge that the parameter set's cell, between its cut-offs at rest, does not have."""
+
+
 @dataclass(frozen=True)
 class BaseParameter:
     """A parameter of the base model, in words."""
@@ -25,7 +30,7 @@ class BaseParameter:
     value: str  # With its unit.
     interval: str  # 95 %, in that unit; a dash where none was made.
     before: str  # What was known before the fit, one standard deviation around its mean, or where the search started.
-    at_bound: bool = False
+    flags: tuple[str, ...] = ()  # What is to be noticed of the value.
 
 
 def base_parameters(discovery: Discovery, problem: Problem | None = None) -> list[BaseParameter]:
@@ -38,7 +43,7 @@ def base_parameters(discovery: Discovery, problem: Problem | None = None) -> lis
     deviations = None if problem is None else _deviations(best, problem)
     half = np.full(len(best.fit.space), np.nan) if deviations is None else NORMAL_95 * deviations
     searched = [
-        _searched(parameter, float(u), float(width))
+        _searched(parameter, float(u), float(width), [BEYOND] * (parameter.name in best.beyond_window))
         for parameter, u, width in zip(best.fit.space, best.fit.u, half, strict=True)
         if parameter.name not in of_effects
     ]
@@ -56,7 +61,7 @@ def _deviations(best: Explanation, problem: Problem) -> FloatArray | None:
     return np.asarray(np.sqrt(np.diag(covariance)))
 
 
-def _searched(parameter: Parameter, u: float, half: float) -> BaseParameter:
+def _searched(parameter: Parameter, u: float, half: float, flags: Sequence[str]) -> BaseParameter:
     times, unit = printed_unit(parameter)
 
     def shown(value: float, digits: int = 4) -> str:
@@ -72,7 +77,11 @@ def _searched(parameter: Parameter, u: float, half: float) -> BaseParameter:
         before = f"{shown(parameter.origin)} ± {shown(parameter.length, 3)}"
     at_bound = not _NEAR < parameter.to_unit(value) < 1.0 - _NEAR
     return BaseParameter(
-        short_name(parameter.name), f"{shown(value)} {unit}".rstrip(), " to ".join(ends) or NOTHING, before, at_bound
+        short_name(parameter.name),
+        f"{shown(value)} {unit}".rstrip(),
+        " to ".join(ends) or NOTHING,
+        before,
+        (*["at a bound"] * at_bound, *flags),
     )
 
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core.discovery.findings import Nomination
 from ...core.discovery.observations import Observations
 from ...core.discovery.problem import Problem
 from ...core.discovery.record_discovery import RecordDiscovery
@@ -15,14 +14,17 @@ from .chart import Chart, Key, horizontal, padded
 from .templates import template
 from .wording import time_unit
 
-_VOLTAGE_HEIGHT, _RESIDUAL_HEIGHT = 210.0, 130.0
-
-VERDICTS = {
-    "effect-found": "An effect explains the discrepancy",
-    "ambiguous": "Several effects explain the discrepancy equally well",
-    "unexplained": "A discrepancy remains that no effect of the catalogue explains",
-    "no-missing-effect": "Nothing is missing: noise explains what the base model leaves",
+_LAYOUTS = {
+    "segment": "segment",
+    "rate": "rate",
+    "charge": "charge drawn",
+    "since step": "time since the last step",
+    "temperature": "temperature",
+    "cycle": "cycle",
 }
+"""What the residual map is laid out by, in words."""
+
+_VOLTAGE_HEIGHT, _RESIDUAL_HEIGHT = 210.0, 130.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,19 +41,8 @@ def render(discovery: RecordDiscovery, problem: Problem) -> str:
     content = discovery.to_json()
     with_effect = bool(discovery.findings.best.effects)
     page = template("record_discovery.html.j2")
-    headline = _headline(discovery.verdict, discovery.findings.nominations)
     base = base_parameters(discovery, problem)
-    return page.render(d=content, headline=headline, figures=figures, with_effect=with_effect, base=base)
-
-
-def _headline(verdict: str, nominations: Sequence[Nomination]) -> str:
-    """The verdict; with how many effects were tried, where none of them explains the discrepancy."""
-    tried = sum(not nomination.lacks for nomination in nominations)
-    if verdict != "unexplained" or not tried:
-        return VERDICTS[verdict]
-    if tried == 1:
-        return "A discrepancy remains that the one effect that was tried does not explain"
-    return f"A discrepancy remains that none of the {tried} effects that were tried explains"
+    return page.render(d=content, layouts=_LAYOUTS, figures=figures, with_effect=with_effect, base=base)
 
 
 def _figures(discovery: RecordDiscovery, problem: Problem) -> list[_Figure]:

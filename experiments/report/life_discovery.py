@@ -10,12 +10,6 @@ from .base_parameters import base_parameters
 from .chart import Chart, Key, horizontal, padded
 from .templates import template
 
-_HEADLINES = {
-    "effect-found": "A mechanism explains how the cell ages",
-    "ambiguous": "Several mechanisms explain equally well how the cell ages",
-    "no-missing-effect": "The cell does not age by more than the scatter of its cycles",
-}
-
 _STYLES = ("best", "initial", "limit")
 _LOST_HEIGHT, _OTHER_HEIGHT = 210.0, 110.0
 
@@ -24,19 +18,7 @@ def render(discovery: LifeDiscovery) -> str:
     """The page as HTML."""
     content, base = discovery.to_json(), base_parameters(discovery)
     page = template("life_discovery.html.j2")
-    return page.render(d=content, headline=_headline(content), chart=_modes(content["modes"]), base=base)
-
-
-def _headline(content: Mapping[str, Any]) -> str:
-    """The verdict; with how many mechanisms were tried, where none of them explains the life."""
-    count = len(content["tried"])
-    if content["verdict"] != "unexplained":
-        return _HEADLINES[content["verdict"]]
-    if count == 0:
-        return "No mechanism could be tried that would explain how the cell ages"
-    if count == 1:
-        return "The one mechanism that was tried does not explain how the cell ages"
-    return f"None of the {count} mechanisms that were tried explains how the cell ages"
+    return page.render(d=content, chart=_modes(content["modes"]), base=base)
 
 
 def _modes(modes: Sequence[Mapping[str, Any]]) -> Chart | None:

@@ -74,11 +74,25 @@ def change(before: float | None, after: float | None) -> str:
         return factor(before, after)
     if percent < -99.9999:
         return "−99.9999 % or more"
-    # As many nines as it takes: "−100 %" would claim that nothing is left.
-    digits = 0 if abs(percent) >= 1 else 2
-    while percent < -99 and float(f"{percent:.{digits}f}") == -100.0:
+    return f"{percent:+.{_digits(percent)}f} %".replace("-", "−")
+
+
+def share(value: float | None) -> str:
+    """A share of 1 in percent: ``94 %``, ``99.93 %``; a dash where it is not known."""
+    if value is None or not math.isfinite(value):
+        return NOTHING
+    percent = 100.0 * value
+    if 99.9999 < percent < 100.0:
+        return "more than 99.9999 %"
+    return f"{percent:.{_digits(percent)}f} %".replace("-", "−")
+
+
+def _digits(percent: float) -> int:
+    """Digits behind the point; as many nines as it takes, for "100 %" would claim that nothing is left."""
+    digits = 0 if abs(percent) >= 1 or percent == 0 else 2
+    while 99.0 < abs(percent) < 100.0 and float(f"{abs(percent):.{digits}f}") == 100.0:
         digits += 1
-    return f"{percent:+.{digits}f} %".replace("-", "−")
+    return digits
 
 
 def duration(seconds: float) -> str:

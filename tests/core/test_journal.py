@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 from bsa.core.errors import BsaError
-from bsa.core.journal import FILE_NAME, FORMAT, LOCK, Journal, check_run_folder, opened, read_events
+from bsa.core.journal import FILE_NAME, FORMAT, LOCK, Journal, check_run_folder, opened, read_events, spent_s
 
 
 def test_events_come_back_in_order(tmp_path: Path) -> None:
@@ -162,3 +162,16 @@ def test_a_line_of_another_shape_is_damage(line: str, tmp_path: Path) -> None:
     (tmp_path / FILE_NAME).write_text(line + "\n")
     with pytest.raises(BsaError, match="damaged at line 1"):
         list(read_events(tmp_path))
+
+
+def test_a_run_took_the_time_of_each_time_it_was_taken_up() -> None:
+    def events(*told: tuple[str, float | None]) -> list[dict[str, Any]]:
+        return [{"event": kind} | ({} if spent is None else {"wall_s": spent}) for kind, spent in told]
+
+    run, resumed = ("run", None), ("resumed", None)
+    ended = events(run, ("simulation", 2.0), ("end", 3.0))
+    killed = events(resumed, ("simulation", 5.0), ("simulation", 7.0))
+    assert spent_s(ended) == 3.0
+    assert spent_s([*ended, *killed]) == 10.0, "a run that was killed counts up to its last simulation"
+    assert spent_s([*ended, *killed, *events(resumed, ("refused", None), ("end", 0.5))]) == 10.5
+    assert spent_s(events(run, ("trial", None), ("end", 1.0), ("trial", None), ("end", 2.0))) == 3.0

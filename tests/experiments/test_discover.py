@@ -20,6 +20,7 @@ from bsa.experiments.discovery_bench.making import _write
 from bsa.experiments.discovery_bench.protocols import Step
 from bsa.experiments.discovery_case import DiscoverOptions, read_case, spreads_of
 from bsa.experiments.discovery_journal import opened, read_options
+from bsa.experiments.discovery_setup import set_up
 from bsa.experiments.run import read_request
 from bsa.plugins.pybamm.augmented_script import augmented_script
 from bsa.plugins.pybamm.export import parameter_values_json
@@ -82,6 +83,8 @@ def test_a_discovered_cell_has_the_nominal_capacity_of_its_size(tmp_path):
     assert solution["Current [A]"].entries[0] == pytest.approx(10.0, rel=0.05)
     assert solution.t[-1] == pytest.approx(0.9 * 3600.0, rel=0.1)  # empty at the set's own cut-off
     assert solution["Voltage [V]"].entries[-1] == pytest.approx(2.5, abs=0.01)
+    drawn_ah = float(np.ptp(record.record.discharge_capacity))
+    assert set_up(case, DiscoverOptions(**options)).capacity_ah == pytest.approx(drawn_ah, rel=0.005)
     person = read_case(DiscoverOptions(**options, overrides={"Electrode width [m]": 2 * 1.58}))
     assert person.cell.overrides["Nominal cell capacity [A.h]"] == pytest.approx(10.0)
 

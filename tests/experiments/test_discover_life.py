@@ -106,6 +106,9 @@ def test_a_discovery_that_was_stopped_keeps_every_simulation(
     monkeypatch.setattr(ToyLives, "most", 10**9)
     found = discover(options(toy, tmp_path / "stopped"))
     assert ToyLives.asked == asked - before
+    spent = [event.get("wall_s", 0.0) for event in read_events(tmp_path / "stopped") if event["event"] == "end"]
+    assert len(spent) == 4, "each time that it was stopped, and at the end"
+    assert found.wall_s == pytest.approx(sum(spent)), "what is reported is what the journal keeps"
     same = [{**one.to_json(), "wall_s": 0.0} for one in (whole, found)]
     assert same[0] == same[1]
     content = json.loads((tmp_path / "stopped" / "discovery.json").read_text())
@@ -140,12 +143,18 @@ def test_ctrl_c_says_how_it_goes_on_and_the_rest_is_printed_as_json(
     content = json.loads(said.out)
     assert (content["verdict"], content["fit_cycles"]) == ("effect-found", 120)
     assert all(f"{name}: " in said.err for name in BENDS)
+    monkeypatch.setattr(sys, "argv", ["bsa", "discover", "--resume", str(folder)])
+    with pytest.raises(SystemExit):
+        main()
+    assert f"verdict: effect-found\n  {content['headline']}\n  linear\n" in capsys.readouterr().out
 
 
 def test_the_python_function_shows_what_was_found(toy: Path, tmp_path: Path) -> None:
     found = bsa.discover(toy, life=True, parameters="Chen2020", out=tmp_path / "found", progress=False)
     assert (found.verdict, found.effects) == ("effect-found", ("linear",))
     assert found.to_json() == json.loads((found.folder / "discovery.json").read_text())
+    assert found.headline == found.to_json()["headline"]
+    assert f"<p>{found.headline}: {found.to_json()['reason']}</p>" in found._repr_html_()
     errors = found.errors["Later cycles [standard deviations]"]
     assert errors["best"] < 0.1 * errors["initial"]
     low, high = found.intervals["linear: lost"]

@@ -28,9 +28,12 @@ def test_an_error_under_load_is_found_under_load():
     for by in ("segment", "rate", "charge", "since step", "temperature"):
         assert sum(p.share for p in places if p.by == by) == pytest.approx(1.0, abs=1e-6)
     sentences = in_words(places, 1e-3)
-    assert sentences[0].startswith("measured voltage lies 20.0 mV above the model during a: CC discharge at 2.5C")
-    (by_rate,) = (sentence for sentence in sentences if sentence.startswith("by rate: "))
-    assert "15.5 mV rms (simulated minus measured -11.4 mV)" in by_rate
+    assert sentences[0].startswith(
+        "The measured voltage lies on average 20.0 mV above the model during a: CC discharge at 2.5C"
+    )
+    (by_rate,) = (sentence for sentence in sentences if sentence.startswith("By rate, the largest error: "))
+    assert "(15.5 mV rms, simulated minus measured on average -11.4 mV)" in by_rate
+    assert any(sentence.startswith("By time since the last step, ") for sentence in sentences)
 
 
 def test_a_closure_describes_a_resistance():

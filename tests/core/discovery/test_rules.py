@@ -45,7 +45,7 @@ def test_a_gap_that_bent_parameters_hide_shows_in_the_temperature():
     blind, warm = explanation("cold", 15.0), explanation("heat", 2.0)
     for found in (blind, warm):
         found.adequacy = Adequacy(0.0, 0.0, 1.0)
-    assert "of the gap only" in RULES.objection_to(blind, Gap(base, base, 1e-4, 1e-4))
+    assert "of the squared misfit only" in RULES.objection_to(blind, Gap(base, base, 1e-4, 1e-4))
     assert RULES.objection_to(warm, Gap(base, base, 1e-4, 1e-4)) == ""
     warm.held_rmse_v = 1.05 * base.held_rmse_v
     assert RULES.objection_to(warm, Gap(base, base, 1e-4, 1e-4)) == ""
@@ -77,9 +77,9 @@ def test_a_null_that_the_voltage_does_not_exclude_the_temperature_may(without, e
     [
         (5.0, 3.0, 10.0, ""),
         (5.0, 6.0, 10.0, "in data not fitted only"),
-        (5.5, 3.0, 10.0, "closes 70% of the gap only, and leaves 5.5 times the noise"),
-        (8.0, 3.0, 10.0, "of the gap only"),
-        (6.0, 1.0, 1.05, "of the gap only"),
+        (5.5, 3.0, 10.0, "explains 70% of the squared misfit only, and leaves 5.5 times the noise"),
+        (8.0, 3.0, 10.0, "of the squared misfit only"),
+        (6.0, 1.0, 1.05, "of the squared misfit only"),
         (3.0, 1.0, 1.05, ""),
     ],
 )
@@ -100,7 +100,8 @@ def test_a_name_beside_which_more_than_noise_is_left_says_how_much():
     base.rmse_v = base.held_rmse_v = 10e-3
     partial, whole = explanation("effect", None, rmse=2.0), explanation("effect", None)
     partial.adequacy, partial.rmse_v = Adequacy(0.0, 0.0, 1.0), 2e-3
-    for found, said in ((partial, "leaves 4.0 times the noise: something else may be missing too"), (whole, "in BIC")):
+    left = "leaves 4.0 times the noise: something else may be missing too, and the values found may compensate for it"
+    for found, said in ((partial, left), (whole, "in BIC")):
         assert RULES.decide(Gap(base, base, 0.5e-3, 0.5e-3), [found]).reason.endswith(said)
 
 
@@ -157,7 +158,7 @@ def test_the_gap_is_measured_from_the_base_fit_that_comes_nearest():
     found = explanation("effect", None, rmse=2.0)
     found.adequacy, found.rmse_v, found.held_rmse_v = Adequacy(0.0, 0.0, 1.0), 10e-3, 0.5e-3
     assert RULES.objection_to(found, Gap(likelier, likelier, 1e-4, 1e-3)) == ""
-    assert "of the gap only" in RULES.objection_to(found, Gap(likelier, nearest, 1e-4, 1e-3))
+    assert "of the squared misfit only" in RULES.objection_to(found, Gap(likelier, nearest, 1e-4, 1e-3))
 
 
 def test_what_is_no_better_than_the_base_model_is_no_partial_explanation():

@@ -10,6 +10,7 @@ from bsa.core.discovery.record_discovery import RecordDiscovery
 from bsa.core.discovery.refit import Refit
 from bsa.core.effect_choice import effects_of
 from bsa.core.parameters import Parameter, ParameterSpace
+from bsa.core.target import InitialSoc
 from bsa.experiments.report.base_parameters import base_parameters
 
 (RESISTANCE,) = effects_of(["contact-resistance"])
@@ -17,7 +18,7 @@ SPACE = ParameterSpace(
     (
         Parameter("Negative particle radius factor", 1.0, 0.5, 2.0, "log", deviation=0.3, prior=True),
         Parameter("Current offset: a [A]", 0.0, -0.02, 0.02, deviation=0.01, prior=True),
-        Parameter("Initial SoC: a", 0.9, 0.0, 1.08, deviation=0.02),
+        Parameter("Initial SoC: a", 0.9, 0.0, 1.08, target=InitialSoc("a"), deviation=0.02),
         *RESISTANCE.searched,
     )
 )
@@ -29,7 +30,7 @@ def found(deviation: float | None) -> RecordDiscovery:
     fit = Refit(SPACE, U, np.zeros(40), np.vstack([10.0 * np.eye(4)] * 10), True, 1, weighed)
     best = Explanation((RESISTANCE,), fit, Adequacy(0.0, 0.0, 1.0), 1e-3, 1e-3, np.zeros(40), np.full(40, 1e-3))
     findings = Findings("effect-found", Gap(best, best, 1e-3, 1e-3), best, [], [best], [], "why")
-    return RecordDiscovery(findings, [], [], [])
+    return RecordDiscovery(findings, [], [], [], 2.0)
 
 
 def test_values_stand_with_their_intervals_and_what_was_known_before() -> None:
@@ -40,7 +41,7 @@ def test_values_stand_with_their_intervals_and_what_was_known_before() -> None:
     # Ten samples of slope 10 in a unit of 0.01 A, beside the prior: a deviation of 1 / sqrt(1001) units.
     low, high = map(float, offset.interval.split(" to "))
     np.testing.assert_allclose(high - low, 2 * 1.96 * 0.01 / np.sqrt(1001), rtol=1e-3)
-    assert (charge.before, charge.at_bound) == ("none; search from 0.9", True)
+    assert (charge.before, charge.flags) == ("none; search from 0.9", ("at a bound", "outside 0 to 1"))
 
 
 def test_without_the_deviations_of_the_fit_no_interval_is_made() -> None:

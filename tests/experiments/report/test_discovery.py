@@ -4,15 +4,12 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-import pytest
 from bsa.core.discovery.closure import Closure
-from bsa.core.discovery.findings import Nomination
 from bsa.core.discovery.next_experiment import NextExperiment
 from bsa.core.discovery.observations import observe
 from bsa.core.discovery.simulator import MeasuredRecord, Prediction
-from bsa.core.effect_choice import effects_of
 from bsa.core.trajectory import Step, StepKind, Trajectory
-from bsa.experiments.report.discovery import _figure, _headline
+from bsa.experiments.report.discovery import _LAYOUTS, _figure
 from bsa.experiments.report.templates import template
 
 
@@ -24,26 +21,12 @@ def test_a_figure_claims_no_error_that_was_not_scored() -> None:
     assert figure.chart.description == "Measured and simulated voltage."
 
 
-@pytest.mark.parametrize(
-    ("tried", "expected"),
-    [
-        (0, "no effect of the catalogue explains"),
-        (1, "the one effect that was tried does not explain"),
-        (3, "none of the 3 effects that were tried explains"),
-    ],
-)
-def test_an_unexplained_discrepancy_is_told_of_the_effects_that_were_tried(tried: int, expected: str) -> None:
-    nominations = [Nomination(effect, "" if n < tried else "no rest") for n, effect in enumerate(effects_of(None)[:4])]
-    assert _headline("unexplained", nominations) == f"A discrepancy remains that {expected}"
-    assert _headline("effect-found", nominations) == "An effect explains the discrepancy"
-
-
 _ERRORS = ("final_rmse_mv", "base_rmse_mv", "closed")
 
 
 def page(**given: Any) -> str:
     """The page of an answer that has no more than what is given."""
-    place = {"where": "rest", "rms_mv": 5.0, "bias_mv": 4.34, "z": 77.3, "share": 1.0}
+    place = {"by": "since step", "where": "rest", "rms_mv": 5.0, "bias_mv": 4.34, "z": 77.3, "share": 1.0}
     content: dict[str, Any] = {
         "verdict": "unexplained",
         "localisation": [place],
@@ -52,9 +35,15 @@ def page(**given: Any) -> str:
     }
     lists: dict[str, Any] = {name: [] for name in ("effects", "partial", "notes", "in_words", "candidates")}
     unset = lists | dict.fromkeys(("next_experiment", "closure", "backend_ranking"))
-    numbers = {"simulations": 1, "wall_s": 1.0, "mesh_correction_mv": 0.0, "false_alarm_rate": 0.01}
-    content |= unset | numbers | {"reason": "", "temperature_rms_k": {}} | given.pop("d", {})
-    shown = {"d": content, "headline": "", "figures": [], "with_effect": False, "base": []}
+    numbers = {
+        "simulations": 1,
+        "wall_s": 1.0,
+        "mesh_correction_mv": 0.0,
+        "false_alarm_rate": 0.01,
+        "capacity_ah": 1.85,
+    }
+    content |= unset | numbers | {"headline": "", "reason": "", "temperature_rms_k": {}} | given.pop("d", {})
+    shown = {"d": content, "layouts": _LAYOUTS, "figures": [], "with_effect": False, "base": []}
     return template("record_discovery.html.j2").render(**shown | given)
 
 
@@ -69,7 +58,31 @@ def test_the_map_has_one_sign_and_no_effect_where_none_was_found() -> None:
 
 def test_a_proposed_experiment_says_where_it_starts_and_a_correction_what_it_is_over() -> None:
     proposed = NextExperiment("short pulses", ("Rest for 5 minutes",), 0.6, 1.0, 2.0, ("a", "b"), True)
-    assert "short pulses, from a state of charge of 60 %: the two" in page(d={"next_experiment": asdict(proposed)})
+    assert "short pulses, from a state of charge of 60 % (1C is 1.85 A): the two" in page(
+        d={"next_experiment": asdict(proposed)}
+    )
     closure = asdict(Closure(("1",), (1.0,), 24.53, 4.0))
     assert "24.53 mV before" in page(d={"closure": closure})
     assert "Both are over averages of samples" in page(d={"closure": closure})
+
+
+def test_what_an_effect_explains_is_said_of_the_errors_and_of_their_squares() -> None:
+    gap = {"base_rmse_mv": 105.63, "final_rmse_mv": 25.44, "closed": 0.94201, "noise_mv": 0.18}
+    gap |= {"holdout_base_rmse_mv": 566.99, "holdout_final_rmse_mv": 14.62, "holdout_closed": 0.999335}
+    shown = page(d={"gap": gap}, with_effect=True)
+    assert "from 105.63 mV (−76 %); 94 % of the squared misfit beyond noise is explained" in shown
+    assert "from 566.99 mV (−97 %); 99.9 % of the squared misfit" in shown
+    worse = page(d={"gap": gap | {"holdout_final_rmse_mv": 600.0, "holdout_closed": -0.12}}, with_effect=True)
+    assert "from 566.99 mV (+6 %)</dd>" in worse
+    assert page(d={"gap": gap}).count("of the fitted base model</dd>") == 2
+
+
+def test_the_map_says_what_each_part_is_laid_out_by_and_what_1c_is() -> None:
+    assert "By time since the last step" in page()
+    assert "1C is 1.85 A" in page()
+
+
+def test_only_a_backend_that_was_asked_has_a_column() -> None:
+    ranking = {"analysis": "", "note": "", "ranked": []}
+    assert "Backend's rank" not in page()
+    assert "Backend's rank" in page(d={"backend_ranking": ranking})
