@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,7 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ...core.errors import BsaError
+from ...core.files import begins, foreign
 from ...core.printable import shown
+from ...core.reading.part_of_file import file_and_part
 from ...core.reply_parsing import strip_control
 from . import shared_options as shared
 from .option_groups import with_options
@@ -20,6 +23,10 @@ if TYPE_CHECKING:
     from ...core.spectrum import ImpedanceSpectrum
 
 EXPORTS = ("bdf",)
+
+_PICTURES = {".png": b"\x89PNG", ".svg": b"<?xml"}
+_RECORDS = {".csv": b"Test Time / s,", ".parquet": b"PAR1"}
+"""Endings of the files that are written, and how each of these begins."""
 
 
 @with_options(shared.Reading)
@@ -79,6 +86,31 @@ def _check_outputs(files: list[Path], join: bool, plot: Path | None, export: str
             f"{len(files)} files were given, and one picture or export asked for.",
             "give one file, or --join for the files of one cell.",
         )
+    if plot is not None:
+        _check_output("--plot", plot, _PICTURES, "a picture", files)
+    if out is not None:
+        _check_output("--out", out, _RECORDS, "a record in the Battery Data Format", files)
+
+
+def _check_output(option: str, path: Path, beginnings: Mapping[str, bytes], kind: str, files: list[Path]) -> None:
+    """Refuse to write what the name does not say, over a file that is read, or over something else than ``kind``."""
+    beginning = beginnings.get(path.suffix.lower())
+    if beginning is None:
+        endings = " or ".join(beginnings)
+        raise BsaError(f"{shown(path, 200)} is not the name of {kind}.", f"end it in {endings}.")
+    for file, _ in map(file_and_part, files):
+        if file.exists() and path.exists() and path.samefile(file):
+            raise BsaError(
+                f"{option} {shown(path, 200)} is a file that is read; nothing was written.", "choose another path."
+            )
+        if file.is_dir() and path.resolve().parent == file.resolve():
+            raise BsaError(
+                f"{option} {shown(path, 200)} lies in the folder {shown(file, 200)}, whose files are read; nothing was "
+                "written.",
+                "choose a path outside of it.",
+            )
+    if (path.exists() or path.is_symlink()) and not begins(path, beginning):
+        raise foreign(path, kind)
 
 
 def _parts(found: Record | ImpedanceSpectrum) -> list[Record] | list[ImpedanceSpectrum]:

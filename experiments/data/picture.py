@@ -5,14 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from ...core.errors import BsaError
 from ...core.files import replacing
-from ...core.printable import shown
 from ...core.reading.summary import CycleRow, summary
 from ...core.record import Record
 from ...core.spectrum import ImpedanceSpectrum
-
-SUFFIXES = (".png", ".svg")
 
 _SAMPLES_A_STEP = 400
 _CYCLES = 4
@@ -22,12 +18,10 @@ _CYCLES = 4
 def draw(found: Record | ImpedanceSpectrum, path: Path) -> None:
     """Write a picture: signals over time and capacities by cycle, or a Nyquist plot.
 
-    Raises `BsaError` if the name ends in anything but ``.png`` or ``.svg``, or the file cannot be written.
+    Its name ends in ``.png`` or ``.svg``. Raises `BsaError` if the file cannot be written.
     """
     from matplotlib.figure import Figure
 
-    if path.suffix.lower() not in SUFFIXES:
-        raise BsaError(f"{shown(path)} is not the name of a picture.", "end it in .png or .svg.")
     figure = Figure(figsize=(8, 6), layout="constrained")
     figure.suptitle(found.name.replace("$", r"\$"), fontsize=10)
     if isinstance(found, ImpedanceSpectrum):
