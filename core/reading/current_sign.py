@@ -3,11 +3,25 @@
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import BsaError
 from ..record import ReadOptions
+from ..trajectory import FloatArray
 from .clock import gaps_in
 from .samples import Samples
+
+Places = NDArray[np.intp]
+
+BOTH_WAYS_V = 0.5
+"""Under a current of one sign the voltage moves one way. After a larger load it recovers against a small one, by up to
+some tenths of a volt; a move of more than this, in V, is a charge or a discharge."""
+
+_FLOWS = 0.02
+"""Share of the largest current above which a current flows, and no noise."""
+
+_JUMP = 0.05
+"""A change of the current by more than this share of the largest, from one sample to the next, begins a stretch."""
 
 
 def with_sign(samples: Samples, options: ReadOptions) -> Samples:
@@ -51,27 +65,18 @@ def _refuse_still_current(samples: Samples) -> None:
 def _discharge_positive(samples: Samples) -> tuple[float, int, int]:
     """Evidence from -1 (positive on charge) to 1 (positive on discharge), and the stretch that shows it best."""
     current, voltage = samples.current, samples.voltage
-    scale = float(np.max(np.abs(current)))
-    if scale == 0.0:
+    if not np.any(current):
         return 0.0, 0, len(samples) - 1
-    signs = np.where(np.abs(current) > 0.02 * scale, np.sign(current), 0.0)
-    # What happened in a gap is not known: a charge may stand between two discharges.
-    cuts = np.union1d(np.flatnonzero(np.diff(signs)), gaps_in(samples.time)) + 1
-    edges = np.concatenate([[0], cuts, [len(signs)]])
-    first, last = edges[:-1], edges[1:] - 1
-    flowing = signs[first] != 0
-    first, last = first[flowing], last[flowing]
+    signs = _signs(current)
+    first, last = _stretches(samples, signs, np.flatnonzero(np.diff(signs)))
     moves = voltage[last] - voltage[first]
     total = float(np.sum(np.abs(moves)))
     best = int(np.argmax(np.abs(moves)))
     trend = float(-np.sum(signs[first] * moves)) / total if total > 0.02 else 0.0
-    if total > 0.5 and abs(trend) < 0.5 and (np.all(signs >= 0) or np.all(signs <= 0)):
-        raise BsaError(
-            f"{samples.source}: column {samples.column('current')} never changes its sign, yet the voltage both rises "
-            f"and falls under current (from {voltage[first[best]]:.4g} V in {samples.place(int(first[best]))} to "
-            f"{voltage[last[best]]:.4g} V in {samples.place(int(last[best]))}).",
-            "the file gives sizes only: export the current with its sign.",
-        )
+    if np.all(signs >= 0) or np.all(signs <= 0):
+        if total > BOTH_WAYS_V and abs(trend) < 0.5:
+            raise _sizes_only(samples, first, last)
+        _refuse_both_ways(samples, signs)
     steps, answers = np.diff(current), np.diff(voltage)
     size = float(np.sqrt(np.sum(steps**2) * np.sum(answers**2)))
     jump = -float(np.sum(steps * answers)) / size if size > 0 else 0.0
@@ -80,3 +85,50 @@ def _discharge_positive(samples: Samples) -> tuple[float, int, int]:
     if trend * jump < 0 and abs(jump) > 0.5:
         evidence = 0.0
     return evidence, int(first[best]), int(last[best])
+
+
+def _signs(current: FloatArray) -> FloatArray:
+    return np.where(np.abs(current) > _FLOWS * np.max(np.abs(current)), np.sign(current), 0.0)
+
+
+def _stretches(samples: Samples, signs: FloatArray, ends: Places) -> tuple[Places, Places]:
+    """First and last samples of the stretches under current that end at the given samples or at a gap.
+
+    What happened in a gap is not known: a charge may stand between two discharges.
+    """
+    cuts = np.union1d(ends, gaps_in(samples.time)) + 1
+    edges = np.concatenate([[0], cuts, [len(signs)]]).astype(np.intp)
+    first, last = edges[:-1], edges[1:] - 1
+    flowing = signs[first] != 0
+    return first[flowing], last[flowing]
+
+
+def _refuse_both_ways(samples: Samples, signs: FloatArray) -> None:
+    """Refuse a current of one sign that both charges and discharges the cell by far.
+
+    The voltage rises where a discharge becomes smaller: what counts is a stretch without a jump of the current, from
+    its second sample on.
+    """
+    current, voltage = samples.current, samples.voltage
+    jumps = np.abs(np.diff(current)) > _JUMP * np.max(np.abs(current))
+    first, last = _stretches(samples, signs, np.flatnonzero((np.diff(signs) != 0) | jumps))
+    first = np.minimum(first + 1, last)
+    moves = voltage[last] - voltage[first]
+    if min(np.max(moves), -np.min(moves)) > BOTH_WAYS_V:
+        raise _sizes_only(samples, first, last)
+
+
+def _sizes_only(samples: Samples, first: Places, last: Places) -> BsaError:
+    voltage = samples.voltage
+    moves = voltage[last] - voltage[first]
+    furthest = {"rises": moves.argmax(), "falls": moves.argmin()}
+    ways = sorted((int(first[k]), int(last[k]), way) for way, k in furthest.items())
+    said = " and ".join(
+        f"{way} from {voltage[start]:.4g} V ({samples.place(start)}) to {voltage[stop]:.4g} V ({samples.place(stop)})"
+        for start, stop, way in ways
+    )
+    return BsaError(
+        f"{samples.source}: column {samples.column('current')} never changes its sign, yet the voltage {said} under "
+        "current.",
+        "the file gives sizes only: export the current with its sign.",
+    )
