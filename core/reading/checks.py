@@ -5,14 +5,16 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import BsaError
+from ..printable import counted
 from ..record import ReadOptions, Record
 from ..segmentation import segment
 from ..trajectory import Trajectory
 from .ambient import ambient_of
 from .charge import charge_notes
-from .clock import with_clock, with_gaps_noted
+from .clock import with_clock
 from .counters import with_switches_counted
 from .current_sign import with_sign
+from .gaps import with_gaps_noted
 from .joining import carried_on
 from .lag import without_lag
 from .samples import Samples
@@ -74,7 +76,7 @@ def _without_offset(samples: Samples, offset_a: float) -> Samples:
 def _enough(samples: Samples) -> None:
     if len(samples) < MIN_SAMPLES:
         raise BsaError(
-            f"{samples.source} has only {len(samples)} samples; at least {MIN_SAMPLES} are needed.",
+            f"{samples.source} has only {counted(len(samples), 'sample')}; at least {MIN_SAMPLES} are needed.",
             "is it the stub of a test that was stopped? Give the whole record.",
         )
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..errors import BsaError
 from ..record import ReadOptions
 from ..trajectory import FloatArray
-from .clock import gaps_in
+from .gaps import FLOWS, gaps_in
 from .samples import Samples
 
 Places = NDArray[np.intp]
@@ -16,9 +16,6 @@ Places = NDArray[np.intp]
 BOTH_WAYS_V = 0.5
 """Under a current of one sign the voltage moves one way. After a larger load it recovers against a small one, by up to
 some tenths of a volt; a move of more than this, in V, is a charge or a discharge."""
-
-_FLOWS = 0.02
-"""Share of the largest current above which a current flows, and no noise."""
 
 _JUMP = 0.05
 """A change of the current by more than this share of the largest, from one sample to the next, begins a stretch."""
@@ -88,7 +85,7 @@ def _discharge_positive(samples: Samples) -> tuple[float, int, int]:
 
 
 def _signs(current: FloatArray) -> FloatArray:
-    return np.where(np.abs(current) > _FLOWS * np.max(np.abs(current)), np.sign(current), 0.0)
+    return np.where(np.abs(current) > FLOWS * np.max(np.abs(current)), np.sign(current), 0.0)
 
 
 def _stretches(samples: Samples, signs: FloatArray, ends: Places) -> tuple[Places, Places]:
@@ -96,7 +93,7 @@ def _stretches(samples: Samples, signs: FloatArray, ends: Places) -> tuple[Place
 
     What happened in a gap is not known: a charge may stand between two discharges.
     """
-    cuts = np.union1d(ends, gaps_in(samples.time)) + 1
+    cuts = np.union1d(ends, gaps_in(samples)) + 1
     edges = np.concatenate([[0], cuts, [len(signs)]]).astype(np.intp)
     first, last = edges[:-1], edges[1:] - 1
     flowing = signs[first] != 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -57,19 +57,20 @@ def data(
         read_file(source, read, reader=reading.reader, reader_options=reading.reader_options)
         for source, read in zip(sources, reads, strict=True)
     ]
+    parts = [_parts(one) for one in found]
     if plot is not None:
         from ..data.picture import draw
+        from ..data.words import listed_share
 
-        draw(found[0], plot)
+        draw(found[0], plot, listed_share(found[0], parts[0]))
     if out is not None:
         _export(found[0], out)
-    parts = [part for one in found for part in _parts(one)]
     if as_json:
-        contents = [_content(part) for part in parts]
+        contents = [_content(part, one) for one, some in zip(found, parts, strict=True) for part in some]
         print(json.dumps(contents[0] if len(contents) == 1 else contents, indent=1))
         return
-    for number, part in enumerate(parts):
-        print("\n" * bool(number) + strip_control("\n".join(_lines(part))))
+    blocks = [block for one, some in zip(found, parts, strict=True) for block in _blocks(one, some)]
+    print(strip_control("\n\n".join(blocks)))
     for path in (plot, out):
         if path is not None:
             print(f"\nwritten: {path}")
@@ -113,7 +114,7 @@ def _check_output(option: str, path: Path, beginnings: Mapping[str, bytes], kind
         raise foreign(path, kind)
 
 
-def _parts(found: Record | ImpedanceSpectrum) -> list[Record] | list[ImpedanceSpectrum]:
+def _parts(found: Record | ImpedanceSpectrum) -> Sequence[Record | ImpedanceSpectrum]:
     """What a calibration would use of it: a record is cut where the charge is not known."""
     from ...core.reading.parts import parts_between_gaps
     from ...core.record import Record
@@ -133,13 +134,14 @@ def _export(found: Record | ImpedanceSpectrum, out: Path) -> None:
     write(found, out, steps=True)
 
 
-def _content(found: Record | ImpedanceSpectrum) -> dict[str, Any]:
+def _content(found: Record | ImpedanceSpectrum, whole: Record | ImpedanceSpectrum) -> dict[str, Any]:
     from ...core.reading.summary import summary
     from ...core.record import Record
     from ..data.signs import positive_on_charge
+    from ..data.words import size_of
 
-    if isinstance(found, Record):
-        signed = {"kind": "record", "sign": "current is positive on charge"}
+    if isinstance(found, Record) and isinstance(whole, Record):
+        signed = {"kind": "record", "sign": "current is positive on charge", "whole": size_of(whole)}
         return signed | asdict(positive_on_charge(summary(found)))
     return {
         "kind": "impedance spectrum",
@@ -154,9 +156,14 @@ def _content(found: Record | ImpedanceSpectrum) -> dict[str, Any]:
     }
 
 
-def _lines(found: Record | ImpedanceSpectrum) -> list[str]:
+def _blocks(whole: Record | ImpedanceSpectrum, parts: Sequence[Record | ImpedanceSpectrum]) -> Iterator[str]:
+    """What is printed of one file: how much of it is listed, if not all, and its parts."""
     from ...core.reading.summary import summary
     from ...core.record import Record
-    from ..data.words import record_lines, spectrum_lines
+    from ..data.words import listed_share, record_lines, spectrum_lines, wrapped
 
-    return list(record_lines(summary(found)) if isinstance(found, Record) else spectrum_lines(found))
+    share = listed_share(whole, parts)
+    if share:
+        yield "\n".join(wrapped(f"{whole.name}: {share}; a picture and an export hold all of it."))
+    for part in parts:
+        yield "\n".join(record_lines(summary(part)) if isinstance(part, Record) else spectrum_lines(part))

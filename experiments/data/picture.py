@@ -15,15 +15,18 @@ _CYCLES = 4
 """With fewer cycles their capacities are no curve."""
 
 
-def draw(found: Record | ImpedanceSpectrum, path: Path) -> None:
+def draw(found: Record | ImpedanceSpectrum, path: Path, listed: str = "") -> None:
     """Write a picture: signals over time and capacities by cycle, or a Nyquist plot.
+
+    ``listed`` is what `bsa data` lists of the record, if not all of what is drawn.
 
     Its name ends in ``.png`` or ``.svg``. Raises `BsaError` if the file cannot be written.
     """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8, 6), layout="constrained")
-    figure.suptitle(found.name.replace("$", r"\$"), fontsize=10)
+    title = f"{found.name}\nall of the record; {listed}" if listed else found.name
+    figure.suptitle(title.replace("$", r"\$"), fontsize=10)
     if isinstance(found, ImpedanceSpectrum):
         _nyquist(figure, found)
     else:

@@ -6,7 +6,9 @@ from typing import TypeVar
 
 import numpy as np
 
+from ...core.printable import counted
 from ...core.reading.summary import RecordSummary, ResistanceRow, StepRow
+from ...core.record import Record
 from ...core.spectrum import ImpedanceSpectrum
 from .signs import positive_on_charge
 
@@ -27,6 +29,27 @@ def duration(seconds: float) -> str:
         if abs(seconds) < limit:
             return f"{seconds / size:.4g} {unit}"
     return f"{seconds / 86400.0:.4g} d"
+
+
+def size_of(record: Record) -> dict[str, float]:
+    """Samples, seconds and cycles of a record."""
+    trajectory = record.trajectory
+    return {"samples": len(trajectory), "duration_s": trajectory.duration, "cycles": len(trajectory.cycles)}
+
+
+def listed_share(whole: Record | ImpedanceSpectrum, parts: Sequence[Record | ImpedanceSpectrum]) -> str:
+    """How much of a file its parts are, which is what is listed; empty where they are all of it."""
+    records = [size_of(part) for part in parts if isinstance(part, Record)]
+    if not isinstance(whole, Record) or (len(records) == 1 and records[0] == size_of(whole)):
+        return ""
+    cycles = {number for part in parts if isinstance(part, Record) for number in part.trajectory.cycles}
+    samples, seconds = (sum(one[name] for one in records) for name in ("samples", "duration_s"))
+    all_of_it = whole.trajectory
+    return (
+        f"{samples:,} of {len(all_of_it):,} samples ({duration(seconds)} of {duration(all_of_it.duration)}, "
+        f"{len(cycles):,} of {counted(len(all_of_it.cycles), 'cycle')}) are listed, in "
+        f"{counted(len(records), 'part')}, as a calibration uses them"
+    )
 
 
 def record_lines(found: RecordSummary) -> Iterator[str]:
@@ -109,7 +132,7 @@ def problem_lines(problems: Sequence[str]) -> Iterator[str]:
     yield ""
     yield f"Noted ({len(problems)})" if problems else "Nothing was assumed, repaired or missing."
     for problem in problems:
-        yield from _wrapped(problem, "  - ")
+        yield from wrapped(problem, "  - ")
 
 
 def _table(title: str, header: str, rows: Sequence[_Row], line: Callable[[_Row], str]) -> Iterator[str]:
@@ -138,5 +161,6 @@ def _resistance_line(row: ResistanceRow) -> str:
     )
 
 
-def _wrapped(text: str, indent: str) -> Iterable[str]:
+def wrapped(text: str, indent: str = "") -> Iterable[str]:
+    """The text in lines of `WIDTH`, the later ones as far in as the first."""
     return textwrap.wrap(text, WIDTH, initial_indent=indent, subsequent_indent=" " * len(indent))

@@ -116,7 +116,7 @@ def test_what_cannot_be_is_refused_in_the_same_words(path: Path, changes: dict[s
 
 
 def test_a_hole_is_left_out_with_a_note(path: Path) -> None:
-    assert read(path, cycled(voltage=HOLE)).notes[0] == "1 samples without a value were left out (row 6)."
+    assert read(path, cycled(voltage=HOLE)).notes[0] == "1 sample without a value was left out (row 6)."
 
 
 @pytest.mark.parametrize(

@@ -62,7 +62,21 @@ def test_a_record_is_shown_as_the_parts_that_a_calibration_uses(folder):
     (folder / "gap.csv").write_text("Time [s],U[V],I[A]\n" + "\n".join(",".join(map(repr, row)) for row in rows))
     parts = json.loads(said("gap.csv", "--json"))
     assert [part["samples"] for part in parts] == [100, 200]
-    assert "silent for long beside a load" in said("gap.csv")
+    assert [part["whole"]["samples"] for part in parts] == [300, 300]
+    text = said("gap.csv")
+    assert "silent for long beside a load" in text
+    assert text.startswith("gap.csv: 300 of 300 samples (49.67 min of 83.89 h, 1 of 1 cycle) are listed, in\n2 parts, as")
+
+
+def test_the_first_line_says_that_a_part_is_left_out(folder):
+    rows = [*ROWS[:100], *((3e5 + time, *others) for time, *others in ROWS[100:])]
+    (folder / "gap.csv").write_text("Time [s],U[V],I[A]\n" + "\n".join(",".join(map(repr, row)) for row in rows))
+    assert said("gap.csv").startswith("gap.csv: 100 of 200 samples (16.5 min of 83.89 h, 1 of 1 cycle) are listed")
+    found = json.loads(said("gap.csv", "--json"))
+    assert (found["samples"], found["whole"]["samples"]) == (100, 200)
+    said("gap.csv", "--plot", "gap.svg")
+    assert "all of the record; 100 of 200 samples" in (folder / "gap.svg").read_text()
+    assert said("a.csv").startswith("a.csv\n")
 
 
 @pytest.mark.parametrize("name", ["a.csv", "z.csv"])

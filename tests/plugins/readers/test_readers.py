@@ -182,10 +182,10 @@ def test_repairs_are_noted_with_their_rows(tmp_path):
     record = read_record(path)
     assert len(record.trajectory) == 198
     notes = " | ".join(record.notes)
-    assert "1 voltage glitches were left out (8.39 V in row 51)" in notes
-    assert "1 samples without a value were left out (row 61)" in notes
+    assert "1 voltage glitch was left out (8.39 V in row 51)" in notes
+    assert "1 sample without a value was left out (row 61)" in notes
     assert "row 72" in notes
-    assert "out of time order were left out (row 102)" in notes
+    assert "1 sample out of time order was left out (row 102)" in notes
     assert "row 204, the last one, is incomplete" in notes
 
 
@@ -206,7 +206,7 @@ def test_gaps_are_noted(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("\n".join(lines[:30] + lines[150:]))
     note = read_record(path).notes[0]
-    assert "the longest of 1210 s after row 30; current flowed across 1" in note
+    assert "the longest of 1210 s after row 30; current flowed across it," in note
 
 
 def test_temperatures(tmp_path):

@@ -214,7 +214,7 @@ def test_workbooks(tmp_path):
     bad[7][2] = "#VALUE!"
     sheet_of(path, bad)
     notes = read_record(path).notes
-    assert "1 samples without a value were left out (row 9 of sheet Channel_1-001)." in notes
+    assert "1 sample without a value was left out (row 9 of sheet Channel_1-001)." in notes
 
     bad[7][2] = "overload"
     sheet_of(path, bad)
