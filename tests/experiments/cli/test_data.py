@@ -65,7 +65,9 @@ def test_a_record_is_shown_as_the_parts_that_a_calibration_uses(folder):
     assert [part["whole"]["samples"] for part in parts] == [300, 300]
     text = said("gap.csv")
     assert "silent for long beside a load" in text
-    assert text.startswith("gap.csv: 300 of 300 samples (49.67 min of 83.89 h, 1 of 1 cycle) are listed, in\n2 parts, as")
+    assert text.startswith(
+        "gap.csv: 300 of 300 samples (49.67 min of 83.89 h, 1 of 1 cycle) are listed, in\n2 parts, as"
+    )
 
 
 def test_the_first_line_says_that_a_part_is_left_out(folder):
