@@ -18,6 +18,7 @@ from .gaps import with_gaps_noted
 from .joining import carried_on
 from .lag import without_lag
 from .samples import Samples
+from .time_unit import check_time_unit
 from .values import KELVIN, check_range, check_size, check_units, without_glitches, without_missing
 
 MIN_SAMPLES = 10
@@ -37,6 +38,7 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
     samples = with_clock(carried_on(samples, options.join))
     samples = without_glitches(samples)
     check_range(samples)
+    check_time_unit(samples)
     samples = with_switches_counted(with_sign(samples, options))
     samples = _without_offset(samples, options.current_offset_a)
     samples = without_lag(samples, options.voltage_lag_s)

@@ -3,22 +3,15 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import BsaError
 from ..record import ReadOptions
-from ..trajectory import FloatArray
-from .gaps import FLOWS, gaps_in
 from .samples import Samples
-
-Places = NDArray[np.intp]
+from .stretches import Places, directions, steady_stretches, stretches
 
 BOTH_WAYS_V = 0.5
 """Under a current of one sign the voltage moves one way. After a larger load it recovers against a small one, by up to
 some tenths of a volt; a move of more than this, in V, is a charge or a discharge."""
-
-_JUMP = 0.05
-"""A change of the current by more than this share of the largest, from one sample to the next, begins a stretch."""
 
 
 def with_sign(samples: Samples, options: ReadOptions) -> Samples:
@@ -64,8 +57,8 @@ def _discharge_positive(samples: Samples) -> tuple[float, int, int]:
     current, voltage = samples.current, samples.voltage
     if not np.any(current):
         return 0.0, 0, len(samples) - 1
-    signs = _signs(current)
-    first, last = _stretches(samples, signs, np.flatnonzero(np.diff(signs)))
+    signs = directions(current)
+    first, last = stretches(samples)
     moves = voltage[last] - voltage[first]
     total = float(np.sum(np.abs(moves)))
     best = int(np.argmax(np.abs(moves)))
@@ -73,7 +66,7 @@ def _discharge_positive(samples: Samples) -> tuple[float, int, int]:
     if np.all(signs >= 0) or np.all(signs <= 0):
         if total > BOTH_WAYS_V and abs(trend) < 0.5:
             raise _sizes_only(samples, first, last)
-        _refuse_both_ways(samples, signs)
+        _refuse_both_ways(samples)
     steps, answers = np.diff(current), np.diff(voltage)
     size = float(np.sqrt(np.sum(steps**2) * np.sum(answers**2)))
     jump = -float(np.sum(steps * answers)) / size if size > 0 else 0.0
@@ -84,33 +77,13 @@ def _discharge_positive(samples: Samples) -> tuple[float, int, int]:
     return evidence, int(first[best]), int(last[best])
 
 
-def _signs(current: FloatArray) -> FloatArray:
-    return np.where(np.abs(current) > FLOWS * np.max(np.abs(current)), np.sign(current), 0.0)
-
-
-def _stretches(samples: Samples, signs: FloatArray, ends: Places) -> tuple[Places, Places]:
-    """First and last samples of the stretches under current that end at the given samples or at a gap.
-
-    What happened in a gap is not known: a charge may stand between two discharges.
-    """
-    cuts = np.union1d(ends, gaps_in(samples)) + 1
-    edges = np.concatenate([[0], cuts, [len(signs)]]).astype(np.intp)
-    first, last = edges[:-1], edges[1:] - 1
-    flowing = signs[first] != 0
-    return first[flowing], last[flowing]
-
-
-def _refuse_both_ways(samples: Samples, signs: FloatArray) -> None:
+def _refuse_both_ways(samples: Samples) -> None:
     """Refuse a current of one sign that both charges and discharges the cell by far.
 
-    The voltage rises where a discharge becomes smaller: what counts is a stretch without a jump of the current, from
-    its second sample on.
+    The voltage rises where a discharge becomes smaller: what counts is a stretch without a jump of the current.
     """
-    current, voltage = samples.current, samples.voltage
-    jumps = np.abs(np.diff(current)) > _JUMP * np.max(np.abs(current))
-    first, last = _stretches(samples, signs, np.flatnonzero((np.diff(signs) != 0) | jumps))
-    first = np.minimum(first + 1, last)
-    moves = voltage[last] - voltage[first]
+    first, last = steady_stretches(samples)
+    moves = samples.voltage[last] - samples.voltage[first]
     if min(np.max(moves), -np.min(moves)) > BOTH_WAYS_V:
         raise _sizes_only(samples, first, last)
 

@@ -144,6 +144,7 @@ def _concatenated(parts: Sequence[Samples], source: str) -> Samples:
         temperature=temperature,
         rows=np.concatenate([part.rows for part in parts]),
         names=parts[0].names,
+        without_unit=parts[0].without_unit,
         notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),
         ambient_k=next((part.ambient_k for part in parts if part.ambient_k is not None), None),
         sheets=tuple(part.source for part in parts),

@@ -71,6 +71,7 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
         current=signals["current"],
         temperature=signals.get("temperature"),
         names={signal: shown(column.name) for signal, column in found.items()},
+        without_unit=tuple(column.signal for column in bare),
         notes=tuple(said),
         ambient_k=None if ambient is None else first_kelvin(read.texts[ambient]),
         extra=_extra({name: (table.header[place], read.texts[place]) for name, place in extra.items()}),
