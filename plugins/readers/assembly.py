@@ -9,8 +9,8 @@ from ...core.printable import listed, shown
 from ...core.reading.samples import Extra, Samples
 from ...core.record import ReadOptions
 from ...core.trajectory import FloatArray
-from .columns import AMBIENT, EXTRA, SIGNALS, named, resolve, split_name
-from .dates import seconds_of
+from .columns import AMBIENT, EXTRA, named, resolve, split_name
+from .dates import elapsed_s, is_clock_or_date, is_date, seconds_of
 from .table import Numbers
 
 _TAKEN = {"time": "s", "voltage": "V", "current": "A", "temperature": "degC"}
@@ -31,6 +31,9 @@ class AnyTable(Protocol):
     def units(self) -> tuple[str, ...] | None:
         """Row of units beneath the header."""
 
+    def first(self, place: int) -> str:
+        """The first cell of a column."""
+
     def numbers(self, wanted: Mapping[int, str], where: Mapping[str, str], texts: Sequence[int] = ()) -> Numbers:
         """Read columns; see `Table.numbers`."""
 
@@ -45,11 +48,27 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
         if place is not None and place not in taken:
             extra[name] = place
     ambient = named(table.header, AMBIENT)
-    texts = [*extra.values(), *([] if ambient is None else [ambient])]
-    read = table.numbers({column.index: column.name for column in found.values()}, options.where, texts)
-    signals = {signal: found[signal].in_si(read.values[found[signal].index]) for signal in SIGNALS if signal in found}
+    time = found["time"]
+    written = is_clock_or_date(table.first(time.index))  # as 10:00:00, or as a date
+    numeric = [column for column in found.values() if not (written and column is time)]
+    texts = [*extra.values(), *([] if ambient is None else [ambient]), *([time.index] if written else [])]
+    read = table.numbers({column.index: column.name for column in numeric}, options.where, texts)
+    signals = {column.signal: column.in_si(read.values[column.index]) for column in numeric}
     said = [*notes, *read.notes]
-    bare = [column for column in found.values() if column.unit is None]
+    said_by_file = _extra({name: (table.header[place], read.texts[place]) for name, place in extra.items()})
+    if written:
+        signals["time"], date = elapsed_s(
+            read.texts[time.index], table.source, time.name, said_by_file.pop("date", None)
+        )
+        said.append(
+            f'the time is that of column "{shown(time.name)}", which begins at {shown(table.first(time.index))}.'
+        )
+        if date is not None:
+            said_by_file["date"] = date
+    elif is_date(signals["time"]):
+        said_by_file.setdefault("date", signals["time"])
+        signals["time"] = signals["time"] - signals["time"][0]
+    bare = [column for column in numeric if column.unit is None]
     if bare:
         verb = "has no unit; it was" if len(bare) == 1 else "have no units; they were"
         taken_in = ", ".join(_TAKEN[column.signal] for column in bare)
@@ -74,7 +93,7 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
         without_unit=tuple(column.signal for column in bare),
         notes=tuple(said),
         ambient_k=None if ambient is None else first_kelvin(read.texts[ambient]),
-        extra=_extra({name: (table.header[place], read.texts[place]) for name, place in extra.items()}),
+        extra=said_by_file,
     )
 
 
