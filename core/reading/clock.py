@@ -15,6 +15,9 @@ RESTART_S = 60.0
 """A clock that runs back further than this (and ten usual intervals) has restarted, in s."""
 
 
+_LISTED = 3
+
+
 def with_clock(samples: Samples) -> Samples:
     """Make the time rise: lone spikes, repeated rows and small steps back are left out.
 
@@ -37,7 +40,7 @@ def with_clock(samples: Samples) -> Samples:
         k = int(fallen[0])
         raise BsaError(
             f"{samples.source}: the clock restarts in {samples.place(k)} ({time[k - 1]:g} s, then {time[k]:g} s).",
-            "it holds several tests: choose one with --where COLUMN=VALUE, or say --join where they follow each other.",
+            f"it holds several tests: {_choice(samples.tests_by)}, or say --join where they follow each other.",
         )
     if np.count_nonzero(back) > max(BACKWARD_ROWS, BACKWARD_SHARE * len(samples)):
         k = int(np.flatnonzero(np.diff(time) < 0)[0]) + 1
@@ -53,6 +56,14 @@ def with_clock(samples: Samples) -> Samples:
             f"{counted(len(rows), 'sample')} out of time order {were(len(rows))} left out ({samples.places(rows)}).",
         )
     return _without_repeats(samples)
+
+
+def _choice(tests_by: tuple[str, ...] | None) -> str:
+    if tests_by:
+        return f"choose one with --where {' or --where '.join(tests_by[:_LISTED])} (here the first)"
+    if tests_by is None:
+        return "choose one with --where COLUMN=VALUE"
+    return "no column tells them apart, so cut the file there or add a column that numbers them (--where COLUMN=VALUE)"
 
 
 def _never_rises(samples: Samples) -> BsaError:

@@ -33,13 +33,20 @@ def with_sign(samples: Samples, options: ReadOptions) -> Samples:
     elif (evidence > 0.3 and stated == "charge-positive") or (evidence < -0.3 and stated == "discharge-positive"):
         other = "discharge-positive" if evidence > 0 else "charge-positive"
         way = "falls" if samples.voltage[stop] < samples.voltage[start] else "rises"
+        said = options.constant_current_a if "current" not in samples.names else None
+        what = f"column {samples.column('current')}" if said is None else "the current of --constant-current"
         raise BsaError(
-            f"{samples.source}: column {samples.column('current')} is {samples.current[(start + stop) // 2]:.4g} A "
-            f"while the voltage {way} from {samples.voltage[start]:.4g} V ({samples.place(start)}) to "
-            f"{samples.voltage[stop]:.4g} V ({samples.place(stop)}), so it is not {stated}.",
-            f"say --current-sign {other}.",
+            f"{samples.source}: {what} is {samples.current[(start + stop) // 2]:.4g} A while the voltage {way} from "
+            f"{samples.voltage[start]:.4g} V ({samples.place(start)}) to {samples.voltage[stop]:.4g} V "
+            f"({samples.place(stop)}), so it is not {stated}.",
+            f"say --current-sign {other}." if said is None else _turned(said, stated),
         )
     return samples if stated == "discharge-positive" else replace(samples, current=-samples.current)
+
+
+def _turned(constant_a: float, stated: str) -> str:
+    sign = "negative" if stated == "charge-positive" else "positive"
+    return f"give --constant-current={-constant_a:g}: a discharge is {sign} there."
 
 
 def _refuse_still_current(samples: Samples) -> None:

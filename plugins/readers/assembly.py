@@ -1,11 +1,14 @@
 """From the columns of a table, wherever it stands, to the signals of a cell."""
 
+import shlex
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 
 from ...core.printable import listed, shown
+from ...core.reading.clock import RESTART_S
 from ...core.reading.samples import Extra, Samples
 from ...core.record import ReadOptions
 from ...core.trajectory import FloatArray
@@ -61,7 +64,7 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
             read.texts[time.index], table.source, time.name, said_by_file.pop("date", None)
         )
         said.append(
-            f'the time is that of column "{shown(time.name)}", which begins at {shown(table.first(time.index))}.'
+            f'the time is that of column "{shown(time.name)}", which begins at {shown(read.texts[time.index][0])}.'
         )
         if date is not None:
             said_by_file["date"] = date
@@ -90,6 +93,7 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
         current=signals["current"],
         temperature=signals.get("temperature"),
         names={signal: shown(column.name) for signal, column in found.items()},
+        tests_by=_tests_by(table, signals["time"], options) if not {"date", "cycle"} & set(said_by_file) else None,
         without_unit=tuple(column.signal for column in bare),
         notes=tuple(said),
         ambient_k=None if ambient is None else first_kelvin(read.texts[ambient]),
@@ -108,6 +112,21 @@ def _extra(columns: Mapping[Extra, tuple[str, list[str]]]) -> dict[Extra, FloatA
             values = values / 1000.0
         found[name] = values
     return found
+
+
+def _tests_by(table: AnyTable, time: FloatArray, options: ReadOptions) -> tuple[str, ...] | None:
+    """The columns that have another value in each test of a file whose clock restarts, with that of the first one."""
+    with np.errstate(invalid="ignore"):
+        begins = np.flatnonzero(np.diff(time) < -RESTART_S) + 1
+    if len(begins) == 0 or options.join:
+        return None
+    found = []
+    for place, name in enumerate(table.header):
+        cells = table.numbers({}, options.where, [place]).texts[place]
+        changes = [k for k, (one, two) in enumerate(pairwise(cells), 1) if one != two]
+        if changes == begins.tolist() and len({cells[k] for k in changes} | {cells[0]}) == len(changes) + 1:
+            found.append(shlex.quote(f"{shown(name)}={shown(cells[0].strip())}"))
+    return tuple(found)
 
 
 def number(text: str) -> float:

@@ -1,5 +1,6 @@
 """Which way a current flows, and records whose current cannot tell."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -52,3 +53,19 @@ def test_a_discharge_alone_has_one_sign(read: Samples) -> None:
     assert with_sign(read, ReadOptions(current_sign="auto")).current[0] > 0.0
     with pytest.raises(BsaError, match="so it is not charge-positive"):
         with_sign(read, ReadOptions())
+
+
+@pytest.mark.parametrize(
+    ("stated", "said", "hint"),
+    [
+        ("charge-positive", 2.5, "give --constant-current=-2.5: a discharge is negative there."),
+        ("discharge-positive", -2.5, "give --constant-current=2.5: a discharge is positive there."),
+    ],
+)
+def test_a_constant_current_of_the_wrong_sign_is_that_of_the_option(stated: Any, said: float, hint: str) -> None:
+    read = samples((said, 4.1, 2.5))
+    with pytest.raises(BsaError, match=r"the current of --constant-current is -?2\.5 A while the voltage") as raised:
+        with_sign(read, ReadOptions(current_sign=stated, constant_current_a=said))
+    assert raised.value.hint == hint
+    with pytest.raises(BsaError, match='column "I" is'):
+        with_sign(replace(read, names={"current": "I"}), ReadOptions(current_sign=stated, constant_current_a=said))
