@@ -71,7 +71,9 @@ def _of_offset(trajectory: Trajectory) -> list[str]:
         return []
     if np.all(trajectory.current >= 0.0) or np.all(trajectory.current <= 0.0):
         return []  # a pulse, behind which the voltage comes back though the charge does not
-    began_v, ended_v = resting_voltage(trajectory), trajectory.voltage[last.stop - 1]
+    # What a cell shows after a silence is of another temperature, and perhaps of another charge.
+    silent = [int(k) for k in gaps_in(trajectory) if k >= last.start]
+    began_v, ended_v = resting_voltage(trajectory), trajectory.voltage[silent[0] if silent else last.stop - 1]
     drawn = trajectory.discharge_capacity
     passing = np.abs(trajectory.current) > 0.0
     hours = float(np.sum(np.diff(trajectory.time)[passing[:-1]])) / 3600.0

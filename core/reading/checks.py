@@ -9,7 +9,7 @@ from ..printable import counted
 from ..record import ReadOptions, Record
 from ..segmentation import segment
 from ..trajectory import Trajectory
-from .ambient import ambient_of
+from .ambient import HOT_C, ambient_of
 from .charge import charge_notes
 from .clock import with_clock
 from .counters import with_switches_counted
@@ -58,6 +58,11 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
     elif ambient is None and samples.temperature is not None:
         ambient, words = ambient_of(samples.time, samples.temperature)
         samples = samples.noted(words)
+    if options.ambient_c is None and ambient is not None and ambient - 273.15 > HOT_C:
+        samples = samples.noted(
+            f"the ambient temperature of {ambient - 273.15:.1f} degC is a high one: a temperature in degF is to be "
+            "converted first."
+        )
     if ambient is not None and not KELVIN[0] <= ambient <= KELVIN[1]:
         raise BsaError(
             f"{samples.source}: an ambient temperature of {ambient - 273.15:.4g} degC ({ambient:.4g} K) cannot be.",
