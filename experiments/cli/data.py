@@ -66,7 +66,7 @@ def data(
     if out is not None:
         _export(found[0], out)
     if as_json:
-        contents = [_content(part, one) for one, some in zip(found, parts, strict=True) for part in some]
+        contents = [content for one, some in zip(found, parts, strict=True) for content in _contents(one, some)]
         print(json.dumps(contents[0] if len(contents) == 1 else contents, indent=1))
         return
     blocks = [block for one, some in zip(found, parts, strict=True) for block in _blocks(one, some)]
@@ -134,15 +134,25 @@ def _export(found: Record | ImpedanceSpectrum, out: Path) -> None:
     write(found, out, steps=True)
 
 
-def _content(found: Record | ImpedanceSpectrum, whole: Record | ImpedanceSpectrum) -> dict[str, Any]:
+def _contents(
+    whole: Record | ImpedanceSpectrum, parts: Sequence[Record | ImpedanceSpectrum]
+) -> Iterator[dict[str, Any]]:
+    """What is printed of one file as JSON, a part each."""
     from ...core.reading.summary import summary
     from ...core.record import Record
     from ..data.signs import positive_on_charge
     from ..data.words import size_of
 
-    if isinstance(found, Record) and isinstance(whole, Record):
+    if isinstance(whole, Record):
         signed = {"kind": "record", "sign": "current is positive on charge", "whole": size_of(whole)}
-        return signed | asdict(positive_on_charge(summary(found)))
+        for part in parts:
+            if isinstance(part, Record):
+                yield signed | asdict(positive_on_charge(summary(part)))
+        return
+    yield _spectrum_content(whole)
+
+
+def _spectrum_content(found: ImpedanceSpectrum) -> dict[str, Any]:
     return {
         "kind": "impedance spectrum",
         "name": found.name,
