@@ -25,3 +25,13 @@ def listed(names: Iterable[object], limit: int = 20) -> str:
     everything = [f'"{shown(name, 40)}"' for name in names]
     more = f" and {len(everything) - limit} more" if len(everything) > limit else ""
     return ", ".join(everything[:limit]) + more
+
+
+def counted(count: int, noun: str, ending: str = "s") -> str:
+    """A number of things: ``1 gap``, ``2 gaps``; ``ending`` is that of the plural."""
+    return f"{count} {noun}{ending * (count != 1)}"
+
+
+def were(count: int) -> str:
+    """The verb after a number of things."""
+    return "was" if count == 1 else "were"

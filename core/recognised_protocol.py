@@ -1,6 +1,7 @@
 """The protocol that a record shows: its steps as a cycler would be told them."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -18,21 +19,40 @@ _FALLING = 0.9
 def with_switches(record: Trajectory) -> Trajectory:
     """The record with each step begun where the one before ended.
 
-    Cyclers write the first sample of a step one interval late. A sample is inserted at the switch: else the interval
-    would be a ramp of the current that never was.
+    Cyclers write the last sample of a step as it ends, and the first one up to an interval late. A sample is inserted
+    at the switch: else the interval would be a ramp of the current that never was. A rest that is written far less
+    often than the load after it goes on until that load's own interval before its first sample.
     """
-    late = [step.start for step in record.steps[1:] if record.time[step.start] > record.time[step.start - 1]]
-    places = np.insert(np.arange(len(record)), late, late)
-    time = np.insert(record.time, late, record.time[np.array(late, dtype=np.intp) - 1])
-    begun = [int(np.searchsorted(places, step.start)) for step in record.steps]
+    at: list[int] = []  # where samples are inserted, which ones are copied, and their times
+    copied: list[int] = []
+    times: list[float] = []
+    for before, step in pairwise(record.steps):
+        ended, seen = float(record.time[step.start - 1]), float(record.time[step.start])
+        if seen == ended:
+            continue
+        begun = max(ended, seen - late_s(record, step)) if before.kind is StepKind.REST else ended
+        if begun > ended:
+            copied.append(step.start - 1)
+        copied.append(step.start)
+        at.extend([step.start] * (len(copied) - len(at)))
+        times.extend([begun] * (len(copied) - len(times)))
+    places = np.insert(np.arange(len(record)), at, copied)
+    starts = [int(np.searchsorted(places, step.start)) for step in record.steps]
     steps = [
         replace(step, start=start, stop=stop)
-        for step, start, stop in zip(record.steps, begun, [*begun[1:], len(places)], strict=True)
+        for step, start, stop in zip(record.steps, starts, [*starts[1:], len(places)], strict=True)
     ]
-    copied = record.picked(places, tuple(steps))
-    # Of two samples that are one in the record the first is the copy.
-    inserted = copied.inserted | np.append(np.diff(places) == 0, False)
-    return replace(copied, time=time, inserted=inserted)
+    met = record.picked(places, tuple(steps))
+    return replace(met, time=np.insert(record.time, at, times), inserted=np.insert(record.inserted, at, True))
+
+
+def late_s(record: Trajectory, step: Step) -> float:
+    """How long after its beginning the first sample of a step may have been written, s: its usual interval, and a half.
+
+    Without end for a step of one sample, which has no interval.
+    """
+    spacing = np.diff(record.time[step.start : step.stop])
+    return 1.5 * float(np.median(spacing)) if len(spacing) else float("inf")
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,9 @@ WARM_K = 1.0
 regulation of a chamber and reversible heat explain less: the cells of the LG M50 fall by up to 0.7 K, those of NASA's
 charges, which follow a discharge, by 2 to 5 K."""
 
+HOT_C = 60.0
+"""Cells are rarely tested in a hotter chamber, degC; what a room has in degF is above it."""
+
 _DAY_S = 86400.0
 
 _BLOCK, _LEAST_BLOCKS = 9, 5

@@ -4,9 +4,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..printable import counted
 from ..trajectory import FloatArray, StepKind, Trajectory
-from .clock import gaps_in
 from .counters import LATE_S, counted_between
+from .gaps import gaps_in
 from .samples import Samples
 from .switches import resting_voltage
 
@@ -43,20 +44,20 @@ def _of_counter(samples: Samples, drawn: FloatArray, passed: FloatArray) -> list
     if samples.sheet is not None:
         missed[np.diff(samples.sheet) != 0] = 0.0  # each file's counters begin anew
     large = np.flatnonzero(np.abs(missed) > NOTED_SHARE * size)
-    gaps = gaps_in(samples.time)
+    gaps = gaps_in(samples)
     silent, late = np.intersect1d(large, gaps), np.setdiff1d(large, gaps)
     late = late[np.diff(samples.time)[late] > LATE_S]
     notes = []
     if len(silent):
         k = int(silent[np.argmax(np.abs(passed[silent]))])
         notes.append(
-            f"charge passed in {len(silent)} gaps, by the file's own counter: {np.sum(passed[silent]):+.3g} A.h drawn "
-            f"in all, most ({passed[k]:+.3g} A.h) after {samples.place(k)}."
+            f"charge passed in {counted(len(silent), 'gap')}, by the file's own counter: "
+            f"{np.sum(passed[silent]):+.3g} A.h drawn in all, most ({passed[k]:+.3g} A.h) after {samples.place(k)}."
         )
     if len(late):
         k = int(late[np.argmax(np.abs(missed[late]))])
         notes.append(
-            f"the current switches between samples far apart in {len(late)} places, so it adds up to "
+            f"the current switches between samples far apart in {counted(len(late), 'place')}, so it adds up to "
             f"another charge than the file's own counter: {np.sum(missed[late]):+.3g} A.h in all, most "
             f"({missed[k]:+.3g} A.h in {samples.time[k + 1] - samples.time[k]:.3g} s) after {samples.place(k)}."
         )
@@ -70,7 +71,9 @@ def _of_offset(trajectory: Trajectory) -> list[str]:
         return []
     if np.all(trajectory.current >= 0.0) or np.all(trajectory.current <= 0.0):
         return []  # a pulse, behind which the voltage comes back though the charge does not
-    began_v, ended_v = resting_voltage(trajectory), trajectory.voltage[last.stop - 1]
+    # What a cell shows after a silence is of another temperature, and perhaps of another charge.
+    silent = [int(k) for k in gaps_in(trajectory) if k >= last.start]
+    began_v, ended_v = resting_voltage(trajectory), trajectory.voltage[silent[0] if silent else last.stop - 1]
     drawn = trajectory.discharge_capacity
     passing = np.abs(trajectory.current) > 0.0
     hours = float(np.sum(np.diff(trajectory.time)[passing[:-1]])) / 3600.0

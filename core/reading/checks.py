@@ -5,17 +5,20 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import BsaError
+from ..printable import counted
 from ..record import ReadOptions, Record
 from ..segmentation import segment
 from ..trajectory import Trajectory
-from .ambient import ambient_of
+from .ambient import HOT_C, ambient_of
 from .charge import charge_notes
-from .clock import with_clock, with_gaps_noted
+from .clock import with_clock
 from .counters import with_switches_counted
 from .current_sign import with_sign
+from .gaps import with_gaps_noted
 from .joining import carried_on
 from .lag import without_lag
 from .samples import Samples
+from .time_unit import check_time_unit
 from .values import KELVIN, check_range, check_size, check_units, without_glitches, without_missing
 
 MIN_SAMPLES = 10
@@ -35,6 +38,7 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
     samples = with_clock(carried_on(samples, options.join))
     samples = without_glitches(samples)
     check_range(samples)
+    check_time_unit(samples)
     samples = with_switches_counted(with_sign(samples, options))
     samples = _without_offset(samples, options.current_offset_a)
     samples = without_lag(samples, options.voltage_lag_s)
@@ -54,6 +58,11 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
     elif ambient is None and samples.temperature is not None:
         ambient, words = ambient_of(samples.time, samples.temperature)
         samples = samples.noted(words)
+    if options.ambient_c is None and ambient is not None and ambient - 273.15 > HOT_C:
+        samples = samples.noted(
+            f"the ambient temperature of {ambient - 273.15:.1f} degC is a high one: a temperature in degF is to be "
+            "converted first."
+        )
     if ambient is not None and not KELVIN[0] <= ambient <= KELVIN[1]:
         raise BsaError(
             f"{samples.source}: an ambient temperature of {ambient - 273.15:.4g} degC ({ambient:.4g} K) cannot be.",
@@ -74,7 +83,7 @@ def _without_offset(samples: Samples, offset_a: float) -> Samples:
 def _enough(samples: Samples) -> None:
     if len(samples) < MIN_SAMPLES:
         raise BsaError(
-            f"{samples.source} has only {len(samples)} samples; at least {MIN_SAMPLES} are needed.",
+            f"{samples.source} has only {counted(len(samples), 'sample')}; at least {MIN_SAMPLES} are needed.",
             "is it the stub of a test that was stopped? Give the whole record.",
         )
 

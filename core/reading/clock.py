@@ -1,10 +1,9 @@
-"""Makes the time of a file rise, and notes where it is silent."""
+"""Makes the time of a file rise."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import BsaError
-from ..trajectory import FloatArray
+from ..printable import counted, were
 from .samples import Samples
 
 BACKWARD_SHARE = 0.02
@@ -15,8 +14,8 @@ BACKWARD_ROWS = 5
 RESTART_S = 60.0
 """A clock that runs back further than this (and ten usual intervals) has restarted, in s."""
 
-GAP_S = 900.0
-"""Silence longer than this (and twenty usual intervals) is noted as a gap, in s."""
+
+_LISTED = 3
 
 
 def with_clock(samples: Samples) -> Samples:
@@ -41,7 +40,7 @@ def with_clock(samples: Samples) -> Samples:
         k = int(fallen[0])
         raise BsaError(
             f"{samples.source}: the clock restarts in {samples.place(k)} ({time[k - 1]:g} s, then {time[k]:g} s).",
-            "it holds several tests: choose one with --where COLUMN=VALUE, or say --join where they follow each other.",
+            f"it holds several tests: {_choice(samples.tests_by)}, or say --join where they follow each other.",
         )
     if np.count_nonzero(back) > max(BACKWARD_ROWS, BACKWARD_SHARE * len(samples)):
         k = int(np.flatnonzero(np.diff(time) < 0)[0]) + 1
@@ -52,8 +51,19 @@ def with_clock(samples: Samples) -> Samples:
         )
     if back.any():
         rows = np.flatnonzero(back)
-        samples = samples.kept(~back, f"{len(rows)} samples out of time order were left out ({samples.places(rows)}).")
+        samples = samples.kept(
+            ~back,
+            f"{counted(len(rows), 'sample')} out of time order {were(len(rows))} left out ({samples.places(rows)}).",
+        )
     return _without_repeats(samples)
+
+
+def _choice(tests_by: tuple[str, ...] | None) -> str:
+    if tests_by:
+        return f"choose one with --where {' or --where '.join(tests_by[:_LISTED])} (here the first)"
+    if tests_by is None:
+        return "choose one with --where COLUMN=VALUE"
+    return "no column tells them apart, so cut the file there or add a column that numbers them (--where COLUMN=VALUE)"
 
 
 def _never_rises(samples: Samples) -> BsaError:
@@ -88,25 +98,7 @@ def _without_repeats(samples: Samples) -> Samples:
             "export the time with more digits.",
         )
     return samples.kept(
-        keep, f"{len(rows)} samples with the time of the one before were left out ({samples.places(rows)})."
+        keep,
+        f"{counted(len(rows), 'sample')} with the time of the one before {were(len(rows))} left out "
+        f"({samples.places(rows)}).",
     )
-
-
-def gaps_in(time: FloatArray) -> NDArray[np.intp]:
-    """The samples after which a record is silent for long."""
-    spacing = np.diff(time)
-    return np.flatnonzero(spacing > max(GAP_S, 20.0 * float(np.median(spacing)))) if len(spacing) else np.zeros(0, int)
-
-
-def with_gaps_noted(samples: Samples) -> Samples:
-    """Note long silences; nothing is filled in."""
-    spacing, gaps = np.diff(samples.time), gaps_in(samples.time)
-    if len(gaps) == 0:
-        return samples
-    scale = float(np.max(np.abs(samples.current)))
-    flowing = np.minimum(np.abs(samples.current[gaps]), np.abs(samples.current[gaps + 1])) > 0.02 * scale
-    k = int(gaps[np.argmax(spacing[gaps])])
-    note = f"{len(gaps)} gaps without samples, the longest of {spacing[k]:.4g} s after {samples.place(k)}"
-    if flowing.any():
-        note += f"; current flowed across {np.count_nonzero(flowing)} of them, so charge is uncertain there"
-    return samples.noted(note + ".")

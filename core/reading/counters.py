@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..trajectory import FloatArray
-from .clock import gaps_in
+from .gaps import gaps_in
 from .samples import Counter, Samples
 
 LATE_S = 5.0
@@ -38,7 +38,7 @@ def counted_between(samples: Samples) -> FloatArray | None:
     elif "net_ah" in extra:
         passed, sampled = np.diff(extra["net_ah"]), drawn_between(samples.time, samples.current)
         # A net counter may run either way; in a long silence it may have been set to zero.
-        passed *= np.sign(np.nansum(np.delete(passed * sampled, gaps_in(samples.time)))) or 1.0
+        passed *= np.sign(np.nansum(np.delete(passed * sampled, gaps_in(samples)))) or 1.0
         passed = np.where(np.abs(extra["net_ah"][1:]) < 1e-9, sampled, passed)  # set to zero, it says nothing
     else:
         return None
@@ -74,7 +74,7 @@ def with_switches_counted(samples: Samples) -> Samples:
     slack = _SHOWN_SHARE * size / np.maximum(np.abs(before - after) * spacing / 3600.0, 1e-12)
     told = switched & (spacing > LATE_S) & (np.abs(passed - sampled) > _SHOWN_SHARE * size)
     told &= (share >= -slack) & (share <= 1.0 + slack)
-    told[gaps_in(samples.time)] = False
+    told[gaps_in(samples)] = False
     places = np.flatnonzero(told)
     if len(places) == 0:
         return samples

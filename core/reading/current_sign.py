@@ -6,8 +6,12 @@ import numpy as np
 
 from ..errors import BsaError
 from ..record import ReadOptions
-from .clock import gaps_in
 from .samples import Samples
+from .stretches import Places, directions, steady_stretches, stretches
+
+BOTH_WAYS_V = 0.5
+"""Under a current of one sign the voltage moves one way. After a larger load it recovers against a small one, by up to
+some tenths of a volt; a move of more than this, in V, is a charge or a discharge."""
 
 
 def with_sign(samples: Samples, options: ReadOptions) -> Samples:
@@ -29,13 +33,20 @@ def with_sign(samples: Samples, options: ReadOptions) -> Samples:
     elif (evidence > 0.3 and stated == "charge-positive") or (evidence < -0.3 and stated == "discharge-positive"):
         other = "discharge-positive" if evidence > 0 else "charge-positive"
         way = "falls" if samples.voltage[stop] < samples.voltage[start] else "rises"
+        said = options.constant_current_a if "current" not in samples.names else None
+        what = f"column {samples.column('current')}" if said is None else "the current of --constant-current"
         raise BsaError(
-            f"{samples.source}: column {samples.column('current')} is {samples.current[(start + stop) // 2]:.4g} A "
-            f"while the voltage {way} from {samples.voltage[start]:.4g} V ({samples.place(start)}) to "
-            f"{samples.voltage[stop]:.4g} V ({samples.place(stop)}), so it is not {stated}.",
-            f"say --current-sign {other}.",
+            f"{samples.source}: {what} is {samples.current[(start + stop) // 2]:.4g} A while the voltage {way} from "
+            f"{samples.voltage[start]:.4g} V ({samples.place(start)}) to {samples.voltage[stop]:.4g} V "
+            f"({samples.place(stop)}), so it is not {stated}.",
+            f"say --current-sign {other}." if said is None else _turned(said, stated),
         )
     return samples if stated == "discharge-positive" else replace(samples, current=-samples.current)
+
+
+def _turned(constant_a: float, stated: str) -> str:
+    sign = "negative" if stated == "charge-positive" else "positive"
+    return f"give --constant-current={-constant_a:g}: a discharge is {sign} there."
 
 
 def _refuse_still_current(samples: Samples) -> None:
@@ -51,27 +62,18 @@ def _refuse_still_current(samples: Samples) -> None:
 def _discharge_positive(samples: Samples) -> tuple[float, int, int]:
     """Evidence from -1 (positive on charge) to 1 (positive on discharge), and the stretch that shows it best."""
     current, voltage = samples.current, samples.voltage
-    scale = float(np.max(np.abs(current)))
-    if scale == 0.0:
+    if not np.any(current):
         return 0.0, 0, len(samples) - 1
-    signs = np.where(np.abs(current) > 0.02 * scale, np.sign(current), 0.0)
-    # What happened in a gap is not known: a charge may stand between two discharges.
-    cuts = np.union1d(np.flatnonzero(np.diff(signs)), gaps_in(samples.time)) + 1
-    edges = np.concatenate([[0], cuts, [len(signs)]])
-    first, last = edges[:-1], edges[1:] - 1
-    flowing = signs[first] != 0
-    first, last = first[flowing], last[flowing]
+    signs = directions(current)
+    first, last = stretches(samples)
     moves = voltage[last] - voltage[first]
     total = float(np.sum(np.abs(moves)))
     best = int(np.argmax(np.abs(moves)))
     trend = float(-np.sum(signs[first] * moves)) / total if total > 0.02 else 0.0
-    if total > 0.5 and abs(trend) < 0.5 and (np.all(signs >= 0) or np.all(signs <= 0)):
-        raise BsaError(
-            f"{samples.source}: column {samples.column('current')} never changes its sign, yet the voltage both rises "
-            f"and falls under current (from {voltage[first[best]]:.4g} V in {samples.place(int(first[best]))} to "
-            f"{voltage[last[best]]:.4g} V in {samples.place(int(last[best]))}).",
-            "the file gives sizes only: export the current with its sign.",
-        )
+    if np.all(signs >= 0) or np.all(signs <= 0):
+        if total > BOTH_WAYS_V and abs(trend) < 0.5:
+            raise _sizes_only(samples, first, last)
+        _refuse_both_ways(samples)
     steps, answers = np.diff(current), np.diff(voltage)
     size = float(np.sqrt(np.sum(steps**2) * np.sum(answers**2)))
     jump = -float(np.sum(steps * answers)) / size if size > 0 else 0.0
@@ -80,3 +82,30 @@ def _discharge_positive(samples: Samples) -> tuple[float, int, int]:
     if trend * jump < 0 and abs(jump) > 0.5:
         evidence = 0.0
     return evidence, int(first[best]), int(last[best])
+
+
+def _refuse_both_ways(samples: Samples) -> None:
+    """Refuse a current of one sign that both charges and discharges the cell by far.
+
+    The voltage rises where a discharge becomes smaller: what counts is a stretch without a jump of the current.
+    """
+    first, last = steady_stretches(samples)
+    moves = samples.voltage[last] - samples.voltage[first]
+    if min(np.max(moves), -np.min(moves)) > BOTH_WAYS_V:
+        raise _sizes_only(samples, first, last)
+
+
+def _sizes_only(samples: Samples, first: Places, last: Places) -> BsaError:
+    voltage = samples.voltage
+    moves = voltage[last] - voltage[first]
+    furthest = {"rises": moves.argmax(), "falls": moves.argmin()}
+    ways = sorted((int(first[k]), int(last[k]), way) for way, k in furthest.items())
+    said = " and ".join(
+        f"{way} from {voltage[start]:.4g} V ({samples.place(start)}) to {voltage[stop]:.4g} V ({samples.place(stop)})"
+        for start, stop, way in ways
+    )
+    return BsaError(
+        f"{samples.source}: column {samples.column('current')} never changes its sign, yet the voltage {said} under "
+        "current.",
+        "the file gives sizes only: export the current with its sign.",
+    )

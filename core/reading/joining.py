@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ..printable import listed
+from ..printable import counted, listed, were
 from ..trajectory import FloatArray
 from .clock import RESTART_S
 from .samples import Extra, Samples
@@ -91,9 +91,10 @@ def _on(samples: Samples, bounds: NDArray[np.intp], everything: bool) -> Samples
         if time[k] < time[k - 1]
     ]
     if len(notes) > _LISTED:
+        more = len(notes) - _LISTED
         notes = [
             *notes[:_LISTED],
-            f"{len(notes) - _LISTED} more restarts of the clock were carried on in the same way.",
+            f"{counted(more, 'more restart')} of the clock {were(more)} carried on in the same way.",
         ]
     return replace(result, notes=(*result.notes, *notes))
 
@@ -143,6 +144,7 @@ def _concatenated(parts: Sequence[Samples], source: str) -> Samples:
         temperature=temperature,
         rows=np.concatenate([part.rows for part in parts]),
         names=parts[0].names,
+        without_unit=parts[0].without_unit,
         notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),
         ambient_k=next((part.ambient_k for part in parts if part.ambient_k is not None), None),
         sheets=tuple(part.source for part in parts),

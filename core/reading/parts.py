@@ -7,10 +7,7 @@ import numpy as np
 
 from ..record import Record
 from ..trajectory import Step, Trajectory
-from .clock import gaps_in
-
-_FLOWS = 0.02
-"""Share of the largest current above which a cell is under load."""
+from .gaps import FLOWS, gaps_in
 
 
 def parts_between_gaps(record: Record) -> list[Record]:
@@ -21,8 +18,8 @@ def parts_between_gaps(record: Record) -> list[Record]:
     silence.
     """
     trajectory = record.trajectory
-    loaded = np.abs(trajectory.current) > _FLOWS * np.max(np.abs(trajectory.current), initial=0.0)
-    gaps = gaps_in(trajectory.time)
+    loaded = np.abs(trajectory.current) > FLOWS * np.max(np.abs(trajectory.current), initial=0.0)
+    gaps = gaps_in(trajectory)
     cuts = gaps[loaded[gaps] | loaded[gaps + 1]] + 1
     if len(cuts) == 0:
         return [record]

@@ -37,6 +37,10 @@ class Samples:
     # Row of each sample in its file or sheet, from 1, for messages; left out, the samples are counted. Shape (n,).
     rows: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     names: Mapping[Signal, str] = field(default_factory=dict)  # Columns as the file names them, for messages.
+    without_unit: tuple[Signal, ...] = ()  # Signals whose unit neither the file nor a person says.
+    # ``COLUMN=VALUE`` of the first test, by each column that numbers the tests of a file whose clock restarts; None
+    # where nobody looked.
+    tests_by: tuple[str, ...] | None = None
     notes: tuple[str, ...] = ()  # What was done so far.
     ambient_k: float | None = None  # Ambient temperature, where the file has it.
     sheets: tuple[str, ...] = ()  # Parts that the samples come from: ``"sheet Channel_1-008"``, or the names of files.

@@ -1,12 +1,16 @@
 """What a record says by itself: steps, cycles, resistances at current steps, and a slow curve."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
+from ..recognised_protocol import late_s, with_switches
 from ..record import Record
 from ..trajectory import FloatArray, Step, StepKind, Trajectory
+from .charge import NOTED_SHARE
+from .counters import LATE_S
 from .switches import STEP_SHARE, switches
 
 SLOW_HOURS = 8.0
@@ -100,7 +104,9 @@ def summary(record: Record) -> RecordSummary:
     spacing = spacing[spacing > 0] if np.any(spacing > 0) else np.zeros(1)
     kelvin = trajectory.temperature
     warm = None if kelvin is None else (kelvin[0] - 273.15, kelvin.min() - 273.15, kelvin.max() - 273.15)
-    drawn = trajectory.discharge_capacity
+    met = with_switches(trajectory)  # steps that meet, without a ramp of the current between them
+    drawn = met.discharge_capacity
+    steps = tuple(_step_row(met, drawn, step) for step in met.steps)
     return RecordSummary(
         name=record.name,
         samples=len(trajectory),
@@ -110,24 +116,19 @@ def summary(record: Record) -> RecordSummary:
         current=(float(trajectory.current.min()), float(trajectory.current.max())),
         temperature_c=None if warm is None else (float(warm[0]), float(warm[1]), float(warm[2])),
         ambient_c=None if record.ambient_k is None else record.ambient_k - 273.15,
-        steps=tuple(_step_row(trajectory, drawn, step) for step in trajectory.steps),
-        cycles=tuple(_cycle_rows(trajectory, drawn)),
+        steps=steps,
+        cycles=tuple(_cycle_rows(met, drawn)),
         resistances=tuple(_resistances(trajectory)),
-        slow=tuple(_slow_curves(trajectory, drawn)),
-        problems=(*record.notes, *_problems(record)),
+        slow=tuple(_slow_curves(met, drawn)),
+        problems=(*record.notes, *_problems(record, steps)),
     )
-
-
-def _charge(drawn: FloatArray, step: Step) -> float:
-    """Charge drawn from the sample before the step, where the current switched, to its last one, in A.h."""
-    return float(drawn[step.stop - 1] - drawn[max(step.start - 1, 0)])
 
 
 def _step_row(trajectory: Trajectory, drawn: FloatArray, step: Step) -> StepRow:
     inside = slice(step.start, step.stop)
     time, voltage = trajectory.time[inside], trajectory.voltage[inside]
-    duration = float(time[-1] - trajectory.time[max(step.start - 1, 0)])
-    charge, current = _charge(drawn, step), float(np.median(trajectory.current[inside]))
+    duration = float(time[-1] - time[0])
+    charge, current = float(drawn[step.stop - 1] - drawn[step.start]), float(np.median(trajectory.current[inside]))
     if step.kind in (StepKind.CV_HOLD, StepKind.DRIVE) and duration > 0.0:
         current = 3600.0 * charge / duration
     return StepRow(
@@ -148,14 +149,14 @@ def _cycle_rows(trajectory: Trajectory, drawn: FloatArray) -> Iterator[CycleRow]
         steps.setdefault(step.cycle, []).append(step)
     rising = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(drawn), 0.0))])
     for cycle, own in steps.items():
-        first, last = max(own[0].start - 1, 0), own[-1].stop - 1
+        first, last = own[0].start, own[-1].stop - 1
         discharged = float(rising[last] - rising[first])
         kelvin = trajectory.temperature
         yield CycleRow(
             cycle,
             charged_ah=max(discharged - float(drawn[last] - drawn[first]), 0.0),  # rounding may leave less than none
             discharged_ah=discharged,
-            warmest_c=None if kelvin is None else float(kelvin[own[0].start : last + 1].max()) - 273.15,
+            warmest_c=None if kelvin is None else float(kelvin[first : last + 1].max()) - 273.15,
         )
 
 
@@ -186,7 +187,7 @@ def _slow_curves(trajectory: Trajectory, drawn: FloatArray) -> Iterator[SlowCurv
             yield SlowCurve(row.kind, row.start_s, hours, abs(row.charge_ah), row.first_v, row.last_v)
 
 
-def _problems(record: Record) -> Iterator[str]:
+def _problems(record: Record, steps: Sequence[StepRow]) -> Iterator[str]:
     trajectory = record.trajectory
     largest = float(np.max(np.abs(trajectory.current), initial=0.0))
     if abs(trajectory.current[0]) > 0.02 * largest:
@@ -200,5 +201,29 @@ def _problems(record: Record) -> Iterator[str]:
             f"the voltage steps one sample before the current does (switches: {len(early)}, the first at "
             f"{trajectory.time[early[0].before + 1]:.6g} s): what the cell showed before is read one sample earlier."
         )
+    yield from _open_charge(trajectory, steps)
     if trajectory.temperature is None:
         yield "there is no temperature of the cell."
+
+
+def _open_charge(trajectory: Trajectory, steps: Sequence[StepRow]) -> Iterator[str]:
+    """The charge that is not known where a current is switched between two samples, and nothing tells when."""
+    time, current = trajectory.time, trajectory.current
+    most = max(abs(row.charge_ah) for row in steps)
+    largest = float(np.max(np.abs(current), initial=0.0))
+    found: list[tuple[float, float]] = []
+    for last, step in pairwise(trajectory.steps):
+        before, after = step.start - 1, step.start
+        loaded = last if abs(current[before]) > abs(current[after]) else step
+        apart_s = min(float(time[after] - time[before]), late_s(trajectory, loaded))  # a load is written more often
+        change = abs(float(current[after] - current[before]))
+        charge = change * apart_s / 3600.0
+        if change > STEP_SHARE * largest and apart_s > LATE_S and charge > NOTED_SHARE * most:
+            found.append((charge, float(time[before])))
+    if found:
+        charge, at_s = max(found)
+        yield (
+            f"the current is switched between samples far apart (places: {len(found)}; the most charge between two at "
+            f"{at_s:.6g} s). A step is taken to begin where the one before ended; if it began later, the charge of a "
+            f"step is another by up to {charge:.2g} A.h ({100 * charge / most:.2g} % of the largest)."
+        )

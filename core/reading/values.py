@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import BsaError
+from ..printable import counted, were
 from ..record import Signal
 from ..trajectory import LARGEST, FloatArray
 from .samples import Samples
@@ -43,7 +44,10 @@ def without_missing(samples: Samples) -> Samples:
         gone |= bad
     if gone.any():
         rows = np.flatnonzero(gone)
-        samples = samples.kept(~gone, f"{len(rows)} samples without a value were left out ({samples.places(rows)}).")
+        samples = samples.kept(
+            ~gone,
+            f"{counted(len(rows), 'sample')} without a value {were(len(rows))} left out ({samples.places(rows)}).",
+        )
     return _with_temperature(samples)
 
 
@@ -63,7 +67,9 @@ def _with_temperature(samples: Samples) -> Samples:
         return replace(samples, temperature=None)
     filled = temperature.copy()
     filled[bad] = np.interp(rows, np.flatnonzero(~bad), filled[~bad])
-    samples = samples.noted(f"{len(rows)} missing temperatures were interpolated ({samples.places(rows)}).")
+    samples = samples.noted(
+        f"{counted(len(rows), 'missing temperature')} {were(len(rows))} interpolated ({samples.places(rows)})."
+    )
     return replace(samples, temperature=filled)
 
 
@@ -79,7 +85,7 @@ def check_size(samples: Samples) -> None:
             k = int(wild[0])
             raise BsaError(
                 f"{samples.source}: {samples.place(k)}, column {samples.column(signal)}: {values[k]:g} is no "
-                f"measured number; {len(wild)} such rows.",
+                f"measured number; {counted(len(wild), 'such row')}.",
                 "repair or remove these rows.",
             )
 
@@ -145,12 +151,13 @@ def without_glitches(samples: Samples) -> Samples:
     k = int(rows[0])
     if len(rows) > max(MISSING_ROWS, MISSING_SHARE * len(samples)):
         raise BsaError(
-            f"{samples.source}: the voltage jumps for a single sample {len(rows)} times, first in {samples.place(k)} "
-            f"({v[k - 1]:g} V, {v[k]:g} V, {v[k + 1]:g} V).",
+            f"{samples.source}: the voltage jumps for a single sample {counted(len(rows), 'time')}, first in "
+            f"{samples.place(k)} ({v[k - 1]:g} V, {v[k]:g} V, {v[k + 1]:g} V).",
             "the sense wire may be loose; repair the record first.",
         )
     values = ", ".join(f"{v[row]:g} V" for row in rows[:5])
-    return samples.kept(~bad, f"{len(rows)} voltage glitches were left out ({values} in {samples.places(rows)}).")
+    glitches = f"{counted(len(rows), 'voltage glitch', 'es')} {were(len(rows))}"
+    return samples.kept(~bad, f"{glitches} left out ({values} in {samples.places(rows)}).")
 
 
 def check_range(samples: Samples) -> None:
@@ -161,6 +168,6 @@ def check_range(samples: Samples) -> None:
         k = int(bad[0])
         raise BsaError(
             f"{samples.source}: {samples.place(k)}, column {samples.column('voltage')}: {samples.voltage[k]:g} V is no "
-            f"voltage of a single cell ({low:g} to {high:g} V); {len(bad)} such rows.",
+            f"voltage of a single cell ({low:g} to {high:g} V); {counted(len(bad), 'such row')}.",
             "repair or remove these rows.",
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,7 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ...core.errors import BsaError
+from ...core.files import begins, foreign
 from ...core.printable import shown
+from ...core.reading.part_of_file import file_and_part
 from ...core.reply_parsing import strip_control
 from . import shared_options as shared
 from .option_groups import with_options
@@ -20,6 +23,10 @@ if TYPE_CHECKING:
     from ...core.spectrum import ImpedanceSpectrum
 
 EXPORTS = ("bdf",)
+
+_PICTURES = {".png": b"\x89PNG", ".svg": b"<?xml"}
+_RECORDS = {".csv": b"Test Time / s,", ".parquet": b"PAR1"}
+"""Endings of the files that are written, and how each of these begins."""
 
 
 @with_options(shared.Reading)
@@ -50,19 +57,20 @@ def data(
         read_file(source, read, reader=reading.reader, reader_options=reading.reader_options)
         for source, read in zip(sources, reads, strict=True)
     ]
+    parts = [_parts(one) for one in found]
     if plot is not None:
         from ..data.picture import draw
+        from ..data.words import listed_share
 
-        draw(found[0], plot)
+        draw(found[0], plot, listed_share(found[0], parts[0]))
     if out is not None:
         _export(found[0], out)
-    parts = [part for one in found for part in _parts(one)]
     if as_json:
-        contents = [_content(part) for part in parts]
+        contents = [content for one, some in zip(found, parts, strict=True) for content in _contents(one, some)]
         print(json.dumps(contents[0] if len(contents) == 1 else contents, indent=1))
         return
-    for number, part in enumerate(parts):
-        print("\n" * bool(number) + strip_control("\n".join(_lines(part))))
+    blocks = [block for one, some in zip(found, parts, strict=True) for block in _blocks(one, some)]
+    print(strip_control("\n\n".join(blocks)))
     for path in (plot, out):
         if path is not None:
             print(f"\nwritten: {path}")
@@ -79,9 +87,34 @@ def _check_outputs(files: list[Path], join: bool, plot: Path | None, export: str
             f"{len(files)} files were given, and one picture or export asked for.",
             "give one file, or --join for the files of one cell.",
         )
+    if plot is not None:
+        _check_output("--plot", plot, _PICTURES, "a picture", files)
+    if out is not None:
+        _check_output("--out", out, _RECORDS, "a record in the Battery Data Format", files)
 
 
-def _parts(found: Record | ImpedanceSpectrum) -> list[Record] | list[ImpedanceSpectrum]:
+def _check_output(option: str, path: Path, beginnings: Mapping[str, bytes], kind: str, files: list[Path]) -> None:
+    """Refuse to write what the name does not say, over a file that is read, or over something else than ``kind``."""
+    beginning = beginnings.get(path.suffix.lower())
+    if beginning is None:
+        endings = " or ".join(beginnings)
+        raise BsaError(f"{shown(path, 200)} is not the name of {kind}.", f"end it in {endings}.")
+    for file, _ in map(file_and_part, files):
+        if file.exists() and path.exists() and path.samefile(file):
+            raise BsaError(
+                f"{option} {shown(path, 200)} is a file that is read; nothing was written.", "choose another path."
+            )
+        if file.is_dir() and path.resolve().parent == file.resolve():
+            raise BsaError(
+                f"{option} {shown(path, 200)} lies in the folder {shown(file, 200)}, whose files are read; nothing was "
+                "written.",
+                "choose a path outside of it.",
+            )
+    if (path.exists() or path.is_symlink()) and not begins(path, beginning):
+        raise foreign(path, kind)
+
+
+def _parts(found: Record | ImpedanceSpectrum) -> Sequence[Record | ImpedanceSpectrum]:
     """What a calibration would use of it: a record is cut where the charge is not known."""
     from ...core.reading.parts import parts_between_gaps
     from ...core.record import Record
@@ -101,14 +134,25 @@ def _export(found: Record | ImpedanceSpectrum, out: Path) -> None:
     write(found, out, steps=True)
 
 
-def _content(found: Record | ImpedanceSpectrum) -> dict[str, Any]:
+def _contents(
+    whole: Record | ImpedanceSpectrum, parts: Sequence[Record | ImpedanceSpectrum]
+) -> Iterator[dict[str, Any]]:
+    """What is printed of one file as JSON, a part each."""
     from ...core.reading.summary import summary
     from ...core.record import Record
     from ..data.signs import positive_on_charge
+    from ..data.words import size_of
 
-    if isinstance(found, Record):
-        signed = {"kind": "record", "sign": "current is positive on charge"}
-        return signed | asdict(positive_on_charge(summary(found)))
+    if isinstance(whole, Record):
+        signed = {"kind": "record", "sign": "current is positive on charge", "whole": size_of(whole)}
+        for part in parts:
+            if isinstance(part, Record):
+                yield signed | asdict(positive_on_charge(summary(part)))
+        return
+    yield _spectrum_content(whole)
+
+
+def _spectrum_content(found: ImpedanceSpectrum) -> dict[str, Any]:
     return {
         "kind": "impedance spectrum",
         "name": found.name,
@@ -122,9 +166,14 @@ def _content(found: Record | ImpedanceSpectrum) -> dict[str, Any]:
     }
 
 
-def _lines(found: Record | ImpedanceSpectrum) -> list[str]:
+def _blocks(whole: Record | ImpedanceSpectrum, parts: Sequence[Record | ImpedanceSpectrum]) -> Iterator[str]:
+    """What is printed of one file: how much of it is listed, if not all, and its parts."""
     from ...core.reading.summary import summary
     from ...core.record import Record
-    from ..data.words import record_lines, spectrum_lines
+    from ..data.words import listed_share, record_lines, spectrum_lines, wrapped
 
-    return list(record_lines(summary(found)) if isinstance(found, Record) else spectrum_lines(found))
+    share = listed_share(whole, parts)
+    if share:
+        yield "\n".join(wrapped(f"{whole.name}: {share}; a picture and an export hold all of it."))
+    for part in parts:
+        yield "\n".join(record_lines(summary(part)) if isinstance(part, Record) else spectrum_lines(part))

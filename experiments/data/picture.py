@@ -5,31 +5,28 @@ from typing import Any
 
 import numpy as np
 
-from ...core.errors import BsaError
 from ...core.files import replacing
-from ...core.printable import shown
 from ...core.reading.summary import CycleRow, summary
 from ...core.record import Record
 from ...core.spectrum import ImpedanceSpectrum
-
-SUFFIXES = (".png", ".svg")
 
 _SAMPLES_A_STEP = 400
 _CYCLES = 4
 """With fewer cycles their capacities are no curve."""
 
 
-def draw(found: Record | ImpedanceSpectrum, path: Path) -> None:
+def draw(found: Record | ImpedanceSpectrum, path: Path, listed: str = "") -> None:
     """Write a picture: signals over time and capacities by cycle, or a Nyquist plot.
 
-    Raises `BsaError` if the name ends in anything but ``.png`` or ``.svg``, or the file cannot be written.
+    ``listed`` is what `bsa data` lists of the record, if not all of what is drawn.
+
+    Its name ends in ``.png`` or ``.svg``. Raises `BsaError` if the file cannot be written.
     """
     from matplotlib.figure import Figure
 
-    if path.suffix.lower() not in SUFFIXES:
-        raise BsaError(f"{shown(path)} is not the name of a picture.", "end it in .png or .svg.")
     figure = Figure(figsize=(8, 6), layout="constrained")
-    figure.suptitle(found.name.replace("$", r"\$"), fontsize=10)
+    title = f"{found.name}\nall of the record; {listed}" if listed else found.name
+    figure.suptitle(title.replace("$", r"\$"), fontsize=10)
     if isinstance(found, ImpedanceSpectrum):
         _nyquist(figure, found)
     else:

@@ -1,12 +1,16 @@
 """What a record or a spectrum holds, in plain lines of at most 80 characters."""
 
+import math
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
 
+from ...core.printable import counted
 from ...core.reading.summary import RecordSummary, ResistanceRow, StepRow
+from ...core.record import Record
 from ...core.spectrum import ImpedanceSpectrum
 from .signs import positive_on_charge
 
@@ -27,6 +31,27 @@ def duration(seconds: float) -> str:
         if abs(seconds) < limit:
             return f"{seconds / size:.4g} {unit}"
     return f"{seconds / 86400.0:.4g} d"
+
+
+def size_of(record: Record) -> dict[str, float]:
+    """Samples, seconds and cycles of a record."""
+    trajectory = record.trajectory
+    return {"samples": len(trajectory), "duration_s": trajectory.duration, "cycles": len(trajectory.cycles)}
+
+
+def listed_share(whole: Record | ImpedanceSpectrum, parts: Sequence[Record | ImpedanceSpectrum]) -> str:
+    """How much of a file its parts are, which is what is listed; empty where they are all of it."""
+    records = [size_of(part) for part in parts if isinstance(part, Record)]
+    if not isinstance(whole, Record) or (len(records) == 1 and records[0] == size_of(whole)):
+        return ""
+    cycles = {number for part in parts if isinstance(part, Record) for number in part.trajectory.cycles}
+    samples, seconds = (sum(one[name] for one in records) for name in ("samples", "duration_s"))
+    all_of_it = whole.trajectory
+    return (
+        f"{samples:,} of {len(all_of_it):,} samples ({duration(seconds)} of {duration(all_of_it.duration)}, "
+        f"{len(cycles):,} of {counted(len(all_of_it.cycles), 'cycle')}) are listed, in "
+        f"{counted(len(records), 'part')}, as a calibration uses them"
+    )
 
 
 def record_lines(found: RecordSummary) -> Iterator[str]:
@@ -53,21 +78,26 @@ def record_lines(found: RecordSummary) -> Iterator[str]:
         f"Steps ({len(found.steps)})",
         "  cycle  step            start   duration  current A    A.h in   from V    to V",
         found.steps,
-        _step_line,
+        partial(_step_line, decimals=_decimals(row.charge_ah for row in found.steps)),
     )
     if len(found.cycles) > 1:
+        decimals = _decimals(charge for row in found.cycles for charge in (row.charged_ah, row.discharged_ah))
         yield from _table(
             f"Cycles ({len(found.cycles)})",
             "  cycle  charged A.h  discharged A.h  warmest degC",
             found.cycles,
             lambda row: (
-                f"  {row.cycle:5d}  {row.charged_ah:11.4f}  {row.discharged_ah:14.4f}"
+                f"  {row.cycle:5d}  {row.charged_ah:11.{decimals}f}  {row.discharged_ah:14.{decimals}f}"
                 + ("" if row.warmest_c is None else f"  {row.warmest_c:12.1f}")
             ),
         )
     if found.resistances:
         quick = [1e3 * row.ohm for row in found.resistances if row.after_s <= QUICK_S]
-        median = f"; median of {len(quick)} seen within {QUICK_S:g} s: {np.median(quick):.1f} mohm" if quick else ""
+        median = (
+            f"; median of {len(quick)} seen within {QUICK_S:g} s: {_mohm(float(np.median(quick)))} mohm"
+            if quick
+            else ""
+        )
         yield from _table(
             f"Resistance where the current switches ({len(found.resistances)}{median})",
             "       time  voltage V  current step A  seen after     mohm",
@@ -81,7 +111,7 @@ def record_lines(found: RecordSummary) -> Iterator[str]:
         yield f"Slow {curve.kind}, nearly an open-circuit curve"
         rate = f"{curve.hours:.0f}" if curve.hours > 100 else f"{curve.hours:.3g}"
         yield (
-            f"  C/{rate} from {duration(curve.start_s)} on, {curve.charge_ah:.4f} A.h"
+            f"  C/{rate} from {duration(curve.start_s)} on, {curve.charge_ah:.{_decimals([curve.charge_ah])}f} A.h"
             f" from {curve.first_v:.3f} to {curve.last_v:.3f} V"
         )
     yield from problem_lines(found.problems)
@@ -109,7 +139,7 @@ def problem_lines(problems: Sequence[str]) -> Iterator[str]:
     yield ""
     yield f"Noted ({len(problems)})" if problems else "Nothing was assumed, repaired or missing."
     for problem in problems:
-        yield from _wrapped(problem, "  - ")
+        yield from wrapped(problem, "  - ")
 
 
 def _table(title: str, header: str, rows: Sequence[_Row], line: Callable[[_Row], str]) -> Iterator[str]:
@@ -124,19 +154,33 @@ def _table(title: str, header: str, rows: Sequence[_Row], line: Callable[[_Row],
     yield from map(line, rows[-4:])
 
 
-def _step_line(row: StepRow) -> str:
+def _decimals(charges_ah: Iterable[float]) -> int:
+    """Decimals of a column of charges: four, or so many that the largest one has four digits."""
+    largest = max(map(abs, charges_ah), default=0.0)
+    return 4 if largest == 0.0 else max(4, 3 - math.floor(math.log10(largest)))
+
+
+def _mohm(value: float) -> str:
+    """A resistance in mohm with as many digits as a measurement has."""
+    if value < 10.0:
+        return f"{value:.3g}"
+    return f"{value:.1f}" if value < 1000.0 else f"{float(f'{value:.4g}'):.0f}"
+
+
+def _step_line(row: StepRow, decimals: int) -> str:
     return (
         f"  {row.cycle:5d}  {row.kind:12s} {duration(row.start_s):>8s}  {duration(row.duration_s):>9s}"
-        f"  {row.current_a:+9.4g} {row.charge_ah:+9.4f}  {row.first_v:7.3f} {row.last_v:7.3f}"
+        f"  {row.current_a:+9.4g} {row.charge_ah:+9.{decimals}f}  {row.first_v:7.3f} {row.last_v:7.3f}"
     )
 
 
 def _resistance_line(row: ResistanceRow) -> str:
     return (
         f"  {duration(row.time_s):>9s}  {row.voltage:9.3f}  {row.current_change_a:+14.4g}"
-        f"  {duration(row.after_s):>10s}  {1e3 * row.ohm:7.1f}"
+        f"  {duration(row.after_s):>10s}  {_mohm(1e3 * row.ohm):>7s}"
     )
 
 
-def _wrapped(text: str, indent: str) -> Iterable[str]:
+def wrapped(text: str, indent: str = "") -> Iterable[str]:
+    """The text in lines of `WIDTH`, the later ones as far in as the first."""
     return textwrap.wrap(text, WIDTH, initial_indent=indent, subsequent_indent=" " * len(indent))

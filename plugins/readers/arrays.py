@@ -24,6 +24,10 @@ class ArrayTable:
     columns: Sequence[NDArray[Any]]
     units: tuple[str, ...] | None = None  # Row of units beneath the header.
 
+    def first(self, place: int) -> str:
+        """The first cell of a column."""
+        return next(iter(_texts(self.columns[place][:1])), "")
+
     def numbers(self, wanted: Mapping[int, str], where: Mapping[str, str], texts: Sequence[int] = ()) -> Numbers:
         """Read columns; see `Table.numbers`."""
         size = len(self.columns[0])
@@ -38,10 +42,12 @@ class ArrayTable:
         return Numbers(
             rows[keep],
             {place: self._floats(self.columns[place][keep], rows[keep], name) for place, name in wanted.items()},
-            {place: ["" if c is None else str(c) for c in self.columns[place][keep].tolist()] for place in texts},
+            {place: _texts(self.columns[place][keep]) for place in texts},
         )
 
     def _floats(self, column: NDArray[Any], rows: NDArray[np.int64], name: str) -> FloatArray:
+        if column.dtype.kind == "m":
+            return np.asarray(column / np.timedelta64(1, "s"), dtype=np.float64)
         if column.dtype.kind in "fiub":
             return np.asarray(column, dtype=np.float64)
         values = np.empty(len(column))
@@ -54,3 +60,10 @@ class ArrayTable:
                     "repair or remove the row.",
                 ) from None
         return values
+
+
+def _texts(column: NDArray[Any]) -> list[str]:
+    """The cells as they would be written; an absent one is empty."""
+    if column.dtype.kind == "M":
+        return ["" if cell == "NaT" else cell for cell in np.datetime_as_string(column).tolist()]
+    return ["" if cell is None else str(cell) for cell in column.tolist()]

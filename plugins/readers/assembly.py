@@ -1,16 +1,19 @@
 """From the columns of a table, wherever it stands, to the signals of a cell."""
 
+import shlex
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 
 from ...core.printable import listed, shown
+from ...core.reading.clock import RESTART_S
 from ...core.reading.samples import Extra, Samples
 from ...core.record import ReadOptions
 from ...core.trajectory import FloatArray
-from .columns import AMBIENT, EXTRA, SIGNALS, named, resolve, split_name
-from .dates import seconds_of
+from .columns import AMBIENT, EXTRA, named, resolve, split_name
+from .dates import elapsed_s, is_clock_or_date, is_date, seconds_of
 from .table import Numbers
 
 _TAKEN = {"time": "s", "voltage": "V", "current": "A", "temperature": "degC"}
@@ -31,6 +34,9 @@ class AnyTable(Protocol):
     def units(self) -> tuple[str, ...] | None:
         """Row of units beneath the header."""
 
+    def first(self, place: int) -> str:
+        """The first cell of a column."""
+
     def numbers(self, wanted: Mapping[int, str], where: Mapping[str, str], texts: Sequence[int] = ()) -> Numbers:
         """Read columns; see `Table.numbers`."""
 
@@ -45,11 +51,27 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
         if place is not None and place not in taken:
             extra[name] = place
     ambient = named(table.header, AMBIENT)
-    texts = [*extra.values(), *([] if ambient is None else [ambient])]
-    read = table.numbers({column.index: column.name for column in found.values()}, options.where, texts)
-    signals = {signal: found[signal].in_si(read.values[found[signal].index]) for signal in SIGNALS if signal in found}
+    time = found["time"]
+    written = is_clock_or_date(table.first(time.index))  # as 10:00:00, or as a date
+    numeric = [column for column in found.values() if not (written and column is time)]
+    texts = [*extra.values(), *([] if ambient is None else [ambient]), *([time.index] if written else [])]
+    read = table.numbers({column.index: column.name for column in numeric}, options.where, texts)
+    signals = {column.signal: column.in_si(read.values[column.index]) for column in numeric}
     said = [*notes, *read.notes]
-    bare = [column for column in found.values() if column.unit is None]
+    said_by_file = _extra({name: (table.header[place], read.texts[place]) for name, place in extra.items()})
+    if written:
+        signals["time"], date = elapsed_s(
+            read.texts[time.index], table.source, time.name, said_by_file.pop("date", None)
+        )
+        said.append(
+            f'the time is that of column "{shown(time.name)}", which begins at {shown(read.texts[time.index][0])}.'
+        )
+        if date is not None:
+            said_by_file["date"] = date
+    elif is_date(signals["time"]):
+        said_by_file.setdefault("date", signals["time"])
+        signals["time"] = signals["time"] - signals["time"][0]
+    bare = [column for column in numeric if column.unit is None]
     if bare:
         verb = "has no unit; it was" if len(bare) == 1 else "have no units; they were"
         taken_in = ", ".join(_TAKEN[column.signal] for column in bare)
@@ -71,9 +93,11 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
         current=signals["current"],
         temperature=signals.get("temperature"),
         names={signal: shown(column.name) for signal, column in found.items()},
+        tests_by=_tests_by(table, signals["time"], options) if not {"date", "cycle"} & set(said_by_file) else None,
+        without_unit=tuple(column.signal for column in bare),
         notes=tuple(said),
         ambient_k=None if ambient is None else first_kelvin(read.texts[ambient]),
-        extra=_extra({name: (table.header[place], read.texts[place]) for name, place in extra.items()}),
+        extra=said_by_file,
     )
 
 
@@ -88,6 +112,21 @@ def _extra(columns: Mapping[Extra, tuple[str, list[str]]]) -> dict[Extra, FloatA
             values = values / 1000.0
         found[name] = values
     return found
+
+
+def _tests_by(table: AnyTable, time: FloatArray, options: ReadOptions) -> tuple[str, ...] | None:
+    """The columns that have another value in each test of a file whose clock restarts, with that of the first one."""
+    with np.errstate(invalid="ignore"):
+        begins = np.flatnonzero(np.diff(time) < -RESTART_S) + 1
+    if len(begins) == 0 or options.join:
+        return None
+    found = []
+    for place, name in enumerate(table.header):
+        cells = table.numbers({}, options.where, [place]).texts[place]
+        changes = [k for k, (one, two) in enumerate(pairwise(cells), 1) if one != two]
+        if changes == begins.tolist() and len({cells[k] for k in changes} | {cells[0]}) == len(changes) + 1:
+            found.append(shlex.quote(f"{shown(name)}={shown(cells[0].strip())}"))
+    return tuple(found)
 
 
 def number(text: str) -> float:

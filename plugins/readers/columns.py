@@ -71,12 +71,18 @@ AMBIENT = ("ambienttemperature", "chambertemp", "chambertemperature", "chambert"
 EXTRA: Mapping[Extra, tuple[str, ...]] = {
     "step": ("stepcount", "stepindex", "step", "stepid", "stepnumber", "stepno", "ns", "schritt", "工步号"),
     "cycle": ("cyclecount", "cycleindex", "cycle", "cyclenumber", "cycleno", "cycleid", "zyklus", "循环号"),
-    "date": ("unixtime", "datetime", "timestamp", "date", "absolutetime", "datum", "日期"),
+    "date": (
+        *("unixtime", "datetime", "timestamp", "date", "absolutetime", "datum", "datumzeit", "datumuhrzeit"),
+        *("dateheure", "日期时间", "日期"),
+    ),
     "net_ah": ("netcapacity", "ah", "ahaccu"),
     "charged_ah": ("chargingcapacity", "chargecapacity", "qcharge"),
     "discharged_ah": ("dischargingcapacity", "dischargecapacity", "qdischarge"),
 }
 """Names of the columns that say more than the signals do; folded, in order of preference."""
+
+_CLOCKS = ("time", "zeit", "uhrzeit", "heure", "时间")
+"""What stands behind a date and a slash, and is no unit: ``Datum/Zeit``."""
 
 _BRACKETS = re.compile(r"^(?P<base>.*?)\s*[\[(]\s*(?P<unit>[^\[\]()]*?)\s*[\])]\s*(?P<tail>_?\d*)$")
 _SLASH = re.compile(r"^(?P<base>.*?)\s*/\s*(?P<unit>[^/]*)$")
@@ -114,7 +120,7 @@ def split_name(name: str) -> tuple[str, str | None]:
     if bracketed and bracketed["base"]:
         return _folded(bracketed["base"] + bracketed["tail"]), bracketed["unit"] or None
     slashed = _SLASH.match(name)
-    if slashed and slashed["base"]:
+    if slashed and slashed["base"] and slashed["unit"].casefold() not in _CLOCKS:
         return _folded(slashed["base"]), slashed["unit"].strip() or None
     suffixed = _SUFFIX.match(name)
     if suffixed and any(suffixed["unit"].casefold() in units for units in _FACTORS.values()):
@@ -189,6 +195,8 @@ def _index(header: Sequence[str], signal: Signal, options: ReadOptions, source: 
     else:
         bases = [split_name(name)[0] for name in header]
         preferred = next((base for base in NAMES[signal] if base in bases), None)
+        if preferred is None and signal == "time":
+            preferred = next((base for base in EXTRA["date"] if base in bases), None)
         places = [k for k, base in enumerate(bases) if base == preferred]
     if len(places) > 1:
         raise BsaError(
@@ -204,7 +212,7 @@ def _unit(
     told = options.units.get(signal)
     beneath = units[index].strip(" []()") if units is not None and index < len(units) else ""
     unit = told or split_name(header[index])[1] or beneath or None
-    if unit is None:
+    if unit is None or (signal == "time" and ":" in unit):  # "hh:mm:ss" tells how a clock is written
         return None
     folded = unit.strip().casefold()
     if folded not in _FACTORS[signal]:

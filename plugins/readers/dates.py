@@ -1,4 +1,4 @@
-"""Dates as cyclers write them, in seconds."""
+"""Dates and clocks as cyclers write them, in seconds."""
 
 import re
 import warnings
@@ -7,29 +7,107 @@ from typing import Any
 
 import numpy as np
 
+from ...core.errors import BsaError
+from ...core.printable import shown
 from ...core.trajectory import FloatArray
 
 YEARS_S = (631152000.0, 4102444800.0)
 """1990 and 2100, in seconds since 1970: a number outside is no date of a measurement."""
 
-_DAY = re.compile(r"\d+[-/.]\d+[-/.]\d+")
+_DAY = re.compile(r"\d+(?P<mark>[-/.])\d+[-/.]\d+")
 _ISO = re.compile(r"\d{4}-\d\d-\d\d")
+_CLOCK = re.compile(r"(?:(?P<days>\d+)\s*d(?:ays?,?)?\s*)?(?P<h>\d+):(?P<m>\d\d):(?P<s>\d\d(?:[.,]\d*)?)")
+
+
+def clock_s(text: str) -> float | None:
+    """A time such as ``26:10:00.5`` or ``1d 02:10:00,5`` in seconds; None where it is none."""
+    found = _CLOCK.fullmatch(text.strip())
+    if found is None:
+        return None
+    days, hours, minutes = (int(found[key] or 0) for key in ("days", "h", "m"))
+    return days * 86400.0 + hours * 3600.0 + minutes * 60.0 + float(found["s"].replace(",", "."))
+
+
+def is_clock_or_date(text: str) -> bool:
+    """Whether a cell is a time in hours, minutes and seconds, or begins like a date; numbers are neither."""
+    return clock_s(text) is not None or _DAY.match(text.strip()) is not None
+
+
+def is_date(numbers: FloatArray) -> bool:
+    """Whether numbers can be seconds since 1970 at which something was measured."""
+    known = numbers[np.isfinite(numbers)]
+    return bool(len(known) and YEARS_S[0] < known.min() and known.max() < YEARS_S[1])
+
+
+def elapsed_s(
+    texts: Sequence[str], source: str, column: str, date: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray | None]:
+    """The time that clocks or dates tell in s, and the dates in s since 1970, if these are any.
+
+    Dates count from the first one. ``date`` is what another column of the file says: clocks that fall where its day
+    changes are times of the day. NaN where a cell holds nothing. Raises `BsaError` where the month could be the day,
+    and another time would pass then.
+    """
+    first = next((text for text in texts if text), "")
+    if clock_s(first) is not None:
+        clock = np.array([np.nan if (value := clock_s(text)) is None else value for text in texts])
+        if date is None or not _is_time_of_day(clock, date):
+            return clock, None if date is None or _is_of_days(date) else date  # a day alone orders no samples
+        date = date + clock
+        return date - date[0], date
+    dates = seconds_of(texts)
+    if dates is None:
+        raise BsaError(
+            f'{source}: column "{shown(column)}" holds no times that are understood (the first is "{shown(first)}").',
+            "write them in seconds, as 26:10:00.5, or as 2024-03-01 10:00:00.",
+        )
+    since = _since_first(dates)
+    if not _ISO.match(first):
+        other = _read(texts, day_first=not _day_first(first), first=first)
+        if other is not None and not np.allclose(_since_first(other), since, equal_nan=True):
+            raise BsaError(
+                f'{source}: column "{shown(column)}" does not tell the month from the day ("{shown(first)}"), and '
+                "another time would pass.",
+                "write dates as 2024-03-01 10:00:00, or give a column of the time that has passed.",
+            )
+    return since, dates
+
+
+def _since_first(dates: FloatArray) -> FloatArray:
+    return np.asarray(dates - dates[np.isfinite(dates)][0])
+
+
+def _is_of_days(date: FloatArray) -> bool:
+    return bool(np.all(np.mod(date[np.isfinite(date)], 86400.0) == 0.0))
+
+
+def _is_time_of_day(clock: FloatArray, date: FloatArray) -> bool:
+    """Whether clocks beside dates without a time fall where the day changes, and nowhere else."""
+    with np.errstate(invalid="ignore"):
+        return _is_of_days(date) and bool(np.all((np.diff(clock) < 0.0) == (np.diff(date) > 0.0)))
+
+
+def _day_first(first: str) -> bool:
+    """Whether the day comes first: it does between points (``1.3.2024``), which are written where that is usual."""
+    found = _DAY.search(first)
+    return found is not None and found["mark"] == "."
 
 
 def seconds_of(texts: Sequence[str]) -> FloatArray | None:
     """Dates as seconds since 1970, NaN where a cell holds none; None where the column holds no dates.
 
     The cells of one column are written alike: numbers (seconds since 1970), ISO 8601, or a date of which the month
-    comes before the day unless it cannot (``3/11/2017 8:47:03 AM``).
+    comes before the day unless it cannot (``3/11/2017 8:47:03 AM``) or they are parted by points (``11.3.2017``).
     """
     first = next((text for text in texts if text), "")
     try:
         float(first)
     except ValueError:
-        return _parsed(texts, day_first=False, first=first)
+        day_first = _day_first(first)
+        read = _read(texts, day_first, first)
+        return _read(texts, not day_first, first) if read is None else read
     numbers = np.array([_number(text) for text in texts])
-    known = numbers[np.isfinite(numbers)]
-    return numbers if len(known) and YEARS_S[0] < known.min() and known.max() < YEARS_S[1] else None
+    return numbers if is_date(numbers) else None
 
 
 def _number(text: str) -> float:
@@ -39,7 +117,8 @@ def _number(text: str) -> float:
         return np.nan
 
 
-def _parsed(texts: Sequence[str], day_first: bool, first: str) -> FloatArray | None:
+def _read(texts: Sequence[str], day_first: bool, first: str) -> FloatArray | None:
+    """Dates as seconds since 1970; None if they cannot be read so."""
     if not _DAY.search(first):
         return None
     import pandas
@@ -51,6 +130,5 @@ def _parsed(texts: Sequence[str], day_first: bool, first: str) -> FloatArray | N
     values = np.where(dates.isna(), np.nan, (dates - pandas.Timestamp(0, tz="UTC")) / pandas.Timedelta(seconds=1))
     written = np.array([bool(text) for text in texts])
     if np.count_nonzero(np.isfinite(values)) > 0.99 * np.count_nonzero(written):
-        inside = values[np.isfinite(values)]
-        return values if YEARS_S[0] < inside.min() and inside.max() < YEARS_S[1] else None
-    return None if day_first else _parsed(texts, True, first)
+        return values if is_date(values) else None
+    return None

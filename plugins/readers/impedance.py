@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import BaseModel, Field
 
 from ...core.errors import BsaError
-from ...core.printable import listed, shown
+from ...core.printable import counted, listed, shown, were
 from ...core.record import ReadOptions
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.trajectory import FloatArray
@@ -100,7 +100,8 @@ def spectrum_of(
     kept = np.isfinite(frequency) & np.isfinite(real) & np.isfinite(imaginary) & (frequency > 0)
     said = [*notes, *read.notes]
     if not kept.all():
-        said.append(f"{np.count_nonzero(~kept)} rows without a frequency and an impedance were left out.")
+        gone = int(np.count_nonzero(~kept))
+        said.append(f"{counted(gone, 'row')} without a frequency and an impedance {were(gone)} left out.")
     if np.count_nonzero(kept) < _MIN_POINTS:
         raise BsaError(
             f"{table.source} has {np.count_nonzero(kept)} points of impedance; at least {_MIN_POINTS} are needed.",

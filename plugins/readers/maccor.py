@@ -9,6 +9,7 @@ from ...core.printable import shown
 from ...core.reading.samples import Samples
 from ...core.record import ReadOptions
 from .assembly import read_table
+from .dates import clock_s
 from .generic_csv import first_lines
 from .source import load_text
 from .table import Table, find_table
@@ -29,8 +30,6 @@ _NAMES = {
     **dict.fromkeys(["temp 1", "temp1", "temperature 1"], "Temperature T1 / degC"),
 }
 """Maccor's names, as other readers know them."""
-
-_DAYS = re.compile(r"(?:(?P<days>\d+)\s*d\s*)?(?P<h>\d+):(?P<m>\d\d):(?P<s>\d\d(?:\.\d*)?)")
 
 
 class MaccorText:
@@ -82,11 +81,8 @@ def _translated(table: Table) -> Table:
 
 
 def _seconds(text: str) -> str:
-    found = _DAYS.fullmatch(text.strip())
-    if found is None:
-        return text
-    days, hours, minutes = (int(found[key] or 0) for key in ("days", "h", "m"))
-    return repr(days * 86400.0 + hours * 3600.0 + minutes * 60.0 + float(found["s"]))
+    seconds = clock_s(text)
+    return text if seconds is None else repr(seconds)
 
 
 def _signed(current: str, state: str) -> str:

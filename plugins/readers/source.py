@@ -23,6 +23,9 @@ _HEAD_BYTES = 65536
 _CHINESE = ("电压", "电流")
 """Voltage and current: text that is not UTF-8 and holds either in GB 18030 is Chinese."""
 
+_ZIP = b"PK\x03\x04"
+"""Beginning of a zip archive, whose table of contents is at its end."""
+
 MAX_RATIO = 300
 """A part of a zip archive that grows by more than this when unpacked is refused (from `RATIO_BYTES` on)."""
 
@@ -63,6 +66,10 @@ def refuse_zip_bomb(path: Path, source: str, kind: str, most: int) -> None:
     except OSError as error:
         raise BsaError(f"{source} cannot be read: {shown(error.strerror)}.", "check the path and its rights.") from None
     except (zipfile.BadZipFile, ValueError, NotImplementedError):
+        if head(path).startswith(_ZIP):
+            raise BsaError(
+                f"{source} begins like {kind} but is damaged or incomplete.", "copy, download or export it again."
+            ) from None
         raise BsaError(
             f"{source} is not {kind}.", f"save or export it as {path.suffix} again, or give a CSV file its own name."
         ) from None

@@ -42,6 +42,11 @@ class Table:
     decimal_comma: bool = False  # Whether the numbers are written like ``3,7``.
     place: str = ""  # Where the table stands in its file, for messages: ``"sheet Channel_1-008, "``.
 
+    def first(self, place: int) -> str:
+        """The first cell of a column; empty where the row has none."""
+        cells = next(self.cells(), (0, []))[1]
+        return cells[place] if place < len(cells) else ""
+
     def numbers(self, wanted: Mapping[int, str], where: Mapping[str, str], texts: Sequence[int] = ()) -> Numbers:
         """Read columns.
 

@@ -52,6 +52,17 @@ def test_steps_meet_and_no_charge_is_lost_at_the_switches() -> None:
     assert list(np.flatnonzero(met.inserted)) == [step.start for step in met.steps[1:]]
 
 
+def test_a_rest_that_is_written_seldom_goes_on_until_the_load_begins() -> None:
+    time = np.array([0.0, 600.0, 1200.0, *(1800.0 + np.arange(100.0)), 2500.0])
+    current = np.array([0.0, 0.0, 0.0, *np.full(100, 2.0), 0.0])
+    steps = (Step(StepKind.REST, 0, 3), Step(StepKind.CC_DISCHARGE, 3, 103), Step(StepKind.REST, 103, 104))
+    met = with_switches(Trajectory(time, current, np.linspace(4.1, 3.9, 104), steps=steps))
+    assert [met.time[step.start] for step in met.steps] == [0.0, 1798.5, 1899.0]
+    assert met.discharge_capacity[-1] == pytest.approx(2.0 * 100.5 / 3600.0)
+    assert list(np.flatnonzero(met.inserted)) == [3, 4, 105]
+    assert list(met.voltage[met.inserted]) == [met.voltage[2], met.voltage[5], met.voltage[-1]]
+
+
 def test_a_drive_cycle_is_no_protocol() -> None:
     with pytest.raises(BsaError, match="which no protocol tells") as caught:
         recognised_protocol(record(StepKind.DRIVE), "US06")

@@ -1,5 +1,7 @@
 """What is said of a record's charge, and what is taken off its current."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bsa.core.reading.checks import to_record
@@ -24,6 +26,20 @@ def test_a_charge_that_does_not_come_back_names_the_offset_that_takes_it_off() -
     assert mended.trajectory.discharge_capacity[-1] == pytest.approx(0.0, abs=1e-9)
     assert mended.trajectory.current[0] == 0.0
     assert any("are taken off the current" in note for note in mended.notes)
+
+
+def test_a_rest_ends_where_the_record_is_silent() -> None:
+    whole = there_and_back(-0.005)
+    late = replace(
+        whole,
+        time=np.append(whole.time, whole.time[-1] + 50_000.0),
+        voltage=np.append(whole.voltage, whole.voltage[-1] - 0.1),
+        current=np.append(whole.current, 0.0),
+        rows=np.append(whole.rows, whole.rows[-1] + 1),
+        inserted=np.append(whole.inserted, False),
+    )
+    (said,) = [note for note in to_record(late, ReadOptions()).notes if "offset" in note]
+    assert f"ends so at {whole.voltage[-1]:.3f} V" in said
 
 
 def test_a_sound_record_and_one_that_ends_elsewhere_say_nothing_of_an_offset() -> None:

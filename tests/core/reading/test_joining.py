@@ -124,11 +124,11 @@ def test_charge_in_a_gap_and_between_samples_is_said():
     net = 5.0 + np.cumsum(whole.current) * 30.0 / 3600
     keep = (whole.time < 5000) | (whole.time > 7000)
     said = notes(cycle(net_ah=net).kept(keep & ~((whole.time > 8090) & (whole.time < 8900))))
-    assert "1 gaps without samples" in said
+    assert "1 gap without samples" in said
     assert "the current switches between samples far apart (places: 3; the widest, 840 s, after row 270)" in said
     silent = np.where((whole.time >= 4500) & (whole.time < 7000), 0.0, whole.current)
     gap = Samples("a", whole.time, whole.voltage, silent, extra={"net_ah": net})
-    assert "charge passed in 1 gaps, by the file's own counter: +0." in notes(gap.kept(keep))
+    assert "charge passed in 1 gap, by the file's own counter: +0." in notes(gap.kept(keep))
 
 
 def test_a_drift_of_the_net_charge_is_said():

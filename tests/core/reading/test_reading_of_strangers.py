@@ -116,7 +116,7 @@ def test_what_cannot_be_is_refused_in_the_same_words(path: Path, changes: dict[s
 
 
 def test_a_hole_is_left_out_with_a_note(path: Path) -> None:
-    assert read(path, cycled(voltage=HOLE)).notes[0] == "1 samples without a value were left out (row 6)."
+    assert read(path, cycled(voltage=HOLE)).notes[0] == "1 sample without a value was left out (row 6)."
 
 
 @pytest.mark.parametrize(
@@ -172,3 +172,11 @@ def test_a_readers_options_are_its_own(path: Path) -> None:
         read_record(path, registry=found, reader_options={"chanel": 3})
     with pytest.raises(BsaError, match='reader "zz": "channel" is 0'):
         read_record(path, registry=found, reader="zz", reader_options={"channel": 0})
+
+
+def test_an_ambient_temperature_that_degrees_fahrenheit_would_give_is_noted(path: Path) -> None:
+    said = "the ambient temperature of 77.0 degC is a high one"
+    warm = cycled(temperature=TIME * 0 + 77.0 + 273.15)
+    assert any(said in note for note in read(path, warm).notes)
+    assert not any("is a high one" in note for note in read(path, warm, ambient_c=77.0).notes)
+    assert not any("is a high one" in note for note in read(path, cycled()).notes)

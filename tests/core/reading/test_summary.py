@@ -99,3 +99,30 @@ def test_a_resistance_is_that_between_two_samples_that_were_taken():
     first, _ = summary(replace(known, trajectory=segment(late))).resistances
     assert first.ohm == pytest.approx(OHM, rel=0.05)
     assert first.after_s == pytest.approx(1.0)
+
+
+def coarse(interval: float) -> Record:
+    """Rest, half an hour of 2 A and a rest, each step written at its end and an interval after its beginning."""
+    ends = np.arange(interval, 1800.0 + interval, interval)
+    time = np.concatenate([[0.0], ends, 1800.0 + ends, 3600.0 + ends])
+    current = np.repeat([0.0, 2.0, 0.0], [len(ends) + 1, len(ends), len(ends)])
+    voltage = np.concatenate([np.full(len(ends) + 1, 4.1), np.linspace(4.0, 3.5, len(ends)), np.full(len(ends), 3.7)])
+    return Record("a", segment(Trajectory(time, current, voltage)))
+
+
+def test_no_charge_flows_between_the_last_sample_of_a_load_and_the_first_of_a_rest():
+    found = summary(coarse(60.0))
+    assert [row.charge_ah for row in found.steps] == pytest.approx([0.0, 1.0, 0.0], abs=1e-9)
+    assert [row.discharged_ah for row in found.cycles] == pytest.approx([1.0])
+
+
+def test_a_step_begins_where_the_one_before_ended():
+    steps = summary(coarse(60.0)).steps
+    assert [(row.start_s, row.duration_s) for row in steps] == [(0.0, 1800.0), (1800.0, 1800.0), (3600.0, 1800.0)]
+
+
+def test_a_charge_that_depends_on_when_the_current_was_switched_is_told():
+    said = " ".join(summary(coarse(60.0)).problems)
+    assert "switched between samples far apart (places: 2;" in said
+    assert "another by up to 0.033 A.h (3.3 % of the largest)" in said
+    assert "far apart" not in " ".join(summary(coarse(5.0)).problems)

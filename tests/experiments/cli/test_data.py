@@ -62,7 +62,23 @@ def test_a_record_is_shown_as_the_parts_that_a_calibration_uses(folder):
     (folder / "gap.csv").write_text("Time [s],U[V],I[A]\n" + "\n".join(",".join(map(repr, row)) for row in rows))
     parts = json.loads(said("gap.csv", "--json"))
     assert [part["samples"] for part in parts] == [100, 200]
-    assert "silent for long beside a load" in said("gap.csv")
+    assert [part["whole"]["samples"] for part in parts] == [300, 300]
+    text = said("gap.csv")
+    assert "silent for long beside a load" in text
+    assert text.startswith(
+        "gap.csv: 300 of 300 samples (49.67 min of 83.89 h, 1 of 1 cycle) are listed, in\n2 parts, as"
+    )
+
+
+def test_the_first_line_says_that_a_part_is_left_out(folder):
+    rows = [*ROWS[:100], *((3e5 + time, *others) for time, *others in ROWS[100:])]
+    (folder / "gap.csv").write_text("Time [s],U[V],I[A]\n" + "\n".join(",".join(map(repr, row)) for row in rows))
+    assert said("gap.csv").startswith("gap.csv: 100 of 200 samples (16.5 min of 83.89 h, 1 of 1 cycle) are listed")
+    found = json.loads(said("gap.csv", "--json"))
+    assert (found["samples"], found["whole"]["samples"]) == (100, 200)
+    said("gap.csv", "--plot", "gap.svg")
+    assert "all of the record; 100 of 200 samples" in (folder / "gap.svg").read_text()
+    assert said("a.csv").startswith("a.csv\n")
 
 
 @pytest.mark.parametrize("name", ["a.csv", "z.csv"])
@@ -99,6 +115,7 @@ def test_files_of_one_cell_are_joined():
         (["a.csv", "--out", "x.csv"], "--export and --out belong together"),
         (["a.csv", "z.csv", "--plot", "x.png"], "2 files were given"),
         (["a.csv", "--plot", "x.pdf"], "x.pdf is not the name of a picture"),
+        (["a.csv", "--export", "bdf", "--out", "x.txt"], "x.txt is not the name of a record in the Battery Data"),
         (["z.csv", "--export", "bdf", "--out", "x.csv"], "holds records over time"),
         (["a.csv", "z.csv", "--join"], "1 of 2 files to be joined are impedance spectra"),
     ],
@@ -109,3 +126,32 @@ def test_what_cannot_be_done(folder, arguments, message):
         said(*arguments)
     assert raised.value.hint
     assert sorted(folder.iterdir()) == before
+
+
+@pytest.mark.parametrize("read", ["a.csv", "./a.csv", "a.csv#1", "link.csv"])
+def test_a_file_that_is_read_is_never_written(folder, read):
+    (folder / "link.csv").symlink_to(folder / "a.csv")
+    with pytest.raises(BsaError, match=r"--out .*a\.csv is a file that is read; nothing was written"):
+        said(read, "--export", "bdf", "--out", str(folder / "a.csv"))
+    assert (folder / "a.csv").read_text() == RECORD
+
+
+@pytest.mark.parametrize("arguments", [["--export", "bdf", "--out", "cell/new.csv"], ["--plot", "cell/new.png"]])
+def test_nothing_is_written_into_a_folder_that_is_read(folder, arguments):
+    (folder / "cell").mkdir()
+    (folder / "cell" / "a.csv").write_text(RECORD)
+    with pytest.raises(BsaError, match=r"lies in the folder cell, whose files are read"):
+        said("cell", *arguments)
+    assert [file.name for file in (folder / "cell").iterdir()] == ["a.csv"]
+
+
+def test_an_earlier_export_is_replaced_and_another_file_is_not(folder):
+    said("a.csv", "--export", "bdf", "--out", "out.csv", "--plot", "out.png")
+    (folder / "out.csv").write_text("Test Time / s,older")
+    said("a.csv", "--export", "bdf", "--out", "out.csv", "--plot", "out.png")
+    assert "older" not in (folder / "out.csv").read_text()
+    with pytest.raises(BsaError, match=r"b_2020-01-02\.csv holds something that is not a record in the"):
+        said("a.csv", "--export", "bdf", "--out", "b_2020-01-02.csv")
+    (folder / "notes.png").write_text("my notes")
+    with pytest.raises(BsaError, match=r"notes\.png holds something that is not a picture"):
+        said("a.csv", "--plot", "notes.png")

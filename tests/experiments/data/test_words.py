@@ -31,6 +31,17 @@ def test_a_record_fits_eighty_columns_and_a_page(cycles):
     assert "holds slower processes too" in text
 
 
+def test_a_cell_of_a_few_milliampere_hours_is_told_in_as_many_digits():
+    large = record(2).trajectory
+    small = Record("coin.csv", segment(large.changed(current=large.current / 1000.0)))
+    text = "\n".join(record_lines(summary(small)))
+    assert "-0.002500" in text  # A.h of a discharge
+    assert "0.002500        0.002500" in text  # A.h of a cycle
+    assert "50833" not in text  # mohm
+    assert "50830" in text
+    assert max(map(len, text.splitlines())) <= 80
+
+
 def test_a_slow_curve_is_told():
     assert any("Slow CC discharge" in line for line in record_lines(summary(record(interval=3600.0))))
 

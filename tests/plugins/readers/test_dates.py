@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bsa.plugins.readers.dates import seconds_of
+from bsa.core.errors import BsaError
+from bsa.plugins.readers.dates import clock_s, elapsed_s, seconds_of
 
 
 @pytest.mark.parametrize(
     "text",
-    ["2010-08-17 13:44:57", "2010-08-17T13:44:57", "8/17/2010 1:44:57 PM", "17/08/2010 13:44:57", "1282052697.0"],
+    [
+        "2010-08-17 13:44:57",
+        "2010-08-17T13:44:57",
+        "8/17/2010 1:44:57 PM",
+        "17/08/2010 13:44:57",
+        "17.8.2010 13:44:57",
+        "1282052697.0",
+    ],
 )
 def test_one_moment_in_many_spellings(text):
     found = seconds_of([text, "", text])
@@ -24,3 +32,47 @@ def test_fractions_of_seconds_may_be_missing_in_some_cells():
 @pytest.mark.parametrize("texts", [[], [""], ["PAU", "CHA"], ["1", "2"], ["00:10:00"], ["1e300"], ["9999-99-99"]])
 def test_what_is_no_date(texts):
     assert seconds_of(texts) is None
+
+
+def test_between_points_the_day_comes_first():
+    assert seconds_of(["1.3.2024 00:00:00"])[0] == seconds_of(["2024-03-01"])[0]
+    assert seconds_of(["1/3/2024 00:00:00"])[0] == seconds_of(["2024-01-03"])[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [("00:00:00.115", 0.115), ("26:10:00", 94200.0), ("1d 02:10:00,5", 94200.5), ("1 day, 2:10:00", 94200.0)],
+)
+def test_clocks(text, seconds):
+    assert clock_s(text) == pytest.approx(seconds)
+
+
+@pytest.mark.parametrize("text", ["", "12", "10:00", "2024-03-01 10:00:00", "PAU"])
+def test_what_is_no_clock(text):
+    assert clock_s(text) is None
+
+
+def test_time_passes_between_dates_and_between_clocks():
+    time, date = elapsed_s(["2024-02-29T23:59:50", "", "2024-03-01T00:00:10.5"], "a", "Date")
+    assert [time[0], time[2], date[2] - date[0]] == [0.0, 20.5, 20.5]
+    assert np.isnan(time[1])
+    time, date = elapsed_s(["00:00:01", "100:00:01"], "a", "Time")
+    assert [*time, date] == [1.0, 360001.0, None]
+
+
+def test_clocks_that_fall_where_the_day_changes_are_times_of_the_day():
+    days = seconds_of(["2024-02-29", "2024-02-29", "2024-03-01"])
+    time, date = elapsed_s(["23:59:40", "23:59:50", "00:00:00"], "a", "Time", days)
+    assert list(time) == [0.0, 10.0, 20.0]
+    assert date[2] == days[2]
+    time, date = elapsed_s(["00:00:40", "00:00:50", "00:01:00"], "a", "Time", days)
+    assert [*time, date] == [40.0, 50.0, 60.0, None]
+
+
+def test_a_day_that_could_be_the_month_is_refused_where_it_matters():
+    time, _ = elapsed_s(["1/3/2024 10:00:00", "1/3/2024 10:00:05"], "a", "Date")
+    assert list(time) == [0.0, 5.0]
+    with pytest.raises(BsaError, match=r'column "Date" does not tell the month from the day \("1/3/2024 23:59:59"\)'):
+        elapsed_s(["1/3/2024 23:59:59", "2/3/2024 00:00:04"], "a", "Date")
+    with pytest.raises(BsaError, match="holds no times that are understood"):
+        elapsed_s(["1:2/3-4/5 o'clock"], "a", "Date")

@@ -64,7 +64,7 @@ def test_what_a_digatron_file_says_beside_the_impedance(tmp_path):
     spectrum = read_file(path)
     assert spectrum.voltage == 4.17
     assert spectrum.temperature_k == 298.15
-    assert "1 rows without a frequency and an impedance were left out." in spectrum.notes
+    assert "1 row without a frequency and an impedance was left out." in spectrum.notes
     assert read_file(path, ReadOptions(ambient_c=10.0)).temperature_k == 283.15
     assert abs(read_file(path, reader="impedance-csv", reader_options={"unit": "ohm"}).impedance[0]) > 10
 

@@ -14,6 +14,8 @@ from bsa.core.record import Reader, ReadOptions
 from bsa.core.registry import installed
 from bsa.core.segmentation import segment
 from bsa.core.trajectory import StepKind, Trajectory
+from bsa.plugins.readers.arrays import ArrayTable
+from bsa.plugins.readers.assembly import read_table
 from bsa.plugins.readers.bdf import write
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -182,10 +184,10 @@ def test_repairs_are_noted_with_their_rows(tmp_path):
     record = read_record(path)
     assert len(record.trajectory) == 198
     notes = " | ".join(record.notes)
-    assert "1 voltage glitches were left out (8.39 V in row 51)" in notes
-    assert "1 samples without a value were left out (row 61)" in notes
+    assert "1 voltage glitch was left out (8.39 V in row 51)" in notes
+    assert "1 sample without a value was left out (row 61)" in notes
     assert "row 72" in notes
-    assert "out of time order were left out (row 102)" in notes
+    assert "1 sample out of time order was left out (row 102)" in notes
     assert "row 204, the last one, is incomplete" in notes
 
 
@@ -206,7 +208,7 @@ def test_gaps_are_noted(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("\n".join(lines[:30] + lines[150:]))
     note = read_record(path).notes[0]
-    assert "the longest of 1210 s after row 30; current flowed across 1" in note
+    assert "the longest of 1210 s after row 30; current flowed across it," in note
 
 
 def test_temperatures(tmp_path):
@@ -339,3 +341,38 @@ def test_every_reader_is_listed_and_fits_the_protocol():
     for name in names:
         entry = installed().get("reader", name)
         assert isinstance(entry.factory(entry.config_type()), Reader)
+
+
+START = datetime.datetime(2024, 2, 29, 23, 50)
+
+
+@pytest.mark.parametrize(
+    ("name", "written"),
+    [
+        ("Time", lambda passed: str(passed)),
+        ("Test Time (hh:mm:ss.ms)", lambda passed: f"{passed}.000"),
+        ("DateTime", lambda passed: (START + passed).isoformat()),
+        ("Datum/Zeit", lambda passed: (START + passed).strftime("%d.%m.%Y %H:%M:%S")),
+        ("Timestamp", lambda passed: repr((START + passed).replace(tzinfo=datetime.UTC).timestamp())),
+    ],
+)
+def test_clocks_and_dates_are_a_time(tmp_path, name, written):
+    lines = table(discharge(), f"{name},U[V],I[A]").splitlines()
+    for row, line in enumerate(lines[1:], 1):
+        seconds, rest = line.split(",", 1)
+        lines[row] = f"{written(datetime.timedelta(seconds=float(seconds)))},{rest}"
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(lines))
+    np.testing.assert_allclose(read_record(path).trajectory.time, discharge().time)
+    np.testing.assert_allclose(read_record(path, ReadOptions(columns={"time": name})).trajectory.time, discharge().time)
+
+
+def test_dates_and_spans_of_a_table_of_arrays_are_a_time():
+    seconds = discharge().time
+    columns = [discharge().voltage, -discharge().current]
+    for time in (
+        np.datetime64(START, "ns") + (seconds * 1e9).astype("timedelta64[ns]"),
+        seconds.astype("timedelta64[s]"),
+    ):
+        read = read_table(ArrayTable("a", ("Date Time", "U[V]", "I[A]"), [time, *columns]), ReadOptions())
+        np.testing.assert_allclose(read.time, seconds)

@@ -214,7 +214,7 @@ def test_workbooks(tmp_path):
     bad[7][2] = "#VALUE!"
     sheet_of(path, bad)
     notes = read_record(path).notes
-    assert "1 samples without a value were left out (row 9 of sheet Channel_1-001)." in notes
+    assert "1 sample without a value was left out (row 9 of sheet Channel_1-001)." in notes
 
     bad[7][2] = "overload"
     sheet_of(path, bad)
@@ -228,7 +228,7 @@ def test_workbooks(tmp_path):
 
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
-    assert "is not an Excel workbook" in refused(path).message
+    assert "begins like an Excel workbook of today's kind (.xlsx) but is damaged" in refused(path).message
 
 
 def test_a_zip_that_is_no_workbook(tmp_path):
@@ -297,3 +297,22 @@ def test_a_file_without_a_header_is_told_all_that_it_takes(tmp_path):
     assert '"1", "2"' in raised.value.hint
     assert "--column time=NAME --column voltage=NAME --column current=NAME" in raised.value.hint
     assert "--constant-current" in raised.value.hint
+
+
+@pytest.mark.parametrize(
+    ("numbers", "hint"),
+    [
+        ((7, 8, 9), "choose one with --where 'Test No=7' (here the first), or say --join"),
+        ((7, 8, 7), "no column tells them apart, so cut the file there"),
+    ],
+)
+def test_the_columns_that_number_the_tests_of_a_file_are_named(tmp_path, numbers, hint):
+    path = tmp_path / "a.csv"
+    lines = [f"{row},{number},1,{place}" for number in numbers for place, row in enumerate(rows())]
+    path.write_bytes(text(lines, HEADER + ",Test No,Same,Row"))
+    error = refused(path)
+    assert "the clock restarts in row 102" in error.message
+    assert hint in error.hint
+    read_record(path, ReadOptions(join=True))
+    if "where" in hint.split(",")[0]:
+        assert len(read_record(path, ReadOptions(where={"Test No": "7"})).trajectory) == 100

@@ -1,0 +1,35 @@
+"""A time without a unit, and the rate that seconds would make of it."""
+
+import numpy as np
+import pytest
+from bsa.core.errors import BsaError
+from bsa.core.reading.checks import to_record
+from bsa.core.reading.samples import Samples
+from bsa.core.record import ReadOptions, Signal
+
+
+def discharge(unit_s: float, *without_unit: Signal, last_v: float = 2.8) -> Samples:
+    """Rest, a discharge of two hours and a rest, with a clock that counts in a unit of so many seconds."""
+    time = 60.0 * np.arange(180) / unit_s
+    voltage = np.concatenate([np.full(30, 4.1), np.linspace(4.0, last_v, 120), np.full(30, last_v + 0.3)])
+    return Samples("a.csv", time, voltage, np.repeat([0.0, -2.5, 0.0], [30, 120, 30]), without_unit=without_unit)
+
+
+def test_minutes_without_a_unit_are_asked_for() -> None:
+    message = r'column "time" has no unit; .* from 3\.99 V \(row 32\) to 2\.8 V \(row 150\) in 118 s, .* about 31C'
+    with pytest.raises(BsaError, match=message) as raised:
+        to_record(discharge(60.0, "time"), ReadOptions())
+    assert "--unit time=min" in raised.value.hint
+
+
+@pytest.mark.parametrize(
+    "read",
+    [
+        pytest.param(discharge(60.0), id="a unit was given"),
+        pytest.param(discharge(60.0, "voltage"), id="the time has one"),
+        pytest.param(discharge(1.0, "time"), id="in seconds it is C/2"),
+        pytest.param(discharge(60.0, "time", last_v=3.5), id="no whole discharge"),
+    ],
+)
+def test_a_time_that_can_be_in_seconds_is_none_to_ask_about(read: Samples) -> None:
+    assert len(to_record(read, ReadOptions()).trajectory) == 180
