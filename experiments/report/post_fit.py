@@ -20,14 +20,16 @@ _LONGER = "A run that is allowed more simulations has a longer analysis, also wh
 
 
 def best_score_line(objective: Quantity, best: Trial, lowest: Trial, metrics: Metrics | None) -> str:
-    """Which simulation has a better score than the one that is reported; empty if none has.
+    """Which simulation has a lower score than the one that is reported; empty if none has.
 
     ``best`` is the run's answer, ``lowest`` the simulation with the lowest objective.
     """
     if lowest is best or metrics is None:
         return ""
+    start = " (the starting point)" * (best.phase == "initial")
     return (
-        f"These are the values of simulation {best.index}, which follows the record more closely step by step; "
+        f"These are the values of simulation {best.index}{start}, which follows the record more closely step by step "
+        f"(misfit {number(best.misfit)} tolerances, that of simulation {lowest.index} {number(lowest.misfit)}); "
         f"simulation {lowest.index} has the lowest {objective.words}, {number(objective.shown(metrics))} "
         f"{objective.unit}."
     )

@@ -13,7 +13,7 @@ from ...core.parameters import Candidate
 from ...core.residuals import noise_of_residuals, rms
 from ...core.task import Task
 from ...core.trajectory import FloatArray
-from ...core.trial import Trial, promise
+from ...core.trial import Trial, misfit_times_score
 from .continuation import Reductions
 from .feasibility import Feasibility
 
@@ -327,7 +327,7 @@ class Descent:
 
     def _take_starts(self, trials: Sequence[Trial]) -> None:
         self._polled = []
-        self._promising = sorted((trial for trial in trials if trial.residuals is not None), key=promise)
+        self._promising = sorted((trial for trial in trials if trial.residuals is not None), key=misfit_times_score)
         if self._promising:
             self._search_from_trial(self._promising.pop(0))
 
