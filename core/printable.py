@@ -1,4 +1,4 @@
-"""Text that nobody vouches for, made fit for a message."""
+"""Text for messages: what nobody vouches for made printable, and numbers and nouns put together."""
 
 from collections.abc import Iterable
 
@@ -25,3 +25,14 @@ def listed(names: Iterable[object], limit: int = 20) -> str:
     everything = [f'"{shown(name, 40)}"' for name in names]
     more = f" and {len(everything) - limit} more" if len(everything) > limit else ""
     return ", ".join(everything[:limit]) + more
+
+
+def counted(number: int, noun: str) -> str:
+    """``"1 run"``, ``"2 runs"``: a number and its noun, whose plural ends with s."""
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
+def with_article(noun: object) -> str:
+    """``"a float"``, ``"an int"``: a noun, or a type's name, behind the article that its first letter asks for."""
+    text = shown(noun)
+    return f"{'an' if text[:1].lower() in 'aeio' or text.startswith('ndarray') else 'a'} {text}"
