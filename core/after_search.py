@@ -44,7 +44,7 @@ class Watching(Protocol):
         """So many of the simulations after the search that serve a purpose are done."""
 
     def cycled(self, cycle: int, cycles: int) -> None:
-        """A simulation of a whole life, that which is farthest of those side by side, has come to this cycle."""
+        """A simulation of a whole life has come to this cycle; of several side by side, the one that is farthest."""
 
     def noted(self, text: str) -> None:
         """Something worth saying happened."""

@@ -1,4 +1,4 @@
-"""The step inside a least-squares fit: as far as a linear model can be trusted, never out of bounds."""
+"""The step of a least-squares fit: no longer than the linear model is trusted, and within the bounds."""
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -17,9 +17,9 @@ def bounded_step(
 ) -> FloatArray:
     """Minimise ``||J d + r||`` over ``lower <= d <= upper`` and ``||d|| <= radius``.
 
-    Levenberg's damping (1944) is raised until the step is short enough, so that directions of which the
-    residuals say little are hardly moved (Marquardt 1963; Moré 1978). A plain trust box would send them
-    to its corners instead.
+    Levenberg's damping (1944) is raised until the step is short enough, so that it is small in directions to which the
+    residuals are hardly sensitive (Marquardt 1963; Moré 1978). Limits of each coordinate alone would lead to the
+    corners of the box instead.
 
     Parameters
     ----------
@@ -66,8 +66,8 @@ def damped_step(
 ) -> FloatArray:
     """Minimise ``||J d + r||^2 + damping ||D d||^2`` over ``lower <= d <= upper``, ``D`` the norms of the columns.
 
-    Marquardt's damping (1963) holds back the directions of which the residuals say much, where the step may lead over
-    an edge of theirs, and lets those go on of which they say little.
+    Marquardt's damping (1963) shortens the step in directions to which the residuals are sensitive, where it may lead
+    over a kink of theirs, and hardly in directions to which they are not.
 
     Parameters
     ----------

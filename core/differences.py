@@ -12,18 +12,18 @@ _SMALLEST = 0.01
 """The smallest step of a difference as a share of the usual one: below it the integrator's noise shows."""
 
 _FAR_TOO_LARGE = 5.0
-"""A change this many times larger than the data need to see it is taken again over a shorter step."""
+"""A slope is taken again over a shorter step where the residuals changed this many times more than is needed."""
 
 _LEAST_ROOM = 0.2
 """Share of a step that must be left before a bound, for a difference to be taken there."""
 
 
 class Column:
-    """Asks for one coordinate after another: away from the nearer bound, to the other side, and with a shorter step.
+    """Finds the derivative by one coordinate: away from the nearer bound, on the other side, and with a shorter step.
 
     The other side is asked for after a failure, and for a central difference; a shorter step where the residuals
-    changed far more than is needed to see it. At a knee a percent of capacity changes the voltage by hundreds of
-    deviations, and a difference over that is a fifth off the slope.
+    changed far more than is needed. At a knee of the voltage a percent of capacity changes it by hundreds of
+    deviations, and a difference over that is off the slope by a fifth.
 
     Parameters
     ----------

@@ -71,6 +71,10 @@ class Domain:
     driven_note: str = ""
     export_note: str = ""
 
+    def __repr__(self) -> str:
+        # It is the default of a field of tasks, so that its representation stands in their signature.
+        return f"Domain({self.name!r})"
+
     @property
     def introduction(self) -> str:
         """The opening of the agent's instructions."""

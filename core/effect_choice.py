@@ -48,7 +48,7 @@ def effects_of(
             if any((item.kind, item.name) == ("effect", _entry_name(name)) for item in registry.unusable):
                 registry.find("effect", _entry_name(name))
             known = {called for effect in made.values() for called in (effect.name, effect.key)}
-            raise BsaError(f'there is no effect "{name}".', did_you_mean(name, known) or "bsa list plugins shows them.")
+            raise BsaError(f'there is no effect "{name}".', did_you_mean(name, known) or "bsa list effects shows them.")
     return tuple(effect for effect in made.values() if any(effect.is_called(name) for name in names))
 
 

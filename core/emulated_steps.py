@@ -1,8 +1,8 @@
 """Steps of a fit by an emulator of its residuals, which is learnt from every simulation that was made.
 
-A linear model knows the slopes at one point; in a narrow valley that bends, its steps are short, and each few of them
-cost a new Jacobian. A Gaussian process through all of the simulations knows how the slopes change, and how far it can
-be trusted.
+A linear model has the slopes at one point. In a narrow valley that bends its steps are short, and after a few of them
+a new Jacobian is needed. A Gaussian process through all simulations has the change of the slopes too, and estimates its
+own error.
 
 References
 ----------
@@ -23,11 +23,11 @@ from .threads import on_one_thread
 from .trajectory import FloatArray
 
 _MOST = 250
-"""Simulations that the emulator learns from, the best of them: its time grows with their third power."""
+"""Simulations that the emulator learns from at most, the best ones: its time grows with their third power."""
 
 _FAR = 20.0
-"""Residuals, in units of the best point's root mean square, from which they count by their order of magnitude, and
-root mean square from which a simulation tells nothing of the neighbourhood of the fit."""
+"""In units of the root mean square at the best point: larger residuals count by their order of magnitude, and
+simulations with a larger root mean square are left out, as too far from the fit to tell of its neighbourhood."""
 
 
 class EmulatedSteps:
@@ -114,5 +114,5 @@ class EmulatedSteps:
         return value + float(off @ off), (slopes * self._stretch + 2.0 * self._prior * off)[self._free]
 
     def _places(self, points: FloatArray) -> FloatArray:
-        """Points in coordinates in which every prior is as wide as an even one over the box is."""
+        """Points in the emulator's coordinates, in which each prior is as wide as a uniform one over the unit box."""
         return np.asarray(self._origin + points * self._stretch)

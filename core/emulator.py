@@ -1,4 +1,4 @@
-"""Residuals everywhere near a fit, from the simulations that were made: a Gaussian process that knows its own error.
+"""An emulator of the residuals near a fit: a Gaussian process through all simulations, which estimates its own error.
 
 References
 ----------
@@ -26,7 +26,7 @@ _NUGGETS = (1e-9, 1e-2)
 """Possible variances of the integrator's own error, as shares of a component's variance."""
 
 _LINEAR = 100.0
-"""Prior variance of a linear response over the box against that of the curved one: a linear response costs nothing."""
+"""Prior variance of the linear part of a response relative to its curved part: so large that it restrains nothing."""
 
 _LEFT_OUT = 0.03
 """Root mean square that the components left out may have, in units of one deviation plus a simulation's own misfit."""
@@ -88,7 +88,7 @@ class Emulator:
 
     @property
     def beyond(self) -> float:
-        """Sum of squares of the best residuals outside the components: part of every cost."""
+        """Sum of squares of the best residuals outside the components: the same at every point."""
         inside = self.rows @ self.best
         return float(self.best @ self.best - inside @ inside)
 
@@ -111,7 +111,7 @@ class Emulator:
 
 
 _MIDDLE = 0.5
-"""Of the box, about which responses are linear at first."""
+"""Middle of the unit box, about which the linear part of a response is defined."""
 
 
 def learn(points: FloatArray, residuals: FloatArray, earlier: Emulator | None = None) -> Emulator:

@@ -41,7 +41,7 @@ _NAMED_WEIGHT = 0.2
 _CONFIDENCE = 0.95
 
 _BEYOND_NOISE, _FOLLOWS_THE_CURVE = 3.0, 0.5
-"""Residuals of more tolerances than three, of which neighbours share more than half, are no noise of an instrument."""
+"""Root mean square, in tolerances, and correlation of neighbours, above which residuals are no instrument's noise."""
 
 _MOST_ALIKE = 0.98
 """Correlation of neighbours beyond which it cannot be told from a constant offset (factor 10)."""
@@ -81,7 +81,7 @@ class Identifiability:
     points: int  # How many residuals there were.
     # Of the estimates in the unit box, in the order of ``intervals``; empty in journals that do not have it.
     covariance: tuple[tuple[float, ...], ...] = ()
-    # Some draws from the posterior in the unit box, likewise, each as likely as another: what predictions spread by.
+    # Some draws from the posterior in the unit box, likewise, all equally likely: bands of predictions come from them.
     draws: tuple[tuple[float, ...], ...] = ()
 
     @property
@@ -155,12 +155,12 @@ def is_structured(residual: FloatArray) -> bool:
 
 
 def effective_noise(residual: FloatArray, parameters: int, floor: float) -> float:
-    """Standard deviation to reckon with where the misfit follows the curve, in tolerances.
+    """Standard deviation to assume where neighbouring residuals are correlated, in tolerances.
 
-    Neighbouring residuals of a model that is not quite right are alike, and ten alike ones say no more than
-    one: their correlation rho widens the standard deviation by ``sqrt((1 + rho) / (1 - rho))``, as that of
-    the mean of a first-order autoregressive series. The fit has taken off what parameters follow, so that residuals
-    are less alike than errors were: of m errors by ``(p + (p + 2) rho) / m`` on average, for p smooth responses.
+    Neighbouring residuals of a model that is not quite right are correlated, and ten equal ones tell no more than one.
+    Their correlation rho widens the standard deviation by ``sqrt((1 + rho) / (1 - rho))``, as that of the mean of a
+    first-order autoregressive series. The fit has removed what parameters can follow, so that the residuals are less
+    correlated than the errors: by ``(p + (p + 2) rho) / m`` on average, for m residuals and p smooth responses.
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ def identify(
     residual : ndarray of shape (m,)
         Residuals there.
     noise : float
-        Standard deviation to reckon with, in tolerances, for example `effective_noise`.
+        Standard deviation to assume, in tolerances, for example `effective_noise`.
 
     Notes
     -----
@@ -248,7 +248,7 @@ def with_sample(
 
 
 def _ends(draws: FloatArray, fitted: float | None) -> tuple[float, float]:
-    """Ends that 95 % of the draws lie between: as many on either side, or so many that they hold a fitted value.
+    """The ends of an interval with 95 % of the draws: with equal tails, or moved until it holds the fitted value.
 
     Where a fit ends at a bound, or in a corner of a valley, fewer than a fortieth of the draws lie beyond it, and an
     interval with equal tails would leave it out however good the fit is.

@@ -1,4 +1,4 @@
-"""The simulator after a search: what it simulates is written down and not made again, and is counted aloud."""
+"""The simulator after a search: outcomes are journalled and not simulated again, and progress is reported."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
@@ -20,7 +20,7 @@ REFERENCE = "residuals with reference accuracy"
 """What the simulations after a search are for."""
 
 Watch = Callable[[str, int, int], None]
-"""Told what the simulations are for, how many are done, and how many there are."""
+"""Called with what the simulations are for, how many are done, and how many there are."""
 
 
 class _SimulatingAround:
@@ -42,7 +42,7 @@ class JournalledSimulations(_SimulatingAround):
     """A simulator behind the journal; see `Simulating`.
 
     ``inner`` simulates what ``known`` does not hold, the run's events `ANALYSIS_SIMULATION` so far. Each outcome is
-    written whole, for what is judged of it depends on others.
+    written whole, since what is derived from it depends on other outcomes too.
     """
 
     def __init__(self, inner: Simulating, journal: Journal, known: list[Mapping[str, Any]]) -> None:

@@ -1,14 +1,14 @@
 """Bounded least squares for expensive, noisy simulations: Levenberg-Marquardt with Broyden's updates, or an emulator.
 
-Derivatives are finite differences, asked for as one batch that can be simulated side by side. Between them the
-Jacobian learns from each step by Broyden's rank-one update, which costs nothing. A step that fails on a Jacobian
-measured at the best point is too long, and the next one is shorter; on an updated one it may be the Jacobian that is
-wrong, and a new one is measured.
+Derivatives are finite differences, asked for as one batch that can be simulated side by side. After each step the
+Jacobian gets Broyden's rank-one update, which takes no simulation. If a step fails and the Jacobian was measured at the
+best point, the step was too long, and the next one is shorter. If the Jacobian was updated, it may be wrong, and a new
+one is measured.
 
-Where simulations cost much more than linear algebra (`Settings.emulates`), steps between two Jacobians go where an
-emulator, learnt from all simulations, expects the least cost (`EmulatedSteps`). With twenty parameters a Jacobian is
-the price of twenty such steps. Behind the first Jacobian Broyden's updates lead until they fail: an emulator of so few
-simulations knows little more than they do.
+Where simulations cost much more than linear algebra (`Settings.emulates`), steps between two Jacobians lead to where
+an emulator of all simulations expects the least cost (`EmulatedSteps`). With twenty parameters a Jacobian costs as much
+as twenty such steps. After the first Jacobian, Broyden's updates are used until they fail: an emulator of so few
+simulations is hardly better.
 
 References
 ----------
@@ -48,9 +48,9 @@ _POOR_STEPS = 2
 """Poor steps in a row before a new Jacobian."""
 
 _MISSES, _PRICE = 3, 0.25
-"""Steps of the emulator in a row that gain nothing worth a simulation, or hardly anything of what was predicted, before
-a new Jacobian, at least, and as a share of its price: the emulator learns from them. Twice as many change little on
-measured cells."""
+"""Steps of the emulator in a row that may fail before a new Jacobian: at least so many, and this share of the number
+that a Jacobian costs. A step fails if it gains hardly anything of what was predicted, or less than is worth a
+simulation; the emulator learns from it. Twice as many change little on measured cells."""
 
 _KNOWS_MORE = 2.0
 """Simulations, in units of those that determine a linear model, from which an emulator is asked in place of Broyden's
@@ -62,7 +62,7 @@ _LEAST = 1e-7
 """Least damping."""
 
 _IDLE_ROUNDS = 2
-"""Jacobians in a row that may disappoint: the first one may have been taken where the cost bends most."""
+"""Jacobians in a row that may lead to no gain: the first one may have been taken where the cost is most curved."""
 
 _FORETOLD = 1e-6
 """Squared error of the model's prediction, relative to the cost, below which the Jacobian is still that of the best
@@ -99,7 +99,7 @@ class LeastSquares:
     jacobian : ndarray of shape (m, p) or None
         What is known of the derivatives at the best point; None before the first batch.
     damping : float
-        How little the linear model is trusted.
+        Damping of the steps; large where the linear model has predicted badly.
     stage : {'start', 'jacobian', 'step', 'emulated', 'done'}
         What the next batch is for.
 
@@ -161,7 +161,7 @@ class LeastSquares:
 
     @property
     def predicted(self) -> float:
-        """Fall in cost that a full step promises; infinite unless the Jacobian was measured at the best point."""
+        """Predicted gain in cost of a full step; infinite unless the Jacobian was measured at the best point."""
         return self._full_gain if self._fresh else np.inf
 
     @property
@@ -181,7 +181,7 @@ class LeastSquares:
         ----------
         limit : int, optional
             How many can still be simulated. Where they do not suffice for a new Jacobian, the one at
-            hand, or the emulator, is used to the end; where these promise nothing, it is asked for all the same.
+            hand, or the emulator, is used to the end; where these predict no gain, it is asked for all the same.
         """
         if self.stage == "jacobian" and not self._batch:
             if self.jacobian is not None and limit is not None and limit <= np.count_nonzero(self._free):
@@ -225,7 +225,7 @@ class LeastSquares:
             self._end("failed")
 
     def renew_jacobian(self) -> None:
-        """Ask for a new Jacobian next, whatever the one at hand still promises."""
+        """Ask for a new Jacobian next, whatever gain the present one predicts."""
         self._batch, self.stage = [], "jacobian"
 
     def _end(self, ending: Ending) -> None:
@@ -252,7 +252,7 @@ class LeastSquares:
     # --- steps ----------------------------------------------------------------------------------------------
 
     def _plan(self) -> None:
-        """Settle what comes next, so that a new Jacobian is known to be wanted before it is asked for."""
+        """Decide what comes next, so that it is known before it is asked for whether that is a new Jacobian."""
         if self.stage in ("step", "emulated") and self._perfect():
             self._end("perfect")
         if self.stage == "step":
@@ -268,14 +268,14 @@ class LeastSquares:
             self._leave_linear_steps()
 
     def _leave_linear_steps(self) -> None:
-        """Go on where the linear model has come to its end: by an emulator, if it knows as much at least."""
+        """Go on where the linear model gains no more: by an emulator, if it has seen enough simulations."""
         if self._emulator_knows(1.0):
             self.stage = "emulated"
         else:
             self._next_round()
 
     def _plan_emulated_step(self) -> None:
-        """The next point by the emulator; another Jacobian where its promises are small, or have failed too often."""
+        """The next point by the emulator; another Jacobian where it predicts little, or has failed too often."""
         assert self._emulated is not None
         if self._misses < max(_MISSES, _PRICE * np.count_nonzero(self._free)):
             step, self._promised = self._emulated.step(self.point, self._reach)
@@ -286,7 +286,7 @@ class LeastSquares:
         self._next_round()
 
     def _plan_last_step(self) -> None:
-        """The next point where too few simulations are left for another Jacobian; none if none promises a gain."""
+        """The next point where too few simulations are left for another Jacobian; none if no gain is predicted."""
         if self._emulated is not None and self._emulator_knows(1.0):
             stage: Stage = "emulated"
             step, gain = self._emulated.step(self.point, self._reach)
@@ -311,7 +311,7 @@ class LeastSquares:
         gained = -np.inf if residual is None else self.cost - self._cost_of(residual, point)
         self._misses = self._misses + 1 if gained <= max(self._worth, _POOR * self._promised) else 0
         if residual is None:
-            # Of a failure an emulator learns nothing: it would go there again.
+            # An emulator learns nothing from a failure: it would go there again.
             self._misses = len(self.point)
             self._reach = 0.5 * float(np.max(np.abs(point - self.point)))
         else:
@@ -338,12 +338,12 @@ class LeastSquares:
 
     def _predicted_gain(self, step: FloatArray) -> float:
         jacobian, residual = self._linear_model()
-        # Not less than `cost`, which is summed in another order: a vanishing step would promise its rounding for ever.
+        # Not less than `cost`, which is summed in another order: the rounding error would be a predicted gain for ever.
         return _squares(residual) - _squares(residual + jacobian @ step)
 
     @property
     def _full_gain(self) -> float:
-        """What a full step would gain: a short one promises little by being short."""
+        """Predicted gain in cost of a full step: that of a short one is small because it is short."""
         return self._predicted_gain(self._linear_step(_LEAST))
 
     @property

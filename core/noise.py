@@ -98,8 +98,8 @@ def resolution(signal: FloatArray) -> float:
 def rounding_that_stays(noise: float, rounding: float) -> float:
     """Deviation of the part of rounding errors that neighbouring readings share, in the unit of its arguments.
 
-    Noise of half a step makes them as good as independent of one another; without noise neighbours of one reading have
-    one error, and their mean has it too.
+    With noise of half a rounding step or more, the rounding errors of neighbours are practically independent. Without
+    noise, neighbours with the same reading have the same error, and so has their mean.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""After a fit: what the records fix, and which further record would show most of what they leave open.
+"""After a fit: what the records fix, and which further record would narrow most of what they leave open.
 
 Nothing here counts as a simulation of the search: it begins when the search has ended.
 """
@@ -34,11 +34,11 @@ A good cycler's. A target that was simulated has no noise, and its fit would see
 """
 
 _FLOOR_OF_DURATIONS = 1.0
-"""The same of the duration of a step, whose noise no record tells: 0.1 %, as well as a cycler knows its current."""
+"""The same of the duration of a step, whose noise no record tells: 0.1 %, the accuracy of a cycler's current."""
 
 _OF_THE_MESH = 0.5
-"""Share of what a finer mesh changes about a residual that is doubted: at the end of a step one candidate's change is
-twice another's."""
+"""Share of the change of a residual by a finer mesh that counts as uncertain: at the end of a step the change is twice
+as large for one candidate as for another."""
 
 _NO_APPROXIMATION = 3.0
 """Root mean square, in tolerances, by which search and reference may differ: beyond it, and beyond the misfit, one of
@@ -48,7 +48,7 @@ _OF_A_LIFE = {"rounds": 1, "at_once": 16}
 """Simulations at draws from the posterior, where each takes minutes."""
 
 _ALONG = 0.02
-"""Step along an undetermined direction: longer than a difference, since little happens along it."""
+"""Step along an undetermined direction: longer than a finite difference, since the residuals change little along it."""
 
 _MOST_DIRECTIONS = 6
 _FULL = 1.0
@@ -105,7 +105,7 @@ class PostFitAnalysis:
     seconds: float = 0.0  # Wall time of these simulations, those that ran side by side added up.
     fade: tuple[FadeBand, ...] = ()  # Of each whole life the band of its capacity by cycle.
     budget: int = 0  # Simulations that it might take: as many as the search was allowed.
-    # By what factor the noise was raised since the budget ended before draws came out as predicted; 1 if they did.
+    # Factor by which the noise was raised because the budget ended before draws came out as predicted; 1 if they did.
     widened: float = 1.0
     forgone: int = 0  # Simulations by which the budget does not suffice for further records; those are not looked for.
 
@@ -230,7 +230,7 @@ def analyse(
     straight = identify(informed, weighed, task.space, best.candidate, noise)
     found = with_sample(straight, sampled.draws, task.space, sampled.holds_best)
     if sampled.widened > 1.0:
-        # A sample that was cut short may not have seen the ends of a valley.
+        # A sample that ended early may not have reached the ends of a valley.
         found = not_narrower(found, straight, task.space)
     suggestions, forgone = _suggestions(task, best, informed, noise, plugins, spent)
     worst = max(found.intervals, key=lambda name: found.intervals[name].share_of_range)
@@ -292,10 +292,10 @@ def _errors(task: Task, best: Trial, plugins: Simulating, spent: _Spent) -> Erro
 
 
 def misfit_by_kind(task: Task, residual: FloatArray) -> FloatArray:
-    """By how much more than their deviation the residuals of spectra are off, and those over time; ones of one kind.
+    """Factors by which the residuals of spectra, and those over time, exceed their deviation; ones for a single kind.
 
-    A model that misses the open-circuit curve by tens of millivolts may show the impedance to a few percent: what the
-    one leaves says nothing of the other.
+    A model that is tens of millivolts off the open-circuit curve may be right about the impedance within a few percent:
+    the misfit of one kind tells nothing of the other.
     """
     of_spectra = np.array([experiment.is_spectrum for experiment in task.experiments])[rows_of(task).record]
     misfit = np.ones(len(residual))

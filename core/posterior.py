@@ -16,17 +16,17 @@ import numpy as np
 from .trajectory import FloatArray
 
 _STRETCH = 2.0
-"""Longest stretch of a move, as its authors have it."""
+"""Largest factor of a stretch move, the value of its authors (Goodman & Weare)."""
 
 _ALONG = 0.5
-"""Share of moves along the difference of two walkers: beyond ten parameters hardly a stretch is taken."""
+"""Share of moves along the difference of two walkers: with more than ten parameters few stretch moves are accepted."""
 
 _JUMP, _SCALES = 2.38, (0.3, 1.1)
-"""Length of such a move over the root of twice the parameters, as its author has it, and of which shares are drawn: a
-curved valley wants shorter ones."""
+"""Length of a move along a difference, times the root of twice the number of parameters (the value of its author, ter
+Braak), and the range of random factors on it: a curved valley needs shorter moves."""
 
 _WHOLE = 0.1
-"""Share of these moves that go the whole difference: from one valley to another."""
+"""Share of these moves that have the length of the difference: they lead from one valley to another."""
 
 _WALKERS = 6
 """Walkers for each parameter; the sampler needs twice the parameters at least."""
@@ -38,7 +38,8 @@ MOVES, _BURNT, _KEPT_EVERY = 2400, 0.25, 12
 autocorrelation at ten parameters."""
 
 _STRANDED = 4
-"""Of so many draws one goes on, the one of least cost: what a first guess left far from everything stays there."""
+"""Draws for each walker of the next sample; those of least cost become walkers. Some draws of a rough first sample lie
+far from all others."""
 
 
 def beginning(centre: FloatArray, residual: FloatArray, jacobian: FloatArray) -> FloatArray:
@@ -56,7 +57,7 @@ def beginning(centre: FloatArray, residual: FloatArray, jacobian: FloatArray) ->
 
 
 def going_on(draws: FloatArray, costs: Callable[[FloatArray], FloatArray]) -> FloatArray:
-    """Walkers from the draws of a sample, for one of another cost; as many as `beginning` makes."""
+    """Walkers for a sample of another cost, taken from the draws of an earlier one; as many as `beginning` makes."""
     count = _count(draws.shape[1])
     some = np.random.default_rng(0).permutation(len(draws))[: _STRANDED * count]
     order = np.argsort(costs(draws[some]))[:count]
@@ -92,7 +93,7 @@ def sample(
 
 
 def _moved(here: FloatArray, others: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-    """Where walkers go by the places of others, and the logarithm of what favours it beside the cost."""
+    """Proposed places of walkers, and the logarithm of the factor of acceptance that is not due to the cost."""
     half, count = here.shape
     if rng.random() < _ALONG:
         one, other = others[rng.integers(half, size=(2, half))]

@@ -1,4 +1,4 @@
-"""Text that nobody vouches for, made fit for a message."""
+"""Text for messages: what nobody vouches for made printable, and numbers and nouns put together."""
 
 from collections.abc import Iterable
 
@@ -35,3 +35,9 @@ def counted(count: int, noun: str, ending: str = "s") -> str:
 def were(count: int) -> str:
     """The verb after a number of things."""
     return "was" if count == 1 else "were"
+
+
+def with_article(noun: object) -> str:
+    """``"a float"``, ``"an int"``: a noun, or a type's name, behind the article that its first letter asks for."""
+    text = shown(noun)
+    return f"{'an' if text[:1].lower() in 'aeio' or text.startswith('ndarray') else 'a'} {text}"

@@ -13,7 +13,8 @@ from .parameters import ParameterSpace
 from .trajectory import FloatArray
 
 _FARTHEST = 4.0
-"""Standard deviations within which `Prior.normal` keeps: of an even range they leave a part in 30,000 at each bound."""
+"""Largest coordinate of `Prior.normal`, in standard deviations: it leaves out a part in 30,000 of a uniform range at
+each bound."""
 
 EVEN = 12.0**-0.5
 """Standard deviation of an even distribution over the box."""
@@ -38,7 +39,7 @@ class Prior:
         return np.asarray(self.precision * (points - self.centre))
 
     def residuals(self, residual: FloatArray, point: FloatArray, scale: float = 1.0) -> FloatArray:
-        """Residuals at a point with those of the prior behind them, in units of 1/scale of a standard deviation."""
+        """Residuals at a point, followed by those of the prior, in units of 1/scale of a standard deviation."""
         return np.concatenate([residual, scale * self.deviations(point)])
 
     def jacobian(self, jacobian: FloatArray, scale: float = 1.0) -> FloatArray:
@@ -66,7 +67,7 @@ class Prior:
         return np.asarray(steepness * np.exp(0.5 * (off**2 - normal**2)))
 
     def as_wide_as_the_box(self, points: FloatArray) -> FloatArray:
-        """Points of shape (..., p) in coordinates in which every prior is as wide as an even one over the box."""
+        """Points of shape (..., p) in coordinates in which each prior is as wide as a uniform one over the unit box."""
         return np.where(self._known, 0.5 + EVEN * self.deviations(points), points)
 
     @cached_property

@@ -17,7 +17,7 @@ from .feedback import Feedback
 from .hooks import Recollection
 from .messages import Reply, StructuredBy, Usage
 from .parameters import Candidate, ParameterSpace
-from .printable import described, listed, shown
+from .printable import counted, described, listed, shown
 from .proposal import Proposal
 from .simulation import ExperimentRun, Outcome, SimulationFailure
 from .task import Experiment, Protocol
@@ -101,7 +101,8 @@ def outcomes(pairs: object, candidates: int, signals: Sequence[Sequence[str]]) -
         yield place, outcome(found, signals)
     if missing:
         raise Unfit(
-            f"gave no outcome for {len(missing)} of {candidates} candidates, the first at place {min(missing)}",
+            f"gave no outcome for {len(missing)} of {counted(candidates, 'candidate')}, the first at place "
+            f"{min(missing)}",
             "a failed simulation is an Outcome as well.",
         )
 
@@ -112,7 +113,10 @@ def outcome(product: object, signals: Sequence[Sequence[str]]) -> Outcome:
     _number(found.seconds, "Outcome.seconds")
     if not isinstance(found.runs, tuple) or len(found.runs) != len(signals):
         count = len(found.runs) if isinstance(found.runs, (tuple, list)) else described(found.runs)
-        raise Unfit(f"yielded an Outcome with {count} runs for {len(signals)} experiments", "Outcome.runs is a tuple.")
+        raise Unfit(
+            f"yielded an Outcome with {count} runs for {counted(len(signals), 'experiment')}",
+            "Outcome.runs is a tuple.",
+        )
     for run, names in zip(found.runs, signals, strict=True):
         _run(instance(run, ExperimentRun, "yielded an Outcome with a run that is {}"), names)
     return found

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 
 from pydantic import BaseModel, Field, field_validator
 
+from .printable import counted
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -41,6 +43,18 @@ class Record:
     trajectory: Trajectory
     notes: tuple[str, ...] = ()
     ambient_k: float | None = None
+
+    def __repr__(self) -> str:
+        return f"<Record {self.name}: {self._words}>"
+
+    def _repr_html_(self) -> str:
+        notes = "".join(f"<li>{escape(note)}</li>" for note in self.notes)
+        return f"<p><b>{escape(self.name)}</b>: {escape(self._words)}</p>" + f"<ul>{notes}</ul>" * bool(notes)
+
+    @property
+    def _words(self) -> str:
+        ambient = "" if self.ambient_k is None else f"; ambient temperature {self.ambient_k - 273.15:.1f} degC"
+        return self.trajectory.words + ambient + f"; {counted(len(self.notes), 'note')}" * bool(self.notes)
 
 
 class ReadOptions(BaseModel, extra="forbid", frozen=True):

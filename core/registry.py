@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, distributions
-from typing import Any, Literal
+from typing import Any
 
 from pydantic import BaseModel
 
@@ -16,24 +16,12 @@ from .domain import Domain
 from .errors import BsaError, did_you_mean
 from .hook_methods import call, hook_methods
 from .hooks import API_VERSION, PROJECT, CatalogueHooks, Entry
+from .kinds import HOOKS, Kind
 from .printable import described, shown
 from .validation import validated
 
-Kind = Literal["simulator", "feedback", "memory", "proposer", "warm-up", "backend", "route", "reader", "effect", "task"]
-
-_HOOKS: dict[Kind, str] = {
-    "simulator": "bsa_simulators",
-    "feedback": "bsa_feedback_builders",
-    "memory": "bsa_memories",
-    "proposer": "bsa_proposers",
-    "warm-up": "bsa_warm_ups",
-    "backend": "bsa_backends",
-    "route": "bsa_routes",
-    "reader": "bsa_readers",
-    "effect": "bsa_effects",
-    "task": "bsa_tasks",
-}
-KINDS: tuple[Kind, ...] = tuple(_HOOKS)
+_LISTED: dict[str, Kind] = {hook: kind for kind, hook in HOOKS.items()}
+"""The kind that a hook lists."""
 
 _NAMED_AMONG: dict[Kind, Kind] = {"route": "backend"}
 """Kinds that share the names of another: a route stands behind ``--backend`` as well, ``--backend ROUTE:MODEL``."""
@@ -71,6 +59,12 @@ class Unusable:
     reason: str  # What is wrong, in one line.
     origin: str  # Distribution and version.
     kind: Kind | None = None  # Kind of the entry; None for a whole plugin, or one of its hooks.
+    hook: Kind | None = None  # Kind that the hook at fault lists, where it is the fault of one hook.
+
+    def concerns(self, kind: Kind) -> bool:
+        """Whether it is a plugin of this kind, or could have been one: what a whole plugin offers is not known."""
+        own = self.kind or self.hook
+        return own is None or _is(own, kind)
 
 
 class Registry:
@@ -147,9 +141,9 @@ class Registry:
         try:
             methods, faults = hook_methods(plugin, CatalogueHooks)
         except Exception as error:  # a stranger's object need not even bear being looked at
-            methods, faults = {}, [_reason(error)]
-        self._not_listed += [Unusable(name, fault, origin) for fault in faults]
-        for kind, hook in _HOOKS.items():
+            methods, faults = {}, {"": _reason(error)}
+        self._not_listed += [Unusable(name, fault, origin, hook=_LISTED.get(of)) for of, fault in faults.items()]
+        for kind, hook in HOOKS.items():
             if hook not in methods:
                 continue
             entries: list[Any] = []
@@ -159,13 +153,13 @@ class Registry:
             except KeyboardInterrupt:
                 raise
             except BaseException as error:
-                self._not_listed.append(Unusable(name, f"{_reason(error)} in {hook}", origin))
+                self._not_listed.append(Unusable(name, f"{_reason(error)} in {hook}", origin, hook=kind))
             for entry in entries:
                 fault = _fault(entry)
                 if fault and isinstance(entry, Entry) and isinstance(entry.name, str):
                     self._not_listed.append(Unusable(shown(entry.name), fault, origin, kind))
                 elif fault:
-                    self._not_listed.append(Unusable(name, f"{fault} (in {hook})", origin))
+                    self._not_listed.append(Unusable(name, f"{fault} (in {hook})", origin, hook=kind))
                 else:
                     yield Listing(kind, entry, origin)
 
@@ -194,7 +188,11 @@ class Registry:
         names = self.names(kind)
         nearest = did_you_mean(name, names)
         # What a plugin would offer that cannot even be imported is not known: it may be what is looked for.
-        missing = [f"{item.origin} cannot be used ({item.reason})." for item in self.unusable if item.kind is None]
+        missing = [
+            f"{item.origin} cannot be used ({item.reason})."
+            for item in self.unusable
+            if item.kind is None and item.concerns(kind)
+        ]
         parts = [nearest, f"Available: {', '.join(sorted(names)) or 'none'}.", *missing]
         raise BsaError(f'there is no {kind} "{name}".', " ".join(part for part in parts if part))
 

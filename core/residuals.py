@@ -28,15 +28,15 @@ _ZERO_SHARE = 0.1
 """Share of its peak by which a relative tolerance is wider, so that it is not zero where the signal is."""
 
 _FAR = 10.0
-"""Tolerances beyond which an error is far, where weights are robust: physical models of measured cells end at 5 to
-15 mV, so that what is further off is no part of the usual misfit."""
+"""Size of an error, in tolerances, from which robust weights reduce it: fits of physical models to measured cells leave
+5 to 15 mV, and what is farther off is no part of that."""
 
 _NEARLY_EMPTY = 0.15
 """Share of the charge of a pulse test at whose end the cell is nearly empty: within seconds the particles' surfaces run
 short of lithium, and a pulse shows two to ten times the resistance that it shows before."""
 
 _PULSE_TEST = 10
-"""Pulses before that which make a record a pulse test."""
+"""Pulses before that share of the charge, from which on a record is a pulse test."""
 
 _FLOORS_IN_BRIEF = 12.0
 """A brief step over this is added to both durations, so that a vanishing step has a finite logarithm and a 1 s rest

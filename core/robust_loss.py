@@ -11,8 +11,8 @@ FAR_V = 0.1
 def robust(errors: FloatArray, far: float = FAR_V) -> FloatArray:
     """Errors with those beyond ``far`` reduced to their order of magnitude: ``far arcsinh(e / far)``.
 
-    A candidate whose cell is empty before its record ends is volts off, and how many samples it is off by would
-    outweigh everything else that a fit could learn.
+    A candidate whose cell is empty before its record ends is off by volts there, and these samples would outweigh all
+    others.
 
     Parameters
     ----------

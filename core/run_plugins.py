@@ -242,7 +242,7 @@ def _participant(plugin: object, kind: Part, who: str) -> Participant:
         methods, faults = hook_methods(plugin, RunHooks)
     main = _MAIN_HOOK[kind]
     if not faults and main not in methods:
-        faults = [f'it does not implement "{main}", which is what a {kind} is for']
+        faults = {main: f'it does not implement "{main}", which is what a {kind} is for'}
     if faults:
-        raise BsaError(f"{who}: {'; '.join(faults)}.", "docs/plugins.md lists the hooks of a run.")
+        raise BsaError(f"{who}: {'; '.join(faults.values())}.", "docs/plugins.md lists the hooks of a run.")
     return Participant(who, methods)

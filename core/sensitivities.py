@@ -21,7 +21,7 @@ _DIGITS = 3
 """Significant digits of an effect: slopes change more than that on the way to the next candidate."""
 
 _WHOLE = 10.0
-"""Effects from here on are told as whole numbers: no linear picture is better than five percent."""
+"""Effects of this size and more are rounded to whole numbers: a linear model is off by five percent or more."""
 
 _RESOLVED = 1e-4
 """Share of the largest effect on a feature below which another one's digits are left out."""
@@ -155,8 +155,9 @@ def linear_change(
 ) -> FloatArray:
     """The change that removes most of the mismatch if all acts linearly, in typical steps, shape (p,).
 
-    Levenberg's damping in proportion to the mismatch (Fan & Yuan, Computing 74 (2005) 23): far away, where the linear
-    picture errs by more than weak parameters can do, they are left alone; near by nothing holds them.
+    Levenberg's damping in proportion to the mismatch (Fan & Yuan, Computing 74 (2005) 23). Far from the record the
+    error of the linear model is larger than the effect of weak parameters, which are hardly moved; near the record the
+    damping vanishes.
 
     Parameters
     ----------

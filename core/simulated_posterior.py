@@ -1,7 +1,8 @@
-"""The posterior of a fit, on the simulations of the search and some more where it turns out to be.
+"""The posterior of a fit, from the simulations of the search and further ones at its draws.
 
-Along weakly determined directions no linear or quadratic model of the residuals holds: draws from one cost hundreds
-of times what it says. So an emulator learns the residuals, its draws are simulated, and it learns from these.
+Along weakly determined directions no linear or quadratic model of the residuals holds: the cost of its draws may be
+hundreds of times what it predicts. Therefore an emulator learns the residuals, its draws are simulated, and it learns
+from these too.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,8 +26,8 @@ _AT_ONCE, _FOR_EACH = 16, 2
 twice as many."""
 
 _FAR_OFF = 20.0
-"""Standard deviations beyond which a residual is reduced to its order of magnitude. A cell that runs empty before its
-record ends is thousands of deviations off, and the emulator would learn little but by how much."""
+"""Standard deviations beyond which a residual is reduced to its order of magnitude. A cell that is empty before its
+record ends is thousands of deviations off, and such residuals would decide all that the emulator learns."""
 
 _SETTLED = 1.0
 """Squared deviations by which the emulator may be off at nine of ten simulated draws when no more are needed.
@@ -35,7 +36,7 @@ The tenth is not the median, since the ends of a valley are found last.
 """
 
 _CHOICE = 8
-"""Draws of which the one that the emulator knows least is simulated, for every second simulation: valleys end there."""
+"""Draws for every second simulation; the one where the emulator is least certain is simulated: valleys end there."""
 
 _LOOKING = 500
 """Moves of a sample that only says where to simulate next."""
@@ -75,7 +76,7 @@ class SimulatedPosterior:
 
     draws: FloatArray  # In the unit box. Shape (n, p).
     excess: float  # By what factor residuals are larger than their deviations.
-    # Whether the best simulation before the sample is one of its likelier 95 %: else others come clearly nearer.
+    # Whether the best simulation before the sample is among its likelier 95 %: if not, others come clearly nearer.
     holds_best: bool = True
     # By what factor the sample was widened since simulations ended before draws came out as predicted; 1 if they did.
     widened: float = 1.0
@@ -108,10 +109,10 @@ def simulated_posterior(
         How often draws are simulated and learnt from, and how many; by default the more, the more parameters.
     most : int, optional
         Simulations that all rounds may take together, a pair in each at least. Where fewer a round than ``at_once``
-        do not suffice for draws to come out as predicted, what the last ones are off counts as further noise.
+        do not suffice for draws to come out as predicted, the errors of the last predictions count as further noise.
     """
     seen, found = np.array(points), np.array(residuals)
-    # What weighs nothing (late pulses, the temperature in long rests) is no residual that is nearly none.
+    # Residuals without weight (late pulses, the temperature in long rests) are left out: they are no small residuals.
     weighs = np.any(found != 0.0, axis=0) | np.any(jacobian != 0.0, axis=1)
     found, jacobian = found[:, weighs], jacobian[weighs]
     scale = effective_noise(found[0], seen.shape[1], 1.0)
@@ -125,7 +126,7 @@ def simulated_posterior(
     for number in range(rounds + 1):
         usable = _usable(seen, found)
         emulator = learn(prior.as_wide_as_the_box(seen[usable]), found[usable], emulator)
-        # Where the model does not come down to the noise, and where neighbours err alike, the residuals say less.
+        # Where the model does not come down to the noise, and where neighbours are correlated, residuals tell less.
         excess = effective_noise(found[usable[0]], seen.shape[1], 1.0)
         costs = _posterior_cost(emulator, excess, prior)
         if number == 0:
@@ -180,7 +181,7 @@ def _unlikeliness(emulator: Emulator, excess: float, prior: Prior, points: Float
 
 
 def _wanted(emulator: Emulator, draws: FloatArray, count: int, prior: Prior, rng: np.random.Generator) -> FloatArray:
-    """Draws to simulate: half of them any, half of them what the emulator knows least."""
+    """Draws to simulate: half of them at random, half of them where the emulator is least certain."""
     some = draws[rng.choice(len(draws), count // 2 * (1 + _CHOICE))]
     usual, others = np.split(some, [count // 2])
     variance = emulator.predict(prior.as_wide_as_the_box(prior.unit(others)))[1]

@@ -8,10 +8,10 @@ from .task import Experiment
 
 @dataclass(frozen=True)
 class TaskReduction:
-    """How a task is reduced. An reduced simulation never counts as a fit of the task."""
+    """How a task is reduced. A reduced simulation never counts as a fit of the task."""
 
     # Factor on every current, more than 0 and at most 1. There is no record at lower currents, so these simulations
-    # only say whether the cell runs, and how polarised it is.
+    # only show whether the cell can be simulated, and how polarised it is.
     rate: float = 1.0
     cycles: int | None = None  # Only so many cycles, which are compared with the record's first ones; None for all.
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from .ageing.cycle_table import CycleTable
 from .errors import BsaError
+from .printable import counted
 from .thinning import evenly
 
 FloatArray = NDArray[np.float64]
@@ -155,6 +156,20 @@ class Trajectory:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    @property
+    def words(self) -> str:
+        """What it holds: ``"2880 samples of current, voltage; 4.5 h; 12 steps in 2 cycles"``."""
+        parts = [f"{counted(len(self), 'sample')} of {', '.join(self.signals) or 'nothing'}"]
+        hours = self.duration / SECONDS_PER_HOUR
+        if not any(step.kind == StepKind.SPECTRUM for step in self.steps):
+            parts.append(f"{self.duration:.3g} s" if hours < 1.0 else f"{hours:.3g} h")
+        if self.steps:
+            parts.append(f"{counted(len(self.steps), 'step')} in {counted(len(self.cycles), 'cycle')}")
+        return "; ".join(parts)
+
+    def __repr__(self) -> str:
+        return f"<Trajectory: {self.words}>"
 
     def values(self, name: str) -> FloatArray:
         """A signal by its name, shape (n,).

@@ -1,4 +1,17 @@
-"""One candidate and everything that is known of it."""
+"""One candidate and everything that is known of it; and which of several is best, which depends on the purpose.
+
+==================  ==========================================  ======================================================
+Function            Best means                                  Used for
+==================  ==========================================  ======================================================
+`lowest`            the lowest objective (score)                searches, ``ProposeContext.best``, ``stop_below``,
+                                                                benchmarks, ``best_score`` of ``result.json``
+`likeliest`         the least misfit, step by step              what follows the record most closely
+`closest`           `likeliest`, or `lowest` for a proposer     the trial from which a proposer goes on
+                    that is shown the objective alone
+`answer.answer`     `likeliest`; far from the noise of a        what a run reports: parameters, curves, intervals,
+                    protocol the least `misfit_times_score`     predictions, ``best`` of ``result.json``
+==================  ==========================================  ======================================================
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -89,9 +102,8 @@ class Trial:
 def likeliest(trials: Sequence[Trial]) -> Trial:
     """The trial with the least misfit step by step.
 
-    Among equals the lowest objective decides, and the first trial stands where none ran to its end. The objective may
-    compare at equal times, where one step's wrong duration shifts all behind it, and weighs what a noisy record says
-    of each error in another way than likelihood does.
+    Of equal misfits the lowest objective decides; where no trial ran to its end, it is the first one. The objective is
+    no likelihood: it may compare at equal times, where one step of the wrong duration shifts all steps after it.
     """
     return min(trials, key=lambda trial: (trial.misfit, trial.objective))
 
@@ -101,8 +113,8 @@ def lowest(trials: Sequence[Trial]) -> Trial:
     return min(trials, key=lambda trial: trial.objective)
 
 
-def promise(trial: Trial) -> float:
-    """Low where misfit and score are both low: what is good by one alone often owes it to a vanished step."""
+def misfit_times_score(trial: Trial) -> float:
+    """Misfit times objective, low where both are: one of them alone may be low because a step is missing."""
     return trial.misfit * trial.objective
 
 

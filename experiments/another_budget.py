@@ -9,7 +9,7 @@ from ..core.budget import BUDGET, RAISED, begun_rounds, simulated
 from ..core.errors import BsaError
 from ..core.journal import LOCK, Event, Journal
 from ..core.loop import RunResult
-from ..core.printable import shown
+from ..core.printable import counted, shown
 from ..core.run_config import RunConfig
 
 _WORDS = {
@@ -57,7 +57,7 @@ def check_budget(path: Path, earlier: Sequence[Event], known: Mapping[str, Any],
     done = simulated(earlier)
     if config.simulations < done:
         raise BsaError(
-            f"the run has made {done} simulations, which is more than --simulations {config.simulations}.",
+            f"the run has made {counted(done, 'simulation')}, which is more than --simulations {config.simulations}.",
             f"give more than {done}: those that {path} holds count with the new ones.",
         )
     for key in ("rounds", "patience"):

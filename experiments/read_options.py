@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
 from ..core.errors import BsaError
+from ..core.printable import counted
 from ..core.record import ReadOptions
 from ..core.validation import validated
 from .checked_options import FIELDS, as_celsius, as_number, as_several, by_signal
@@ -64,7 +65,7 @@ def _each(given: Mapping[str, Numbers]) -> list[dict[str, float]]:
     several = {name: [_checked(name, value) for value in as_several(values)] for name, values in given.items()}
     counts = {_typed(name): len(values) for name, values in several.items() if len(values) > 1}
     if len(set(counts.values())) > 1:
-        said = ", ".join(f"{option} {count} times" for option, count in counts.items())
+        said = ", ".join(f"{option} {counted(count, 'time')}" for option, count in counts.items())
         raise BsaError(f"{said} were given.", "give each once for all records, or once for each, in their order.")
     by_field = {field: several[name] for field, name in FIELDS.items() if several.get(name)}
     return [
@@ -87,7 +88,7 @@ def one_each(reads: Sequence[ReadOptions], count: int) -> list[ReadOptions]:
     """What is said of each of so many records. Raises `BsaError` if it was said of another number of them."""
     if len(reads) not in (1, count):
         raise BsaError(
-            f"an option for reading was given {len(reads)} times for {count} record{'s' * (count != 1)}.",
+            f"an option for reading was given {counted(len(reads), 'time')} for {counted(count, 'record')}.",
             "give it once for all records, or once for each, in their order, held-out ones last.",
         )
     return list(reads) * (count if len(reads) == 1 else 1)

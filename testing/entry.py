@@ -8,7 +8,8 @@ from typing import Any, ClassVar
 import pytest
 
 from ..core.errors import BsaError
-from ..core.registry import Kind, Listing, installed
+from ..core.kinds import Kind
+from ..core.registry import Listing, installed
 
 _HEAVY = "ax, botorch, litellm, matplotlib, python_calamine, pandas, pyarrow, pybamm, torch, transformers"
 

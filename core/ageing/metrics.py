@@ -7,6 +7,7 @@ import numpy as np
 
 from ..overlap import overlap_rms
 from ..paper_metrics import PaperMetrics, curve_errors, step_duration_error
+from ..printable import counted
 from ..signal_metrics import Quantity
 from ..simulation import Outcome
 from ..task import Experiment, Task
@@ -39,7 +40,7 @@ def over_cycles(quantities: Iterable[Quantity], task: Task) -> tuple[Quantity, .
     stretched to its measured duration.
     """
     count = sum(len(experiment.detailed_cycles) for experiment in task.experiments)
-    cycles = f"{count} cycle{'s' * (count > 1)}"
+    cycles = counted(count, "cycle")
     labels = {"v_rmse_mv": f"Voltage RMSE at equal times of {cycles}", "capacity_error": f"Capacity error of {cycles}"}
     return tuple(replace(one, label=labels.get(one.key, one.label)) for one in quantities)
 

@@ -13,9 +13,10 @@ FALSE_ALARM = 0.01
 """Probability that noise alone is taken for a discrepancy."""
 
 _BLOCK = 4
+"""Residuals in a block of the test for structure."""
 
 _LONE = 3.0
-"""Deviations that a reading which stands alone counts for at most."""
+"""Standard deviations beyond which a residual that is larger than both its neighbours is cut to their size."""
 
 
 @dataclass(frozen=True)
@@ -23,8 +24,10 @@ class Adequacy:
     """How a fit's residual compares with noise."""
 
     p_size: float  # Probability that noise alone leaves residuals this large.
-    p_structure: float  # Probability that noise alone leaves neighbours agreeing this much.
-    repetition: float  # How many neighbours say what one would: ``(1 + r) / (1 - r)`` with ``r`` their correlation.
+    p_structure: float  # Probability that noise alone leaves neighbours that agree this much.
+    # Factor by which correlated neighbours raise the variance of a mean: ``(1 + r) / (1 - r)``, where ``r`` is the
+    # correlation of neighbours. So many residuals tell as much as a single independent one.
+    variance_inflation: float
 
     @property
     def adequate(self) -> bool:
@@ -42,15 +45,26 @@ def judge(
     fitted: float,
     noise_freedom: float = np.inf,
 ) -> Adequacy:
-    """Test residuals of several records, in standard deviations; with the step of each residual.
+    """Test whether the residuals of several records are noise.
 
-    Size: the mean of squares against the F distribution, since the deviations are estimates of ``noise_freedom``
-    degrees of freedom (chi-squared where they are known). Structure: means of blocks of neighbours within a step,
-    scaled to unit variance, whose squares noise alone makes as large; four neighbours that agree on half a
-    standard deviation each pass the first test and fail this one. Both count a reading that stands alone for little
-    (`_without_lone`): noise with long tails is no physics. Both lose the degrees of freedom of the
-    ``fitted`` parameters, of which those that priors hold count for less (`Refit.effective_parameters`). The
-    deviations contain the floor below which differences are not physics, which lowers the rate of false alarms.
+    Two tests. Size: the sum of their squares. Structure: the sum of squares of the means of blocks of four neighbours
+    within a step, scaled to unit variance. Four neighbours that are all off by half a standard deviation pass the
+    first test and fail the second. In both, a residual that stands alone counts for little (`_without_lone`): noise
+    with long tails is no physics.
+
+    Parameters
+    ----------
+    weighted : sequence of ndarray
+        Residuals of each record, in standard deviations. These contain the floor below which differences are not
+        physics, so that false alarms are rarer than stated.
+    groups : sequence of ndarray of int
+        The step of each residual.
+    fitted : float
+        Degrees of freedom that the fit has taken; parameters that priors hold take less than one
+        (`Refit.effective_parameters`).
+    noise_freedom : float
+        Degrees of freedom of the estimated standard deviations: sums of squares are compared with the F distribution,
+        or with chi-squared where the deviations are known (infinite).
     """
     flat = np.concatenate(list(weighted))
     tamed = [_without_lone(residual, group) for residual, group in zip(weighted, groups, strict=True)]
@@ -77,9 +91,10 @@ def judge(
 
 
 def _without_lone(residual: FloatArray, group: NDArray[np.intp]) -> FloatArray:
-    """Residuals in which one that is farther off than both its neighbours in a step is as far as the farther of them.
+    """Residuals without lone large ones.
 
-    What a model lacks shows in neighbours too. At the ends of a step it may not: they stay.
+    Inside a step, a residual beyond `_LONE` that is larger than both its neighbours is cut to the larger of these, but
+    not below `_LONE`: what a model lacks shows in neighbours too. The ends of a step are kept, where it may not.
     """
     size, beside = np.abs(residual), np.full(len(residual), np.inf)
     inner = (group[1:-1] == group[:-2]) & (group[1:-1] == group[2:])
@@ -89,7 +104,7 @@ def _without_lone(residual: FloatArray, group: NDArray[np.intp]) -> FloatArray:
 
 
 def _exceeded(squares: float, freedom: float, noise_freedom: float) -> float:
-    """Probability that noise leaves a sum of squares so large, in units of a variance that is itself an estimate."""
+    """Probability that noise leaves a sum of squares this large, in units of the variance that was estimated."""
     if np.isinf(noise_freedom):
         return float(stats.chi2.sf(squares, freedom))
     return float(stats.f.sf(squares / freedom, freedom, noise_freedom))

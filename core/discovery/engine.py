@@ -10,6 +10,7 @@ from functools import partial
 
 from ..effect import Effect, Evidence
 from ..parameters import ParameterSpace
+from ..printable import counted
 from .explanation import Explanation
 from .findings import Findings, Gap, Listener, Nomination, Settings
 from .fitting import LAG, Fitter
@@ -149,7 +150,7 @@ class Engine:
         scored = [n for n in nominations if n.gain > 0]
         first = self.settings.screened
         chosen = [n for place, n in enumerate(scored) if place < first or n.effect.key in keys]
-        self._say(f"short fits of {len(chosen)} effects")
+        self._say(f"short fits of {counted(len(chosen), 'effect')}")
         # Before the last level of a race, which gets the whole budget, there may be three of a third.
         whole = 2 * min(len(chosen), self.settings.confirmed) * self.settings.refit_budget
         self._progress.estimate(self.problem.simulated, len(chosen) * most_simulations(before) + whole)

@@ -79,12 +79,12 @@ class Explanation:
         return float(np.sum(robust(self.errors) ** 2 / (self.sigma**2 + misfit_v**2)))
 
     def dispersion(self, misfit_v: float) -> float:
-        """Sum of squares over degrees of freedom, stretched for neighbours that repeat one another; 1 or more."""
+        """Sum of squares over degrees of freedom, times the variance inflation of correlated neighbours; 1 or more."""
         return self._dispersion(self.chi2(misfit_v))
 
     def _dispersion(self, squares: float) -> float:
         freedom = max(len(self.errors) - len(self.fit.space) - self.taken_off, 1)
-        return max(1.0, squares / freedom * self.adequacy.repetition)
+        return max(1.0, squares / freedom * self.adequacy.variance_inflation)
 
     @property
     def settled(self) -> bool:
@@ -103,12 +103,12 @@ class Explanation:
 
     @property
     def inflated_noise_v(self) -> float:
-        """The misfit that one average counts with where neighbours repeat one another, V.
+        """The misfit with which each average is weighed where neighbours are correlated, V.
 
-        Averages that all err the same way are one piece of evidence: with each of ``n`` neighbours blurred by
-        ``sqrt(n)``, the priors are weighed against one misfit and not against n.
+        ``n`` averages with the same error are one piece of evidence. With ``sqrt(n)`` times the misfit each, they weigh
+        as much against the priors as a single one.
         """
-        return self.misfit_v * float(np.sqrt(self.adequacy.repetition))
+        return self.misfit_v * float(np.sqrt(self.adequacy.variance_inflation))
 
     @property
     def cost(self) -> float:

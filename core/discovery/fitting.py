@@ -33,24 +33,24 @@ _COARSE_V = 0.03
 _NEAR_V = 2e-3
 """A typical error below which a fit is near enough to be weighed against the noise, V."""
 
-_EASES, _SOC_SHIFTS = (0.0, 0.5, 1.0, 1.5), (0.0, 3.0, -4.0)
-"""Places where a base fit may start: deviations of the priors by which parameters are larger and faster, and of the
-initial states of charge."""
+_CELL_SHIFTS, _SOC_SHIFTS = (0.0, 0.5, 1.0, 1.5), (0.0, 3.0, -4.0)
+"""Where a base fit may start, in standard deviations of the priors from the given start: all parameters of the cell
+towards more charge and faster transport, and the initial states of charge."""
 
 LAG = 2 * RULES.clear_bic
 """Cost by which an explanation may lag behind the best one before it is dropped: twice a BIC that is clear."""
 
 _SHARES_OF_STRENGTH = (1.0, 0.7, 1.4, 0.5, 2.0, 0.25, 4.0, 0.0)
-"""Of a strength fitted elsewhere, what it may be beside another's base parameters; nothing, where these need none."""
+"""Strengths to start from beside other base parameters, as shares of the fitted one; these may need none of it."""
 
 _STAGE = 40
 """Simulations of a fit to part of the cycles, from a fit to half as many."""
 
 _STARTS = 6
-"""Places that the fit of a first cycle may start from: it takes seconds, and everything stands on it."""
+"""Places from which the fit of a first cycle may start: it takes seconds, and all later fits start from it."""
 
 _LEVELS = 6
-"""Times that the misfit which counts as noise is lowered at most."""
+"""How often the misfit that counts as noise is lowered, at most."""
 
 
 class Fitter:
@@ -221,10 +221,10 @@ class Fitter:
 
     def _fit_from_somewhere(self, start: FloatArray) -> Refit:
         # A cell that is too small, or too slow for its current, is empty before its record ends, and a fit that
-        # starts there does not converge: start from the best of some roomier, faster and less full ones.
+        # starts there does not converge: it starts from the best of some larger, faster and less full cells.
         states = np.array([isinstance(p.target, InitialSoc) for p in self.space])
-        roomier = [start + ease * self.of_cell + shift * states for ease in _EASES for shift in _SOC_SHIFTS]
-        best = self.nearest((), self.space, [roomier])
+        larger = [start + cell * self.of_cell + soc * states for cell in _CELL_SHIFTS for soc in _SOC_SHIFTS]
+        best = self.nearest((), self.space, [larger])
         # The charge that a rested voltage tells is well known: what comes nearer elsewhere may end farther off.
         places = [] if best is None else [best] if np.array_equal(best, start) else [best, start]
         fit = partial(self.fit, (), self.space, budget=self.settings.base_budget, tolerance=2e-2)

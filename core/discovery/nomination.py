@@ -23,9 +23,10 @@ _SHORT = 12
 _OVERFITTED = 10.0
 """Cost of the priors above which the base model counts as overfitted."""
 
-_EASES = (0.0, 0.5, 1.0)
-"""Standard deviations of the priors by which base parameters start larger and faster, where a fit was no help: a cell
-that is empty before its record ends is no start."""
+_CELL_SHIFTS = (0.0, 0.5, 1.0)
+"""Where a short fit may start if the base fit is far off, in standard deviations of the priors from their means: all
+parameters of the cell towards more charge and faster transport, since a cell that is empty before its record ends is no
+start."""
 
 _STRENGTHS = (1.0, 3.0, 10.0, 32.0, 100.0, 320.0)
 """Strengths from which a short fit may start, in probes from the null: a strong effect is far from where the linear
@@ -127,7 +128,7 @@ def score_where_strong(fitter: Fitter, before: Explanation, nomination: Nominati
 def most_simulations(before: Explanation) -> int:
     """Simulations of one `screen` beside what is known at most, with strengths of one sign."""
     strengths, fit = len(_STRENGTHS) + 1, _SHORT + len(before.fit.space) + 1
-    return 2 * strengths + fit + ((1 + len(_EASES)) * strengths + fit if _is_lost(before) else 0)
+    return 2 * strengths + fit + ((1 + len(_CELL_SHIFTS)) * strengths + fit if _is_lost(before) else 0)
 
 
 def screen(
@@ -176,7 +177,7 @@ def _at_priors(fitter: Fitter, before: Explanation, nomination: Nomination, sign
     """
     count = len(fitter.space)
     fitted, of_cell = before.fit.u[:count], fitter.of_cell
-    bases = [np.where(of_cell, 0.0, fitted)] + [np.where(of_cell, ease, 0.0) for ease in _EASES]
+    bases = [np.where(of_cell, 0.0, fitted)] + [np.where(of_cell, shift, 0.0) for shift in _CELL_SHIFTS]
     places = [np.concatenate([base, before.fit.u[count:]]) for base in bases]
     strengths = _strengths(nomination, sign)
     return [[_with_effect(nomination.effect, place, strength) for place in places] for strength in strengths]

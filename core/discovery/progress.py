@@ -4,6 +4,7 @@ import threading
 import time
 from collections.abc import Callable
 
+from ..printable import counted
 from .findings import Listener, Nomination
 
 
@@ -17,16 +18,16 @@ class Progress:
         self._lock = threading.Lock()
         self._done = self._total = 0
 
-    def estimate(self, simulated: float, left: int) -> None:
+    def estimate(self, simulated: float, remaining: int) -> None:
         """Say how many simulations the fits at hand take, and how long at the pace of those made since this began.
 
         Nothing is said where there are none: other fits follow. More may follow in any case.
         """
-        if not left:
+        if not remaining:
             return
-        seconds = (self._clock() - self._began) / simulated * left if simulated else None
+        seconds = (self._clock() - self._began) / simulated * remaining if simulated else None
         pace = "" if seconds is None else f": {duration(seconds)} at the present pace"
-        self._say(f"at most {left} simulations until these are compared{pace}; more may follow")
+        self._say(f"at most {counted(remaining, 'simulation')} until these are compared{pace}; more may follow")
 
     def begin(self, total: int) -> None:
         """Begin to fit so many candidates."""
@@ -36,8 +37,8 @@ class Progress:
         """One of them has its short fit: say what that leaves."""
         found = nomination.screened
         share = nomination.promise / base_cost
-        left = "cannot be fitted" if found is None else f"a short fit leaves {share:.0%} of the squared misfit"
-        self.ended(nomination.effect.key, left)
+        outcome = "cannot be fitted" if found is None else f"a short fit leaves {share:.0%} of the squared misfit"
+        self.ended(nomination.effect.key, outcome)
 
     def ended(self, candidate: str, outcome: str) -> None:
         """One of them is done: say what came of it.

@@ -15,15 +15,18 @@ Residuals = Callable[[Sequence[dict[str, float]]], Sequence[FloatArray | None]]
 for one that cannot be simulated."""
 
 _SETTINGS = Settings(radius=np.inf, noise=0.1, visible=2.0, closer=0.05, ends_on_fresh=True)
-"""Coordinates are in standard deviations of priors and in probes of effects, of which the largest are 320. Residuals
-are weighted, so that their noise is 1 and a slope is taken over twice that, and over a tenth of it where a fit is
-stuck: measured potentials bend at every point of their tables, and so does a valley. Where a misfit counts as noise,
-its correlation is part of the weights, and the whole cost is a few squares: a hundredth of one is worth a
-simulation. Steps by an emulator do not pay here, where fits are short and know their Jacobian: a blind case took 2,056
-simulations with them and 1,710 without, to the same verdict."""
+"""How every fit of a discovery proceeds (`fit_settings.Settings`).
+
+``radius``: a coordinate is a number of prior standard deviations, or of probe steps of an effect's strength, which may
+be 320; no step is too long. ``visible``, ``closer``: residuals have the noise 1. A slope is taken over a change of 2,
+and over a tenth of that where a fit is stuck: measured potentials have a kink at every point of their tables.
+``noise``: where a misfit is counted as noise, the whole cost is a few squares, and a gain of a hundredth of one is
+worth a simulation. No steps by an emulator: fits are short and know their Jacobian (a blind case took 2,056 simulations
+with them and 1,710 without, to the same verdict).
+"""
 
 _SHARE = 0.03
-"""Difference of a coordinate without a prior as a share of its size: strengths are many probes."""
+"""Finite-difference step of a coordinate without a prior, as a share of its size: a strength may be many probes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +121,7 @@ def refit(
     if search.residual is None:
         return None
     jacobian = np.zeros((len(search.residual), len(space))) if search.jacobian is None else search.jacobian
-    # Short steps promise little by being short: what counts is what a full one would gain.
+    # A short step gains little because it is short: the gain of a full step decides.
     promised = search.predicted
     converged = promised <= max(5 * tolerance * search.cost, _SETTINGS.noise**2)
     return Refit(space, search.point, search.residual, jacobian, converged, search.simulations, promised=promised)

@@ -4,7 +4,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 from ..trajectory import StepKind
-from .levels import Level, Signals, span
+from .levels import Level, RecordSignals, span
 
 DRIVE_LEVELS = 8
 """A drive cycle has at least this many short levels."""
@@ -16,7 +16,7 @@ PULSE_TRAIN = 200
 """More short levels than this without a long rest are one drive, even if rests separate them."""
 
 
-def with_drives(signals: Signals, levels: list[Level]) -> list[Level]:
+def with_drives(signals: RecordSignals, levels: list[Level]) -> list[Level]:
     """Join rows of short levels that jump from one to the next into drives."""
     joined: list[Level] = []
     row: list[Level] = []
@@ -31,7 +31,7 @@ def with_drives(signals: Signals, levels: list[Level]) -> list[Level]:
     return _bridge_drives(signals, joined)
 
 
-def _drive(signals: Signals, row: list[Level]) -> list[Level]:
+def _drive(signals: RecordSignals, row: list[Level]) -> list[Level]:
     flowing = [level for level in row if level.sign != 0]
     jumps = sum(1 for one, two in pairwise(row) if one.sign != 0 and two.sign != 0)
     varied = len(flowing) >= DRIVE_LEVELS and jumps >= max(4, 0.3 * len(flowing))
@@ -44,7 +44,7 @@ def _drive(signals: Signals, row: list[Level]) -> list[Level]:
     return [*row[:first], drive, *row[last + 1 :]]
 
 
-def _bridge_drives(signals: Signals, levels: list[Level]) -> list[Level]:
+def _bridge_drives(signals: RecordSignals, levels: list[Level]) -> list[Level]:
     joined: list[Level] = []
     for level in levels:
         joined.append(level)

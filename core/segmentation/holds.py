@@ -7,7 +7,7 @@ import numpy as np
 
 from ..normal import robust_deviation
 from ..trajectory import StepKind
-from .levels import BRIEF_S, LONG_SAMPLES, Level, Signals, span
+from .levels import BRIEF_S, LONG_SAMPLES, Level, RecordSignals, span
 
 HOLD_BAND_V = 0.012
 """How far the voltage may wander during a constant-voltage hold, in V (NASA's cycler drifts by 8 mV)."""
@@ -22,7 +22,7 @@ HOLD_DECAY = 0.9
 """The current of a hold falls at least to this share of where it began."""
 
 
-def with_holds(signals: Signals, levels: list[Level]) -> list[Level]:
+def with_holds(signals: RecordSignals, levels: list[Level]) -> list[Level]:
     """Join levels that fall while the voltage stands still, from the end of each stretch of one sign backwards."""
     band = HOLD_BAND_V + 4.0 * min(signals.voltage_noise, VOLTAGE_NOISE_V)
     extremes = [
@@ -51,7 +51,7 @@ def with_holds(signals: Signals, levels: list[Level]) -> list[Level]:
     return _begin_holds(signals, _same_holds(signals, joined, band))
 
 
-def _hold(signals: Signals, levels: list[Level], begin: int, end: int) -> list[Level]:
+def _hold(signals: RecordSignals, levels: list[Level], begin: int, end: int) -> list[Level]:
     """The levels as one hold if they are one, else as they are."""
     start, stop = levels[begin].start, levels[end].stop
     first, last = abs(signals.current[start]), abs(signals.current[stop - 1])
@@ -64,7 +64,7 @@ def _hold(signals: Signals, levels: list[Level], begin: int, end: int) -> list[L
     return [replace(signals.level(start, stop, levels[begin].sign), kind=StepKind.CV_HOLD)]
 
 
-def _same_holds(signals: Signals, levels: list[Level], band: float) -> list[Level]:
+def _same_holds(signals: RecordSignals, levels: list[Level], band: float) -> list[Level]:
     """Join neighbouring holds at one voltage, which a slow drift of the cycler had parted."""
     joined: list[Level] = []
     for level in levels:
@@ -77,7 +77,7 @@ def _same_holds(signals: Signals, levels: list[Level], band: float) -> list[Leve
     return joined
 
 
-def _begin_holds(signals: Signals, levels: list[Level]) -> list[Level]:
+def _begin_holds(signals: RecordSignals, levels: list[Level]) -> list[Level]:
     """Give the first part of each decay, which still counted as constant current, back to its hold."""
     for before, hold in pairwise(levels):
         if hold.kind is not StepKind.CV_HOLD or before.sign != hold.sign or before.samples < 3:

@@ -1,4 +1,4 @@
-"""Stretches of one sign and nearly one current: what every later pass joins and names."""
+"""Levels: stretches of one sign and nearly one current, which the later passes join and name."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -37,10 +37,10 @@ class Level:
 
     start: int
     stop: int
-    sign: int
-    mean: float
-    seconds: float
-    kind: StepKind | None = None
+    sign: int  # -1 (charge), 0 (rest) or 1 (discharge).
+    mean: float  # Mean current, A.
+    seconds: float  # Duration; see `RecordSignals.seconds`.
+    kind: StepKind | None = None  # None until it is named.
 
     @property
     def samples(self) -> int:
@@ -54,22 +54,25 @@ class Level:
 
 
 @dataclass(frozen=True)
-class Signals:
-    """The signals of a record with the scales that the passes share."""
+class RecordSignals:
+    """The samples of a record, each array of shape (n,), with the scales that every pass of the segmentation uses."""
 
-    time: FloatArray
-    current: FloatArray
-    voltage: FloatArray
-    scale: float
-    noise: float
-    voltage_noise: float
+    time: FloatArray  # s
+    current: FloatArray  # A, positive on discharge
+    voltage: FloatArray  # V
+    scale: float  # Largest current, A; infinite for a record that is one long rest.
+    noise: float  # Standard deviation of the current's noise, A.
+    voltage_noise: float  # Standard deviation of the voltage's noise, V.
 
     def tolerance(self, mean: float) -> float:
         """How far a sample may lie from the mean of its level, in A."""
         return max(LEVEL_SHARE * abs(mean), 5.0 * self.noise)
 
     def seconds(self, start: int, stop: int) -> float:
-        """How long the samples last; the last one counts for no more than its neighbours, so a gap adds nothing."""
+        """Duration of samples ``start`` to ``stop - 1``, s.
+
+        The last one lasts until the next sample, but no longer than the others on average: a gap adds nothing.
+        """
         inside = float(self.time[stop - 1] - self.time[start])
         if stop >= len(self.time):
             return inside
@@ -82,8 +85,8 @@ class Signals:
         return Level(start, stop, sign, mean, self.seconds(start, stop))
 
 
-def signals_of(trajectory: Trajectory) -> Signals:
-    """A record's signals, with its largest current and its noise."""
+def signals_of(trajectory: Trajectory) -> RecordSignals:
+    """A record's samples, with its largest current and its noise."""
     current, voltage = trajectory.current, trajectory.voltage
     scale = float(np.max(np.abs(current)))
     # One wild sample in a thousand must not set the scale, but short pulses must.
@@ -92,10 +95,10 @@ def signals_of(trajectory: Trajectory) -> Signals:
     everywhere = _scatter(current)
     if scale == 0.0 or (scale < 6.0 * everywhere and not _moves_voltage(current, voltage)):
         # Nothing, or noise around zero: one long rest.
-        return Signals(trajectory.time, current, voltage, np.inf, 0.0, _scatter(voltage))
+        return RecordSignals(trajectory.time, current, voltage, np.inf, 0.0, _scatter(voltage))
     flowing = current[np.abs(current) > max(REST_SHARE * scale, 4.0 * min(everywhere, NOISE_SHARE * scale))]
     noise = min(max(everywhere, _scatter(flowing)), NOISE_SHARE * scale)
-    return Signals(trajectory.time, current, voltage, scale, noise, _scatter(voltage))
+    return RecordSignals(trajectory.time, current, voltage, scale, noise, _scatter(voltage))
 
 
 def _scatter(values: FloatArray) -> float:
@@ -117,7 +120,7 @@ def _moves_voltage(current: FloatArray, voltage: FloatArray) -> bool:
     return steady or (size > 0.0 and float(-np.sum(steps * answers)) / size > 0.3)
 
 
-def signs_of(signals: Signals) -> Signs:
+def signs_of(signals: RecordSignals) -> Signs:
     """-1 (charge), 0 (rest) or 1 (discharge) for each sample."""
     share = np.clip(5.0 * signals.noise / signals.scale, REST_SHARE, REST_SHARE_NOISY)
     high = share * signals.scale if np.isfinite(signals.scale) else np.inf
@@ -135,7 +138,7 @@ def signs_of(signals: Signals) -> Signs:
 
 
 def _without_specks(signs: Signs, size: FloatArray, enough: float) -> Signs:
-    """Turn one or two small samples in the midst of a rest into rest: noise has its rare large moments."""
+    """Turn one or two samples of a small current within a rest into rest: noise has rare large values."""
     edges = np.concatenate([[0], np.flatnonzero(np.diff(signs)) + 1, [len(signs)]])
     for k in np.flatnonzero((np.diff(edges) <= 2) & (signs[edges[:-1]] != 0)):
         start, stop = edges[k], edges[k + 1]
@@ -145,7 +148,7 @@ def _without_specks(signs: Signs, size: FloatArray, enough: float) -> Signs:
     return signs
 
 
-def levels_of(signals: Signals, signs: Signs, cuts: NDArray[np.intp]) -> list[Level]:
+def levels_of(signals: RecordSignals, signs: Signs, cuts: NDArray[np.intp]) -> list[Level]:
     """Stretches of one sign, cut at the given samples and wherever the current leaves its running mean."""
     edges = [0, *np.union1d(np.flatnonzero(np.diff(signs)) + 1, cuts).tolist(), len(signs)]
     currents = signals.current.tolist()
@@ -168,8 +171,8 @@ def levels_of(signals: Signals, signs: Signs, cuts: NDArray[np.intp]) -> list[Le
     return levels
 
 
-def span(signals: Signals, first: Level, last: Level) -> Level:
-    """One level from the first to the last; the mean is carried along, so that a long row costs no more."""
+def span(signals: RecordSignals, first: Level, last: Level) -> Level:
+    """One level from the first to the last, whose mean is that of these two: a long row of levels costs no more."""
     weight = first.samples + last.samples
     mean = (first.mean * first.samples + last.mean * last.samples) / weight
     return Level(first.start, last.stop, first.sign, mean, signals.seconds(first.start, last.stop), first.kind)

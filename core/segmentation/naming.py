@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..trajectory import Step, StepKind, Trajectory
-from .levels import BRIEF_S, Level, Signals
+from .levels import BRIEF_S, Level, RecordSignals
 
 CYCLE_SHARE = 0.02
 """A step counts as a charge or discharge for cycles when it moves this share of the largest step's charge."""
 
 
-def name_steps(signals: Signals, levels: list[Level]) -> None:
+def name_steps(signals: RecordSignals, levels: list[Level]) -> None:
     """Name what has no name yet: rests, pulses, constant-current steps and drifting ones."""
     for level in levels:
         if level.sign == 0 and level.kind is None:
@@ -36,7 +36,7 @@ def _brief(level: Level) -> bool:
     return level.kind is None and level.sign != 0 and level.seconds <= BRIEF_S
 
 
-def _drifts(signals: Signals, level: Level) -> bool:
+def _drifts(signals: RecordSignals, level: Level) -> bool:
     low, high = np.quantile(signals.current[level.start : level.stop], [0.05, 0.95])
     return bool(high - low > max(0.1 * abs(level.mean), 10.0 * signals.noise))
 

@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
-from .levels import LEVEL_SHARE, LONG_SAMPLES, Level, Signals, span
+from .levels import LEVEL_SHARE, LONG_SAMPLES, Level, RecordSignals, span
 
 
-def smoothed(signals: Signals, levels: list[Level]) -> list[Level]:
+def smoothed(signals: RecordSignals, levels: list[Level]) -> list[Level]:
     """Join levels without a jump between them, and close glitches of one or two samples."""
     joined: list[Level] = []
     for level in levels:
@@ -20,7 +20,7 @@ def smoothed(signals: Signals, levels: list[Level]) -> list[Level]:
     return joined
 
 
-def _continues(signals: Signals, before: Level, after: Level) -> bool:
+def _continues(signals: RecordSignals, before: Level, after: Level) -> bool:
     if before.sign != after.sign or before.sign == 0 or before.kind or after.kind:
         return False
     # Neighbouring samples of a drive may agree by chance: only a long level takes others in.
@@ -33,7 +33,7 @@ def _continues(signals: Signals, before: Level, after: Level) -> bool:
     return drifting and bool(jump <= max(0.5 * LEVEL_SHARE * abs(before.mean), 5.0 * signals.noise))
 
 
-def _bridges(signals: Signals, before: Level, glitch: Level, after: Level) -> bool:
+def _bridges(signals: RecordSignals, before: Level, glitch: Level, after: Level) -> bool:
     if before.sign != after.sign or before.sign == 0 or glitch.samples > 2 or before.kind or after.kind:
         return False
     if not (before.long or after.long):
@@ -43,7 +43,7 @@ def _bridges(signals: Signals, before: Level, glitch: Level, after: Level) -> bo
     return brief and abs(before.mean - after.mean) <= signals.tolerance(before.mean)
 
 
-def without_edges(signals: Signals, levels: list[Level]) -> list[Level]:
+def without_edges(signals: RecordSignals, levels: list[Level]) -> list[Level]:
     """Give the one or two samples caught in the middle of a switch to the long step they belong to."""
     joined: list[Level] = []
     pending: int | None = None

@@ -130,10 +130,24 @@ def calibrate(
         Any other setting, ``{"patience": 5, "feedback.use": "overlay"}`` (``--set`` of the command).
     identifiability : bool
         Whether to find out, after the search, what the record fixes and what to measure next.
-    backend, via, base_url, exchange, backend_option, votes, review
-        The language model and how it is reached.
-    max_tokens, max_cost : optional
-        Allowance for the language model; once spent, the run stops and can be resumed.
+    backend : str
+        The language model: a preset or ``"litellm:PROVIDER/MODEL"``; by default ``"rules"``, which needs none.
+    via : str, optional
+        Route by which a preset is reached, ``"ollama"``; by default the first that is ready.
+    base_url : str, optional
+        Address of a server for the model.
+    exchange : path, optional
+        Folder where the backend ``"manual"`` puts prompts and finds replies.
+    backend_option : mapping, optional
+        Further options of the backend.
+    votes : int
+        How many independent replies are merged in each round.
+    review : bool
+        Whether a person accepts, edits or refuses each proposal.
+    max_tokens : int, optional
+        Tokens of prompts and replies at most; once they are used, the run stops and can be resumed.
+    max_cost : float, optional
+        Price of the tokens at most, in US dollars; likewise.
     out : path, optional
         Folder of the run; by default ``runs/<task>-<scaffold>-<n>``.
     resume : path, optional

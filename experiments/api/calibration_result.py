@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ...core.errors import BsaError, did_you_mean
 from ...core.files import load_json
 from ...core.metrics import errors_of, headline_of
+from ...core.printable import counted
 from ..report.page import FILE_NAME as REPORT
 from ..report.wording import number, quantity
 from ..run_record import RunRecord, read_run
@@ -197,7 +198,7 @@ class CalibrationResult:
             rows.append((name, quantity(initial, parameter.unit), quantity(best, parameter.unit), " to ".join(ends)))
         return render(
             "calibration.html.j2",
-            title=f"{run.task.name}: {self.status} after {len(run.trials)} simulations",
+            title=f"{run.task.name}: {self.status} after {counted(len(run.trials), 'simulation')}",
             errors=[(q.label, number(q.shown(before)), number(q.shown(after)), q.unit) for q in headline_of(run.task)],
             rows=rows,
             picture=picture_of(run),

@@ -88,8 +88,10 @@ def discover(
         Effects in one explanation at most.
     seed, workers : int
         Seed for everything random; simulations side by side (0: as many as cores, 4 at most).
-    backend, via, base_url, backend_option : optional
-        Language model that ranks effects too, and how it is reached.
+    backend : str, optional
+        Language model that ranks effects too.
+    via, base_url, backend_option : optional
+        How it is reached; see `calibrate`.
     out : path, optional
         Folder of the discovery; by default ``runs/<record>-discover-<n>``.
     resume : path, optional

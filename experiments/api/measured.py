@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ...core.errors import BsaError
-from ...core.printable import shown
+from ...core.printable import shown, with_article
 from ...core.record import ReadOptions, Record
 from ..checked_options import FIELDS
 from ..read_options import one_each, reading, readings
@@ -151,7 +151,7 @@ def _left(options: ReadOptions) -> set[str]:
 def _read_frame(data: Any, options: ReadOptions, name: str) -> Record:
     if not (hasattr(data, "to_csv") and hasattr(data, "columns")):
         raise BsaError(
-            f"a {shown(type(data).__name__)} is no record.",
+            f"{with_article(type(data).__name__)} is no record.",
             "give a path, a pandas DataFrame, or what bsa.read_record returned.",
         )
     from ...core.reading.checks import to_record

@@ -151,7 +151,7 @@ COLUMNS = (
     Column(
         "best_simulation",
         int,
-        "number, from 0, of the simulation whose errors these are",
+        "number, from 0, of the simulation whose errors these are: that with the lowest score",
         lambda facts: best_score(facts.result).get("trial"),
     ),
     _told("verdict", "of a discovery: its verdict", str, "Verdict"),

@@ -7,6 +7,7 @@ from typing import Any
 
 from ...core.errors import unknown
 from ...core.files import begins, entries, foreign, write_text
+from ...core.printable import counted
 from ...core.signal_metrics import MISFIT
 from .columns import COLUMNS
 from .results import grid_folder, read_manifest, rows_of, write_rows
@@ -196,7 +197,7 @@ def _coverage(rows: Sequence[Row]) -> str:
     tasks, seeds = len({row["task"] for row in rows}), len({row["seed"] for row in rows})
     missing = f", {len(rows) - done} without a result" if done < len(rows) else ""
     return (
-        f"{len(rows)} cells: {tasks} tasks, {seeds} seed{'s' * (seeds > 1)}{missing}. "
+        f"{counted(len(rows), 'cell')}: {counted(tasks, 'task')}, {counted(seeds, 'seed')}{missing}. "
         "Mean ± standard deviation over cells; best bold, second underlined."
     )
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ...core.printable import counted
 from . import completion
 from . import shared_options as shared
 from .option_groups import with_options
@@ -179,14 +180,14 @@ def _print_estimate(plan: Plan[Any], workers: int) -> None:
     from ..report.wording import duration
 
     finished = sum(bool(cell.identity and plan.store.result(cell.identity)) for cell in plan.cells)
-    print(f"{plan.name}: {len(plan.cells)} runs, {finished} of them finished already")
+    print(f"{plan.name}: {counted(len(plan.cells), 'run')}, {finished} of them finished already")
     total = Need()
     for name, need in estimate(plan.cells, plan.store).items():
         total = total + need
         print(f"  {name:40s} {_words(need)}")
     print(f"  {'to be run':40s} {_words(total)}")
     rule = "from finished cells" if total.learnt else "by rule of thumb: run a few cells, and the estimate learns"
-    print(f"About {duration(total.seconds / workers)} with {workers} workers ({rule}).")
+    print(f"About {duration(total.seconds / workers)} with {counted(workers, 'worker')} ({rule}).")
 
 
 def _words(need: Any) -> str:
@@ -216,6 +217,6 @@ def finish(rows: list[Row]) -> None:
         left = [row for row in rows if row["state"] == state]
         if left:
             reason = f": {left[0]['task']}: {left[0]['reason']}" if left[0]["reason"] else ""
-            say(f"{len(left)} cells {state}{reason}. The same command runs them again.")
+            say(f"{counted(len(left), 'cell')} {state}{reason}. The same command runs them again.")
     if any(row["state"] != "done" for row in rows):
         raise typer.Exit(1)

@@ -1,11 +1,17 @@
 """``bsa list`` and ``bsa doctor``: what is here, where it comes from, and what would make more of it ready."""
 
-from collections.abc import Iterable, Sequence
-from typing import Annotated
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .progress import printable
+from ...core.kinds import KINDS, Kind, plural
+from .text_table import print_table, print_wrapped
+
+if TYPE_CHECKING:
+    from ...core.registry import Listing, Unusable
 
 list_app = typer.Typer(help="Show plugins, scaffolds, backends, tasks and parameters.", invoke_without_command=True)
 
@@ -16,34 +22,32 @@ def everything(context: typer.Context) -> None:
     if context.invoked_subcommand is None:
         plugins()
         scaffolds()
-        tasks()
-        print("\nbsa list parameters --set NAME shows the parameters of a set; bsa doctor, which backends are ready.")
+        print(
+            "\nbsa list effects shows one kind of plugin; bsa list parameters --set NAME, the parameters of a set; "
+            "bsa doctor, which backends are ready."
+        )
 
 
 @list_app.command()
 def plugins() -> None:
-    """Everything that plugins offer, backends included, with its origin."""
-    from ...core.registry import KINDS, installed
-
-    registry = installed()
+    """Plugins of every kind, with the distribution of those that are not built in."""
     for kind in KINDS:
-        rows = [
-            (listing.entry.name, listing.entry.summary, listing.origin)
-            for listing in sorted(registry.listings(kind), key=lambda listing: listing.entry.name)
-            if listing.kind == kind
-        ]
-        _table(f"{kind}s" if kind != "memory" else "memories", rows)
-    _table(
-        "not usable", [(f"{item.kind or 'plugin'} {item.name}", item.origin, item.reason) for item in registry.unusable]
-    )
+        _print_kind(kind)
+    _print_unusable(_unusable())
 
 
-@list_app.command()
-def backends() -> None:
-    """The language models that can be named with --backend."""
-    from ...core.registry import installed
+def _of_kind(kind: Kind) -> Callable[[], None]:
+    def show() -> None:
+        _print_kind(kind)
+        _print_unusable(item for item in _unusable() if item.concerns(kind))
 
-    _table("backends", [(item.entry.name, item.entry.summary, item.origin) for item in installed().listings("backend")])
+    return show
+
+
+for _kind in KINDS:
+    list_app.command(plural(_kind), help=f"Plugins of the kind {_kind}.")(_of_kind(_kind))
+    if plural(_kind) != _kind:
+        list_app.command(_kind, hidden=True)(_of_kind(_kind))
 
 
 @list_app.command()
@@ -51,17 +55,7 @@ def scaffolds() -> None:
     """The compositions of plugins that can be named with --scaffold."""
     from ...core.scaffold import built_in_names, load_scaffold
 
-    _table("scaffolds", [(name, load_scaffold(name).summary, "") for name in built_in_names()])
-
-
-@list_app.command()
-def tasks() -> None:
-    """The tasks that can be named without a file."""
-    from ...core.registry import installed
-    from ..tasks.find import packaged_tasks
-
-    offered = [(item.entry.name, item.entry.summary, item.origin) for item in installed().listings("task")]
-    _table("tasks", [*((name, summary, "") for name, summary in packaged_tasks()), *offered])
+    print_wrapped("scaffolds", [(name, load_scaffold(name).summary, "") for name in built_in_names()])
 
 
 @list_app.command()
@@ -86,29 +80,47 @@ def doctor() -> None:
     from ...backends.readiness import survey
     from ...core.registry import installed
 
-    rows = [
+    surveyed = [
         (item.backend, f"{item.route}: {'ready' if item.ready else 'not ready'}", item.remedy or item.detail)
         for item in survey()
     ]
-    _table("backends", [("rules", "built in: ready", "needs nothing"), *rows])
-    routes = [(item.entry.name, item.origin, item.entry.summary) for item in installed().listings("route")]
-    broken = [
-        (item.name, f"{item.origin}: not usable", item.reason)
-        for item in installed().unusable
-        if item.kind in (None, "backend", "route")
+    foreign = [
+        (item.entry.name, "plugin: not checked", f"{item.entry.summary} ({item.origin})")
+        for item in _listed("backend")
+        if not item.own
     ]
-    _table("routes", [*routes, *broken])
+    print_table("backends", [("rules", "built in: ready", "needs nothing"), *surveyed, *foreign])
+    print_table(
+        "routes", [(item.entry.name, item.origin, item.entry.summary) for item in installed().listings("route")]
+    )
+    _print_unusable(item for item in _unusable() if item.concerns("backend") or item.concerns("route"))
 
 
-def _table(title: str, rows: Sequence[tuple[str, str, str]] | Iterable[tuple[str, str, str]]) -> None:
-    rows = list(rows)
-    if not rows:
-        return
-    print(f"\n{title}")
-    name_width = max(len(name) for name, _, _ in rows)
-    middle_width = max(len(middle) for _, middle, _ in rows)
-    for name, middle, last in rows:
-        line = (
-            f"  {name:{name_width}s}  {middle:{middle_width}s}  {last}" if last else f"  {name:{name_width}s}  {middle}"
-        )
-        print(printable(line, 400) if not line.startswith("  ") else line.rstrip())
+def _listed(kind: Kind) -> list[Listing]:
+    """The plugins of one kind by name; a route, which the registry counts among the backends too, is none of them."""
+    from ...core.registry import installed
+
+    found = [listing for listing in installed().listings(kind) if listing.kind == kind]
+    return sorted(found, key=lambda listing: listing.entry.name)
+
+
+def _unusable() -> list[Unusable]:
+    from ...core.registry import installed
+    from ..tasks.find import unusable_tasks
+
+    return [*installed().unusable, *unusable_tasks()]
+
+
+def _print_kind(kind: Kind) -> None:
+    from ..tasks.find import task_summaries
+
+    if kind == "task":
+        rows = [(name, *found) for name, found in sorted(task_summaries().items())]
+    else:
+        rows = [(item.entry.name, item.entry.summary, "" if item.own else item.origin) for item in _listed(kind)]
+    print_wrapped(plural(kind), rows)
+
+
+def _print_unusable(items: Iterable[Unusable]) -> None:
+    rows = [(f"{item.kind or 'plugin'} {item.name}", item.origin, item.reason) for item in items]
+    print_table("not usable", rows)

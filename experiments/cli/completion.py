@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from importlib.metadata import entry_points
 from importlib.resources import files
-from typing import TYPE_CHECKING, get_args
+from typing import get_args
 
 import yaml
 
-if TYPE_CHECKING:
-    from ...core.registry import Kind
+from ...core.kinds import KINDS, Kind
 
 
 def _installed(kind: Kind) -> Callable[[], list[str]]:
@@ -29,9 +28,9 @@ readers, effects = _installed("reader"), _installed("effect")
 
 def tasks() -> list[str]:
     """Names of the tasks that need no file."""
-    from ..tasks.find import packaged_tasks
+    from ..tasks.find import task_summaries
 
-    return [*(name for name, _ in packaged_tasks()), *_installed("task")()]
+    return list(task_summaries())
 
 
 def scaffolds() -> list[str]:
@@ -50,8 +49,6 @@ def grids() -> list[str]:
 
 def kinds() -> list[str]:
     """Kinds of plugins."""
-    from ...core.registry import KINDS
-
     return list(KINDS)
 
 

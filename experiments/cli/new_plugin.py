@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from ...core.kinds import KINDS
 from . import completion
 from .progress import printable
 
@@ -14,7 +15,7 @@ def new_plugin(
         str,
         typer.Argument(
             metavar="KIND",
-            help="simulator, feedback, memory, proposer, warm-up, backend, route, reader, effect or task.",
+            help=f"{', '.join(KINDS[:-1])} or {KINDS[-1]}.",
             autocompletion=completion.kinds,
         ),
     ],

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Self, TextIO
 
 from ...core.messages import Usage
+from ...core.printable import counted
 from ...core.reply_parsing import strip_control
 
 if TYPE_CHECKING:
@@ -45,12 +46,15 @@ _STARTING = "starting the simulator"
 
 def cycle_words(stage: str, cycle: int, cycles: int) -> str:
     """``"forecast: cycle 130 of 400"``; of several simulations ``"final scores: 1 of 3 simulations, cycle ..."``."""
-    alone = stage.removesuffix(": 0 of 1 simulations")
+    alone = stage.removesuffix(": 0 of 1 simulation")
     return f"{stage}, cycle {cycle} of {cycles}" if alone == stage else f"{alone}: cycle {cycle} of {cycles}"
 
 
 class PlainProgress:
-    """One line for each better trial and each round that says something new, and from time to time what goes on.
+    """Progress as lines.
+
+    One for each better trial, for each hypothesis, for each round of a fit that does something else than the one
+    before, and at the end of each group of simulations after the search; and from time to time what goes on.
 
     ``unit`` is that of the objective, ``command`` what a note may end with and is never cut. Progress goes to standard
     error by default, results to standard output.
@@ -68,7 +72,7 @@ class PlainProgress:
         self._command = command
         self._best = float("inf")
         self._stage = "start"
-        self._purpose = self._words = ""
+        self._ended = self._words = ""
         self._clock = clock
         self._said = clock()
 
@@ -78,8 +82,8 @@ class PlainProgress:
             f"lost: {proposal.lost}" if proposal.lost else proposal.hypothesis or proposal.rationale or proposal.action
         )
         self._stage = f"{phase} {number}"
-        # Twenty steps of one kind in a row are twenty equal lines.
-        if words != self._words or self._silent:
+        # Twenty steps of a fit in a row would be twenty equal lines; a model's hypothesis counts as news.
+        if proposal.hypothesis or words != self._words or self._silent:
             self._say(f"{self._stage}: {printable(words)}")
         self._words = words
 
@@ -100,10 +104,12 @@ class PlainProgress:
 
     def counted(self, purpose: str, done: int, total: int) -> None:
         """See `Listener.counted`."""
-        self._stage = f"{purpose}: {done} of {total} simulations"
-        if purpose != self._purpose or self._silent:
+        self._stage = f"{purpose}: {done} of {counted(total, 'simulation')}"
+        ended = 0 < total == done
+        if (ended and purpose != self._ended) or self._silent:
             self._say(self._stage)
-        self._purpose = purpose
+        if ended:
+            self._ended = purpose
 
     def cycled(self, cycle: int, cycles: int) -> None:
         """See `Listener.cycled`."""
@@ -188,7 +194,7 @@ class LiveProgress(Redrawn):
 
     def counted(self, purpose: str, done: int, total: int) -> None:
         """See `Listener.counted`."""
-        self._state |= {"phase": f"{purpose}: {done} of {total} simulations", "at": ""}
+        self._state |= {"phase": f"{purpose}: {done} of {counted(total, 'simulation')}", "at": ""}
 
     def cycled(self, cycle: int, cycles: int) -> None:
         """See `Listener.cycled`."""

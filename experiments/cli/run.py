@@ -14,6 +14,7 @@ import typer
 
 from ...core.errors import BsaError
 from ...core.journal import FILE_NAME, check_run_folder
+from ...core.printable import counted
 from . import completion
 from . import shared_options as shared
 from .discover_command import discover_command
@@ -318,7 +319,7 @@ def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterabl
     lost = f", {result.lost_calls} of {result.llm_calls} model calls lost" * bool(result.lost_calls)
     left_out = "" if result.status in STOPPED else result.reason
     ended = result.status + ", with stages left out," * bool(left_out)
-    print(f"{ended} after {len(result.trials)} simulations ({failed} failed){lost}, {result.wall_s:.0f} s")
+    print(f"{ended} after {counted(len(result.trials), 'simulation')} ({failed} failed){lost}, {result.wall_s:.0f} s")
     shown = headline_of(task)
     width = max(len(quantity.words) for quantity in shown)
     for quantity in shown:

@@ -18,6 +18,7 @@ from mcp.server.mcpserver import Context
 from ...core.errors import BsaError
 from ...core.journal import FILE_NAME
 from ...core.messages import RunStopped
+from ...core.printable import counted
 
 _LOOK_EVERY_S = 0.25
 _ENDS_WITHIN_S = 30.0
@@ -84,11 +85,11 @@ def _progress(folder: Path | None, simulations: int | None, seconds: float) -> t
         return 0.0, simulations, "starting"
     if not simulations:
         done = journal.count(b"\n")
-        return done, None, f"{done} steps in {seconds:.0f} s"
+        return done, None, f"{counted(done, 'step')} in {seconds:.0f} s"
     done = journal.count(b'\n{"event":"trial"')
     more = journal.count(b'\n{"event":"appraisal-simulation"')
     analysis = f", then {more} to analyse the fit," if more else ""
-    return done, simulations, f"{done} simulations{analysis} in {seconds:.0f} s"
+    return done, simulations, f"{counted(done, 'simulation')}{analysis} in {seconds:.0f} s"
 
 
 def _end(process: BaseProcess, answered: bool) -> None:

@@ -8,15 +8,17 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from ...core.errors import BsaError, unknown
 from ...core.files import entries, write_text
+from ...core.kinds import KINDS, Kind, plural
 from ...core.printable import shown
-from ...core.registry import KINDS, Kind, installed
+from ...core.registry import OWN, installed
+from ..tasks.find import packaged
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 
 _USES: dict[Kind, str] = {
     "simulator": "bsa-run demo --set simulator.use={name}",
-    "feedback": "bsa-run demo --set feedback.use={name}",
-    "memory": "bsa-run demo --set 'memories=[{name}]'",
+    "feedback": "bsa-run demo --scaffold full --set feedback.use={name}",
+    "memory": "bsa-run demo --scaffold full --set 'memories=[{name}]'",
     "proposer": "bsa-run demo --set proposer.use={name}",
     "warm-up": "bsa-run demo --set warm_up.use={name}",
     "backend": "bsa-run demo --scaffold full --backend {name}",
@@ -25,7 +27,11 @@ _USES: dict[Kind, str] = {
     "effect": "bsa discover --data FILE --parameters Chen2020 --out found --effect {name}",
     "task": "bsa-run {name}",
 }
-"""How each kind is used."""
+"""How each kind is used.
+
+What is told in prompts needs the scaffold ``full``, which asks in every round: the default one is a fit that asks only
+now and then.
+"""
 
 
 def package_files(kind: Kind, name: str, simulator: str = "pybamm") -> dict[str, str]:
@@ -43,6 +49,7 @@ def package_files(kind: Kind, name: str, simulator: str = "pybamm") -> dict[str,
         "class": "".join(part.capitalize() for part in name.split("-")),
         "function": name.replace("-", "_"),
         "title": f"{'An' if kind[0] in 'aeiou' else 'A'} {kind} for battery-sim-agent: {name}",
+        "kinds": plural(kind),
         "use": _USES[kind].format(name=name),
         "conformance": "".join(part.capitalize() for part in kind.split("-")) + "Conformance",
         "simulator": simulator,
@@ -65,7 +72,7 @@ def package_files(kind: Kind, name: str, simulator: str = "pybamm") -> dict[str,
 def write_package(kind: str, name: str, folder: Path | None = None) -> list[Path]:
     """Write the package of a new plugin.
 
-    ``kind`` is one of those that ``bsa list plugins`` shows. The folder, ``bsa-NAME`` by default, must be empty or not
+    ``kind`` is one of `KINDS`. The folder, ``bsa-NAME`` by default, must be empty or not
     be there. Gives the files. Raises `BsaError` if there is no such kind, the name cannot be used or is taken, or the
     folder holds something.
     """
@@ -78,6 +85,8 @@ def write_package(kind: str, name: str, folder: Path | None = None) -> list[Path
             "use words of lower-case letters and digits, joined by hyphens: my-plugin.",
         )
     taken = [listing.origin for listing in installed().listings() if listing.entry.name == name]
+    if kind == "task" and packaged(name):
+        taken.insert(0, OWN)
     if taken:
         raise BsaError(f'the name "{name}" is taken by {taken[0]}.', "choose another name.")
     folder = folder or Path(f"bsa-{name}")

@@ -10,6 +10,7 @@ from typing import Any
 from ...core.files import foreign, write_text
 from ...core.metrics import Quantity, errors_of, headline_of, objective_of
 from ...core.parameters import Parameter
+from ...core.printable import counted
 from ..run_record import UNFINISHED, RunRecord, read_run
 from .ageing import lives
 from .failures import failures
@@ -145,7 +146,7 @@ def _notes(run: RunRecord) -> Sequence[str]:
             f"{run.task.domain.accuracy}."
         )
     if run.resumed:
-        notes.append(f"The run was taken up again {run.resumed} time{'s' * (run.resumed > 1)}.")
+        notes.append(f"The run was taken up again {counted(run.resumed, 'time')}.")
     left_out = len(notes) - _MOST_NOTES
     if left_out > 0:
         notes = [*notes[:_MOST_NOTES], f"{left_out} more notes are in journal.jsonl."]

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from ...core.domain import Domain
 from ...core.metrics import Metrics, Quantity
 from ...core.post_fit_analysis import PostFitAnalysis, Suggestion
+from ...core.printable import counted
 from ...core.residuals import DURATION_TOLERANCE
 from ...core.task import Task
 from ...core.trial import Trial
@@ -20,14 +21,16 @@ _LONGER = "A run that is allowed more simulations has a longer analysis, also wh
 
 
 def best_score_line(objective: Quantity, best: Trial, lowest: Trial, metrics: Metrics | None) -> str:
-    """Which simulation has a better score than the one that is reported; empty if none has.
+    """Which simulation has a lower score than the one that is reported; empty if none has.
 
     ``best`` is the run's answer, ``lowest`` the simulation with the lowest objective.
     """
     if lowest is best or metrics is None:
         return ""
+    start = " (the starting point)" * (best.phase == "initial")
     return (
-        f"These are the values of simulation {best.index}, which follows the record more closely step by step; "
+        f"These are the values of simulation {best.index}{start}, which follows the record more closely step by step "
+        f"(misfit {number(best.misfit)} tolerances, that of simulation {lowest.index} {number(lowest.misfit)}); "
         f"simulation {lowest.index} has the lowest {objective.words}, {number(objective.shown(metrics))} "
         f"{objective.unit}."
     )
@@ -46,7 +49,7 @@ def verdict_line(analysis: PostFitAnalysis) -> str:
     def listed(names: Sequence[str]) -> str:
         return f": {named(names)}" if 0 < len(names) <= _NAMED else ""
 
-    number_of = f"{len(found.intervals)} parameter{'s' * (len(found.intervals) > 1)}"
+    number_of = counted(len(found.intervals), "parameter")
     parts = [f"{begin} fixes {len(found.fixed)} of {number_of}{listed(found.fixed)}"]
     for names, state in ((found.loose, "loose"), (found.open, "open")):
         if names:
@@ -88,8 +91,9 @@ def caution_line(analysis: PostFitAnalysis) -> str:
     # Beside a fit that has not settled, an interval as wide as a linear estimate is no wider than it should be.
     wide = "" if analysis.unsettled else ", and every interval is at least as wide as a linear estimate"
     return (
-        f"The analysis stopped after {analysis.simulations} simulations, {budget}: the sample of the parameters had "
-        f"not converged. The assumed noise was raised {number(analysis.widened, 2)} times for it{wide}. {_LONGER}"
+        f"The analysis stopped after {counted(analysis.simulations, 'simulation')}, {budget}: the sample of the "
+        f"parameters had not converged. The assumed noise was raised {number(analysis.widened, 2)} times for it{wide}. "
+        f"{_LONGER}"
     )
 
 
@@ -103,8 +107,10 @@ def next_line(analysis: PostFitAnalysis, domain: Domain) -> str:
     """What to measure next and what it would do; empty if nothing was found that helps."""
     if analysis.forgone:
         return (
-            f"What to measure next was not looked for: it takes {analysis.forgone} simulations more than the budget, "
-            f"the {analysis.budget} that the search was allowed." + f" {_LONGER}" * (not caution_line(analysis))
+            f"What to measure next was not looked for: it takes {counted(analysis.forgone, 'simulation')} more than "
+            f"the budget, the {analysis.budget} that the search was allowed."
+            + f" {_LONGER}"
+            * (not caution_line(analysis))
         )
     if not analysis.measure_next:
         return ""

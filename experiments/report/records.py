@@ -50,7 +50,10 @@ class ErrorRow:
 
     @property
     def line(self) -> str:
-        """The row in words: ``"C20.csv, held out: voltage 12.1 mV rms (6.4 over 99 % of the time), 55 mV at most"``."""
+        """The row in words.
+
+        ``"C20.csv, held out: voltage 12.1 mV rms (6.4 over 99 % of the time), largest error 55 mV"``.
+        """
         who = f"{self.record}, {self.use}"
         remark = f"; {self.remark}" if self.remark else ""
         if not self.rms:
@@ -61,7 +64,7 @@ class ErrorRow:
         note = f"; {self.note}" if self.note else ""
         return (
             f"{who}: {self.signal} {self.rms} {self.unit} rms ({self.most} over 99 % of the {self.over}), "
-            f"{self.largest} at most{band}{note}{remark}"
+            f"largest error {self.largest} {self.unit}{band}{note}{remark}"
         )
 
 

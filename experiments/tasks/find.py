@@ -6,7 +6,7 @@ from pathlib import Path
 from ...core.border import border
 from ...core.errors import BsaError, did_you_mean, unknown
 from ...core.products import instance
-from ...core.registry import installed
+from ...core.registry import OWN, Unusable, installed
 from ...core.task import Task
 from ...core.yaml_text import read_yaml
 from .task_file import SUFFIXES, load_task_file
@@ -20,6 +20,26 @@ def packaged_tasks() -> Iterator[tuple[str, str]]:
         yield path.stem, str(read_yaml(path).get("summary", ""))
 
 
+def task_summaries() -> dict[str, tuple[str, str]]:
+    """Summary and origin of every task that can be named, by name; the origin of a packaged one is empty."""
+    offered = {item.entry.name: (item.entry.summary, item.origin) for item in installed().listings("task")}
+    return offered | {name: (summary, "") for name, summary in packaged_tasks()}
+
+
+def packaged(name: str) -> bool:
+    """Whether a task of this name is our own, be it a packaged one or a case of the published suite."""
+    return _published_name(name) or any(name == known for known, _ in packaged_tasks())
+
+
+def unusable_tasks() -> list[Unusable]:
+    """Tasks of plugins whose name is that of one of ours, which is the one that is then found."""
+    return [
+        Unusable(item.entry.name, f"the name is taken by {OWN}", item.origin, "task")
+        for item in installed().listings("task")
+        if packaged(item.entry.name)
+    ]
+
+
 def find_task(name_or_path: str) -> Task:
     """A packaged task, a case of the published suite (``regular-134``), a plugin's task, or a task file.
 
@@ -28,13 +48,11 @@ def find_task(name_or_path: str) -> Task:
     path = Path(name_or_path)
     if path.suffix in SUFFIXES:
         return load_task_file(path)
-    packaged = [name for name, _ in packaged_tasks()]
-    if name_or_path in packaged:
-        return load_task_file(PACKAGED / f"{name_or_path}.yaml")
-    mode, _, number = name_or_path.partition("-")
-    if number.isdigit() and mode in ("regular", "extreme", "sei"):
+    if _published_name(name_or_path):
         return _published(name_or_path)
-    names = [*packaged, *installed().names("task")]
+    if packaged(name_or_path):
+        return load_task_file(PACKAGED / f"{name_or_path}.yaml")
+    names = list(task_summaries())
     if name_or_path in names or any(item.kind == "task" and item.name == name_or_path for item in installed().unusable):
         return _offered(name_or_path)
     listed = "known: {}; or give a .yaml or .json task file, or --data with a record."
@@ -46,6 +64,11 @@ def _offered(name: str) -> Task:
     listing, task = installed().find("task", name), installed().make("task", name, {})
     with border(listing.who, "its factory"):
         return instance(task, Task)
+
+
+def _published_name(name: str) -> bool:
+    mode, _, number = name.partition("-")
+    return number.isdigit() and mode in ("regular", "extreme", "sei")
 
 
 def _published(name: str) -> Task:

@@ -1,4 +1,4 @@
-"""What the measured effects promise if all acts linearly: the outcome of a change, the best change, a digest."""
+"""What the measured effects predict if all acts linearly: the outcome of a change, the best change, a digest."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -15,10 +15,10 @@ from ..feedback.rounding import rounded
 from .situation import Situation
 
 RADIUS = 4.0
-"""Typical steps, all parameters together, that a suggested change may go: farther a linear promise means little."""
+"""Longest suggested change, in typical steps (Euclidean norm): beyond it a linear prediction means little."""
 
 _SHRINK = 0.4
-"""Share of a change that was no better which the next suggestion may have in length."""
+"""Longest next suggestion as a share of the length of a change that was no better."""
 
 _WORST, _MATCHING = 3, 3
 _NEGLIGIBLE = 0.02

@@ -1,7 +1,7 @@
-"""Ways back to a cell that runs: lower the currents and raise them again, or fit the first cycles alone.
+"""Two ways to a cell that can be simulated: lower the currents and raise them again, or fit the first cycles alone.
 
-Continuation, as in Allgower & Georg, Introduction to Numerical Continuation Methods (1990), Ch. 2: an easier problem
-that can be solved is led over into the hard one. Every reduced simulation is one of the run's.
+Continuation, as in Allgower & Georg, Introduction to Numerical Continuation Methods (1990), Ch. 2: a problem that can
+be solved is changed step by step into the wanted one. Every reduced simulation counts as one of the run's.
 """
 
 from abc import ABC, abstractmethod
@@ -18,13 +18,13 @@ from ...core.trial import Trial
 Reductions = tuple[TaskReduction | None, ...]
 
 LOWERED = (0.5, 0.25)
-"""Shares of the currents at which a cell is tried that does not run at its own."""
+"""Shares of the currents that are tried where the cell cannot be simulated at all of them."""
 
 _NEARLY_WHOLE = 0.9
-"""A rate above this is as hard as the task itself."""
+"""Share of the currents above which the task is simulated as it is."""
 
 _DIFFERENCE = 0.05
-"""Step for finding out what eases the cell, in units of the box: only the direction is wanted."""
+"""Finite-difference step for the gentle direction, in units of the box: its length does not matter."""
 
 _STRIDE = 0.15
 _MOST_ROUNDS = 6
@@ -32,7 +32,7 @@ _FIT_BEYOND_JACOBIAN = 8
 """Simulations that a fit of the first cycles may take beyond its start and a Jacobian."""
 
 _ONSET = 0.2
-"""Share of a step over which its polarisation is judged: later the state of charge decides the voltage."""
+"""First part of a step, over which polarisation is measured: later the state of charge decides the voltage."""
 
 _ONSET_POINTS = 20
 
@@ -60,12 +60,12 @@ class Continuation(ABC):
 
 
 class CurrentRateContinuation(Continuation):
-    """Lowers the currents until the cell runs, finds out there what eases it, and climbs back to the full rate.
+    """Lowers the currents until the cell can be simulated, and raises them again in a cell with less polarisation.
 
-    What eases the cell is measured at the rate at which it runs: the direction in which the voltage moves least when a
-    constant current sets in, so that the cell is polarised least. ``start``, shape (p,), is the point that fails, in
-    the unit box; ``gentle``, shape (p,), a direction to take where none can be measured; ``rates`` are shares of the
-    currents to try, largest first.
+    The direction towards less polarisation is measured at the lowered currents: along it the voltage changes less at
+    the onset of a constant current. ``start``, shape (p,), is the point that fails, in the unit box; ``gentle``, shape
+    (p,), the direction to take where none can be measured; ``rates`` are the shares of the currents to try, largest
+    first.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""A numerical fit over the trials of a run: feasible first, then downhill, then from elsewhere if it is stuck."""
+"""A numerical fit over the trials of a run: find a feasible start, descend, and begin elsewhere if it is stuck."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -13,7 +13,7 @@ from ...core.parameters import Candidate
 from ...core.residuals import noise_of_residuals, rms
 from ...core.task import Task
 from ...core.trajectory import FloatArray
-from ...core.trial import Trial, promise
+from ...core.trial import Trial, misfit_times_score
 from .continuation import Reductions
 from .feasibility import Feasibility
 
@@ -23,12 +23,12 @@ PERFECT = 0.02
 """Root mean square of the residuals, in tolerances, below which nothing is worth a simulation (20 µV)."""
 
 _SAVED = 0.25
-"""Share of that to which a fit goes on from a point that saved it simulations: where below it a fit ends is chance, and
-with a better point it shall end no higher than without."""
+"""Factor on `PERFECT` for a fit that goes on from a point that somebody else found. Where below `PERFECT` a fit ends is
+chance, and from a better point it must not end higher than without it."""
 
 _SUSPICIOUS = 3.0
-"""Root mean square, in tolerances or in standard deviations of the noise if that is more, above which an end may be a
-trap rather than a model's or a record's limits."""
+"""Root mean square above which a fit may have ended in a local minimum, rather than at the limit of the model or the
+record: in tolerances, or in standard deviations of the noise if that is more."""
 
 _UNRESOLVED = 0.1
 """Noise, in tolerances, that a fit need not come down to: no record resolves a tenth of a millivolt."""
@@ -37,10 +37,11 @@ _TOO_SLOW = 0.05
 """Share of the cost that a round must take off far from the record: at less, the budget ends before the fit does."""
 
 _CRAWL = 0.5
-"""Share of the cost, and of the squared score, below which a round far from the record is a crawl within a trap."""
+"""Share of the cost, or of the squared score, that a round far from the record must gain: otherwise the fit is
+in a local minimum."""
 
 _FAR = 0.1
-"""Share of the first misfit above which a fit is still far from the record: nearer by, slow is not trapped."""
+"""Share of the first misfit above which a fit is far from the record: nearer to it, a slow fit is not stuck."""
 
 _ELSEWHERE = 0.2
 """How far from the first start the others lie, in units of the box."""
@@ -92,8 +93,8 @@ class Descent:
         self._first_misfit = 0.0
         self.done = False
         """Whether the fit has nothing left to try."""
-        self._limit = 0  # What was left at the last question, less what was simulated for it.
-        self._early: list[Trial] = []  # Of a batch that was larger than what was left.
+        self._limit = 0  # Simulations left at the last `ask`, less those made for it.
+        self._early: list[Trial] = []  # First trials of a batch larger than what was left.
         self._told: list[Trial] = [start]
         self._noise_of_each = noise_of_residuals(task)
         self.noise = max(rms(self._noise_of_each), PERFECT)
@@ -192,7 +193,7 @@ class Descent:
         if not points and self._may_restart(limit):
             points = self._begin_again(planning_budget)
         if not points and self._left_crawling is not None and self._left_crawling is self.best:
-            # Nothing else was better: crawl on.
+            # Nothing else was better: go on slowly there.
             self._search, self._left_crawling, self._early = self._left_crawling, None, []
             points = self._search.ask(planning_budget)
         self.done = not points
@@ -308,10 +309,10 @@ class Descent:
         return self._restarts_left > 0 and self.misfit > _SUSPICIOUS * max(self.noise, _UNRESOLVED) and limit >= needed
 
     def _begin_again(self, planning_budget: int) -> list[FloatArray]:
-        """Go on from elsewhere: each parameter alone goes far to either side of the first start, and the best leads.
+        """Begin elsewhere: move each parameter alone far to either side of the first start, and go on from the best.
 
-        The fit may have shared among many what one had done; and far from the record a slope may point
-        the wrong way, so both sides are tried. The runners-up serve the restarts after that.
+        The fit may have distributed over many parameters what one of them caused, and far from the record a slope may
+        have the wrong sign: both sides are tried. Later restarts begin at the next best of these points.
         """
         self._best = self.best
         self._early = []
@@ -327,7 +328,7 @@ class Descent:
 
     def _take_starts(self, trials: Sequence[Trial]) -> None:
         self._polled = []
-        self._promising = sorted((trial for trial in trials if trial.residuals is not None), key=promise)
+        self._promising = sorted((trial for trial in trials if trial.residuals is not None), key=misfit_times_score)
         if self._promising:
             self._search_from_trial(self._promising.pop(0))
 

@@ -17,7 +17,7 @@ from .continuation import Continuation, CurrentRateContinuation, FirstCycleConti
 from .trial_errors import sum_of_squares
 
 _STRIDES = (0.1, 0.25, 0.45, 0.7)
-"""How far along the gentle direction, in units of the box."""
+"""Distances along the gentle direction that are tried, in units of the box."""
 
 _SPREAD = 0.15
 """Standard deviation of the search around the point that got farthest."""
@@ -25,13 +25,13 @@ _SPREAD = 0.15
 _NO_LIMIT = 10**6
 
 _TOO_LONG, _SHORT_S = 1.2, 60.0
-"""A step this many times as long as the record's, and as a minute, is too long."""
+"""A step is too long from this many times its measured duration, which counts as a minute at least."""
 
 _HURTS, _HELPS = "raises", "lowers"
 
 
 def gentle_direction(task: Task) -> FloatArray:
-    """Which way each parameter eases the cell, shape (p,): -1, 0 or 1 in the unit box.
+    """Direction of each parameter towards less polarisation, shape (p,): -1, 0 or 1 in the unit box.
 
     What raises polarisation is lowered and what lowers it is raised, by the rules of thumb that the
     priors show (smaller particles, higher porosity, lower Bruggeman exponents). Simulations fail above
@@ -46,7 +46,7 @@ def gentle_direction(task: Task) -> FloatArray:
 
 
 def smaller_direction(task: Task) -> FloatArray:
-    """Which way each parameter makes the cell hold less charge and does nothing else, shape (p,): -1 or 0."""
+    """Direction of the parameters that only lower the capacity, shape (p,): -1, or 0 for all others."""
     direction = np.zeros(len(task.space))
     for place, name in enumerate(task.space.names):
         for rule in task.domain.rules:
@@ -57,7 +57,7 @@ def smaller_direction(task: Task) -> FloatArray:
 
 
 def outlasts(task: Task, trial: Trial) -> bool:
-    """Whether a trial was stopped in a step that had already taken longer than the record's: the cell is too large."""
+    """Whether a trial stopped in a step that had taken longer than the measured one: the cell is too large."""
     if trial.failure is None or not trial.failure.unfinished:
         return False
     for experiment, curve in zip(task.experiments, trial.curves, strict=True):
@@ -129,7 +129,7 @@ class Feasibility:
             strides, self._strides = self._strides[:2], self._strides[2:]
             start = self._space.to_unit(self._space.initial)
             return [np.clip(start + stride * self._gentle, 0.0, 1.0) for stride in strides]
-        # Half the steps lean towards the gentle side, for the rules are rules of thumb.
+        # One of the two steps is towards the gentle side only, the other free: the rules are rules of thumb.
         steps = _SPREAD * self._rng.standard_normal((2, len(self._space)))
         steps[0] = np.where(self._gentle == 0.0, steps[0], np.abs(steps[0]) * self._gentle)
         return [np.clip(origin + step, 0.0, 1.0) for step in steps]

@@ -31,10 +31,11 @@ _SETTLING = 2
 
 _FIRST_LEFT_OUT = 4
 _MOST_GROWTH, _SAFETY = 2.5, 0.9
-"""Limits of the step control that any integrator has; the prediction is of third order."""
+"""Largest growth of the step length and safety factor, as in any step control; the prediction is of third order."""
 
 _STRETCH = 1.25
-"""A cycle that is needed this little beyond the safe length is reached at once; the error is then twice as large."""
+"""A cycle that is needed, and is this little beyond the safe length, is reached at once; the error is then twice as
+large."""
 
 _APART = 0.4
 """Share of the coming cycles by which two changes should lie apart to tell how the change changes."""

@@ -21,15 +21,15 @@ _WITHIN = 2e-3
 cyclers are accurate to. The charge is kept."""
 
 _BETWEEN = 4
-"""Parts that an interval between two samples of a voltage hold is cut into."""
+"""Parts into which the interval between two samples of a voltage hold is divided."""
 
 EMPTY_V, FULL_V = 0.5, 6.0
 """Voltages at which a simulated cell is empty or overfull until a measured current changes, in place of the set's
 cut-offs."""
 
 _BEYOND_V = 0.5
-"""How far beyond its cut-offs and the measured voltages a simulated cell is shown at most: far enough to be the worst
-error of a record."""
+"""How far beyond its cut-offs and the measured voltages a simulated voltage is shown, at most: enough for it to be
+the largest error of its record."""
 
 DELAY = "Record begins later by [s]"
 """Input that says which of several records drives a cell that is compiled for all of them."""
@@ -68,8 +68,8 @@ class CurrentFunction:
     # both sides, so that nothing is ever extrapolated. Shape (k,).
     time: FloatArray
     current: FloatArray
-    # Where the integrator must stop and start afresh: both ends of every step. Without them it would step clean over a
-    # pulse after a long rest. Shape (m,).
+    # Where the integrator must stop and start again: both ends of every step. Without them its long steps in a rest
+    # would miss the pulse after it. Shape (m,).
     stops: FloatArray
     finest_s: float | None  # Typical interval between knots where the current varies all the time (drive cycles), s.
     varying: FloatArray = field(default_factory=lambda: np.empty(0))  # The knots there, s. Shape (j,).
@@ -98,8 +98,8 @@ def _parse(text: str) -> Any:
 def shown_range(window_v: tuple[float, float], measured_v: FloatArray) -> tuple[float, float]:
     """Between which voltages a simulation under a measured current is shown, V.
 
-    Where a cell is empty its voltage falls by volts within seconds, and by how many says nothing of it: no instrument
-    lets a cell go far beyond its cut-offs.
+    The voltage of an empty cell falls by volts within seconds, and how many these are means nothing: no instrument lets
+    a cell go far beyond its cut-offs.
     """
     lowest, highest = window_v
     return min(lowest, float(np.min(measured_v))) - _BEYOND_V, max(highest, float(np.max(measured_v))) + _BEYOND_V

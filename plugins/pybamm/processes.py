@@ -1,4 +1,4 @@
-"""Long-lived worker processes and the watch over them: a hang or a crash costs one job, not the run."""
+"""Worker processes that do many jobs each, and are watched: a hang or a crash loses one job, not the run."""
 
 import multiprocessing
 import queue
@@ -26,7 +26,7 @@ Report = Callable[[Any], None]
 """Tells the parent how far a job has come."""
 
 Watch = Callable[[Sequence[Any]], None]
-"""Told, whenever a job reports, what each of those that are being done has reported last."""
+"""Called whenever a job reports, with the last report of each job that is being done."""
 
 
 class Service(Protocol[Job, Answer]):

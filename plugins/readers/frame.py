@@ -22,7 +22,7 @@ def read_frame(frame: pandas.DataFrame, options: ReadOptions, name: str) -> Samp
     Rows count from 1 in messages. Raises `BsaError` naming the column or the row at fault.
     """
     if len(frame) == 0:
-        raise BsaError(f"the DataFrame {shown(name)} has no rows.", "give one row a sample.")
+        raise BsaError(f"{shown(name)} has no rows.", "give a DataFrame with one row for each sample.")
     header = tuple(str(column) for column in frame.columns)
     columns = [frame.iloc[:, place].to_numpy() for place in range(len(header))]
     return read_table(ArrayTable(shown(name), header, columns), options, [])

@@ -7,6 +7,7 @@ from ...core.errors import BsaError
 from ...core.hooks import NoOptions, ProposeContext, RunContext, hookimpl
 from ...core.messages import JsonSchema, Message
 from ...core.parameters import Candidate, ParameterSpace
+from ...core.printable import counted
 from ...core.prompt_sections import INSTRUCTION, title
 from ...core.proposal import Proposal
 from ..agent.conversation import ask
@@ -50,7 +51,7 @@ class ProposedWarmUp:
         )
         candidates = (answer.value or ())[:wanted]
         missing = wanted - len(candidates)
-        rationale = f"{len(candidates)} perturbations proposed by the model"
+        rationale = f"{counted(len(candidates), 'perturbation')} proposed by the model"
         if missing:
             fill = self._random.warm_up(context).candidates[:missing]
             candidates = (*candidates, *fill)

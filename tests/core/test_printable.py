@@ -1,6 +1,7 @@
 """Texts that are fit for a message."""
 
-from bsa.core.printable import counted, were
+import pytest
+from bsa.core.printable import counted, were, with_article
 
 
 def test_numbers_of_things_agree_with_their_noun_and_verb():
@@ -8,3 +9,11 @@ def test_numbers_of_things_agree_with_their_noun_and_verb():
         *("0 gaps were found", "1 gap was found", "2 gaps were found")
     ]
     assert [counted(n, "glitch", "es") for n in (1, 2)] == ["1 glitch", "2 glitches"]
+
+
+@pytest.mark.parametrize(
+    ("noun", "words"),
+    [("int", "an int"), ("float", "a float"), ("ndarray", "an ndarray"), ("NoneType", "a NoneType"), ("x\n", "a x\\n")],
+)
+def test_an_article_goes_with_the_first_letter(noun: str, words: str) -> None:
+    assert with_article(noun) == words

@@ -127,6 +127,18 @@ def test_what_was_listed_before_an_exception_counts() -> None:
     assert reasons(found) == ["plugin plugin-0 of dist-0 1.0: ZeroDivisionError: boom in bsa_memories"]
 
 
+def test_who_looks_for_one_kind_is_not_told_of_the_faults_of_another() -> None:
+    def bsa_readers() -> Iterator[Entry]:
+        raise ZeroDivisionError("boom")
+
+    found = registry(SimpleNamespace(bsa_readers=hookimpl(bsa_readers)), plugin(entry()))
+    with pytest.raises(BsaError, match="boom"):
+        found.get("reader", "zz")
+    with pytest.raises(BsaError) as raised:
+        found.get("memory", "zz")
+    assert "boom" not in raised.value.hint
+
+
 def test_ctrl_c_passes() -> None:
     def bsa_memories() -> list[Entry]:
         raise KeyboardInterrupt

@@ -151,8 +151,8 @@ SIMULATORS: dict[str, tuple[Any, str]] = {
     "a place that is none": ([("0", GOOD)], "simulate answered candidate '0' of 2"),
     "no outcome": ([(0, None)], "simulate yielded None, not an Outcome"),
     "a trajectory": ([(0, record(SPACE.initial))], "not an Outcome"),
-    "no run": ([(0, Outcome(()))], "an Outcome with 0 runs for 1 experiments"),
-    "two runs": ([(0, Outcome((FAILED, FAILED)))], "an Outcome with 2 runs for 1 experiments"),
+    "no run": ([(0, Outcome(()))], "an Outcome with 0 runs for 1 experiment"),
+    "two runs": ([(0, Outcome((FAILED, FAILED)))], "an Outcome with 2 runs for 1 experiment"),
     "an empty run": ([(0, Outcome((ExperimentRun(None),)))], "a run with neither a trajectory nor a failure"),
     "no trajectory": ([(0, Outcome((ExperimentRun("curve"),)))], "a run whose trajectory is 'curve'"),  # type: ignore[arg-type]
     "no steps": ([(0, Outcome((ExperimentRun(UNCUT),)))], "a trajectory without steps"),

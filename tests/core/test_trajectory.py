@@ -1,5 +1,20 @@
 import numpy as np
-from bsa.core.trajectory import Trajectory
+import pytest
+from bsa.core.trajectory import Step, StepKind, Trajectory
+
+
+@pytest.mark.parametrize(
+    ("end_s", "steps", "words"),
+    [
+        (5400.0, (), "3 samples of current, voltage; 1.5 h"),
+        (90.0, (Step(StepKind.REST, 0, 1), Step(StepKind.PULSE, 1, 3)), "; 90 s; 2 steps in 1 cycle"),
+        (3.0, (Step(StepKind.SPECTRUM, 0, 3),), "voltage; 1 step in 1 cycle"),
+    ],
+)
+def test_its_representation_has_no_arrays(end_s: float, steps: tuple[Step, ...], words: str) -> None:
+    shown = repr(Trajectory(np.linspace(0.0, end_s, 3), np.zeros(3), np.ones(3), steps=steps))
+    assert words in shown
+    assert "array" not in shown
 
 
 def test_a_measurement_is_the_same_whatever_is_made_of_it() -> None:

@@ -3,7 +3,7 @@
 import json
 import re
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -298,6 +298,19 @@ class TestPage:
         page, html = page_of(tmp_path)
         assert "not finished" in page.text
         assert "nan" not in html.split("</style>")[1].lower().replace("running", "")
+
+    def test_a_reported_starting_point_is_not_called_the_best_by_score(self, tmp_path):
+        task = make_task()
+        writer = Writer(tmp_path, task)
+        for index, (objective, misfit) in enumerate([(32.0, 27.0), (13.75, 140.0)]):
+            trial = make_trial(task, index, "search" if index else "initial", index, objective)
+            trial = replace(trial, residuals=np.full(9, misfit))
+            writer.journal.append("trial", **encode_trial(trial, tmp_path))
+        page, _ = page_of(tmp_path)
+        assert "No candidate was better" not in page.text
+        told = "The starting point is reported. These are the values of simulation 0"
+        assert told in page.text
+        assert page.text.count("simulation 1 has the lowest total MAPE, 13.75 %") == 1
 
     def test_every_record_is_named_above_and_over_its_figure(self, tmp_path):
         writer = Writer(tmp_path, make_task(name="cell", experiments=3))

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 from bsa.core.effect_choice import effects_of
 from bsa.core.journal import read_events
+from bsa.core.kinds import KINDS
 from bsa.core.reading.reading import read_record
 from bsa.core.record import ReadOptions
-from bsa.core.registry import KINDS, installed
+from bsa.core.registry import installed
 from bsa.experiments.cli.catalogue import doctor
 from bsa.experiments.cli.main import run_main
 

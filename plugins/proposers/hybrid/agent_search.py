@@ -13,14 +13,14 @@ from ....core.trajectory import FloatArray
 from ....core.trial import Trial
 
 _ROBUST_ABOVE = 30.0
-"""Residuals, in tolerances, beyond which a robust fit takes in only the order of magnitude."""
+"""Residuals, in tolerances, of which a robust fit counts only the order of magnitude."""
 
 
 class AgentSearch:
     """Simulates at most ``allowance`` candidates.
 
     It begins at ``start``, shape (p,), in the unit box, with the residuals, shape (m,), and derivatives, shape (m, p),
-    that are known or believed there; ``free``, shape (p,), is what may move. ``robust`` flattens large residuals: a
+    that are known or assumed there; ``free``, shape (p,), is what may move. ``robust`` flattens large residuals: a
     step that has vanished then no longer drowns the rest.
     """
 

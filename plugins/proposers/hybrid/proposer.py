@@ -1,10 +1,9 @@
-"""The hybrid: a least-squares fit that keeps the initiative, and an agent that acts beside it.
+"""The hybrid: a least-squares fit, and an agent that proposes candidates beside it.
 
-The main fit is the least-squares proposer's own, and at least four fifths of the simulations are its until it ends by
-itself. The agent's trials run on an account of their own, and the fit goes over to a point of the agent's only where
-its cost is clearly lower than the fit's; such a point is charged to the fit, for which it stands for a step. So an
-agent that finds nothing better leaves the fit as it would be alone with a fifth fewer simulations, and one that does
-saves it the way.
+The main fit is that of the least-squares proposer. Until it ends, at least four fifths of the simulations are its own;
+those of the agent are counted apart. The fit goes on from a candidate of the agent only if the cost there is clearly
+lower, and that simulation then counts as a step of the fit. An agent that finds nothing better leaves the fit as it
+would be with a fifth fewer simulations; one that does saves it the steps to that point.
 """
 
 from collections.abc import Sequence

@@ -113,7 +113,7 @@ def test_who_predicts_data_not_fitted_clearly_worse_is_no_rival():
 
 
 @pytest.mark.parametrize(
-    ("left", "repetition", "promised", "settled"),
+    ("left", "variance_inflation", "promised", "settled"),
     [
         (1.0, 1.0, 3.0, True),
         (1.0, 1.0, 6.0, False),
@@ -122,9 +122,9 @@ def test_who_predicts_data_not_fitted_clearly_worse_is_no_rival():
         (3.0, 9.0, 900.0, False),
     ],
 )
-def test_a_fit_is_settled_where_its_promise_lies_inside_its_intervals(left, repetition, promised, settled):
+def test_a_fit_is_settled_where_its_promise_lies_inside_its_intervals(left, variance_inflation, promised, settled):
     base, found = explanation("base", None, rmse=1.6), explanation("effect", None)
-    found.adequacy = Adequacy(0.0, 0.0, repetition)
+    found.adequacy = Adequacy(0.0, 0.0, variance_inflation)
     found.fit = replace(found.fit, residual=np.full(80, left), converged=False, promised=promised)
     assert found.settled is settled
     assert ("did not converge" in RULES.objection_to(found, Gap(base, base, 1e-4, 1e-4))) is not settled

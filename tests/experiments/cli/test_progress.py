@@ -66,7 +66,7 @@ def test_the_panel_counts_them_too(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 def test_a_run_without_a_fit_is_scored_once_and_not_judged(tmp_path: Path) -> None:
     stream = io.StringIO()
     run(tmp_path / "run", PlainProgress("%", stream), "default")
-    assert stream.getvalue().splitlines()[-1] == "final scores: 0 of 1 simulations"
+    assert stream.getvalue().splitlines()[-1] == "final scores: 1 of 1 simulation"
     events = list(read_events(tmp_path / "run"))
     assert [event["index"] for event in events if event["event"] == "score"] == [0]
     assert not [event for event in events if event["event"].startswith("appraisal")]
@@ -103,10 +103,9 @@ def test_the_cycle_of_a_long_simulation_is_told_where_nothing_else_is_for_long()
     plain.counted("band of the forecast", 3, 17)
     now[0] += 60.0
     plain.cycled(130, 400)
-    first, *others, band, last = stream.getvalue().splitlines()
-    assert first == "forecast: 0 of 1 simulations"
+    *others, last = stream.getvalue().splitlines()
     assert others == [f"  forecast: cycle {cycle} of 400" for cycle in range(60, 401, 60)]
-    assert (band, last) == ("band of the forecast: 3 of 17 simulations", f"  {band}, cycle 130 of 400")
+    assert last == "  band of the forecast: 3 of 17 simulations, cycle 130 of 400"
 
 
 def test_the_panel_shows_the_cycle_until_something_else_begins() -> None:
@@ -123,6 +122,30 @@ def test_the_panel_shows_the_cycle_until_something_else_begins() -> None:
     assert "cycle 7" not in shown()
     live.cycled(130, 400)
     assert "forecast: cycle 130 of 400" in shown()
+
+
+def test_simulations_after_the_search_are_told_when_they_end_and_while_they_take_long() -> None:
+    stream, now = io.StringIO(), [0.0]
+    progress = PlainProgress("%", stream, clock=lambda: now[0])
+    for done in range(3):
+        progress.counted("final scores", done, 2)
+    for done in range(4):
+        progress.counted("what the record fixes", done, 3)
+        now[0] += 10.0
+    progress.counted("what the record fixes", 2, 2)
+    assert stream.getvalue().splitlines() == [
+        "final scores: 2 of 2 simulations",
+        "what the record fixes: 2 of 3 simulations",
+        "what the record fixes: 3 of 3 simulations",
+    ]
+
+
+def test_every_hypothesis_has_a_line() -> None:
+    stream = io.StringIO()
+    progress = PlainProgress("%", stream, clock=lambda: 0.0)
+    for number in (1, 2):
+        progress.proposed(Proposal(candidates=(), hypothesis="smaller particles"), "search", number)
+    assert stream.getvalue().splitlines() == ["search 1: smaller particles", "search 2: smaller particles"]
 
 
 def test_rounds_in_the_same_words_have_one_line_and_another_one_after_a_silence() -> None:

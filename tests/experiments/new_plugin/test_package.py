@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 from bsa.core.errors import BsaError
-from bsa.core.registry import KINDS, Kind, installed
+from bsa.core.kinds import KINDS, Kind
+from bsa.core.registry import installed
 from bsa.experiments.new_plugin.package import package_files, write_package
 
 Install = Callable[..., Path]
@@ -99,6 +100,7 @@ def test_the_tests_of_every_package_pass(tmp_path: Path) -> None:
     )
     assert done.returncode == 0, done.stdout
     assert int(re.findall(r"(\d+) passed", done.stdout)[0]) >= 5 * len(KINDS)
+    assert "bsa_my" not in done.stdout.partition("warnings summary")[2], done.stdout
 
 
 @pytest.mark.parametrize(
@@ -109,6 +111,8 @@ def test_the_tests_of_every_package_pass(tmp_path: Path) -> None:
         ("effect", "class", "cannot be named 'class'"),
         ("reader", "../x", "cannot be named"),
         ("memory", "history", 'the name "history" is taken by battery-sim-agent'),
+        ("task", "demo", 'the name "demo" is taken by battery-sim-agent'),
+        ("task", "regular-7", 'the name "regular-7" is taken by battery-sim-agent'),
     ],
 )
 def test_what_cannot_be_written_is_refused(kind: str, name: str, words: str, tmp_path: Path) -> None:

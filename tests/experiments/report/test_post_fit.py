@@ -6,15 +6,18 @@ from typing import Any
 import numpy as np
 import pytest
 from bsa.core.cell import CELL, SPECTRUM
+from bsa.core.feedback import Feedback
 from bsa.core.identifiability import Identifiability, Interval
 from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.post_fit_analysis import PostFitAnalysis
+from bsa.core.signal_metrics import Quantity, SignalMetrics
 from bsa.core.spectrum import ImpedanceSpectrum
 from bsa.core.spectrum_record import spectrum_record
 from bsa.core.target import Value
 from bsa.core.task import CellModel, Experiment, Protocol, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
-from bsa.experiments.report.post_fit import caution_line, tolerance_words, verdict_line
+from bsa.core.trial import Trial
+from bsa.experiments.report.post_fit import best_score_line, caution_line, tolerance_words, verdict_line
 
 
 @pytest.mark.parametrize(
@@ -35,6 +38,17 @@ def test_what_a_tolerance_is(protocol: Protocol | None, spectrum: bool, expected
     space = ParameterSpace((Parameter("a", 1.0, 0.0, 2.0, target=Value("a")),))
     signals = (*CELL.signals, *SPECTRUM) if spectrum else ()
     assert tolerance_words(Task("t", CellModel(""), space, tuple(experiments), signals=signals)) == expected
+
+
+def test_a_lower_score_of_another_simulation_is_named_with_both_misfits() -> None:
+    start = Trial(0, "initial", 0, {}, SignalMetrics(32.0, {}), None, np.array([27.0]), Feedback({}), (), 0.0)
+    other = replace(start, index=1, phase="warm-up", metrics=SignalMetrics(13.75, {}), residuals=np.array([140.0]))
+    score = Quantity("objective", "Total MAPE", "%")
+    assert best_score_line(score, start, other, other.metrics) == (
+        "These are the values of simulation 0 (the starting point), which follows the record more closely step by step "
+        "(misfit 27 tolerances, that of simulation 1 140); simulation 1 has the lowest total MAPE, 13.75 %."
+    )
+    assert best_score_line(score, start, start, start.metrics) == ""
 
 
 def test_many_parameters_of_which_none_is_fixed_are_not_listed() -> None:
