@@ -57,3 +57,10 @@ def ollama_server_key(address: str, by_option: bool) -> str | None:
     if is_private(address) and origin(address) in map(origin, owners):
         return OLLAMA_KEY
     return OWN_SERVER_KEY if by_option else None
+
+
+def key_remedy(variable: str) -> str:
+    """What to do where a server did not accept the key of an environment variable, or wants one."""
+    if os.environ.get(variable):
+        return f"correct the key in {variable}: it was sent, and refused."
+    return f"export {variable}=..."

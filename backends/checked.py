@@ -58,7 +58,8 @@ class CheckedRoute:
         made = registry.make("route", name, options)
         with border(self._who, "its factory"):
             self._inner = instance(made, Route)  # type: ignore[type-abstract]
-            self._takes_address = instance(made.takes_base_url, bool, "gave takes_base_url = {}")
+            self.takes_base_url = instance(made.takes_base_url, bool, "gave takes_base_url = {}")
+            """See `Route`."""
             self.on_own_machines = instance(made.on_own_machines, bool, "gave on_own_machines = {}")
             """See `Route`."""
 
@@ -77,7 +78,7 @@ class CheckedRoute:
         """A model by its name under this route; see `Route.open`."""
         if not model:
             raise BsaError(f'the backend "{self._name}" needs a model.', f"write {self._name}:MODEL.")
-        if self._has_address and not self._takes_address:
+        if self._has_address and not self.takes_base_url:
             hint = f"write openai:{model} for a server at an address of your own."
             raise BsaError(f"--base-url does not go with {self._name}:{model}.", hint)
         with border(self._who, "open"):

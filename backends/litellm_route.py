@@ -15,7 +15,7 @@ from ..core.errors import BsaError
 from ..core.messages import Message, StructuredBy, Usage
 from ..core.redaction import redact
 from .addresses import shown
-from .api_keys import OWN_SERVER_KEY, has_key, key_variables, provider_of
+from .api_keys import OWN_SERVER_KEY, has_key, key_remedy, key_variables, provider_of
 from .bounded_http import BoundedTransport, OwnServerTransport
 from .images import data_urls
 from .options import BackendOptions
@@ -206,13 +206,13 @@ class LiteLLMBackend(ServedBackend):
         with suppress(Exception):
             cost = self._litellm.completion_cost(completion_response=response, model=self._model)
         if not cost and self._price_known:
-            notes.append(f"the price of {self._model} is not known; its calls are counted as free")
+            notes.append(f"the price of {self._model} is not known")
             self._price_known = False
         return Usage(
             prompt_tokens=_count(counts, "prompt_tokens"),
             completion_tokens=_count(counts, "completion_tokens"),
             reasoning_tokens=_count(details, "reasoning_tokens"),
-            cost_usd=float(cost or 0.0),
+            cost_usd=float(cost) if cost else None,
         )
 
     def _translated(self, error: Exception) -> Exception:
@@ -227,11 +227,11 @@ class LiteLLMBackend(ServedBackend):
             return ContextTooSmallError()
         if status in (401, 403):
             variable = self._key_variable if self._base_url else key_variables(self._provider)[0]
-            return BsaError(f"{where} did not accept the key ({reason}).", f"export {variable}=...")
+            return BsaError(f"{where} did not accept the key ({reason}).", key_remedy(variable))
         if "insufficient_quota" in str(error) or status == 402:
             return BsaError(f"{where} says that the account has no credit left.", "top it up, or choose another --via.")
         if status == 404:
-            hint = "does the address end in /v1?" if self._base_url else "check the model's name and your access to it."
+            hint = _not_found(self._base_url) if self._base_url else "check the model's name and your access to it."
             return BsaError(f'{where} does not know "{self._model.removeprefix("openai/")}" ({reason}).', hint)
         if isinstance(error, litellm.RateLimitError):
             return TransientError(reason, retry_after(_headers(error)))
@@ -240,6 +240,13 @@ class LiteLLMBackend(ServedBackend):
         if status in (400, 413, 415, 422, 501) and not isinstance(error, litellm.Timeout):
             return ContextTooSmallError() if _speaks_of_context(str(error)) else FormRefusedError(reason)
         return TransientError(reason, retry_after(_headers(error)), server_fault=status == 500)
+
+
+def _not_found(address: str) -> str:
+    """What to do about HTTP status 404 of a server of one's own."""
+    if not address.endswith("/v1"):
+        return "does the address end in /v1?"
+    return f"check the model's name: curl {shown(address)}/models lists what the server has."
 
 
 def _as_openai(message: Message) -> dict[str, Any]:

@@ -45,7 +45,7 @@ class OllamaRoute(Route):
         seen = look(f"{address}/api/tags", key)
         if seen.problem:
             remedy = "ollama serve" if which("ollama") else "install Ollama (https://ollama.com/download)"
-            return NotReady(f"Ollama {seen.problem}", remedy, unreachable=seen.unreachable)
+            return NotReady(f"Ollama {seen.problem}", seen.remedy or remedy, unreachable=seen.unreachable)
         listed = seen.content.get("models") if isinstance(seen.content, Mapping) else None
         held = {str(item.get("model") or item.get("name")) for item in listed or [] if isinstance(item, Mapping)}
         if not {model, f"{model}:latest"} & held:

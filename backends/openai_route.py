@@ -14,7 +14,6 @@ class OpenAIRoute(Route):
     """The server at ``--base-url``, or the one named by ``OPENAI_BASE_URL``."""
 
     takes_base_url = True
-    on_own_machines = True
 
     def check(self, model: str) -> NotReady | None:
         """Whether the server answers and lists the model."""
@@ -24,7 +23,7 @@ class OpenAIRoute(Route):
         seen = look(f"{address}/models", self._key(address))
         if seen.problem:
             detail = f"{shown(address)}: {seen.problem}"
-            return NotReady(detail, f"vllm serve {model}", unreachable=seen.unreachable)
+            return NotReady(detail, seen.remedy or f"vllm serve {model}", unreachable=seen.unreachable)
         listed = seen.content.get("data") if isinstance(seen.content, Mapping) else None
         served = [str(item.get("id")) for item in listed or [] if isinstance(item, Mapping)]
         if served and model not in served:

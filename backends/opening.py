@@ -79,7 +79,7 @@ def look_before(spec: str, options: Given | None = None, registry: Registry | No
     if obstacle.unreachable:
         raise BsaError(f"the model {spec} cannot be asked: {obstacle.detail}.", obstacle.remedy)
     # A service is opened with its key, or not at all.
-    if not route.on_own_machines:
+    if not (route.on_own_machines or route.takes_base_url):
         return ""
     return f"The model {spec} may not answer: {obstacle.detail}. What would help: {obstacle.remedy}"
 
@@ -99,6 +99,11 @@ def _parted(spec: str, options: Given | None, registry: Registry) -> tuple[str, 
     around = validated(
         BackendOptions, {key: value for key, value in given.items() if key in _WRAPPERS}, "backend options"
     )
+    if given.get("base_url") is not None and "base_url" not in listing.entry.config_type.model_fields:
+        raise BsaError(
+            f"--base-url does not go with the backend {spec}.",
+            "leave it out, or write openai:MODEL for a server at an address of your own.",
+        )
     if given.get("via") is not None and issubclass(listing.entry.config_type, BackendOptions):
         registry.find("route", str(given["via"]))
     return name, {key: value for key, value in given.items() if key not in _WRAPPERS}, around
@@ -139,6 +144,4 @@ def open_preset(preset: Preset, options: BackendOptions) -> Backend:
 def on_own_machines(spec: str, options: Mapping[str, Any]) -> bool:
     """Whether a backend's models run on machines of the user, so that their tokens cost nothing."""
     route = str(options.get("via") or spec.partition(":")[0])
-    if options.get("base_url") is not None:
-        return True
     return route in installed().names("route") and CheckedRoute(route, {}).on_own_machines

@@ -87,7 +87,8 @@ def connection_failure(error: BaseException) -> TransientError | TimeoutError | 
             if rule.applies(cause):
                 words = {"address": parts.geturl(), "place": parts.netloc, "host": parts.hostname}
                 reason = rule.reason.format(**words, error=redact(str(cause)))
-                return UnreachableError(reason, rule.hint.format(**words), rule.may_pass)
+                refused = isinstance(cause, ConnectionRefusedError)
+                return UnreachableError(reason, rule.hint.format(**words), rule.may_pass, refused)
     if isinstance(broken, httpx.TimeoutException):
         return TimeoutError(str(broken))
     return TransientError(f"{parts.netloc}: {redact(str(broken))}")

@@ -38,13 +38,15 @@ class UnreachableError(TransientError):
     """There is no connection to the server, or none that makes sense.
 
     ``may_pass`` is whether that can pass by itself: a server may be starting, but a wrong scheme stays wrong.
+    ``refused`` is whether the machine is there, and nothing listens at its port.
     """
 
-    def __init__(self, reason: str, hint: str, may_pass: bool = False) -> None:
+    def __init__(self, reason: str, hint: str, may_pass: bool = False, refused: bool = False) -> None:
         super().__init__(f"{reason}; {hint}")
         self.what = reason
         self.hint = hint
         self.may_pass = may_pass
+        self.refused = refused
 
 
 @dataclass(frozen=True)

@@ -88,7 +88,8 @@ class ServedBackend(ABC):
                 try:
                     return within(allowed_s + _GRACE_S, lambda: self.ask(request, notes))
                 except TimeoutError:
-                    raise TransientError(f"no answer within {allowed_s:.3g} s") from None
+                    cut = ", all that retry_limit_s left" * (allowed_s < patience.timeout_s)
+                    raise TransientError(f"no answer within {allowed_s:.3g} s{cut}") from None
                 except TransientError as failure:
                     if failure.server_fault and form != "text" and next(faults) == _FAULTS_OF_A_FORM:
                         raise FormRefusedError(failure.reason, certain=False) from None

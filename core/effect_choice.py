@@ -33,7 +33,7 @@ def effects_of(
         try:
             effect = _made(registry, listing, own_options[entry])
         except BsaError as error:
-            if own_options[entry] or any(_entry_name(name) in (entry, entry.partition(".")[0]) for name in names or ()):
+            if own_options[entry] or any(entry_name(name) in (entry, entry.partition(".")[0]) for name in names or ()):
                 raise
             note(f"passed over: {error}")
             continue
@@ -45,14 +45,14 @@ def effects_of(
         return tuple(effect for effect in made.values() if not effect.on_request)
     for name in names:
         if not any(effect.is_called(name) for effect in made.values()):
-            if any((item.kind, item.name) == ("effect", _entry_name(name)) for item in registry.unusable):
-                registry.find("effect", _entry_name(name))
+            if any((item.kind, item.name) == ("effect", entry_name(name)) for item in registry.unusable):
+                registry.find("effect", entry_name(name))
             known = {called for effect in made.values() for called in (effect.name, effect.key)}
             raise BsaError(f'there is no effect "{name}".', did_you_mean(name, known) or "bsa list effects shows them.")
     return tuple(effect for effect in made.values() if any(effect.is_called(name) for name in names))
 
 
-def _entry_name(name: str) -> str:
+def entry_name(name: str) -> str:
     """``"lithium-plating (reaction-limited)"`` as its entry is called, ``"lithium-plating.reaction-limited"``."""
     base, _, variant = name.removesuffix(")").partition(" (")
     return f"{base}.{variant.replace(' ', '-')}" if variant else base

@@ -25,7 +25,7 @@ from .metrics import Metrics, evaluate
 from .parameters import Candidate
 from .post_fit_analysis import PostFitAnalysis
 from .prediction import Prediction
-from .proposal import LACKING, Proposal
+from .proposal import LACKING, Proposal, unusable_replies
 from .record_errors import RecordErrors
 from .recording import Recorder
 from .residuals import partial_residuals, residuals
@@ -35,13 +35,16 @@ from .simulation import ExperimentRun, Outcome, SimulationFailure
 from .task import Task
 from .task_reduction import TaskReduction
 from .trajectory import FloatArray
-from .trial import Phase, Trial, lowest
+from .trial import Phase, Trial, lowest, repeated_by
 
 Status = Literal["converged", "finished", "rounds-spent", "simulations-spent", "budget-spent", "outage", "interrupted"]
 
 _IMPROVEMENT = 1e-3
 _CURVE_SAMPLES_PER_STEP, _SWING_SAMPLES_PER_STEP = 60, 600
 """Samples of a step that a trial's curves keep, and those of one in which a signal oscillates."""
+
+_REPEATED = "again; it counts all the same."
+"""In the note that says that values were simulated twice."""
 
 _PHASE_CODE: dict[Phase, int] = {"initial": 0, "warm-up": 1, "search": 2}
 
@@ -73,6 +76,10 @@ class RunResult:
     # llm_calls, lost_calls: Calls of the backend, lost ones included; those that gave no reply.
     llm_calls: int
     lost_calls: int
+    # unusable_replies, lost_rounds: Replies that could not be used, and rounds without a candidate for that or for want
+    # of a reply.
+    unusable_replies: int
+    lost_rounds: int
     # wall_s, simulator_s: Time from start to end, of each time the run was taken up, and of all simulations of the
     # search, in seconds.
     wall_s: float
@@ -128,6 +135,8 @@ class Run:
         self._after = AfterSearch(task, plugins, journal, earlier, listener)
         self._trials: list[Trial] = []
         self._lacking = self._advice = ""
+        self._repetition_noted = any(event["event"] == "note" and _REPEATED in event["text"] for event in earlier)
+        self._unusable_replies = self._lost_rounds = 0
 
     @property
     def lowest(self) -> Trial:
@@ -213,6 +222,8 @@ class Run:
 
     def _take(self, proposal: Proposal, phase: Phase, number: int) -> None:
         self._proposals += 1
+        self._unusable_replies += unusable_replies(proposal.details)
+        self._lost_rounds += bool(proposal.lost)
         if self._earlier_proposals > 0:
             self._earlier_proposals -= 1
         else:
@@ -265,9 +276,25 @@ class Run:
                 report(places[position], outcome)
         for place in range(len(candidates)):
             self._trials.append(done[place])
+            if place in todo:
+                self._note_repetition(done[place])
             self._plugins.remember(done[place], proposal)
             if self._listener:
                 self._listener.tried(done[place], self.lowest, self._recorder.usage)
+
+    def _note_repetition(self, trial: Trial) -> None:
+        """Say once that simulations are spent on values that were simulated before; the report says each time."""
+        earlier = None if self._repetition_noted else repeated_by(trial, self._trials)
+        if earlier is None:
+            return
+        self._repetition_noted = True
+        text = (
+            f"Simulation {trial.index} has the values of simulation {earlier.index} {_REPEATED} "
+            "Further repetitions are told in the report, round by round."
+        )
+        self._journal.append("note", text=text)
+        if self._listener:
+            self._listener.noted(text)
 
     def _outcomes(
         self, candidates: Sequence[Candidate], reduction: TaskReduction | None
@@ -346,6 +373,8 @@ class Run:
                 usage=self._recorder.usage,
                 llm_calls=self._recorder.calls,
                 lost_calls=self._recorder.lost,
+                unusable_replies=self._unusable_replies,
+                lost_rounds=self._lost_rounds,
                 wall_s=self._earlier_s + spent_s,
                 simulator_s=sum(trial.seconds for trial in self._trials),
                 analysis=analysis,

@@ -52,16 +52,16 @@ class Usage:
     ----------
     prompt_tokens, completion_tokens, reasoning_tokens : int
         Tokens as the provider counts them (reasoning tokens are part of the completion tokens).
-    cost_usd : float
-        Price in US dollars; 0 for local models.
+    cost_usd : float or None
+        Price in US dollars; 0 for local models, None where nobody knows it.
     seconds : float
-        Wall time of the call, retries included.
+        Wall time of the call, retries included. A run measures it itself where this is 0.
     """
 
     prompt_tokens: int = 0
     completion_tokens: int = 0
     reasoning_tokens: int = 0
-    cost_usd: float = 0.0
+    cost_usd: float | None = 0.0
     seconds: float = 0.0
 
     @property
@@ -69,12 +69,17 @@ class Usage:
         """Prompt and completion tokens together."""
         return self.prompt_tokens + self.completion_tokens
 
+    @property
+    def price(self) -> str:
+        """What was paid, in words: ``"$0.0123"``, or that it is not known."""
+        return "price unknown" if self.cost_usd is None else f"${self.cost_usd:.4f}"
+
     def __add__(self, other: Usage) -> Usage:
         return Usage(
             self.prompt_tokens + other.prompt_tokens,
             self.completion_tokens + other.completion_tokens,
             self.reasoning_tokens + other.reasoning_tokens,
-            self.cost_usd + other.cost_usd,
+            None if self.cost_usd is None or other.cost_usd is None else self.cost_usd + other.cost_usd,
             self.seconds + other.seconds,
         )
 

@@ -53,13 +53,14 @@ def _text(value: object, what: str) -> str:
     return instance(value, str, f"gave {what} = {{}}")
 
 
-def _json(value: object, what: str) -> int:
-    """Characters of the value as JSON."""
+def _json(value: object, what: str, allow_nan: bool = True) -> int:
+    """Characters of the value as JSON, which has no numbers that are not finite."""
     try:
-        return len(json.dumps(value, ensure_ascii=False))
+        return len(json.dumps(value, ensure_ascii=False, allow_nan=allow_nan))
     except (TypeError, ValueError, RecursionError) as error:
         raise Unfit(
-            f"gave {what} that is no JSON ({shown(error, 120)})", "give dicts with text keys, lists, texts and numbers."
+            f"gave {what} that is no JSON ({shown(error, 120)})",
+            "give dicts with text keys, lists, texts and finite numbers; None stands for one that is not known.",
         ) from None
 
 
@@ -150,7 +151,7 @@ def _run(run: ExperimentRun, signals: Sequence[str]) -> None:
 def feedback(product: object, folder: Path) -> Feedback:
     """JSON-ready content, and images inside the run's folder."""
     found = instance(product, Feedback)
-    _json(_mapping(found.content, "Feedback.content"), "Feedback.content")
+    _json(_mapping(found.content, "Feedback.content"), "Feedback.content", allow_nan=False)
     for image in found.images:
         if not isinstance(image, Path) or not image.is_relative_to(folder) or not image.is_file():
             raise Unfit(f"gave the image {described(image)}", "give paths of PNG files in the run's folder.")
@@ -173,6 +174,11 @@ def proposal(product: object, space: ParameterSpace) -> Proposal:
     ):
         raise Unfit(
             f"gave Proposal.reductions = {described(found.reductions)}", "give one TaskReduction or None a candidate."
+        )
+    if not (found.candidates or found.lost or found.finished):
+        raise Unfit(
+            "gave a Proposal without candidates and without a reason",
+            "say in lost why the round is lost, or finished=True where the search is over.",
         )
     return replace(found, candidates=tuple(_candidate(candidate, space) for candidate in found.candidates))
 
@@ -208,12 +214,13 @@ def reply(product: object) -> Reply:
     _text(found.text, "Reply.text")
     _text(found.model, "Reply.model")
     usage = instance(found.usage, Usage, "gave Reply.usage = {}")
-    for name in Usage.__dataclass_fields__:
+    known = [name for name in Usage.__dataclass_fields__ if name != "cost_usd" or usage.cost_usd is not None]
+    for name in known:
         if _number(getattr(usage, name), f"Usage.{name}") < 0:
             raise Unfit(f"gave Usage.{name} = {getattr(usage, name)}, which is negative")
     if found.structured_by not in get_args(StructuredBy):
-        known = ", ".join(get_args(StructuredBy))
-        raise Unfit(f"gave Reply.structured_by = {described(found.structured_by)}", f"it is one of {known}.")
+        forms = ", ".join(get_args(StructuredBy))
+        raise Unfit(f"gave Reply.structured_by = {described(found.structured_by)}", f"it is one of {forms}.")
     return replace(found, notes=_texts(found.notes, "Reply.notes"))
 
 

@@ -18,6 +18,12 @@ CHANGE_PATTERN = rf"^[*+-]?{_NUMBER}$"
 FIT = "fit"
 """Among the ``authors`` in a proposal's details: a numerical fit beside the model asked for the candidate."""
 
+PROBLEMS, NO_REPLY = "problems", "no reply"
+"""In a proposal's details: what was wrong with the language model's answers, in order; how one begins that is none."""
+
+ALREADY_SIMULATED = "already_simulated"
+"""In a proposal's details: how many candidates were left out since the run has simulated them."""
+
 LACKING = "lacking"
 """In the details of a proposal that ends a search: what is left out for lack of simulations, in a sentence."""
 
@@ -54,6 +60,12 @@ def apply_change(value: float, change: str | float) -> float:
 def is_change(text: str) -> bool:
     """Whether the text is a change in the notation of `apply_change`."""
     return re.fullmatch(CHANGE_PATTERN, text) is not None
+
+
+def unusable_replies(details: Mapping[str, Any]) -> int:
+    """How many replies of the language model could not be used, by the details of the proposal that they led to."""
+    problems = details.get(PROBLEMS)
+    return sum(not str(problem).startswith(NO_REPLY) for problem in problems) if isinstance(problems, list) else 0
 
 
 @dataclass(frozen=True)

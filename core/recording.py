@@ -105,6 +105,13 @@ class Recorder:
         self.calls += 1
         self.usage = self.usage + usage
 
+    def note_unknown_price(self) -> None:
+        """Write down, and tell, that the cost of the run is not known."""
+        holds = " --max-cost cannot end the run." if self._max_cost_usd is not None else ""
+        text = f"The price of this language model is not known, so neither is the cost of the run.{holds}"
+        self.write("note", text=text)
+        self.say(text)
+
     def count_lost(self) -> None:
         """Enter a call that gave none."""
         self.calls += 1
@@ -114,8 +121,9 @@ class Recorder:
         """Whether another call may be made. Raises `BudgetSpent` if not."""
         if self._max_tokens is not None and self.usage.tokens >= self._max_tokens:
             raise BudgetSpent(f"{self.usage.tokens} tokens used of --max-tokens {self._max_tokens}")
-        if self._max_cost_usd is not None and self.usage.cost_usd >= self._max_cost_usd:
-            raise BudgetSpent(f"${self.usage.cost_usd:.4f} spent of --max-cost {self._max_cost_usd:g}")
+        spent_usd = self.usage.cost_usd or 0.0
+        if self._max_cost_usd is not None and spent_usd >= self._max_cost_usd:
+            raise BudgetSpent(f"${spent_usd:.4f} spent of --max-cost {self._max_cost_usd:g}")
 
 
 @runtime_checkable
@@ -170,18 +178,26 @@ class RecordingBackend(BackendAround):
         waits = iter(ASK_AGAIN_AFTER_S)
         while True:
             self._recorder.check_allowance()
+            started = time.perf_counter()
             try:
                 reply = self._inner.complete(messages, schema, seed=seed)
             except BackendFailure as failure:
                 self._lost(failure, prompt, next(waits, None))
                 continue
             reply = replace(
-                reply, text=redact(reply.text), model=redact(reply.model), notes=tuple(map(redact, reply.notes))
+                reply,
+                text=redact(reply.text),
+                usage=replace(reply.usage, seconds=reply.usage.seconds or time.perf_counter() - started),
+                model=redact(reply.model),
+                notes=tuple(map(redact, reply.notes)),
             )
+            price_was_known = self._recorder.usage.cost_usd is not None
             self._heard(reply.usage)
             self._answered = True
             fields = {key: value for key, value in asdict(reply).items() if key != "notes"}
             self._recorder.write(REPLY, **fields, notes=list(reply.notes), prompt=prompt)
+            if price_was_known and reply.usage.cost_usd is None:
+                self._recorder.note_unknown_price()
             return reply
 
     def _lost(self, failure: BackendFailure, prompt: list[dict[str, Any]], wait_s: float | None) -> None:

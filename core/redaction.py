@@ -13,7 +13,7 @@ _PLAIN_WORD_CHARS = 8
 """Shorter values are taken out as whole words only, since they could be part of any word."""
 # What keys look like, for those that stand elsewhere than in the environment.
 _SECRET_SHAPE = re.compile(
-    r"(?<=Bearer )[^\s\"',]{8,}"
+    r"(?<=Bearer )[^\s\"',()\[\]{}<>]{8,}"
     r"|\b(?:sk|pk|gsk|hf|xai|tgp|fw)[-_][A-Za-z0-9_\-]{12,}"
     # User name and password of an address; a password may hold a slash or an @ by mistake.
     r"|(?<=://)(?:[^\s\"'<>/]+|[^\s\"'<>/@:]*:[^\s\"'<>]+)(?=@)"

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import inspect
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, distributions
+from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel
 
-from .border import border, in_words
+from .border import Unfit, border, in_words
 from .domain import Domain
 from .errors import BsaError, did_you_mean
 from .hook_methods import call, hook_methods
@@ -28,6 +30,10 @@ _NAMED_AMONG: dict[Kind, Kind] = {"route": "backend"}
 
 OWN = "battery-sim-agent"
 """Our own distribution: a name that it uses stays its own."""
+
+_FACTORY_ARGUMENTS = ("options", "context")
+"""What a factory is given, as docs/plugins.md names it; those of backends, routes, readers and effects the first alone.
+"""
 
 _NAME = re.compile(r"[a-z0-9][a-z0-9.+-]*")
 
@@ -216,7 +222,30 @@ class Registry:
         """
         listing, checked = self.find(kind, name), self.configure(kind, name, options)
         with border(listing.who, "its factory"):
+            _check_call(listing.entry.factory, (checked, *more))
             return listing.entry.factory(checked, *more)
+
+
+def _check_call(factory: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+    """Whether a factory takes what it is given. Raises `Unfit` if not, with its place."""
+    try:
+        signature = inspect.signature(factory)
+    except (TypeError, ValueError):  # of some builtins nothing is known
+        return
+    try:
+        signature.bind(*arguments)
+    except TypeError as error:
+        names = ", ".join(_FACTORY_ARGUMENTS[: len(arguments)])
+        raise Unfit(f"is called with ({names}), which it does not take: {error}", _place(factory)) from None
+
+
+def _place(factory: Callable[..., Any]) -> str:
+    """Where a factory stands, as a hint."""
+    try:
+        file, (_, line) = inspect.getsourcefile(factory), inspect.getsourcelines(factory)
+    except (TypeError, OSError):
+        return ""
+    return f"change {factory.__qualname__} at {Path(file or '').name}, line {line}."
 
 
 def _is(kind: Kind, asked: Kind) -> bool:

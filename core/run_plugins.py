@@ -244,5 +244,6 @@ def _participant(plugin: object, kind: Part, who: str) -> Participant:
     if not faults and main not in methods:
         faults = {main: f'it does not implement "{main}", which is what a {kind} is for'}
     if faults:
-        raise BsaError(f"{who}: {'; '.join(faults.values())}.", "docs/plugins.md lists the hooks of a run.")
+        said = "; ".join(faults.values())
+        raise BsaError(f"{who}: {said}{'' if said.endswith('?') else '.'}", "docs/plugins.md lists the hooks of a run.")
     return Participant(who, methods)

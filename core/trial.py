@@ -118,6 +118,20 @@ def misfit_times_score(trial: Trial) -> float:
     return trial.misfit * trial.objective
 
 
+def repeated_by(trial: Trial, trials: Sequence[Trial]) -> Trial | None:
+    """The first earlier trial with the same values of the same task; None where there is none."""
+    return next(
+        (
+            earlier
+            for earlier in trials
+            if earlier.index < trial.index
+            and earlier.reduction == trial.reduction
+            and dict(earlier.candidate) == dict(trial.candidate)
+        ),
+        None,
+    )
+
+
 def closest(trials: Sequence[Trial]) -> Trial:
     """The trial from which a proposer goes on: the likeliest, or the lowest where it is shown the objective alone."""
     shown = any(trial.feedback.content.get("features") for trial in trials)

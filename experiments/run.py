@@ -212,6 +212,8 @@ def summary(task: Task, config: RunConfig, backend_name: str, result: RunResult)
         "failed_simulations": sum(trial.failed for trial in result.trials),
         "llm_calls": result.llm_calls,
         "lost_calls": result.lost_calls,
+        "unusable_replies": result.unusable_replies,
+        "lost_rounds": result.lost_rounds,
         "tokens": result.usage.tokens,
         "cost_usd": result.usage.cost_usd,
         "wall_s": result.wall_s,

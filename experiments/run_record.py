@@ -18,11 +18,11 @@ from ..core.metrics import Metrics, decode_metrics
 from ..core.parameters import Parameter
 from ..core.post_fit_analysis import PostFitAnalysis
 from ..core.prediction import HELD_OUT, Prediction, decode_prediction
-from ..core.proposal import LACKING
+from ..core.proposal import LACKING, unusable_replies
 from ..core.record_errors import RecordErrors
 from ..core.shape import decoding, mapping_with, shaped
 from ..core.task import Task
-from ..core.trial import Phase, Trial, lowest
+from ..core.trial import Phase, Trial, lowest, repeated_by
 from .exchanges import EXCHANGED, Exchange, exchange_of
 
 UNFINISHED = "unfinished"
@@ -45,6 +45,7 @@ class Round:
     finished: bool  # Whether the proposer asked to stop.
     base: Trial  # The trial with the lowest objective before this round.
     trials: tuple[Trial, ...]  # The candidates that were tried, in order; empty for a lost round.
+    repeats: Mapping[int, int]  # Simulations of values that were simulated before, with the number of the earlier one.
     # The calls of the language model that led to the proposal, votes and reviews among them.
     exchanges: tuple[Exchange, ...]
 
@@ -137,6 +138,16 @@ class RunRecord:
     def lost_calls(self) -> int:
         """How many of these calls gave no reply."""
         return sum(bool(exchange.lost) for exchange in self.exchanges)
+
+    @property
+    def unusable_replies(self) -> int:
+        """How many replies of the language model could not be used."""
+        return sum(unusable_replies(round_.details) for round_ in self.rounds)
+
+    @property
+    def lost_rounds(self) -> int:
+        """How many rounds came to no candidate for that, or for want of a reply."""
+        return sum(bool(round_.lost) for round_ in self.rounds)
 
     @property
     def usage(self) -> Usage:
@@ -263,15 +274,22 @@ def _rounds(events: Iterable[Mapping[str, Any]], trials: tuple[Trial, ...]) -> t
         elif event["event"] == "proposal":
             phase, number = event["phase"], event["round"]
             mine = tuple(trial for trial in trials if (trial.phase, trial.round) == (phase, number))
-            rounds.append(_round(event, best, mine, tuple(exchanges)))
+            repeats = {trial.index: earlier.index for trial in mine if (earlier := repeated_by(trial, trials))}
+            rounds.append(_round(event, best, mine, repeats, tuple(exchanges)))
             exchanges = []
             best = lowest((best, *mine))
     return tuple(rounds)
 
 
-def _round(event: Mapping[str, Any], base: Trial, trials: tuple[Trial, ...], exchanges: tuple[Exchange, ...]) -> Round:
+def _round(
+    event: Mapping[str, Any],
+    base: Trial,
+    trials: tuple[Trial, ...],
+    repeats: Mapping[int, int],
+    exchanges: tuple[Exchange, ...],
+) -> Round:
     told = {name: event[name] for name in _PROPOSED}
-    return Round(**told, number=event["round"], base=base, trials=trials, exchanges=exchanges)
+    return Round(**told, number=event["round"], base=base, trials=trials, repeats=repeats, exchanges=exchanges)
 
 
 _PROPOSED = ("phase", "hypothesis", "rationale", "action", "updates", "details", "lost", "finished")

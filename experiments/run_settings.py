@@ -43,7 +43,10 @@ def run_config(
 
 
 def given_budgets(**budgets: int | None) -> dict[str, int]:
-    """The budgets that were given; the others are those of `RunConfig`."""
+    """The budgets that were given; the others are those of `RunConfig`. Raises `BsaError` if one is text."""
+    for name, value in budgets.items():
+        if isinstance(value, (str, bytes, bool)):
+            raise BsaError(f"{name} is {shown(repr(value))}, which is no number.", "give a whole number.")
     return {key: value for key, value in budgets.items() if value is not None}
 
 

@@ -31,6 +31,7 @@ class TaskLabel:
     digest: str = ""  # Of the encoded task in the store; empty while it is not made, or cannot be.
     trouble: str = ""  # Why there is no task: PyBaMM cannot simulate the true cell.
     simulator: str = ""  # The simulator that the task names; empty leaves it to the scaffold.
+    effects: tuple[str, ...] = ()  # Names of the effects that its cell has.
 
 
 @dataclass(frozen=True)

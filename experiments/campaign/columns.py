@@ -90,7 +90,8 @@ COLUMNS = (
     Column(
         "state",
         str,
-        "`done`; `stopped` (by its allowance or a person, and resumable), `failed`, or `missing` where it has not run",
+        "`done`; `stopped` (begun, and ended by its allowance or a person: the same command goes on with it), "
+        "`failed`, or `missing` where it has not run",
         lambda facts: facts.state,
         "State",
     ),
@@ -131,8 +132,10 @@ COLUMNS = (
     Column(
         "lost_calls", int, "how many of them gave no reply; also of a cell that failed for it", lambda f: f.lost_calls
     ),
+    _told("unusable_replies", "replies that could not be used: they broke the schema, or named what is not there", int),
+    _told("lost_rounds", "rounds without a candidate, for that or for want of a reply", int),
     _told("tokens", "tokens of prompts and replies", int, "Tokens", "tokens"),
-    _told("cost_usd", "price of these tokens, US dollars", float, "Cost / $", "cost / $"),
+    _told("cost_usd", "price of these tokens, US dollars; empty where it is not known", float, "Cost / $", "cost / $"),
     _told("wall_s", "time from start to end, of each time it was taken up, s", float, "Time / s", "time / s"),
     _told("simulator_s", "time of all simulations, those side by side added up, s"),
     _told("backend_s", "time of the language model, s"),

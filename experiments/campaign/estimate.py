@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...backends.opening import on_own_machines
+from ...core.budget import simulated
+from ...core.errors import BsaError
+from ...core.journal import read_events
 from .calibration import Calibration
 from .results import read_table
 from .store import Store
 from .summary import Row, grouped, mean_of
 
 _KIND = ("chemistry", "scaffold", "backend")
-_SPENT = ("wall_s", "tokens", "cost_usd")
+_SPENT = ("wall_s", "tokens", "llm_calls")
 
 _START_S = 12.0
 """Starting a simulator, compiling the model, two scores on the standard mesh; on a core of its own."""
@@ -34,7 +39,8 @@ _CALL_S = 10.0
 class Need:
     """What cells take."""
 
-    # cells, simulations, calls: Runs; simulations and calls of a language model at most.
+    # cells, simulations, calls: Runs; simulations at most; calls of a language model, about: a round may take none, or
+    # several where the model asks before it acts, or its reply cannot be used.
     cells: int = 0
     simulations: int = 0
     calls: int = 0
@@ -67,20 +73,41 @@ def experience(store: Store) -> Experience:
 
 
 def need_of(cell: Calibration, past: Experience) -> Need:
-    """What one cell takes at most (simulations, calls) and about (the rest)."""
+    """What one cell takes at most (simulations) and about (the rest), from its start."""
     config = cell.config
     asks = config.scaffold.proposer.use in ("agent", "hybrid")
-    calls = config.rounds + (1 if config.warm_up and config.scaffold.warm_up else 0) if asks else 0
+    rounds = config.rounds + (1 if config.warm_up and config.scaffold.warm_up else 0)
+    calls = rounds * int(cell.backend.options.get("votes") or 1) if asks else 0
     known = past.get((cell.task.chemistry, config.scaffold.name, cell.backend.use))
     if known is not None:
-        # Of what is not known nothing was spent.
-        seconds, tokens, cost = (float(np.nan_to_num(mean_of(known, name))) for name in _SPENT)
-        return Need(1, config.simulations, calls, seconds, round(tokens), cost, True)
+        # Of what is not known nothing was spent, but of money: a price that is not known is none that is nothing.
+        seconds, tokens, made = (float(np.nan_to_num(mean_of(known, name))) for name in _SPENT)
+        spent = mean_of(known, "cost_usd")
+        cost = _cost(cell, round(tokens)) if math.isnan(spent) else spent
+        return Need(1, config.simulations, round(made), seconds, round(tokens), cost, True)
     simulation_s = _SIMULATION_S.get(cell.task.chemistry, _USUAL_SIMULATION_S)
     model_calls = calls if config.backend != "rules" else 0
     seconds = _START_S + simulation_s * config.simulations + _CALL_S * model_calls
     asked = _CALL_TOKENS * model_calls
     return Need(1, config.simulations, calls, seconds, asked, _cost(cell, asked))
+
+
+def left_of(cell: Calibration, need: Need, store: Store) -> Need:
+    """What is left of a cell's need where it was begun: time, calls and tokens as the simulations."""
+    done = 0
+    with suppress(BsaError):  # no journal, or a damaged one, which the run refuses
+        done = simulated(read_events(store.cell(cell.identity))) if cell.identity else 0
+    left = max(need.simulations - done, 0)
+    share = left / need.simulations
+    return Need(
+        need.cells,
+        left,
+        round(share * need.calls),
+        share * need.seconds,
+        round(share * need.tokens),
+        None if need.cost_usd is None else share * need.cost_usd,
+        need.learnt,
+    )
 
 
 def _cost(cell: Calibration, tokens: int) -> float | None:
@@ -98,5 +125,5 @@ def estimate(cells: Sequence[Calibration], store: Store) -> dict[str, Need]:
         name = f"{cell.config.scaffold.name} · {cell.backend.use}"
         needs.setdefault(name, Need())
         if not (cell.identity and store.result(cell.identity)) and not cell.task.trouble:
-            needs[name] = needs[name] + need_of(cell, past)
+            needs[name] = needs[name] + left_of(cell, need_of(cell, past), store)
     return needs

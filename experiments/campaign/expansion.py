@@ -108,7 +108,7 @@ _REPLACED = ("rounds", "warm_up", "simulations", "scaffolds", "backends", "seeds
 def _product(tasks: Sequence[TaskLabel], grid: GridFile, configs: _Configs) -> Iterator[Calibration]:
     for task, scaffold, backend, seed in product(tasks, grid.scaffolds, grid.backends, grid.seeds):
         config = configs.get(scaffold, backend, seed, grid, task.simulator)
-        identity = identity_of(config, task.digest) if task.digest else ""
+        identity = identity_of(config, task.digest, task.effects) if task.digest else ""
         yield Calibration(task, backend, config, identity)
 
 

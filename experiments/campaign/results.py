@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ...core.errors import BsaError
+from ...core.errors import BsaError, did_you_mean
 from ...core.files import begins, entries, foreign, read_json, replacing, write_csv, write_json
 from ...core.shape import decoding, mapping_with, shaped
 from ...core.yaml_text import YAML_SUFFIXES
@@ -91,8 +91,19 @@ def grid_folder(grid: str | Path, store: Store) -> Path:
         name = load_grid(name).name
     folder = store.grid(name)
     if not (folder / MANIFEST).is_file():
-        raise BsaError(f'the grid "{name}" has not been run in {store.root}.', f"bsa grid {grid} runs it; or --store.")
+        raise BsaError(f'the grid "{name}" has not been run in {store.root}.', _what_runs(grid, name, store))
     return folder
+
+
+def _what_runs(grid: str | Path, name: str, store: Store) -> str:
+    """What to do where a campaign is not in the store, as a hint."""
+    from .grid_file import shipped_names
+
+    if Path(grid).suffix in YAML_SUFFIXES or name in shipped_names():
+        return f"bsa grid {grid} runs it; or --store."
+    there = sorted(path.parent.name for path in store.root.glob(f"grids/*/{MANIFEST}"))
+    held = f"{', '.join(there)} have been run there" if there else "nothing has been run there"
+    return did_you_mean(name, there) or f"{held}; --store names another folder."
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -120,13 +131,14 @@ def _facts(campaign: str, entry: Mapping[str, Any], store: Store, report: Report
     result = report.result if report is not None and report.result else None
     if result is None and entry["identity"]:
         result = read_result(folder)
-    state, reason = _state(entry, folder, result, report)
+    begun = bool(entry["identity"]) and store.journal_size(entry["identity"]) > 0
+    state, reason = _state(entry, folder, result, report, begun)
     known = result or {}
     return Facts(campaign, entry, state, reason, folder, known if state == "done" else {}, known.get("lost_calls"))
 
 
 def _state(
-    entry: Mapping[str, Any], folder: Path, result: Mapping[str, Any] | None, report: Report | None
+    entry: Mapping[str, Any], folder: Path, result: Mapping[str, Any] | None, report: Report | None, begun: bool
 ) -> tuple[str, str]:
     if not entry["identity"]:
         return ("failed", str(entry["trouble"])) if entry["trouble"] else ("missing", "")
@@ -135,7 +147,9 @@ def _state(
     if result is not None and result.get("status") != OUTAGE:
         return ("done", "") if result.get("status") in FINAL else ("stopped", str(result.get("status")))
     failure = read_json(folder / FAILURE)
-    return ("failed", str(failure.get("reason"))) if failure is not None else ("missing", "")
+    if failure is not None:
+        return "failed", str(failure.get("reason"))
+    return ("stopped", "interrupted") if begun else ("missing", "")
 
 
 def write_rows(rows: Sequence[Row], folder: Path) -> list[str]:

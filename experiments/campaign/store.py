@@ -94,7 +94,7 @@ class Store:
         return self.root / "tasks" / f"{digest}.json"
 
 
-_COUNTED = ("simulations", "failed_simulations", "llm_calls", "lost_calls", "tokens")
+_COUNTED = ("simulations", "failed_simulations", "llm_calls", "lost_calls", "unusable_replies", "lost_rounds", "tokens")
 _MEASURED = ("cost_usd", "wall_s", "simulator_s", "backend_s")
 _RESULT = mapping_with(
     status=str,

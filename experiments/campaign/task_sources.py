@@ -48,7 +48,9 @@ def _own(name: str, store: Store, near: Path) -> TaskLabel:
     task = _read(name, near)
     digest = store.put_task(task)
     chemistry = str(task.cell.parameter_set) or task.domain.name
-    return TaskLabel(task.name, OWN, chemistry, digest=digest, simulator=task.simulator)
+    return TaskLabel(
+        task.name, OWN, chemistry, digest=digest, simulator=task.simulator, effects=tuple(task.cell.effects)
+    )
 
 
 def _read(name: str, near: Path) -> Task:

@@ -13,6 +13,7 @@ import typer
 from ...core.printable import counted
 from . import completion
 from . import shared_options as shared
+from .exit_codes import INTERRUPTED
 from .option_groups import with_options
 
 if TYPE_CHECKING:
@@ -59,7 +60,11 @@ class Executors:
         """Run what is missing of a campaign. Gives the results table; `finish` says what is missing in it."""
         from ..campaign.running import run_campaign
 
-        rows, remarks = run_campaign(plan, self._pool(), _watcher, self._allowance)
+        try:
+            rows, remarks = run_campaign(plan, self._pool(), _watcher, self._allowance)
+        except KeyboardInterrupt:
+            say("Stopped: interrupted. The same command goes on where it was; what is finished is kept.")
+            raise typer.Exit(INTERRUPTED) from None
         for remark in remarks:
             say(remark)
         return rows
@@ -193,7 +198,7 @@ def _print_estimate(plan: Plan[Any], workers: int) -> None:
 def _words(need: Any) -> str:
     cost = "price unknown" if need.cost_usd is None else f"${need.cost_usd:.2f}"
     return (
-        f"{need.cells:6d} runs, {need.simulations:8d} simulations, {need.calls:7d} calls at most; "
+        f"{need.cells:6d} runs, {need.simulations:8d} simulations at most; about {need.calls:7d} calls, "
         f"{need.tokens:10d} tokens, {cost}, {need.seconds / 3600:.2f} h of one worker"
     )
 
@@ -217,6 +222,9 @@ def finish(rows: list[Row]) -> None:
         left = [row for row in rows if row["state"] == state]
         if left:
             reason = f": {left[0]['task']}: {left[0]['reason']}" if left[0]["reason"] else ""
-            say(f"{counted(len(left), 'cell')} {state}{reason}. The same command runs them again.")
+            them = "it" if len(left) == 1 else "them"
+            again = f"goes on with {them}" if state == "stopped" else f"runs {them} again"
+            end = "" if reason.endswith(".") else "."
+            say(f"{counted(len(left), 'cell')} {state}{reason}{end} The same command {again}.")
     if any(row["state"] != "done" for row in rows):
         raise typer.Exit(1)

@@ -98,7 +98,7 @@ class PlainProgress:
             self._say(f"  simulation {trial.index}{reduced}: ran")
         elif trial.objective < self._best:
             self._best = trial.objective
-            cost = f", {usage.tokens} tokens, ${usage.cost_usd:.4f}" if usage.tokens else ""
+            cost = f", {usage.tokens} tokens, {usage.price}" if usage.tokens else ""
             limits = "".join(f"; {printable(limit, 120)}" for limit in trial.limits)
             self._say(f"  simulation {trial.index}: {trial.objective:.4g} {self._unit}{cost}{limits}")
 
@@ -220,7 +220,7 @@ class LiveProgress(Redrawn):
             "error": f"{number(self._first)} → {number(self._best)} {self._unit}",
             "simulations": f"{self._state['count']} of {self._simulations}"
             + f" ({self._state['failed']} failed)" * bool(self._state["failed"]),
-            "model": f"{self._usage.tokens} tokens, ${self._usage.cost_usd:.4f}",
+            "model": f"{self._usage.tokens} tokens, {self._usage.price}",
             "time": f"{time.monotonic() - self._started:.0f} s",
         }
         for name, value in rows.items():

@@ -258,6 +258,7 @@ def _execute(
     if config.backend == "rules":
         backend = NoModelTold(backend, listener.noted)
     go_on = _resume_command(folder, identifiability)
+    written = _journal_size(folder)
     try:
         with listener:
             result = execute_run(
@@ -276,6 +277,11 @@ def _execute(
             print(f"Stopped: interrupted. Go on with: {go_on}", file=sys.stderr)
             raise typer.Exit(INTERRUPTED) from None
         raise
+    except BsaError as error:
+        if _journal_size(folder) <= written:
+            raise
+        # What was simulated before the error stands.
+        raise BsaError(error.message, f"{_sentence(error.hint)}Then go on with: {go_on}") from error
     if as_json:
         print(json.dumps(summary(task, config, backend.name, result), indent=2))
     else:
@@ -289,6 +295,16 @@ def _execute(
             f"Stopped: interrupted. The search is finished; go on with what follows it with: {go_on}", file=sys.stderr
         )
         raise typer.Exit(INTERRUPTED)
+
+
+def _journal_size(folder: Path) -> int:
+    path = folder / FILE_NAME
+    return path.stat().st_size if path.is_file() else 0
+
+
+def _sentence(hint: str) -> str:
+    """A hint with its end, before another sentence; empty where there is none."""
+    return f"{hint}{'' if hint.endswith(('.', '?')) else '.'} " if hint else ""
 
 
 def _resume_command(folder: Path, identifiability: bool = True) -> str:
@@ -312,11 +328,13 @@ def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterabl
     from ..report.forecast_line import forecast_line
     from ..report.post_fit import best_score_line, caution_line, groups_line, next_line, verdict_line
     from ..report.records import error_rows
-    from ..report.wording import number
+    from ..report.wording import losses, number
     from .progress import printable
 
     failed = sum(trial.failed for trial in result.trials)
     lost = f", {result.lost_calls} of {result.llm_calls} model calls lost" * bool(result.lost_calls)
+    useless = losses(result.unusable_replies, result.llm_calls - result.lost_calls, result.lost_rounds)
+    lost += f", {useless}" * bool(useless)
     left_out = "" if result.status in STOPPED else result.reason
     ended = result.status + ", with stages left out," * bool(left_out)
     print(f"{ended} after {counted(len(result.trials), 'simulation')} ({failed} failed){lost}, {result.wall_s:.0f} s")

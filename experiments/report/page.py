@@ -20,7 +20,7 @@ from .post_fit import best_score_line
 from .records import error_rows
 from .rounds import chapters
 from .templates import template
-from .wording import change, clipped, factor, number, printed_unit, short_name
+from .wording import change, clipped, factor, losses, number, printed_unit, short_name
 
 FILE_NAME = "report.html"
 
@@ -80,6 +80,7 @@ def render(run: RunRecord) -> str:
         usage=run.usage,
         status=_STAGES_LEFT_OUT if run.lacking and run.status != UNFINISHED else _STATUS.get(run.status, run.status),
         lacking=clipped(run.lacking, 600),
+        useless=losses(run.unusable_replies, run.calls - run.lost_calls, run.lost_rounds),
         objective=objective,
         domain=run.task.domain,
         gain=change(objective.shown(run.initial_metrics), objective.shown(run.best_metrics)),

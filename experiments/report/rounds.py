@@ -9,7 +9,7 @@ from typing import Any
 from markupsafe import escape
 
 from ...core.parameters import ParameterSpace
-from ...core.proposal import LACKING
+from ...core.proposal import ALREADY_SIMULATED, LACKING, PROBLEMS
 from ...core.reply_parsing import strip_control
 from ...core.trial import Trial
 from ..exchanges import Exchange
@@ -110,10 +110,13 @@ def _remarks(round_: Round) -> list[str]:
     if isinstance(projected, list) and projected:
         names = ", ".join(short_name(str(name)) for name in projected)
         remarks.append(f"Kept inside its bounds: {clipped(names, 500)}.")
-    problems = details.get("problems")
+    problems = details.get(PROBLEMS)
     # A lost round already gives them as its reason.
     if isinstance(problems, list) and problems and not round_.lost:
         remarks += [f"A reply was refused: {clipped(str(problem), 500)}" for problem in problems[:5]]
+    remarks += [f"Simulation {new} repeats the values of simulation {old}." for new, old in round_.repeats.items()]
+    if left_out := details.get(ALREADY_SIMULATED):
+        remarks.append(f"Not simulated again: {left_out} of its candidates had been simulated.")
     if round_.finished and LACKING not in details:
         remarks.append("The proposer had nothing better to offer and asked to stop.")
     return remarks

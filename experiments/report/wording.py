@@ -33,6 +33,13 @@ def number(value: float | None, digits: int = 4) -> str:
     return text.replace("-", "−")
 
 
+def losses(unusable_replies: int, replies: int, lost_rounds: int) -> str:
+    """``"18 of 18 replies could not be used, 6 rounds lost"``; empty where nothing was lost."""
+    said = [f"{unusable_replies} of {replies} replies could not be used"] * bool(unusable_replies)
+    said += [f"{lost_rounds} round{'s' * (lost_rounds > 1)} lost"] * bool(lost_rounds)
+    return ", ".join(said)
+
+
 def unit(text: str) -> str:
     """A unit in PyBaMM's notation, ``mol.m-3``, as it is printed: ``mol m⁻³``."""
     return _POWER.sub(lambda found: found.group().translate(_SUPERSCRIPT), text).replace(".", " ").replace("Ohm", "Ω")

@@ -9,6 +9,7 @@ from typing import Any
 
 from ...core.files import write_csv, write_text
 from ...core.journal import read_events
+from ...core.proposal import unusable_replies
 from ..campaign.grid_file import BackendChoice, GridFile, Included, SuiteFilter
 from ..campaign.results import check_grid_folder
 from ..campaign.running import Plan
@@ -127,7 +128,7 @@ def card(
         valid_pct=100.0 * (1.0 - unusable / calls) if calls else math.nan,
         tokens_a_call=_sum(spent, "tokens") / calls if calls else math.nan,
         seconds_a_call=_sum(spent, "backend_s") / calls if calls else math.nan,
-        cost_usd=_sum(spent, "cost_usd"),
+        cost_usd=math.nan if any(row["cost_usd"] is None for row in spent) else _sum(spent, "cost_usd"),
         reports=len(ranked),
         **{f"{how}_{k}": sum(found[how] <= k for found in ranked) for how in HOW for k in _AMONG},
     )
@@ -143,9 +144,7 @@ def _sum(rows: Sequence[Row], name: str) -> float:
 
 def _unusable(folder: Path) -> int:
     """Replies of a calibration that did not pass the check."""
-    proposals = [event for event in read_events(folder) if event["event"] == "proposal"]
-    problems = [problem for event in proposals for problem in event["details"].get("problems", ())]
-    return sum(not str(problem).startswith("no reply") for problem in problems)
+    return sum(unusable_replies(event["details"]) for event in read_events(folder) if event["event"] == "proposal")
 
 
 def write_card(found: Card, out: Path) -> str:

@@ -7,6 +7,7 @@ from typing import Any, Generic, TypeVar
 
 from ...core.errors import BsaError
 from ...core.messages import UNUSABLE, Backend, BackendFailure, JsonSchema, Message, Reply, ReplyRefused
+from ...core.proposal import NO_REPLY
 from ...core.reply_parsing import parse_object
 
 T = TypeVar("T")
@@ -46,7 +47,7 @@ def ask(
         except ReplyRefused as refusal:
             reply, problem = refusal.reply, str(refusal)
         except BackendFailure as failure:
-            problems.append(f"no reply: {failure}")
+            problems.append(f"{NO_REPLY}: {failure}")
             break
         else:
             try:

@@ -10,7 +10,7 @@ from ...core.errors import BsaError
 from ...core.hooks import ProposeContext, RunContext, hookimpl
 from ...core.messages import Backend, Message
 from ...core.parameters import Candidate
-from ...core.proposal import Proposal
+from ...core.proposal import PROBLEMS, Proposal
 from ...core.trial import closest
 from .actions import FREE, Action, Kind, Offer, action_schema, check_action
 from .conversation import Answer, answered, ask
@@ -173,7 +173,7 @@ def differences(situation: Situation, parameters: tuple[str, ...], limit: int) -
 
 def _proposal(answer: Answer[Action], free: list[str], situation: Situation) -> Proposal:
     """A checked reply as a proposal, or a lost round with the reasons."""
-    details: dict[str, Any] = {"problems": list(answer.problems)}
+    details: dict[str, Any] = {PROBLEMS: list(answer.problems)}
     if free:
         details["free_actions"] = free
     action = answer.value
@@ -192,6 +192,7 @@ def _proposal(answer: Answer[Action], free: list[str], situation: Situation) -> 
         action=action.kind,
         updates=action.updates or {},
         details=details,
+        lost="" if candidates else "no parameter can be moved from here",
         advancing=action.kind == "jacobian" or _got_on(situation),
     )
 

@@ -30,7 +30,7 @@ from ...core.protocol_text import written
 from ...core.sensitivities import Sensitivities
 from ...core.signals import Signal
 from ...core.task import Experiment, Task
-from ...core.trial import Trial, closest
+from ...core.trial import Trial, closest, repeated_by
 from ..feedback.ageing import cycles_in_detail, measured_life
 from ..feedback.rounding import SHOWN_DIGITS, rounded
 from ..feedback.structured import SUCCESS
@@ -111,9 +111,21 @@ class Situation:
         return {
             "trial": self.base.index,
             "simulations_left": self.context.simulations_left,
+            **self._repeated(),
             **({"clipped_at_their_bounds_in_the_last_change": list(self.clipped)} if self.clipped else {}),
             **self._misfit(self.base),
         }
+
+    def _repeated(self) -> dict[str, Any]:
+        """Trials of the latest round whose values were simulated before, with the trial that they repeat."""
+        latest = self.context.trials[-1]
+        same_round = [t for t in self.context.trials if (t.phase, t.round) == (latest.phase, latest.round)]
+        found = {
+            str(trial.index): earlier.index
+            for trial in same_round
+            if trial.phase == "search" and (earlier := repeated_by(trial, self.context.trials)) is not None
+        }
+        return {"values_were_simulated_before_as_trial": found} if found else {}
 
     def _feedback(self) -> dict[str, Any]:
         told = self.base.feedback.told()

@@ -9,7 +9,7 @@ from ...core.messages import JsonSchema, Message
 from ...core.parameters import Candidate, ParameterSpace
 from ...core.printable import counted
 from ...core.prompt_sections import INSTRUCTION, title
-from ...core.proposal import Proposal
+from ...core.proposal import PROBLEMS, Proposal
 from ..agent.conversation import ask
 from ..agent.method import system_message
 from ..agent.proposer import require_backend
@@ -57,7 +57,7 @@ class ProposedWarmUp:
             candidates = (*candidates, *fill)
             rationale += f", {missing} drawn at random because it gave too few"
         return Proposal(
-            candidates, rationale=rationale + ".", action="warm-up", details={"problems": list(answer.problems)}
+            candidates, rationale=rationale + ".", action="warm-up", details={PROBLEMS: list(answer.problems)}
         )
 
 

@@ -53,6 +53,11 @@ def test_a_backend_of_a_stranger_answers() -> None:
     assert asked(reply) == reply
 
 
+def test_a_price_may_be_unknown() -> None:
+    assert asked(Reply("", Usage(cost_usd=None))).usage.price == "price unknown"
+    assert (Usage(cost_usd=0.5) + Usage(cost_usd=None)).cost_usd is None
+
+
 @pytest.mark.parametrize(
     ("answer", "words"),
     [

@@ -26,7 +26,7 @@ def test_a_reply_with_its_accounts(serve, chat_completion, proposal, messages, s
     reply = backend.complete(messages, schema, seed=2**32 - 1)
     assert json.loads(reply.text) == proposal
     assert (reply.structured_by, reply.model) == ("schema", "served-model")
-    assert (reply.usage.prompt_tokens, reply.usage.completion_tokens, reply.usage.cost_usd) == (11, 7, 0.0)
+    assert (reply.usage.prompt_tokens, reply.usage.completion_tokens, reply.usage.cost_usd) == (11, 7, None)
     assert reply.usage.seconds > 0
     assert any("price" in note for note in reply.notes)
     body = server.seen[-1].body
@@ -188,6 +188,22 @@ def test_what_no_retry_mends_is_said(serve, messages, schema, status, words, mon
         _open(server).complete(messages, schema, seed=0)
     assert len(server.seen) == 1
     assert "very-secret-value-123" not in str(caught.value)
+
+
+def test_the_hint_names_what_is_likely(serve, messages, schema, monkeypatch):
+    def hint(status, path="/v1"):
+        server = serve(lambda seen, handler: (status, {}, b'{"error": {"message": "no", "type": "none"}}'))
+        options = BackendOptions(base_url=f"{server.url}{path}")
+        with pytest.raises(BsaError) as raised:
+            open_backend("openai:served-model", options).complete(messages, schema, seed=1)
+        return raised.value.hint
+
+    monkeypatch.delenv("BSA_API_KEY", raising=False)
+    assert "end in /v1?" in hint(404, "")
+    assert hint(404).startswith("check the model's name: curl http://")
+    assert hint(401) == "export BSA_API_KEY=..."
+    monkeypatch.setenv("BSA_API_KEY", "wrong-key-of-mine")
+    assert hint(401) == "correct the key in BSA_API_KEY: it was sent, and refused."
 
 
 def test_a_prompt_too_long_sheds_memories(serve, chat_completion, proposal, messages, schema):

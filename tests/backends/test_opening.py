@@ -4,7 +4,7 @@ import socket
 import time
 
 import pytest
-from bsa.backends.opening import look_before
+from bsa.backends.opening import look_before, open_backend
 from bsa.core.errors import BsaError
 
 
@@ -51,3 +51,19 @@ def test_what_is_no_server_of_ones_own_is_not_looked_at(spec):
 def test_a_route_that_cannot_be_looked_at_stops_nobody(monkeypatch):
     monkeypatch.setenv("OPENAI_BASE_URL", "no address")
     assert look_before("openai:m", {}) == ""
+
+
+def test_an_address_that_nothing_takes_is_refused_in_the_words_of_the_command():
+    with pytest.raises(BsaError, match="--base-url does not go with the backend rules"):
+        open_backend("rules", {"base_url": "http://127.0.0.1:1/v1"})
+
+
+def test_what_would_help_follows_from_what_is_wrong(serve, monkeypatch):
+    with pytest.raises(BsaError, match=r"the host nowhere\.invalid is not known") as raised:
+        look_before("openai:m", {"base_url": "http://nowhere.invalid/v1"})
+    assert raised.value.hint == "correct the name, or check the network."
+    server = serve(lambda seen, handler: (401, {}, b"{}"))
+    monkeypatch.setenv("BSA_API_KEY", "wrong-key-of-mine")
+    note = look_before("openai:m", {"base_url": f"{server.url}/v1"})
+    assert "does not accept the key" in note
+    assert "correct the key in BSA_API_KEY" in note

@@ -11,6 +11,8 @@ from bsa.core.journal import FILE_NAME, read_events
 from bsa.core.loop import RunResult
 from bsa.core.messages import BackendFailure, BudgetSpent, JsonSchema, Message, Reply
 from bsa.core.proposal import Proposal
+from bsa.experiments.cli.run import _print_summary
+from bsa.experiments.run_record import read_run
 from bsa.plugins.proposers.random import RandomProposer
 from bsa_toy_cell import CAPACITY, HIDDEN, POLARISATION, SERIES, toy_scaffold, toy_task
 
@@ -80,7 +82,7 @@ def test_a_method_without_candidates_ends_by_rounds_or_patience(
     run_toy: RunToy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whatever such a round says of itself, it spends no simulation: without a limit it would be asked for ever."""
-    nothing = Proposal((), by_simulations=True)
+    nothing = Proposal((), by_simulations=True, lost="nothing comes to mind")
     monkeypatch.setattr(RandomProposer, "propose", hookimpl(lambda self, context: nothing))
     scaffold = toy_scaffold("random")
     assert run_toy(tmp_path / "a", scaffold=scaffold, rounds=3, patience=9).status == "rounds-spent"
@@ -123,6 +125,35 @@ def test_bad_replies_are_asked_again_with_the_error_and_then_lost(run_toy: RunTo
     assert (len(proposals), result.status, result.reason) == (2, "outage", "the language model gave no reply: gone")
     assert "cannot be used" in backend.prompts[1][-1].text
     assert len(result.trials) == 2
+
+
+def test_replies_that_cannot_be_used_are_counted_and_said(
+    run_toy: RunToy, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    backend = Scripted(*["no JSON at all"] * 4, reply(**{"Capacity [A.h]": "*1.3"}))
+    result = run_toy(scaffold=toy_scaffold(warm_up=None), backend=backend, rounds=2)
+    assert (result.unusable_replies, result.lost_rounds, result.llm_calls) == (4, 1, 5)
+    written = json.loads((tmp_path / "run" / "result.json").read_text())
+    assert (written["unusable_replies"], written["lost_rounds"]) == (4, 1)
+    assert "4 of 5 replies could not be used, 1 round lost" in (tmp_path / "run" / "report.html").read_text()
+    _print_summary(toy_task(), result, tmp_path / "run")
+    assert "(0 failed), 4 of 5 replies could not be used, 1 round lost, " in capsys.readouterr().out
+
+
+def test_values_that_were_simulated_before_are_told_to_the_model_and_the_reader(
+    run_toy: RunToy, tmp_path: Path
+) -> None:
+    same = reply(**{"Capacity [A.h]": "9.0"})
+    backend = Scripted(same, same, same)
+    run_toy(scaffold=toy_scaffold(warm_up=None), backend=backend, rounds=3)
+    told = '"values_were_simulated_before_as_trial":{"2":1}'
+    assert [told in messages[-1].text.replace(" ", "") for messages in backend.prompts] == [False, False, True]
+    notes = [event["text"] for event in read_events(tmp_path / "run") if event["event"] == "note"]
+    assert [note for note in notes if "Simulation 2 has the values of simulation 1 again" in note]
+    assert sum("again; it counts" in note for note in notes) == 1
+    rounds = read_run(tmp_path / "run").rounds
+    assert [dict(one.repeats) for one in rounds] == [{}, {2: 1}, {3: 1}]
+    assert "Simulation 3 repeats the values of simulation 1." in (tmp_path / "run" / "report.html").read_text()
 
 
 def result_folder(result: RunResult, backend: Scripted) -> Path:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,7 @@ from bsa.core.messages import (
     Message,
     PromptRefused,
     Reply,
+    Usage,
 )
 from bsa_toy_cell import toy_scaffold
 
@@ -173,3 +175,20 @@ def test_no_key_gets_into_a_journal(run_toy: RunToy, tmp_path: Path, monkeypatch
     assert {recording.REPLY, recording.LOST_CALL} <= set(events)
     for path in (tmp_path / "run").rglob("*"):
         assert path.is_dir() or not any(secret in path.read_bytes() for secret in (b"abc-123", b"hunter2")), path
+
+
+class Unpriced(RulesBackend):
+    """The rules, at a price that nobody knows, after a moment that they do not report."""
+
+    def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
+        return replace(super().complete(messages, schema, seed=seed), usage=Usage(5, 5, 0, None))
+
+
+def test_an_unknown_price_is_not_nothing_and_the_time_is_measured(run_toy: RunToy, tmp_path: Path) -> None:
+    result = run_toy(backend=Unpriced(), scaffold=toy_scaffold("full"), rounds=2)
+    assert (result.usage.cost_usd, result.usage.tokens) == (None, 10 * result.llm_calls)
+    assert result.usage.seconds > 0
+    assert json.loads((tmp_path / "run" / "result.json").read_text())["cost_usd"] is None
+    notes = [event["text"] for event in read_events(tmp_path / "run") if event["event"] == "note"]
+    assert sum("The price of this language model is not known" in note for note in notes) == 1
+    assert "<dt>Cost</dt><dd>price unknown</dd>" in (tmp_path / "run" / "report.html").read_text()

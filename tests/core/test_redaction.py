@@ -11,6 +11,10 @@ def test_values_of_secret_variables_are_taken_out(monkeypatch):
     assert redact("key abcdefgh-1234 is on at abcdefgh-5678") == f"key {REDACTED} is on at abcdefgh-5678"
 
 
+def test_what_stands_around_a_key_stays():
+    assert redact("(Bearer 0123456789abcdef)") == f"(Bearer {REDACTED})"
+
+
 @given(st.text(st.characters(codec="ascii", categories=("L", "N", "P")), min_size=1, max_size=60))
 def test_a_key_of_any_length_is_taken_out(key):
     with pytest.MonkeyPatch.context() as patch:

@@ -163,3 +163,19 @@ def test_options_are_checked_against_the_configuration_type() -> None:
         found.configure("memory", "elephant", {"dept": 3})
     with pytest.raises(BsaError, match='memory "elephant": "depth" is'):
         found.configure("memory", "elephant", {"depth": "deep"})
+
+
+def test_a_factory_that_takes_other_arguments_is_named_with_its_place():
+    class Lone:
+        def __init__(self, options):
+            pass
+
+    registry = Registry()
+    hook = hookimpl(lambda: [Entry("zz-lone", Lone, "Of a stranger.", api=1)])
+    registry.register(SimpleNamespace(bsa_proposers=hook), "zz", "zz-fault 0.1")
+    with pytest.raises(BsaError) as raised:
+        registry.collect().make("proposer", "zz-lone", {}, object())
+    assert raised.value.message.startswith(
+        "proposer zz-lone of zz-fault 0.1: its factory is called with (options, context), which it does not take"
+    )
+    assert "Lone at test_registry.py, line " in raised.value.hint

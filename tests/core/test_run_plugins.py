@@ -212,6 +212,7 @@ PROPOSALS: dict[str, tuple[Any, str]] = {
     "no hypothesis": (Proposal((), None), "Proposal.hypothesis = None, not a str"),  # type: ignore[arg-type]
     "details": (Proposal((), details={"f": object()}), "Proposal.details that is no JSON"),
     "finished": (Proposal((), finished="yes"), "Proposal.finished = 'yes' (str), not a bool"),  # type: ignore[arg-type]
+    "no reason": (Proposal(()), "a Proposal without candidates and without a reason"),
     "reductions": (Proposal((SPACE.initial,), reductions=(None, None)), "Proposal.reductions"),
 }
 
@@ -249,6 +250,7 @@ def test_numbers_of_numpy_become_plain_ones() -> None:
         (None, "build_feedback returned None, not a Feedback"),
         ({"error": 1.0}, "not a Feedback"),
         (Feedback({"f": {1, 2}}), "Feedback.content that is no JSON"),
+        (Feedback({"f": float("nan")}), "Feedback.content that is no JSON"),
         (Feedback("text"), "Feedback.content = 'text', not a mapping"),  # type: ignore[arg-type]
         (Feedback({}, (Path("/etc/hostname"),)), "gave the image"),
         (Feedback({}, ("overlay.png",)), "gave the image 'overlay.png'"),  # type: ignore[arg-type]

@@ -15,7 +15,7 @@ from pydantic import Field
 from ....core.hooks import ProposeContext, RunContext, hookimpl
 from ....core.parameters import Candidate
 from ....core.prompt_sections import RECORD
-from ....core.proposal import FIT, Proposal
+from ....core.proposal import ALREADY_SIMULATED, FIT, PROBLEMS, Proposal
 from ....core.trial import Trial
 from ...agent.actions import Action, Kind, Offer
 from ...agent.conversation import Answer
@@ -196,7 +196,10 @@ class HybridProposer:
         if action.carries_on:
             self._hold = action.simulations
         elif action.kind in ("set", "simulate"):
-            return [candidate for candidate in action.candidates if not _known(candidate, context)][:allowance]
+            new = [candidate for candidate in action.candidates if not _known(candidate, context)]
+            if len(new) < len(action.candidates):
+                self._log[-1]["already_simulated"] = len(action.candidates) - len(new)
+            return new[:allowance]
         elif action.kind == "reduce" and context.task.domain.drives and (action.rate or action.cycles):
             self._agent_search = self._continuation(action, context, count)
         elif action.kind == "reduce":
@@ -261,9 +264,11 @@ class HybridProposer:
             "authors": [FIT] * len(main) + ["agent"] * len(own),
         }
         if answer is not None:
-            details["problems"] = list(answer.problems)
+            details[PROBLEMS] = list(answer.problems)
         if action is not None:
             details["analysis"] = action.analysis
+            if "already_simulated" in self._log[-1]:
+                details[ALREADY_SIMULATED] = self._log[-1]["already_simulated"]
         return Proposal(
             (*main, *own),
             hypothesis=action.hypothesis if action is not None else "",

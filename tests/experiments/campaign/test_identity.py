@@ -1,5 +1,7 @@
 """A cell is keyed by what determines its result, and by nothing else."""
 
+import importlib
+
 import pytest
 from bsa.core.errors import BsaError
 from bsa.experiments.campaign import identity
@@ -112,3 +114,75 @@ def test_include_and_exclude(make_plan):
 def test_what_does_not_exist_is_said_before_anything_runs(make_plan, content, words):
     with pytest.raises(BsaError, match=words):
         make_plan(**content)
+
+
+PLUGIN = """
+from bsa.core.hooks import Entry, hookimpl
+
+class Stand:
+    def __init__(self, options, context):
+        pass
+    @hookimpl
+    def propose(self, context):
+        return None
+
+@hookimpl
+def bsa_proposers():
+    yield Entry("zz-stand", Stand, "Stays.", api=1)
+"""
+
+
+@pytest.fixture
+def fresh():
+    """Forgets what was read of installed plugins, as a new process would have to read it."""
+
+    def forget():
+        importlib.invalidate_caches()
+        for cached in (identity.versions_of, identity.plugin_digest):
+            cached.cache_clear()
+
+    forget()
+    yield forget
+    forget()
+
+
+def test_edited_code_of_a_plugin_is_another_cell_though_its_version_stays(stranger, fresh):
+    folder = stranger(PLUGIN)
+    asked = (("proposer", "zz-stand"),)
+    before = identity.versions_of(asked)
+    assert dict(before)["proposer zz-stand"].startswith("zz-fault 0.1 ")
+    fresh()
+    assert identity.versions_of(asked) == before
+    (module,) = folder.glob("zz_module_*.py")
+    module.write_text(module.read_text() + "# edited\n")
+    fresh()
+    assert identity.versions_of(asked) != before
+
+
+def test_every_source_of_a_package_counts_wherever_it_lies(tmp_path, monkeypatch, fresh):
+    def digest_in(place, table):
+        about, package = tmp_path / place / "zz_pack-1.dist-info", tmp_path / place / "zz_pack"
+        for folder in (about, package / "deep"):
+            folder.mkdir(parents=True)
+        (about / "METADATA").write_text("Metadata-Version: 2.1\nName: zz-pack\nVersion: 1\n")
+        (about / "entry_points.txt").write_text("[bsa]\nzz-pack = zz_pack.deep:hooks\n")
+        (package / "__init__.py").write_text("")
+        (package / "deep" / "table.json").write_text(table)
+        (package / "picture.png").write_text(place)
+        monkeypatch.syspath_prepend(str(tmp_path / place))
+        fresh()
+        return identity.plugin_digest("zz-pack")
+
+    first = digest_in("here", "[1]")
+    assert first
+    assert digest_in("there", "[1]") == first
+    assert digest_in("elsewhere", "[2]") != first
+
+
+def test_effects_count_in_the_tasks_and_discoveries_that_have_them(make_plan, monkeypatch):
+    config = make_plan().cells[0].config
+    asked = []
+    monkeypatch.setattr(identity, "versions_of", lambda plugins: asked.append(plugins) or ())
+    identity.identity_of(config, "digest", ("zz-growth (slow)",))
+    assert ("effect", "zz-growth.slow") in asked[0]
+    assert ("effect", "kinetics-marcus") in identity.all_effects()

@@ -1,6 +1,7 @@
 """The tidy table, the paper's tables and the figures."""
 
 import csv
+import json
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -116,3 +117,31 @@ def test_rows_of_cells_that_were_not_run(make_plan, tmp_path):
     assert [entry["state"] for entry in rows] == ["missing"] * 4
     write_rows(rows, tmp_path / "out")
     assert "4 without a result" in markdown(campaign_of(rows, "full"))
+
+
+def test_a_cell_that_was_interrupted_is_stopped_and_only_its_rest_is_to_be_done(finished):
+    cell = finished.cells[0]
+    folder = finished.store.cell(cell.identity)
+    (folder / "result.json").unlink()
+    lines = (folder / "journal.jsonl").read_bytes().splitlines(keepends=True)
+    kept = [line for line in lines if json.loads(line)["event"] in ("run", "trial")][:3]
+    (folder / "journal.jsonl").write_bytes(b"".join(kept))
+    states = {row["identity"]: (row["state"], row["reason"]) for row in rows_of(noted(finished), finished.store)}
+    assert states.pop(cell.identity) == ("stopped", "interrupted")
+    assert set(states.values()) == {("done", "")}
+    assert sum(need.simulations for need in estimate(finished.cells, finished.store).values()) == 5 - 2
+
+
+def test_what_a_server_of_ones_own_costs_is_not_known(make_plan):
+    plan = make_plan(backends=[{"use": "openai:m", "options": {"base_url": "http://127.0.0.1:1/v1"}}])
+    assert {need.cost_usd for need in estimate(plan.cells, plan.store).values()} == {None}
+    local = make_plan(store="local", backends=["ollama:m"])
+    assert {need.cost_usd for need in estimate(local.cells, local.store).values()} == {0.0}
+
+
+def test_a_name_that_no_grid_has_is_answered_with_those_that_were_run(finished):
+    with pytest.raises(BsaError) as raised:
+        tables("toyz", finished.store.root)
+    assert raised.value.hint == 'did you mean "toys"?'
+    with pytest.raises(BsaError, match="bsa grid main-table runs it"):
+        tables("main-table", finished.store.root)

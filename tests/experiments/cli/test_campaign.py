@@ -9,6 +9,8 @@ import pytest
 import yaml
 from bsa.core.encoding import encode_task
 from bsa.core.errors import BsaError
+from bsa.experiments.campaign import running
+from bsa.experiments.cli.exit_codes import INTERRUPTED
 from bsa.experiments.cli.main import app
 from bsa_toy_cell import toy_task
 from typer.testing import CliRunner, Result
@@ -43,7 +45,7 @@ def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 def test_dry_run_runs_nothing(call):
     shown = call("grid", "toys.yaml", "--dry-run", "--workers", "2", "--set", "seeds=[1,2,3]").output
     assert "toys: 6 runs, 0 of them finished" in shown
-    assert "18 simulations" in shown
+    assert "18 simulations at most; about " in shown
     assert "with 2 workers" in shown
     assert not Path("results/cells").exists()
 
@@ -93,3 +95,13 @@ def test_what_fails_is_said_and_ends_in_an_error(call):
 def test_mistakes(call, arguments, words):
     with pytest.raises(BsaError, match=words):
         call(*arguments)
+
+
+def test_an_interrupted_grid_says_that_the_same_command_goes_on(call, monkeypatch):
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(running, "run_campaign", interrupted)
+    shown = call("grid", "toys.yaml", "--workers", "1", code=INTERRUPTED).stderr
+    assert "The same command goes on" in shown
+    assert "Interrupted." not in shown

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 import typer
+from bsa.backends.rules.backend import RulesBackend
 from bsa.core.errors import BsaError
 from bsa.core.messages import Outage
 from bsa.core.run_config import RunConfig
@@ -104,3 +105,20 @@ def test_a_command_that_a_model_stops_says_so(
     assert "Stopped: the language model gave no reply: nothing listens. The same command goes on." in (
         capsys.readouterr().err
     )
+
+
+def test_an_error_after_the_first_simulation_says_how_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object, **__: object) -> None:
+        raise BsaError("it did not accept the key.", "export BSA_API_KEY=...")
+
+    monkeypatch.setattr(RulesBackend, "complete", refused)
+    folder = tmp_path / "run"
+    request = RunRequest(toy_task(), RunConfig(scaffold=toy_scaffold()), folder)
+    with pytest.raises(BsaError) as raised:
+        _execute(request, Resources(), False, True)
+    assert raised.value.hint == f"export BSA_API_KEY=... Then go on with: bsa-run --resume {folder}"
+    # Nothing was written this time: another hint would be wrong.
+    other = RunRequest(toy_task(), RunConfig(scaffold=toy_scaffold(), seed=5), folder)
+    with pytest.raises(BsaError, match="belongs to another task") as raised:
+        _execute(other, Resources(), False, True)
+    assert "Then go on" not in raised.value.hint
