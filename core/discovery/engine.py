@@ -149,7 +149,7 @@ class Engine:
         scored = [n for n in nominations if n.gain > 0]
         first = self.settings.screened
         chosen = [n for place, n in enumerate(scored) if place < first or n.effect.key in keys]
-        self._say(f"screening {len(chosen)} effects")
+        self._say(f"screening {len(chosen)} effect{'s' * (len(chosen) != 1)}")
         # Before the last level of a race, which gets the whole budget, there may be three of a third.
         whole = 2 * min(len(chosen), self.settings.confirmed) * self.settings.refit_budget
         self._progress.estimate(self.problem.simulated, len(chosen) * most_simulations(before) + whole)
@@ -160,7 +160,8 @@ class Engine:
             return self.finish(known.base, found)
         if not (found and self._explains(known.base, found[0])):
             rest = [n for n in nominations if n.sensitivity is not None and n.promise > before.cost]
-            self._say(f"all of them leave too much; fitting {len(rest)} effects with strengths of either sign")
+            effects = f"{len(rest)} effect{'s' * (len(rest) != 1)}"
+            self._say(f"all of them leave too much; fitting {effects} with strengths of either sign")
             self._progress.estimate(self.problem.simulated, 2 * len(rest) * most_simulations(before))
             fitter.problem.misfit_v = misfit_v  # the scores were taken with it
             self._screen(rest, partial(screen, fitter, before, either_sign=True), before.cost)

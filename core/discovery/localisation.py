@@ -16,6 +16,9 @@ _SINCE_NAMES = ("0-2 s", "2-30 s", "30 s-5 min", "5-20 min", "over 20 min")
 _Names = Callable[[Observations, float], NDArray[np.str_]]
 """The place of each stretch, from a record's averages and the capacity, A.h."""
 
+_SORTED_BY = {"since step": "time since the current last stepped"}
+"""What the maps that are not called so are laid out by, in words."""
+
 
 @dataclass(frozen=True)
 class Place:
@@ -165,7 +168,8 @@ def in_words(places: Sequence[Place], noise_v: float) -> list[str]:
             worst = max(rows, key=lambda p: p.rms_mv)
             best = min(rows, key=lambda p: p.rms_mv)
             sentences.append(
-                f"by {by}: {worst.rms_mv:.1f} mV rms (simulated minus measured {worst.bias_mv:+.1f} mV) for "
+                f"by {_SORTED_BY.get(by, by)}: {worst.rms_mv:.1f} mV rms (simulated minus measured "
+                f"{worst.bias_mv:+.1f} mV) for "
                 f"{worst.where}, {best.rms_mv:.1f} mV for {best.where}"
             )
     return sentences

@@ -27,7 +27,7 @@ class Progress:
             return
         seconds = (self._clock() - self._began) / simulated * left if simulated else None
         pace = "" if seconds is None else f": {duration(seconds)} at the present pace"
-        self._say(f"at most {left} simulations until these are compared{pace}; more may follow")
+        self._say(f"at most {left} simulation{'s' * (left != 1)} until these are compared{pace}; more may follow")
 
     def begin(self, total: int) -> None:
         """Begin to fit so many candidates."""

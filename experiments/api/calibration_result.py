@@ -12,7 +12,7 @@ from ...core.errors import BsaError, did_you_mean
 from ...core.files import load_json
 from ...core.metrics import errors_of, headline_of
 from ..report.page import FILE_NAME as REPORT
-from ..report.wording import number, quantity
+from ..report.wording import counted, number, quantity
 from ..run_record import RunRecord, read_run
 from .measured import READING, Data, sources
 from .notebook import picture_of, render
@@ -197,7 +197,7 @@ class CalibrationResult:
             rows.append((name, quantity(initial, parameter.unit), quantity(best, parameter.unit), " to ".join(ends)))
         return render(
             "calibration.html.j2",
-            title=f"{run.task.name}: {self.status} after {len(run.trials)} simulations",
+            title=f"{run.task.name}: {self.status} after {counted(len(run.trials), 'simulation')}",
             errors=[(q.label, number(q.shown(before)), number(q.shown(after)), q.unit) for q in headline_of(run.task)],
             rows=rows,
             picture=picture_of(run),

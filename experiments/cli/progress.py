@@ -43,9 +43,13 @@ progress of their own."""
 _STARTING = "starting the simulator"
 
 
+def _counted_words(done: int, total: int) -> str:
+    return f"{done} of {total} simulation{'s' * (total != 1)}"
+
+
 def cycle_words(stage: str, cycle: int, cycles: int) -> str:
     """``"forecast: cycle 130 of 400"``; of several simulations ``"final scores: 1 of 3 simulations, cycle ..."``."""
-    alone = stage.removesuffix(": 0 of 1 simulations")
+    alone = stage.removesuffix(f": {_counted_words(0, 1)}")
     return f"{stage}, cycle {cycle} of {cycles}" if alone == stage else f"{alone}: cycle {cycle} of {cycles}"
 
 
@@ -100,7 +104,7 @@ class PlainProgress:
 
     def counted(self, purpose: str, done: int, total: int) -> None:
         """See `Listener.counted`."""
-        self._stage = f"{purpose}: {done} of {total} simulations"
+        self._stage = f"{purpose}: {_counted_words(done, total)}"
         if purpose != self._purpose or self._silent:
             self._say(self._stage)
         self._purpose = purpose
@@ -188,7 +192,7 @@ class LiveProgress(Redrawn):
 
     def counted(self, purpose: str, done: int, total: int) -> None:
         """See `Listener.counted`."""
-        self._state |= {"phase": f"{purpose}: {done} of {total} simulations", "at": ""}
+        self._state |= {"phase": f"{purpose}: {_counted_words(done, total)}", "at": ""}
 
     def cycled(self, cycle: int, cycles: int) -> None:
         """See `Listener.cycled`."""

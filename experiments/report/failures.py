@@ -6,7 +6,7 @@ from typing import Any
 from ...core.metrics import objective_of
 from ...core.trial import Trial
 from ..run_record import RunRecord
-from .wording import clipped, duration, number
+from .wording import clipped, counted, duration, number
 
 _MOST_ROWS = 40
 
@@ -33,9 +33,10 @@ def failure_words(trial: Trial) -> str:
 def _summary(run: RunRecord) -> str:
     failed = [trial for trial in run.trials if trial.failed]
     reduced = sum(trial.reduction is not None for trial in run.trials)
-    text = f"{len(failed)} of {len(run.trials)} simulations failed"
+    text = f"{len(failed)} of {counted(len(run.trials), 'simulation')} failed"
     if reduced:
-        text += f"; {reduced} were of a reduced task, which count as simulations but never as a fit"
+        were, count = ("was", "counts") if reduced == 1 else ("were", "count")
+        text += f"; {reduced} {were} of a reduced task, which {count} as simulations but never as a fit"
     limits = Counter(
         part.partition(" (")[0]  # without its numbers
         for trial in failed
@@ -43,7 +44,9 @@ def _summary(run: RunRecord) -> str:
         for part in trial.failure.limit.split("; ")
     )
     if limits:
-        text += ". Near their end: " + ", ".join(f"{limit} ({count} times)" for limit, count in limits.most_common(4))
+        text += ". Near their end: " + ", ".join(
+            f"{limit} ({counted(count, 'time')})" for limit, count in limits.most_common(4)
+        )
     return text + "."
 
 
@@ -62,7 +65,7 @@ def _remedy(run: RunRecord) -> list[str]:
             break
     else:
         found = "Nothing was found that runs to its end."
-    return [*(f"{words} ({count} simulations)" for words, count in spent.items()), found]
+    return [*(f"{words} ({counted(count, 'simulation')})" for words, count in spent.items()), found]
 
 
 def _row(run: RunRecord, trial: Trial) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from ..run_record import RunRecord
 from .chart import Chart, Key, Marker, Panel, horizontal, limits_around
 from .nyquist import nyquist
 from .records import errors_words
-from .wording import number, time_unit, unit
+from .wording import counted, number, time_unit, unit
 
 _DRIVEN_HEIGHT, _OBSERVED_HEIGHT, _RESIDUAL_HEIGHT, _CONVERGENCE_HEIGHT = 96.0, 210.0, 110.0, 250.0
 
@@ -345,7 +345,7 @@ def convergence(run: RunRecord, objective: Quantity) -> Chart | None:
         chart.keys.append(Key("failed", f"failed ({run.failed})", "cross"))
     chart.description = (
         f"{objective.label} fell from {number(run.initial.objective)} to {number(run.best.objective)} "
-        f"{objective.unit} in {len(run.trials)} simulations, {run.failed} of which failed."
+        f"{objective.unit} in {counted(len(run.trials), 'simulation')}, {run.failed} of which failed."
     )
     return chart
 

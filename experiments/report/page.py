@@ -91,7 +91,7 @@ def render(run: RunRecord) -> str:
         predictions=prediction_overlays(run.task, run.held_out),
         convergence=convergence(run, objective),
         parameters=parameters,
-        best_score=best_score_line(objective, run.best, run.lowest, run.metrics_of(run.lowest)),
+        best_score=best_score_line(run.task, run.best, run.lowest, run.metrics_of(run.lowest)),
         at_bound=[row for row in parameters if row["bound"]],
         fixed=section(run),
         failures=failures(run),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from ...core.reply_parsing import strip_control
-from .wording import duration, number, unit
+from .wording import counted, duration, number, unit
 
 if TYPE_CHECKING:
     import jinja2
@@ -30,7 +30,7 @@ def template(name: str, folder: Path = _OWN) -> jinja2.Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters.update(number=number, duration=duration, unit=unit)
+    environment.filters.update(counted=counted, number=number, duration=duration, unit=unit)
     environment.filters["link"] = lambda path: Path(path).absolute().as_uri()
     environment.globals["zip"] = zip
     return environment.get_template(name)

@@ -93,6 +93,11 @@ def duration(seconds: float) -> str:
     return f"{minutes // 60} h {minutes % 60} min"
 
 
+def counted(count: int, noun: str) -> str:
+    """A number of things: ``1 simulation``, ``2 simulations``."""
+    return f"{count} {noun}{'s' * (count != 1)}"
+
+
 def clipped(text: str, most: int) -> str:
     """The beginning and the end of a text that is longer than ``most`` characters."""
     if len(text) <= most:

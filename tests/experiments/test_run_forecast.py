@@ -54,7 +54,7 @@ def test_the_forecast_is_in_the_folder_and_told_while_the_intervals_are_sought(
     lines = stream.getvalue().splitlines()
     (told,) = [line for line in lines if "Forecast of later: capacity 0.8 A h in cycle 100, measured 0.8" in line]
     assert f"note: {tmp_path / 'report.html'} has it; its 95 % band follows." in lines
-    assert lines.index("forecast: 0 of 1 simulations") < lines.index(told)
+    assert lines.index("forecast: 0 of 1 simulation") < lines.index(told)
     assert records(tmp_path) == [early]
 
     again = io.StringIO()

@@ -66,7 +66,7 @@ def test_the_panel_counts_them_too(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 def test_a_run_without_a_fit_is_scored_once_and_not_judged(tmp_path: Path) -> None:
     stream = io.StringIO()
     run(tmp_path / "run", PlainProgress("%", stream), "default")
-    assert stream.getvalue().splitlines()[-1] == "final scores: 0 of 1 simulations"
+    assert stream.getvalue().splitlines()[-1] == "final scores: 0 of 1 simulation"
     events = list(read_events(tmp_path / "run"))
     assert [event["index"] for event in events if event["event"] == "score"] == [0]
     assert not [event for event in events if event["event"].startswith("appraisal")]
@@ -104,7 +104,7 @@ def test_the_cycle_of_a_long_simulation_is_told_where_nothing_else_is_for_long()
     now[0] += 60.0
     plain.cycled(130, 400)
     first, *others, band, last = stream.getvalue().splitlines()
-    assert first == "forecast: 0 of 1 simulations"
+    assert first == "forecast: 0 of 1 simulation"
     assert others == [f"  forecast: cycle {cycle} of 400" for cycle in range(60, 401, 60)]
     assert (band, last) == ("band of the forecast: 3 of 17 simulations", f"  {band}, cycle 130 of 400")
 
