@@ -106,7 +106,8 @@ def with_gaps_noted(samples: Samples) -> Samples:
     scale = float(np.max(np.abs(samples.current)))
     flowing = np.minimum(np.abs(samples.current[gaps]), np.abs(samples.current[gaps + 1])) > 0.02 * scale
     k = int(gaps[np.argmax(spacing[gaps])])
-    note = f"{len(gaps)} gaps without samples, the longest of {spacing[k]:.4g} s after {samples.place(k)}"
+    longest = f"{spacing[k]:.0f}" if spacing[k] >= 1000.0 else f"{spacing[k]:.4g}"
+    note = f"{len(gaps)} gaps without samples, the longest of {longest} s after {samples.place(k)}"
     if flowing.any():
         note += f"; current flowed across {np.count_nonzero(flowing)} of them, so charge is uncertain there"
     return samples.noted(note + ".")
