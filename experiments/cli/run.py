@@ -311,9 +311,17 @@ def _how_to_go_on(result: RunResult, config: RunConfig, folder: Path, identifiab
 
 
 def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterable[str] = ()) -> None:
-    from ...core.metrics import headline_of
+    from ...core.metrics import headline_of, objective_of
+    from ...core.signal_metrics import MISFIT
     from ..report.forecast_line import forecast_line
-    from ..report.post_fit import best_score_line, caution_line, groups_line, next_line, verdict_line
+    from ..report.post_fit import (
+        best_score_line,
+        caution_line,
+        groups_line,
+        next_line,
+        tolerance_line,
+        verdict_line,
+    )
     from ..report.records import error_rows
     from ..report.wording import counted, number
     from .progress import printable
@@ -329,6 +337,8 @@ def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterabl
     for quantity in shown:
         before, after = (number(quantity.shown(metrics)) for metrics in (result.initial_metrics, result.best_metrics))
         print(f"  {quantity.words:{width}s} {before:>10s} → {after} {quantity.unit}")
+    if objective_of(task) is MISFIT:
+        print(f"  ({tolerance_line(task)})")
     better = best_score_line(task, result.best, result.lowest, result.lowest_metrics)
     if better:
         print(f"  {better}")

@@ -10,12 +10,13 @@ from typing import Any
 from ...core.files import foreign, write_text
 from ...core.metrics import Quantity, errors_of, headline_of, objective_of
 from ...core.parameters import Parameter
+from ...core.signal_metrics import MISFIT
 from ..run_record import UNFINISHED, RunRecord, read_run
 from .ageing import lives
 from .failures import failures
 from .figures import convergence, overlays, prediction_overlays
 from .identifiability import section
-from .post_fit import best_score_line
+from .post_fit import best_score_line, tolerance_line
 from .records import error_rows
 from .rounds import chapters
 from .templates import template
@@ -82,6 +83,7 @@ def render(run: RunRecord) -> str:
         objective=objective,
         domain=run.task.domain,
         gain=change(objective.shown(run.initial_metrics), objective.shown(run.best_metrics)),
+        tolerance=tolerance_line(run.task) if objective is MISFIT else "",
         headline=[_figure(run, quantity) for quantity in headline_of(run.task)],
         metrics=[_figure(run, quantity) for quantity in errors_of(run.task)],
         lives=lives(run),

@@ -32,8 +32,7 @@ def best_score_line(task: Task, best: Trial, lowest: Trial, metrics: Metrics | N
     return (
         f"These are the values of simulation {best.index}: the fit minimises the {minimised}, which are {theirs} "
         f"tolerances (rms) there and {lowest_misfit} in simulation {lowest.index}, which has the lowest "
-        f"{objective.words}, {number(objective.shown(metrics))} {objective.unit}. (A tolerance is "
-        f"{tolerance_words(task)}.)"
+        f"{objective.words}, {number(objective.shown(metrics))} {objective.unit}. {tolerance_line(task)}"
     )
 
 
@@ -153,6 +152,11 @@ def tolerance_words(task: Task) -> str:
         f"about {number(100.0 * signal.tolerance)} % of the {signal.share_of or signal.words}" for signal in shares
     ]
     return ", ".join([*parts, *dict.fromkeys(words)])
+
+
+def tolerance_line(task: Task) -> str:
+    """What the unit of the misfit is, in a sentence."""
+    return f"One tolerance is {tolerance_words(task)}."
 
 
 def steps_of(suggestion: Suggestion) -> str:

@@ -115,7 +115,7 @@ def test_a_run_says_by_what_its_values_were_chosen_over_those_with_the_lowest_er
     assert best_score_line(task, best, lowest, metrics) == (
         "These are the values of simulation 2: the fit minimises the means of the error over equal parts of each "
         "step, which are 20.3 tolerances (rms) there and 22.8 in simulation 27, which has the lowest voltage RMSE, "
-        "25.58 mV. (A tolerance is 1 mV.)"
+        "25.58 mV. One tolerance is 1 mV."
     )
     assert best_score_line(task, best, best, metrics) == ""
 
