@@ -299,7 +299,7 @@ def _remarks(
     if experiment.protocol is None:
         names = " and ".join(signal.words for signal in _driven(run.task, measured))
         if names:
-            but = ", but where the simulated cell is empty or full" if run.initial.limits or run.best.limits else ""
+            but = ", except where the simulated cell is empty or full" if run.initial.limits or run.best.limits else ""
             remarks.append(
                 f"The measured {names} drives the simulation, so measured and simulated {names} coincide{but}."
             )
