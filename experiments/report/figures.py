@@ -141,8 +141,8 @@ def _predicted(
     measured, predicted = _Curve("measured", experiment.scored_target), _Curve("best", curve)
     keys = [Key("measured", "measured"), Key("best", "predicted")]
     if experiment.is_spectrum:
-        remarks = ("The 95 % bands of the two parts stand in the table alone.",) if prediction.bands else ()
-        return _spectrum(experiment.name, f"held-out-{place}", fit, [measured, predicted], keys, remarks)
+        bands = ("The 95 % bands of the two parts stand in the table alone.",) * bool(prediction.bands)
+        return _spectrum(experiment.name, f"held-out-{place}", fit, [measured, predicted], keys, bands)
     title = "Measured and predicted over time, with the residual"
     chart, scale = _over_time(f"held-out-{place}", experiment, title, float(measured.time[-1]))
     remarks = ["Residual: predicted minus measured."]

@@ -49,8 +49,8 @@ class ErrorRow:
     remark: str = ""
     note: str = ""  # What else a reader wants to know of it.
     over: str = "time"  # What errors are averaged over.
-    followed: bool = True  # Whether the simulated cell was at no limit all the time; else the band is that of the rest.
     steps: tuple[ErrorRow, ...] = ()  # The same, step by step.
+    followed: bool = True  # Whether the simulated cell was at no limit all the time; else the band is that of the rest.
 
     @property
     def line(self) -> str:

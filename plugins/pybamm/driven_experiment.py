@@ -43,12 +43,10 @@ class DrivenExperiment:
         """
         response = self._driven.follow(candidate, self._times)
         begin = float(self._record.time[0])
-        limits = {
-            "limits": _in_words(response.pauses, self._record),
-            "at_limit": tuple(
-                (pause.start - begin, min(pause.end - begin, self._record.duration)) for pause in response.pauses
-            ),
-        }
+        words = _in_words(response.pauses, self._record)
+        at_limit = tuple(
+            (pause.start - begin, min(pause.end - begin, self._record.duration)) for pause in response.pauses
+        )
         whole = (
             Trajectory(
                 self._record.time - self._record.time[0],
@@ -61,9 +59,10 @@ class DrivenExperiment:
             else None
         )
         if not response.cause:
-            return ExperimentRun(whole, **limits)
+            return ExperimentRun(whole, limits=words, at_limit=at_limit)
         count = int(np.searchsorted(self._times, response.reached + JUMP_S, side="right"))
-        return ExperimentRun(*_until(whole, count, response.cause, response.reached - begin), **limits)
+        trajectory, failure = _until(whole, count, response.cause, response.reached - begin)
+        return ExperimentRun(trajectory, failure, words, at_limit)
 
 
 def _until(
