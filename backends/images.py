@@ -5,18 +5,19 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..core.messages import Message
+from ..core.printable import counted
 
 
 def showable(messages: Sequence[Message], sees_images: bool, notes: list[str]) -> list[Message]:
     """The conversation with those images only that can be shown."""
     count = sum(len(message.images) for message in messages)
     if count and not sees_images:
-        notes.append(f"{count} image{'s' * (count > 1)} left out: the model cannot see")
+        notes.append(f"{counted(count, 'image')} left out: the model cannot see")
         return [replace(message, images=()) for message in messages]
     shown = [replace(message, images=tuple(path for path in message.images if path.is_file())) for message in messages]
     missing = count - sum(len(message.images) for message in shown)
     if missing:
-        notes.append(f"{missing} image{'s' * (missing > 1)} left out: no such file")
+        notes.append(f"{counted(missing, 'image')} left out: no such file")
     return shown
 
 

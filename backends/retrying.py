@@ -9,6 +9,7 @@ from email.utils import parsedate_to_datetime
 from typing import TypeVar
 
 from ..core.messages import BackendFailure, BackendUnreachable
+from ..core.printable import counted
 
 T = TypeVar("T")
 
@@ -105,7 +106,7 @@ class Persistence:
         return _MAX_ATTEMPTS
 
     def _failure(self, reason: str, after: type[TransientError] = TransientError) -> BackendFailure:
-        tries = f"{self._attempts} attempt{'s' * (self._attempts > 1)}"
+        tries = counted(self._attempts, "attempt")
         if issubclass(after, UnreachableError):
             return BackendUnreachable(f"not reached in {tries}: {reason}")
         return BackendFailure(f"no reply after {tries}, {self._patience.limit_s:g} s allowed: {reason}")

@@ -317,6 +317,7 @@ def encode_outcome(outcome: Outcome) -> Json:
             "trajectory": None if run.trajectory is None else encode_trajectory(run.trajectory),
             "failure": None if run.failure is None else asdict(run.failure),
             "limits": list(run.limits),
+            "at_limit": [list(times) for times in run.at_limit],
         }
         for run in outcome.runs
     ]
@@ -330,6 +331,7 @@ def decode_outcome(record: Mapping[str, Any]) -> Outcome:
             None if run["trajectory"] is None else decode_trajectory(run["trajectory"]),
             None if run["failure"] is None else shaped(SimulationFailure, run["failure"]),
             shaped(tuple[str, ...], run.get("limits", [])),
+            shaped(tuple[tuple[float, float], ...], run.get("at_limit", [])),
         )
         for run in record["runs"]
     )

@@ -74,4 +74,4 @@ def told_of(task: Task) -> tuple[Quantity, ...]:
 
 
 def _with_those_of_a_life(quantities: tuple[Quantity, ...], task: Task) -> tuple[Quantity, ...]:
-    return (*ageing.over_cycles(quantities, task), ageing.FADE, ageing.RESISTANCE) if task.long else quantities
+    return (*ageing.over_cycles(quantities, task), *ageing.of_tables(task)) if task.long else quantities

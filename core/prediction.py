@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from .ageing.fade_band import CAPACITY, FadeBand
@@ -48,7 +49,11 @@ first sample may have been taken before the current was switched on."""
 
 @dataclass(frozen=True)
 class Band:
-    """Within what a fit promises one predicted signal, in its shown unit."""
+    """Within what a fit promises one predicted signal, in its shown unit.
+
+    Over the time in which the fitted cell follows the record: one that is empty, or full, shows its limit, and the
+    draws, of which all may be empty too, say nothing of how far off that is.
+    """
 
     # rms, max: Half the width of the 95 % band, root mean square over time and largest.
     rms: float
@@ -76,11 +81,13 @@ class Prediction:
     curve: Trajectory | None
     simulations: int = 0  # What the band and the start took, beside the prediction itself.
     fade: FadeBand | None = None  # Of a whole life the band of each cycle's capacity, beginning with the first.
+    at_limit: tuple[tuple[float, float], ...] = ()  # `ExperimentRun.at_limit`: no band holds then.
 
     def as_json(self) -> dict[str, Any]:
         """Errors and bands as plain dicts, lists, strings and numbers; without the curve."""
         bands = {name: asdict(band) for name, band in self.bands.items()}
-        return {**self.errors.as_json(), "bands": bands, "simulations": self.simulations}
+        at_limit = [list(times) for times in self.at_limit]
+        return {**self.errors.as_json(), "bands": bands, "at_limit": at_limit, "simulations": self.simulations}
 
 
 def band_of(signal: str) -> str:
@@ -111,6 +118,7 @@ def decode_prediction(content: Mapping[str, Any]) -> Prediction:
         None if curve is None else decode_trajectory(curve),
         int(content["simulations"]),
         shaped(FadeBand, content["fade"]) if "fade" in content else None,
+        shaped(tuple[tuple[float, float], ...], content.get("at_limit", [])),
     )
 
 
@@ -330,20 +338,39 @@ def _prediction(
     if simulated is None:
         return Prediction(errors, {}, None, spent)
     bands = {
-        signal.name: _band(simulated, experiment, signal, NORMAL_95 * misfits.get(signal.name, 0.0))
+        signal.name: band
         for signal in task.observed_in(experiment.target)
         if signal.name in widths
+        for band in [_band(simulated, run, experiment, signal, NORMAL_95 * misfits.get(signal.name, 0.0))]
+        if band is not None
     }
-    return Prediction(errors, bands, simulated.thinned(_SAMPLES_PER_STEP), spent)
+    return Prediction(errors, bands, simulated.thinned(_SAMPLES_PER_STEP), spent, at_limit=run.at_limit)
 
 
-def _band(simulated: Trajectory, experiment: Experiment, signal: Signal, misfit: float) -> Band:
-    """The band of a signal, wider than what its parameters leave open by a misfit in the shown unit."""
+def followed(time: FloatArray, at_limit: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
+    """At which times, s since a record's first sample, its simulated cell was at no limit; shape of ``time``."""
+    follows = np.ones(len(time), dtype=np.bool_)
+    for begin, end in at_limit:
+        follows &= ~((time > begin) & (time <= end))
+    return follows
+
+
+def _band(
+    simulated: Trajectory, run: ExperimentRun, experiment: Experiment, signal: Signal, misfit: float
+) -> Band | None:
+    """The band of a signal, wider than what its parameters leave open by a misfit in the shown unit.
+
+    None where the simulated cell was at its limit all the time.
+    """
     scale = signal.shown_scale
     time, difference = differences(simulated, experiment.scored_target, signal.name, experiment.protocol is None)
+    follows = followed(time, run.at_limit)
+    weight = time_weights(time)[follows]
+    if not np.sum(weight) > 0.0:
+        return None
+    time, difference = time[follows], difference[follows]
     left_open = scale * np.interp(time, simulated.time - simulated.time[0], simulated.values(band_of(signal.name)))
     half = np.hypot(left_open, misfit)
-    weight = time_weights(time)
     inside = float(np.sum(weight[scale * np.abs(difference) <= half]) / np.sum(weight))
     wide = _median(weight, left_open) >= _WIDE * scale * float(np.ptp(experiment.scored_target.values(signal.name)))
     return Band(weighted_rms(weight, half), float(half.max()), inside, wide, _median(weight, half), misfit)

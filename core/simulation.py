@@ -48,11 +48,14 @@ class ExperimentRun:
     limits : tuple of str
         Limits that the simulation ran into and went on from, in plain words (``"the simulated cell was empty at
         3,120 s of 3,600 s"``): what it shows from then on says how wrong it is, and nothing else.
+    at_limit : tuple of (float, float)
+        From when to when it stood at such a limit, s since its first sample.
     """
 
     trajectory: Trajectory | None
     failure: SimulationFailure | None = None
     limits: tuple[str, ...] = ()
+    at_limit: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True)

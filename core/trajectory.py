@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .ageing.cycle_table import CycleTable
 from .errors import BsaError
 from .printable import counted
-from .thinning import evenly
+from .thinning import ROUNDING, where_they_bend
 
 FloatArray = NDArray[np.float64]
 
@@ -69,6 +69,12 @@ class Step:
 
 
 Places = slice | NDArray[np.intp]
+
+
+def _size_for_drawing(values: FloatArray) -> float:
+    """The range of a signal, by which its bends are measured; 0 where it is constant but for rounding."""
+    swing = float(np.ptp(values)) if len(values) else 0.0
+    return swing if swing > ROUNDING * float(np.max(np.abs(values), initial=0.0)) else 0.0
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -259,14 +265,16 @@ class Trajectory:
         return (before, after) if before >= 0 and after < step.stop else None
 
     def thinned(self, samples_per_step: int) -> Trajectory:
-        """A copy of at most ``samples_per_step`` samples a step, ends kept; for storing and drawing."""
+        """A copy of at most ``samples_per_step`` samples a step, its ends and bends kept; for storing and drawing."""
+        sizes = {name: _size_for_drawing(values) for name, values in self.signals.items()}
         steps = self.steps or (Step(StepKind.DRIVE, 0, len(self)),)
         kept: list[NDArray[np.intp]] = []
         new_steps: list[Step] = []
         count = 0
         for step in steps:
-            size = step.stop - step.start
-            picks = evenly(size, samples_per_step)
+            part = slice(step.start, step.stop)
+            curves = [self.signals[name][part] / size for name, size in sizes.items() if size > 0.0]
+            picks = where_they_bend(self.time[part], curves, samples_per_step)
             kept.append(step.start + picks)
             new_steps.append(replace(step, start=count, stop=count + len(picks)))
             count += len(picks)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -192,11 +192,10 @@ def read_case(options: DiscoverOptions) -> Case:
         search={"Negative particle radius [m]": {"factors": [0.5, 2.0]}},  # a task must search something; not used
         scale_to_capacity=options.scale,
     )
+    names = _told_apart([name for name, _ in (*fitted, *held)])
     measured_records = [
-        MeasuredRecord(
-            f"{number} {name}", experiment.target, experiment.temperature_k, experiment.initial_temperature_k
-        )
-        for number, ((name, _), experiment) in enumerate(zip((*fitted, *held), task.experiments, strict=True), start=1)
+        MeasuredRecord(name, experiment.target, experiment.temperature_k, experiment.initial_temperature_k)
+        for name, experiment in zip(names, task.experiments, strict=True)
     ]
     starts = {s.name: e.initial_soc for s, e in zip(measured_records, task.experiments, strict=True)}
     count = len(fitted)
@@ -252,6 +251,11 @@ def _parts(options: DiscoverOptions, file: RecordFile) -> list[tuple[str, Record
     parts = _request(options, file).parts()
     stem = file.path.stem
     return [(stem if len(parts) == 1 else f"{stem}, part {n}", part) for n, part in enumerate(parts, start=1)]
+
+
+def _told_apart(names: Sequence[str]) -> list[str]:
+    """The names of records, their number behind those that several have: two folders may hold files of one name."""
+    return [f"{name} (record {n})" if names.count(name) > 1 else name for n, name in enumerate(names, start=1)]
 
 
 def spreads_of(search: str | dict[str, Uncertainty | None], cell: CellModel) -> dict[str, tuple[float, float, float]]:

@@ -1,6 +1,6 @@
 """``bsa export``: the cell that a run found, as a file for other programs."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -39,17 +39,39 @@ def exported(folder: Path, to: str) -> tuple[str, tuple[str, ...]]:
     soc = change.soc_of(experiment.name)
     started = experiment if soc is None else replace(experiment, initial_soc=soc)
     read_back = replace(cell, parameter_set=parsed(FILES["bpx"], found.text), overrides=widened_cut_offs(cell))
-    largest = largest_difference_mv(started, (cell, change), (read_back, type(change)()))
-    if largest is None:
+    difference = difference_on(started, (cell, change), (read_back, type(change)()))
+    if difference is None:
         return found.text, (*found.left_out, "The file's cell could not be simulated on the first record.")
-    words = f"Read back and simulated on the first record, the file is within {largest:.2g} mV of the run's own cell"
-    return found.text, (*found.left_out, words + (": more than tables explain." if largest > TOLERANCE_MV else "."))
+    return found.text, (*found.left_out, difference.words)
 
 
-def largest_difference_mv(
+@dataclass(frozen=True)
+class Difference:
+    """How far the voltages of two cells are apart on one record."""
+
+    # largest_mv, rms_mv: The largest difference and the root mean square over time, mV.
+    largest_mv: float
+    rms_mv: float
+    # at_s, duration_s: When it is largest, and how long the record lasts, s.
+    at_s: float
+    duration_s: float
+
+    @property
+    def words(self) -> str:
+        """Of a file's cell beside the run's own; where in the record they differ most, if they differ clearly."""
+        words = f"Read back and simulated on the first record, the file is within {self.largest_mv:.2g} mV of the run's"
+        if self.largest_mv <= TOLERANCE_MV:
+            return f"{words} own cell."
+        return (
+            f"{words} own cell, farthest off at {self.at_s:,.0f} s of {self.duration_s:,.0f} s "
+            f"({self.rms_mv:.2g} mV rms): more than tables explain."
+        )
+
+
+def difference_on(
     experiment: Experiment, ours: tuple[CellModel, CellChange], theirs: tuple[CellModel, CellChange]
-) -> float | None:
-    """The largest difference of two changed cells' voltages on a record, mV; None where one cannot be simulated.
+) -> Difference | None:
+    """The difference of two changed cells' voltages on a record; None where one cannot be simulated.
 
     Under a protocol both pass the current that the first one passes: its steps end a little earlier in the one cell
     than in the other, and voltages behind them, compared at equal times, would differ by all that a step changes.
@@ -66,4 +88,6 @@ def largest_difference_mv(
         return None
     time = np.linspace(0.0, min(curve.time[-1] for curve in curves if curve), 1000)
     first, second = (np.interp(time, curve.time, curve.voltage) for curve in curves if curve)
-    return 1e3 * float(np.max(np.abs(first - second)))
+    off = 1e3 * np.abs(first - second)
+    worst = int(np.argmax(off))
+    return Difference(float(off[worst]), float(np.sqrt(np.mean(off**2))), float(time[worst]), float(time[-1]))

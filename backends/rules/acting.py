@@ -62,7 +62,7 @@ def _let_it(prompt: Prompt) -> dict[str, Any]:
         f"{reason}; its misfit is {misfit} tolerances.{_said_by_the_record(prompt)}",
         "The parameters are off together, and the slopes say by how much.",
         "refine",
-        "Let it go on.",
+        "Let the fit go on.",
         simulations=_PATIENCE,
     )
 

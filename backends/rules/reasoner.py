@@ -18,6 +18,8 @@ _LEAST = 0.02
 """Typical steps below which a change is lost in the rounding of the prompt."""
 _MOST_UNMEASURED = 0.6
 """Share of the simulations left that may go into measuring effects."""
+_AS_WRITTEN = {"cc": "CC", "cv": "CV", "pct": "%", "mv": "mV", "k": "K"}
+"""Words of a feature's name that people write in another way."""
 
 
 def propose(prompt: Prompt) -> dict[str, Any]:
@@ -76,7 +78,8 @@ def _copied(prompt: Prompt) -> dict[str, Any]:
 def _answer(prompt: Prompt, sensitivity: Sensitivity, change: Matrix) -> dict[str, Any]:
     strength = np.abs(sensitivity.mismatch) / sensitivity.tolerance
     worst = np.argsort(-strength)[:3]
-    described = "; ".join(f"{sensitivity.features[row]} is {sensitivity.mismatch[row]:+.4g}" for row in worst)
+    named = [in_words(feature) for feature in sensitivity.features]
+    described = "; ".join(_told(named[row], "is", sensitivity.mismatch[row], 4) for row in worst)
     main_feature = int(worst[0])
     effects = sensitivity.slopes[main_feature] * change
     main = int(np.argmax(np.abs(effects))) if np.any(effects) else int(np.argmax(np.abs(change)))
@@ -86,15 +89,33 @@ def _answer(prompt: Prompt, sensitivity: Sensitivity, change: Matrix) -> dict[st
     return {
         "analysis": f"The largest mismatches: {described}.",
         "hypothesis": f"{main_name} is too {'low' if change[main] > 0 else 'high'}: "
-        f"it moves {sensitivity.features[main_feature]} most.",
+        f'its change moves "{named[main_feature][0]}" most.',
         "updated_params": {
             name: change_by(steps, prompt.steps[name])
             for name, steps in zip(sensitivity.parameters, change, strict=True)
             if abs(steps) > 1e-4
         },
         "rationale": f"From {sensitivity.source}: change it by {written} and let the others follow; "
-        f"{sensitivity.features[main_feature]} should go to {expected[main_feature]:+.3g}.",
+        f"{_told(named[main_feature], 'should go to', expected[main_feature], 3)}.",
     }
+
+
+def _told(named: tuple[str, str], verb: str, value: float, digits: int) -> str:
+    """``"CC discharge late shift is +12.3 mV"``."""
+    words, of_unit = named
+    return f"{words} {verb} {value:+.{digits}g} {of_unit}".rstrip()
+
+
+def in_words(feature: str) -> tuple[str, str]:
+    """A feature's name, ``"cc_discharge_at_30_pct_shift_mv"``, as a person reads it, and its unit.
+
+    ``("CC discharge at 30 % shift", "mV")``: every name ends in its unit.
+    """
+    name, _, of_unit = feature.rpartition("_")
+    if not name:
+        return feature, ""
+    words = [_AS_WRITTEN.get(word, word) for word in name.split("_")]
+    return " ".join(words), _AS_WRITTEN.get(of_unit, of_unit)
 
 
 def _probe(prompt: Prompt) -> dict[str, Any]:

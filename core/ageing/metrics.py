@@ -25,7 +25,7 @@ class AgeingMetrics(PaperMetrics):
 
     # Mean over all cycles of the record of the capacity mismatch, in percent of the first cycle's capacity.
     fade_error: float = 0.0
-    # Mean over all cycles of the resistance mismatch, in percent; 0 where the record has no resistances.
+    # Mean of the resistance mismatch over the cycles whose resistance is known, in percent; 0 where none is.
     resistance_error: float = 0.0
 
 
@@ -43,6 +43,21 @@ def over_cycles(quantities: Iterable[Quantity], task: Task) -> tuple[Quantity, .
     cycles = counted(count, "cycle")
     labels = {"v_rmse_mv": f"Voltage RMSE at equal times of {cycles}", "capacity_error": f"Capacity error of {cycles}"}
     return tuple(replace(one, label=labels.get(one.key, one.label)) for one in quantities)
+
+
+def of_tables(task: Task) -> tuple[Quantity, ...]:
+    """Errors of the capacities and, where any is known, of the resistances of a life, named for their cycles.
+
+    A resistance is known where the record has samples right behind a switch of the current: often of few cycles.
+    """
+    tables = [experiment.target.cycle_table for experiment in task.experiments]
+    known = [np.isfinite(table.resistance_ohm) for table in tables if table is not None]
+    count, of_all = sum(int(np.sum(one)) for one in known), sum(map(len, known))
+    if not count:
+        return (FADE,)
+    return FADE, RESISTANCE if count == of_all else replace(
+        RESISTANCE, label=f"Resistance error of {counted(count, 'cycle')}"
+    )
 
 
 def evaluate(task: Task, outcome: Outcome) -> AgeingMetrics | None:

@@ -60,7 +60,8 @@ def with_gaps_noted(samples: Samples) -> Samples:
     scale = float(np.max(np.abs(samples.current)))
     flowing = np.minimum(np.abs(samples.current[gaps]), np.abs(samples.current[gaps + 1])) > FLOWS * scale
     k = int(gaps[np.argmax(spacing[gaps])])
-    note = f"{counted(len(gaps), 'gap')} without samples, the longest of {spacing[k]:.4g} s after {samples.place(k)}"
+    longest = f"{spacing[k]:.0f}" if spacing[k] >= 1000.0 else f"{spacing[k]:.4g}"
+    note = f"{counted(len(gaps), 'gap')} without samples, the longest of {longest} s after {samples.place(k)}"
     if flowing.any():
         which = "it" if len(gaps) == 1 else f"{np.count_nonzero(flowing)} of them"
         note += f"; current flowed across {which}, so charge is uncertain there"

@@ -116,7 +116,7 @@ COLUMNS = (
     _metric("step_duration_error", "mean of abs(ln(simulated / measured duration)) over the steps"),
     _metric("capacity_error", "relative error of the discharged capacity, as a fraction", "Capacity error"),
     _metric("fade_error", "of a life: mean capacity error over all cycles, % of the first cycle's capacity"),
-    _metric("resistance_error", "of a life: mean resistance error over all cycles, %"),
+    _metric("resistance_error", "of a life: mean resistance error over the cycles whose resistance was measured, %"),
     _initial("objective"),
     _initial("mape", "MAPE before / %"),
     _initial("v_rmse_mv"),

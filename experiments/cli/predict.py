@@ -47,5 +47,5 @@ def predict(
         find_out = f"to find out: bsa-run --resume {shlex.quote(str(run))}"
         print(f"note: no 95 % band: the run has not looked for what its record fixes; {find_out}", file=sys.stderr)
     for row in error_rows(scored.run.task, scored.run.records, scored.predictions):
-        print(f"  {printable(row.line, 400)}")
+        print(f"  {printable(row.line, 600)}")
     print(f"  report: {page}")

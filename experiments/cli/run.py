@@ -312,21 +312,33 @@ def _resume_command(folder: Path, identifiability: bool = True) -> str:
 
 
 def _how_to_go_on(result: RunResult, config: RunConfig, folder: Path, identifiability: bool) -> Iterator[str]:
-    """How a search that its budget ended goes on with twice of it, and what finds out what was not looked for."""
+    """How a search or an analysis goes on with twice its budget, and what finds out what was not looked for."""
+    from ..report.post_fit import needs_more
+
     if result.status in STOPPED or result.cut_short:
         return
     if result.status.endswith("-spent") or result.reason:
         by_rounds = result.status == "rounds-spent"
         more = f"--rounds {2 * config.rounds or 1}" if by_rounds else f"--simulations {2 * config.simulations}"
         yield f"To search on: {_resume_command(folder, identifiability)} {more}"
+    elif result.analysis is not None and needs_more(result.analysis):
+        yield f"To go on with more simulations: {_resume_command(folder)} --simulations {2 * config.simulations}"
     if not identifiability and len(result.trials) > 1:
         yield f"What the record fixes was not looked for; to find out: {_resume_command(folder)}"
 
 
 def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterable[str] = ()) -> None:
     from ...core.metrics import headline_of, objective_of
+    from ...core.signal_metrics import MISFIT
     from ..report.forecast_line import forecast_line
-    from ..report.post_fit import best_score_line, caution_line, groups_line, next_line, verdict_line
+    from ..report.post_fit import (
+        best_score_line,
+        caution_line,
+        groups_line,
+        next_line,
+        tolerance_line,
+        verdict_line,
+    )
     from ..report.records import error_rows
     from ..report.wording import losses, number
     from .progress import printable
@@ -343,18 +355,20 @@ def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterabl
     for quantity in shown:
         before, after = (number(quantity.shown(metrics)) for metrics in (result.initial_metrics, result.best_metrics))
         print(f"  {quantity.words:{width}s} {before:>10s} → {after} {quantity.unit}")
-    better = best_score_line(objective_of(task), result.best, result.lowest, result.lowest_metrics)
+    if objective_of(task) is MISFIT:
+        print(f"  ({tolerance_line(task)})")
+    better = best_score_line(task, result.best, result.lowest, result.lowest_metrics)
     if better:
         print(f"  {better}")
     for row in error_rows(task, result.records, result.held_out):
-        print(f"  {printable(row.line, 400)}")
+        print(f"  {printable(row.line, 600)}")
     for forecast, measured in zip(result.held_out, task.held_out, strict=False):
         if measured.long:
             print(f"  {printable(forecast_line(forecast, measured), 400)}")
     if result.analysis is not None:
         lines = [words(result.analysis) for words in (verdict_line, caution_line, groups_line)]
         lines.append(next_line(result.analysis, task.domain))
-        print(*(f"  {line}" for line in lines if line), "  (see the report)", sep="\n")
+        print(*(f"  {line}" for line in lines if line), sep="\n")
     if left_out:
         print(f"  {printable(left_out, 600)}")
     for line in further:

@@ -26,7 +26,9 @@ _Row = TypeVar("_Row")
 
 
 def duration(seconds: float) -> str:
-    """A length of time in the unit that suits it: ``12.3 h``."""
+    """A length of time in the unit that suits it: ``12.3 h``; less than any instrument tells apart is ``<0.1 ms``."""
+    if 0.0 < abs(seconds) < 1e-4:
+        return "<0.1 ms"
     for limit, size, unit in ((120.0, 1.0, "s"), (7200.0, 60.0, "min"), (200 * 3600.0, 3600.0, "h")):
         if abs(seconds) < limit:
             return f"{seconds / size:.4g} {unit}"
@@ -130,7 +132,7 @@ def spectrum_lines(found: ImpedanceSpectrum) -> Iterator[str]:
         yield f"  ohmic        {1e3 * ohmic:.2f} mohm, where the imaginary part is zero"
     for k in (0, len(found) - 1):
         z = 1e3 * found.impedance[k]
-        yield f"  at {found.frequency[k]:<10.4g}{z.real:.2f} {z.imag:+.2f}j mohm"
+        yield f"  at {f'{found.frequency[k]:.4g} Hz':<13s}{z.real:.2f} {z.imag:+.2f}j mohm"
     yield from problem_lines(found.notes)
 
 
@@ -183,4 +185,7 @@ def _resistance_line(row: ResistanceRow) -> str:
 
 def wrapped(text: str, indent: str = "") -> Iterable[str]:
     """The text in lines of `WIDTH`, the later ones as far in as the first."""
-    return textwrap.wrap(text, WIDTH, initial_indent=indent, subsequent_indent=" " * len(indent))
+    # An option or a file's name that is broken cannot be copied.
+    return textwrap.wrap(
+        text, WIDTH, initial_indent=indent, subsequent_indent=" " * len(indent), break_on_hyphens=False
+    )

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...core.thinning import ROUNDING
 from ...core.trajectory import FloatArray
 from .thinning import thin_curve
 from .wording import number
@@ -182,15 +183,20 @@ def horizontal(low: float, high: float) -> Axis:
 
 def padded(low: float, high: float) -> tuple[float, float]:
     """A range with some air at both ends."""
-    margin = 0.06 * (high - low) or 0.05 * abs(low) or 1.0
+    margin = 0.06 * _swing(low, high) or 0.05 * abs(low) or 1.0
     return low - margin, high + margin
+
+
+def _swing(low: float, high: float) -> float:
+    """By how much values differ; 0 where they differ by their rounding alone."""
+    return high - low if high - low > ROUNDING * max(abs(low), abs(high)) else 0.0
 
 
 def limits_around(curves: Sequence[FloatArray]) -> tuple[float, float]:
     """Ends of an axis that show the first curve well, and of the others what lies half its size beyond."""
     first = curves[0]
     low, high = float(first.min()), float(first.max())
-    margin = 0.5 * (high - low) or 0.1 * abs(low) or 0.1
+    margin = 0.5 * _swing(low, high) or 0.1 * abs(low) or 0.1
     low = max(min(float(curve.min()) for curve in curves), low - margin)
     high = min(max(float(curve.max()) for curve in curves), high + margin)
     return padded(low, high)

@@ -36,7 +36,8 @@ def _summary(run: RunRecord) -> str:
     reduced = sum(trial.reduction is not None for trial in run.trials)
     text = f"{len(failed)} of {counted(len(run.trials), 'simulation')} failed"
     if reduced:
-        text += f"; {reduced} were of a reduced task, which count as simulations but never as a fit"
+        were, count = ("was", "counts") if reduced == 1 else ("were", "count")
+        text += f"; {reduced} {were} of a reduced task, which {count} as simulations but never as a fit"
     limits = Counter(
         part.partition(" (")[0]  # without its numbers
         for trial in failed

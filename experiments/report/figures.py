@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +11,8 @@ from scipy.interpolate import PchipInterpolator
 
 from ...core.metrics import Quantity
 from ...core.overlap import scored_part
-from ...core.prediction import Prediction, band_of
+from ...core.prediction import Prediction, band_of, followed
+from ...core.printable import counted
 from ...core.signals import Signal
 from ...core.task import Experiment, Task
 from ...core.trajectory import FloatArray, StepKind, Trajectory
@@ -24,6 +25,9 @@ from .records import errors_words
 from .wording import number, time_unit, unit
 
 _DRIVEN_HEIGHT, _OBSERVED_HEIGHT, _RESIDUAL_HEIGHT, _CONVERGENCE_HEIGHT = 96.0, 210.0, 110.0, 250.0
+
+_ZERO_DEGC = 273.15
+"""Temperatures are drawn in degC, as they are told everywhere; their residuals are differences, in K."""
 
 _ROOM_ABOVE = 2.2
 """Times the largest objective at which its axis ends."""
@@ -42,6 +46,7 @@ class Overlay:
     # Its scored errors before and after, in a sentence for each observed signal; the drawn curves are thinned and tell
     # others. Empty where it was not scored.
     fit: str
+    signed: bool = True  # Whether a signal is drawn whose sign has to be told.
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,35 +127,64 @@ def prediction_overlays(task: Task, predictions: Sequence[Prediction]) -> list[O
         experiment = by_name.get(prediction.errors.record)
         if experiment is None or prediction.curve is None or not len(prediction.curve):
             continue
-        misfits = {name: band.misfit for name, band in prediction.bands.items()}
         for shown in _cycles(experiment) if experiment.long else [experiment]:
             curve = scored_part(prediction.curve, shown)
             if curve is not None:
                 signals = task.observed_in(shown.scored_target)
                 fit = errors_words(signals, prediction.errors) if shown is experiment else ""
-                found.append(_predicted(task, place, shown, curve, misfits, fit))
+                found.append(_predicted(task, place, shown, curve, prediction, fit))
     return found
 
 
 def _predicted(
-    task: Task, place: int, experiment: Experiment, curve: Trajectory, misfits: Mapping[str, float], fit: str
+    task: Task, place: int, experiment: Experiment, curve: Trajectory, prediction: Prediction, fit: str
 ) -> Overlay:
     measured, predicted = _Curve("measured", experiment.scored_target), _Curve("best", curve)
     keys = [Key("measured", "measured"), Key("best", "predicted")]
     if experiment.is_spectrum:
-        return _spectrum(experiment.name, f"held-out-{place}", fit, [measured, predicted], keys)
+        bands = ("The 95 % bands of the two parts stand in the table alone.",) * bool(prediction.bands)
+        return _spectrum(experiment.name, f"held-out-{place}", fit, [measured, predicted], keys, bands)
     title = "Measured and predicted over time, with the residual"
     chart, scale = _over_time(f"held-out-{place}", experiment, title, float(measured.time[-1]))
+    remarks = ["Residual: predicted minus measured."]
     for panel, signal in _draw(chart, task, measured, [predicted], predicted, scale):
-        if band_of(signal.name) in curve.signals:
-            left_open = signal.shown_scale * curve.values(band_of(signal.name))
-            half = np.hypot(left_open, misfits[signal.name])
+        half = _half_width(curve, signal, prediction)
+        if half is None:
+            continue
+        for start, stop in _stretches(followed(predicted.time, prediction.at_limit)):
             for side in (-1.0, 1.0):
-                panel.draw(predicted.time / scale, side * half, "limit")
-            keys.append(Key("limit", "95 % band"))
+                panel.draw(predicted.time[start:stop] / scale, side * half[start:stop], "limit")
+        keys.append(Key("limit", "95 % band"))
+        remarks += _beyond_panel(panel, signal, half[followed(predicted.time, prediction.at_limit)])
+    if prediction.at_limit:
+        remarks.append("There is no band where the simulated cell is empty or full.")
     chart.keys += dict.fromkeys(keys)
     chart.description = fit
-    return Overlay(experiment.name, chart, ("Residual: predicted minus measured.",), fit)
+    return Overlay(experiment.name, chart, tuple(remarks), fit)
+
+
+def _half_width(curve: Trajectory, signal: Signal, prediction: Prediction) -> FloatArray | None:
+    """Half the width of a signal's 95 % band along its curve, in the shown unit; None if it has none."""
+    if band_of(signal.name) not in curve.signals or signal.name not in prediction.bands:
+        return None
+    left_open = signal.shown_scale * curve.values(band_of(signal.name))
+    return np.hypot(left_open, prediction.bands[signal.name].misfit)
+
+
+def _beyond_panel(panel: Panel, signal: Signal, half: FloatArray) -> list[str]:
+    """That a band cannot be seen in its panel, and where it lies."""
+    beyond = half > panel.axis.high
+    if not np.any(beyond):
+        return []
+    most = "" if np.all(beyond) else " in part"
+    least, largest = (f"{number(float(value), 3)} {unit(signal.shown)}" for value in (half.min(), half.max()))
+    return [f"The 95 % band of the {signal.words}, ± {least} to ± {largest}, lies{most} outside its panel."]
+
+
+def _stretches(holds: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First place of each run of true values, and one past its last."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(int)))
+    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
 
 
 def _over_time(name: str, experiment: Experiment, title: str, longest_s: float) -> tuple[Chart, float]:
@@ -195,9 +229,17 @@ def _scored(run: RunRecord, experiment: Experiment) -> str:
     return "" if after is None else errors_words(signals, after, before, " of this record")
 
 
-def _spectrum(name: str, chart: str, fit: str, curves: Sequence[_Curve], keys: Sequence[Key]) -> Overlay:
+def _spectrum(
+    name: str,
+    chart: str,
+    fit: str,
+    curves: Sequence[_Curve],
+    keys: Sequence[Key],
+    remarks: tuple[str, ...] = (),
+) -> Overlay:
     drawn = {curve.style: curve.record for curve in curves}
-    return Overlay(name, nyquist(chart, f"Measured and simulated impedance. {fit}".strip(), drawn, keys), (), fit)
+    description = f"Measured and simulated impedance. {fit}".strip()
+    return Overlay(name, nyquist(chart, description, drawn, keys), remarks, fit, signed=False)
 
 
 def _simulated(trial: Trial, place: int, experiment: Experiment, style: str) -> _Curve | None:
@@ -220,8 +262,9 @@ def _draw(
     residuals: list[tuple[Panel, Signal]] = []
     for signal in _shown(task, measured):
         driven = signal.role == "driven"
-        values = {curve: curve.values(signal) for curve in (measured, *simulated)}
-        label, limits = f"{signal.title} / {unit(signal.unit)}", limits_around(list(values.values()))
+        zero, shown_unit = (_ZERO_DEGC, "degC") if signal.unit == "K" else (0.0, unit(signal.unit))
+        values = {curve: curve.values(signal) - zero for curve in (measured, *simulated)}
+        label, limits = f"{signal.title} / {shown_unit}", limits_around(list(values.values()))
         panel = chart.panel(label, limits, *((_DRIVEN_HEIGHT, 3) if driven else (_OBSERVED_HEIGHT, 5)))
         panel.shows_zero = driven and panel.axis.low < 0 < panel.axis.high
         for curve, found in values.items():
@@ -257,7 +300,10 @@ def _remarks(
     if experiment.protocol is None:
         names = " and ".join(signal.words for signal in _driven(run.task, measured))
         if names:
-            remarks.append(f"The measured {names} drives the simulation, so measured and simulated {names} coincide.")
+            but = ", except where the simulated cell is empty or full" if run.initial.limits or run.best.limits else ""
+            remarks.append(
+                f"The measured {names} drives the simulation, so measured and simulated {names} coincide{but}."
+            )
     if initial is None:
         remarks.append("The initial simulation did not reach the part that is shown.")
     elif run.initial.curves[place] is not None and run.initial.failure is not None:
@@ -300,7 +346,7 @@ def convergence(run: RunRecord, objective: Quantity) -> Chart | None:
         chart.keys.append(Key("failed", f"failed ({run.failed})", "cross"))
     chart.description = (
         f"{objective.label} fell from {number(run.initial.objective)} to {number(run.best.objective)} "
-        f"{objective.unit} in {len(run.trials)} simulations, {run.failed} of which failed."
+        f"{objective.unit} in {counted(len(run.trials), 'simulation')}, {run.failed} of which failed."
     )
     return chart
 

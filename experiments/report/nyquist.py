@@ -21,10 +21,10 @@ def nyquist(name: str, description: str, curves: Mapping[str, Trajectory], keys:
     """
     drawn = {style: _milliohm(curve) for style, curve in curves.items()}
     real, turned = (limits_around([curve[part] for curve in drawn.values()]) for part in (0, 1))
-    chart = Chart(name, "Impedance", horizontal(*real), "Re Z / mΩ", description, list(keys))
+    chart = Chart(name, "Impedance", horizontal(*real), "Re Z / mohm", description, list(keys))
     scale = (WIDTH - LEFT - RIGHT) / (chart.across.high - chart.across.low)
     height = float(np.clip(scale * (turned[1] - turned[0]), *_HEIGHTS))
-    panel = chart.panel("-Im Z / mΩ", turned, height, ticks=5)
+    panel = chart.panel("-Im Z / mohm", turned, height, ticks=5)
     for style, (x, y) in drawn.items():
         panel.draw(x, y, style)
         for a, b, hertz in zip(x, y, curves[style].values(FREQUENCY.name), strict=True):

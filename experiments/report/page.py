@@ -11,12 +11,13 @@ from ...core.files import foreign, write_text
 from ...core.metrics import Quantity, errors_of, headline_of, objective_of
 from ...core.parameters import Parameter
 from ...core.printable import counted
+from ...core.signal_metrics import MISFIT
 from ..run_record import UNFINISHED, RunRecord, read_run
 from .ageing import lives
 from .failures import failures
 from .figures import convergence, overlays, prediction_overlays
 from .identifiability import section
-from .post_fit import best_score_line
+from .post_fit import best_score_line, tolerance_line
 from .records import error_rows
 from .rounds import chapters
 from .templates import template
@@ -84,6 +85,7 @@ def render(run: RunRecord) -> str:
         objective=objective,
         domain=run.task.domain,
         gain=change(objective.shown(run.initial_metrics), objective.shown(run.best_metrics)),
+        tolerance=tolerance_line(run.task) if objective is MISFIT else "",
         headline=[_figure(run, quantity) for quantity in headline_of(run.task)],
         metrics=[_figure(run, quantity) for quantity in errors_of(run.task)],
         lives=lives(run),
@@ -93,7 +95,7 @@ def render(run: RunRecord) -> str:
         predictions=prediction_overlays(run.task, run.held_out),
         convergence=convergence(run, objective),
         parameters=parameters,
-        best_score=best_score_line(objective, run.best, run.lowest, run.metrics_of(run.lowest)),
+        best_score=best_score_line(run.task, run.best, run.lowest, run.metrics_of(run.lowest)),
         at_bound=[row for row in parameters if row["bound"]],
         fixed=section(run),
         failures=failures(run),

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from ...core.domain import Domain
-from ...core.metrics import Metrics, Quantity
+from ...core.metrics import Metrics, objective_of
 from ...core.post_fit_analysis import PostFitAnalysis, Suggestion
 from ...core.printable import counted
 from ...core.residuals import DURATION_TOLERANCE
@@ -17,22 +17,24 @@ _NAMED = 6
 _WORTH_MEASURING = 0.9
 """Share of the widest interval that a protocol must come below to be advised: less is not worth hours of a cycler."""
 
-_LONGER = "A run that is allowed more simulations has a longer analysis, also where its search ends early."
+_LONGER = "With more --simulations the analysis is longer, also where the search does not use them."
 
 
-def best_score_line(objective: Quantity, best: Trial, lowest: Trial, metrics: Metrics | None) -> str:
-    """Which simulation has a lower score than the one that is reported; empty if none has.
+def best_score_line(task: Task, best: Trial, lowest: Trial, metrics: Metrics | None) -> str:
+    """Which simulation has a better score than the one that is reported, and why; empty if none has.
 
-    ``best`` is the run's answer, ``lowest`` the simulation with the lowest objective.
+    ``best`` is the run's answer, ``lowest`` the simulation with the lowest objective, ``metrics`` its final scores.
     """
     if lowest is best or metrics is None:
         return ""
+    objective = objective_of(task)
+    minimised = "means of the error over equal parts of each step" if task.given_drive else "errors within each step"
+    theirs, lowest_misfit = (number(trial.misfit, 3) for trial in (best, lowest))
     start = " (the starting point)" * (best.phase == "initial")
     return (
-        f"These are the values of simulation {best.index}{start}, which follows the record more closely step by step "
-        f"(misfit {number(best.misfit)} tolerances, that of simulation {lowest.index} {number(lowest.misfit)}); "
-        f"simulation {lowest.index} has the lowest {objective.words}, {number(objective.shown(metrics))} "
-        f"{objective.unit}."
+        f"These are the values of simulation {best.index}{start}: the fit minimises the {minimised}, which are "
+        f"{theirs} tolerances (rms) there and {lowest_misfit} in simulation {lowest.index}, which has the lowest "
+        f"{objective.words}, {number(objective.shown(metrics))} {objective.unit}. {tolerance_line(task)}"
     )
 
 
@@ -62,7 +64,8 @@ def _doubt(analysis: PostFitAnalysis) -> str:
     if analysis.unsettled:
         return (
             f"The fit has not settled: {_named_or_counted(analysis.unsettled, analysis)} would move by more than the "
-            "interval with another step, so the intervals say little in either direction. More simulations would tell."
+            "interval with another step, so the intervals say little in either direction. To settle it, let the run go "
+            "on with more simulations."
         )
     if apart := analysis.identifiability.apart:
         return (
@@ -85,16 +88,21 @@ def caution_line(analysis: PostFitAnalysis) -> str:
     """What the analysis did where its budget ended first; empty if it did not."""
     if analysis.widened <= 1.0:
         return ""
-    budget = f"its budget being the {analysis.budget} that the search was allowed"
+    budget = f"The analysis may make as many simulations as the search, {analysis.budget}"
     if analysis.simulations > analysis.budget:
-        budget = f"some of which are made in any case, {budget}"
+        budget += ", and makes some in any case"
     # Beside a fit that has not settled, an interval as wide as a linear estimate is no wider than it should be.
     wide = "" if analysis.unsettled else ", and every interval is at least as wide as a linear estimate"
     return (
-        f"The analysis stopped after {counted(analysis.simulations, 'simulation')}, {budget}: the sample of the "
-        f"parameters had not converged. The assumed noise was raised {number(analysis.widened, 2)} times for it{wide}. "
-        f"{_LONGER}"
+        f"{budget}. It stopped after {analysis.simulations}, before its sample of the parameters had converged; to "
+        f"allow for that, the assumed noise was raised {number(analysis.widened, 2)} times{wide}. {_LONGER}"
     )
+
+
+def needs_more(analysis: PostFitAnalysis) -> bool:
+    """Whether more simulations would tell more than an analysis could."""
+    apart = analysis.identifiability.apart
+    return bool(analysis.unsettled or apart or analysis.widened > 1.0 or analysis.forgone)
 
 
 def groups_line(analysis: PostFitAnalysis) -> str:
@@ -108,17 +116,17 @@ def next_line(analysis: PostFitAnalysis, domain: Domain) -> str:
     if analysis.forgone:
         return (
             f"What to measure next was not looked for: it takes {counted(analysis.forgone, 'simulation')} more than "
-            f"the budget, the {analysis.budget} that the search was allowed."
-            + f" {_LONGER}"
-            * (not caution_line(analysis))
+            f"the {analysis.budget} that the analysis may make." + f" {_LONGER}" * (not caution_line(analysis))
         )
     if not analysis.measure_next:
         return ""
     first = analysis.measure_next[0]
     now = analysis.identifiability.intervals[analysis.worst].share_of_range
     if first.forecast.worst_share > _WORTH_MEASURING * now:
+        of_all = len(analysis.measure_next)
+        considered = f"None of the {of_all} protocols considered" if of_all > 1 else "No protocol considered"
         return (
-            f"None of the {len(analysis.measure_next)} protocols considered would narrow the widest interval "
+            f"{considered} would narrow the widest interval "
             f"({share(now)} of the range of {short_name(analysis.worst)}) by a tenth: what is open needs another kind "
             "of measurement, or a value from elsewhere."
         )
@@ -146,6 +154,11 @@ def tolerance_words(task: Task) -> str:
         f"about {number(100.0 * signal.tolerance)} % of the {signal.share_of or signal.words}" for signal in shares
     ]
     return ", ".join([*parts, *dict.fromkeys(words)])
+
+
+def tolerance_line(task: Task) -> str:
+    """What the unit of the misfit is, in a sentence."""
+    return f"One tolerance is {tolerance_words(task)}."
 
 
 def steps_of(suggestion: Suggestion) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ...core.ageing.fade_band import CAPACITY
 from ...core.cell import SPECTRUM, TEMPERATURE
@@ -20,6 +20,9 @@ _NAMED = 10
 """Cycles that are named one by one; of more the number is."""
 
 FITTED, HELD_OUT = "fitted", "held out"
+
+EMPTY_APART = "in which the simulated cell was neither empty nor full"
+"""Of the time over which a band is, where the simulated cell reached a limit."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,7 @@ class ErrorRow:
     note: str = ""  # What else a reader wants to know of it.
     over: str = "time"  # What errors are averaged over.
     steps: tuple[ErrorRow, ...] = ()  # The same, step by step.
+    followed: bool = True  # Whether the simulated cell was at no limit all the time; else the band is that of the rest.
 
     @property
     def line(self) -> str:
@@ -60,7 +64,8 @@ class ErrorRow:
             return f"{who}: not simulated: {self.remark}"
         part = f"; ± {self.misfit} from the misfit of the fitted records" if self.misfit else ""
         half = f"{self.band} {self.unit} (median{part})"
-        band = f"; 95 % band ± {half} holds {self.inside} of the {self.over}" if self.band else ""
+        where = "" if self.followed else f" {EMPTY_APART}"
+        band = f"; 95 % band ± {half} holds {self.inside} of the {self.over}{where}" if self.band else ""
         note = f"; {self.note}" if self.note else ""
         return (
             f"{who}: {self.signal} {self.rms} {self.unit} rms ({self.most} over 99 % of the {self.over}), "
@@ -71,7 +76,11 @@ class ErrorRow:
 def error_rows(task: Task, records: Sequence[RecordErrors], held_out: Sequence[Prediction] = ()) -> list[ErrorRow]:
     """A row for each compared signal of each record, those that were fitted first."""
     rows = [row for errors in records for row in _rows(task, errors, FITTED, {})]
-    return rows + [row for found in held_out for row in _rows(task, found.errors, HELD_OUT, dict(found.bands))]
+    return rows + [
+        replace(row, followed=not found.at_limit)
+        for found in held_out
+        for row in _rows(task, found.errors, HELD_OUT, dict(found.bands))
+    ]
 
 
 def errors_words(
@@ -129,7 +138,8 @@ def _step_by_step(cycles: tuple[int, ...]) -> str:
 def _left_open(band: Band, in_unit: str) -> str:
     """How much of a wide band is the parameters': the squares of what they and the misfit add to its half add up."""
     own = math.sqrt(max(_half(band) ** 2 - band.misfit**2, 0.0))
-    return f"the fitted records leave the parameters open, by ± {number(own, _DIGITS)} {unit(in_unit)} of this band"
+    size = f"± {number(own, _DIGITS)} {unit(in_unit)}"
+    return f"{size} of this band come from parameters that the fitted records leave open"
 
 
 def _half(band: Band) -> float:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
+from ...core.printable import counted
 from ...core.reply_parsing import strip_control
 from .wording import change, duration, number, share, unit
 
@@ -30,7 +31,7 @@ def template(name: str, folder: Path = _OWN) -> jinja2.Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters.update(number=number, duration=duration, unit=unit, share=share)
+    environment.filters.update(counted=counted, number=number, duration=duration, unit=unit, share=share)
     environment.filters["link"] = lambda path: Path(path).absolute().as_uri()
     environment.globals.update(zip=zip, change=change)
     return environment.get_template(name)

@@ -6,6 +6,8 @@ import math
 import re
 from typing import TYPE_CHECKING
 
+from ...core.printable import counted
+
 if TYPE_CHECKING:
     from ...core.parameters import Parameter
 
@@ -36,7 +38,7 @@ def number(value: float | None, digits: int = 4) -> str:
 def losses(unusable_replies: int, replies: int, lost_rounds: int) -> str:
     """``"18 of 18 replies could not be used, 6 rounds lost"``; empty where nothing was lost."""
     said = [f"{unusable_replies} of {replies} replies could not be used"] * bool(unusable_replies)
-    said += [f"{lost_rounds} round{'s' * (lost_rounds > 1)} lost"] * bool(lost_rounds)
+    said += [f"{counted(lost_rounds, 'round')} lost"] * bool(lost_rounds)
     return ", ".join(said)
 
 

@@ -28,10 +28,16 @@ def open_circuit_start(record: Trajectory) -> tuple[float, str]:
         return voltage, f"starts at {voltage:.3f} V{why}"
     current, jumps = float(record.current[0]), jump_resistances(record)
     ohm = float(np.median(jumps)) if jumps else 0.0
-    loss = f"{1e3 * ohm:.3g} mOhm at its current steps" if jumps else "no current step that would show its resistance"
+    flow, truth = ("discharge", "higher") if current > 0 else ("charge", "lower")
+    begins = f"begins under load ({voltage:.3f} V at {abs(current):.3g} A of {flow})"
+    if not jumps:
+        return voltage, (
+            f"{begins}, and no current step shows its resistance: this voltage is assumed to be the open-circuit "
+            f"voltage, which is {truth} (give --initial-soc where it is known)"
+        )
     return voltage + ohm * current, (
-        f"begins under load ({current:.3g} A, {voltage:.3f} V), with {loss}: the open-circuit voltage is about "
-        f"{voltage + ohm * current:.3f} V (--initial-soc says it better)"
+        f"{begins}: with {1e3 * ohm:.3g} mohm, which its current steps show, the open-circuit voltage is assumed to be "
+        f"{voltage + ohm * current:.3f} V (give --initial-soc where it is known)"
     )
 
 

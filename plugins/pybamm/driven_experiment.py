@@ -2,11 +2,13 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from ...core.discovery.observations import after_jumps
 from ...core.parameters import Candidate
+from ...core.printable import counted
 from ...core.simulation import ExperimentRun, SimulationFailure
 from ...core.target import CellChange, Target
 from ...core.task import CellModel, Experiment
@@ -41,7 +43,11 @@ class DrivenExperiment:
         says so (`ExperimentRun.limits`). One that the integrator gives up has the samples that it reached.
         """
         response = self._driven.follow(candidate, self._times)
-        limits = _in_words(response.pauses, self._record)
+        begin = float(self._record.time[0])
+        words = _in_words(response.pauses, self._record)
+        at_limit = tuple(
+            (pause.start - begin, min(pause.end - begin, self._record.duration)) for pause in response.pauses
+        )
         whole = (
             Trajectory(
                 self._record.time - self._record.time[0],
@@ -54,10 +60,10 @@ class DrivenExperiment:
             else None
         )
         if not response.cause:
-            return ExperimentRun(whole, limits=limits)
+            return ExperimentRun(whole, limits=words, at_limit=at_limit)
         count = int(np.searchsorted(self._times, response.reached + JUMP_S, side="right"))
-        reached_s = response.reached - float(self._record.time[0])
-        return ExperimentRun(*_until(whole, count, response.cause, reached_s), limits=limits)
+        trajectory, failure = _until(whole, count, response.cause, response.reached - begin)
+        return ExperimentRun(trajectory, failure, words, at_limit)
 
 
 def _until(
@@ -76,7 +82,11 @@ def _until(
 
 
 def _in_words(pauses: Sequence[Pause], record: Trajectory) -> tuple[str, ...]:
-    """``"the simulated cell was empty at 3,120 s of 3,600 s"``, once for empty and once for full."""
+    """``"the simulated cell was empty at 3,120 s of 3,600 s"``, once for empty and once for full.
+
+    Where the record passes clearly more charge than until then: ``", after 4.6 A.h; the record draws 12.5 A.h, 2.7
+    times as much"``.
+    """
     words = []
     for what, found in (
         ("empty", [pause for pause in pauses if pause.empty]),
@@ -84,6 +94,21 @@ def _in_words(pauses: Sequence[Pause], record: Trajectory) -> tuple[str, ...]:
     ):
         if found:
             at = found[0].start - float(record.time[0])
-            again = f", and {len(found) - 1} times more" if len(found) > 1 else ""
-            words.append(f"the simulated cell was {what} at {at:,.0f} s of {record.duration:,.0f} s{again}")
+            # One that could not be simulated on stays where it was: that is no further time.
+            more = sum(later.start >= earlier.end for earlier, later in pairwise(found))
+            again = f", and {counted(more, 'time')} more" if more else ""
+            words.append(
+                f"the simulated cell was {what} at {at:,.0f} s of {record.duration:,.0f} s{again}"
+                f"{_charge_lacking(found[0], record)}"
+            )
     return tuple(words)
+
+
+def _charge_lacking(pause: Pause, record: Trajectory) -> str:
+    """How much more charge a record passes than the cell did until its limit; empty if it is a tenth or less."""
+    passed = record.discharge_capacity if pause.empty else -record.discharge_capacity
+    until, largest = float(np.interp(pause.start, record.time, passed)), float(passed.max())
+    if largest < 1.1 * until:
+        return ""
+    times = f", {largest / until:.2g} times as much" if until > 0 else ""
+    return f", after {until:.3g} A.h; the record {'draws' if pause.empty else 'charges'} {largest:.3g} A.h{times}"

@@ -39,12 +39,14 @@ def test_it_solves_what_the_learnt_sensitivities_say() -> None:
     answer = ask(feedback(cc_discharge_time_mismatch_s=-600.0), learnt)
     change = answer["updated_params"]["Capacity [A.h]"]
     assert apply_change(1.0, change) == pytest.approx(1.1**2, rel=0.01)
-    assert "too low" in str(answer["hypothesis"])
+    assert answer["hypothesis"] == 'Capacity [A.h] is too low: its change moves "CC discharge time mismatch" most.'
+    assert "CC discharge time mismatch is -600 s." in str(answer["analysis"])
 
 
 def test_linear_parameters_are_moved_by_adding() -> None:
     learnt = effects(**{"Initial state of charge": {"rest_late_shift_mv": 20.0}})
     answer = ask(feedback(rest_late_shift_mv=40.0), learnt)
+    assert '"rest late shift" most' in str(answer["hypothesis"])
     # 40 mV at 20 mV a typical step, and a damping of a few thousandths.
     assert float(answer["updated_params"]["Initial state of charge"]) == pytest.approx(-0.1, rel=1e-2)
 

@@ -159,8 +159,45 @@ def test_a_band_too_wide_to_be_linear_is_named() -> None:
     (told,), (silent,) = (error_rows(task, (), [found]) for found in (wide, narrow))
     band = wide.bands["voltage"]
     left_open = float(f"{np.sqrt(band.median**2 - band.misfit**2):.3g}")
-    assert told.line.endswith(f"the fitted records leave the parameters open, by ± {left_open:g} mV of this band")
+    of_parameters = f"± {left_open:g} mV of this band come from parameters that the fitted records leave open"
+    assert told.line.endswith(of_parameters)
     assert not silent.remark
+
+
+class EmptyFrom:
+    """`Linear`, whose voltage stands at 2.5 V from a time on, whatever the parameters: an empty cell."""
+
+    def __init__(self, target: Trajectory, since_s: float) -> None:
+        self.linear, self.since_s = Linear(target), since_s
+
+    def simulate_variant(self, candidates: Any, experiments: Any, exact: bool = False) -> Any:
+        for place, outcome in self.linear.simulate_variant(candidates, experiments, exact):
+            runs = []
+            for run in outcome.runs:
+                assert run.trajectory is not None
+                empty = run.trajectory.time > self.since_s
+                shown = run.trajectory.changed(voltage=np.where(empty, 2.5, run.trajectory.voltage))
+                runs.append(ExperimentRun(shown, None, ("empty",), ((self.since_s, 100.0),)))
+            yield place, Outcome(tuple(runs), 0.0)
+
+
+def test_the_time_in_which_the_cell_is_empty_is_in_no_band() -> None:
+    """There every draw shows the same voltage: it would narrow the median of the band, and hold nothing."""
+    task, target = linear_task()
+    fit, new, draws = {"a": 0.2, "b": 0.3}, [Experiment("new", target)], [[0.201, 0.15], [0.199, 0.15]]
+    (whole,), (cut,), (never,) = (
+        predict(task, fit, new, simulating, draws)
+        for simulating in (Linear(target), EmptyFrom(target, 35.0), EmptyFrom(target, -1.0))
+    )
+    assert cut.bands["voltage"].median == pytest.approx(whole.bands["voltage"].median)
+    assert cut.bands["voltage"].inside == 1.0
+    assert cut.as_json()["at_limit"] == [[35.0, 100.0]]
+    assert decode_prediction(encode_prediction(cut)).at_limit == ((35.0, 100.0),)
+    assert cut.errors.signals["voltage"].max > 1000.0  # errors are over all of the record
+    assert not never.bands
+    (told,), (of_whole,) = (error_rows(task, (), [found]) for found in (cut, whole))
+    assert "holds 100 % of the time in which the simulated cell was neither empty nor full; empty" in told.line
+    assert of_whole.line.endswith("holds 100 % of the time")
 
 
 def test_a_record_that_begins_under_load_starts_where_its_beginning_is_met() -> None:

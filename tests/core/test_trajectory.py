@@ -25,3 +25,14 @@ def test_a_measurement_is_the_same_whatever_is_made_of_it() -> None:
     assert not record.is_same_measurement(record.changed(voltage=record.voltage + 1e-6))
     assert not record.is_same_measurement(record.changed(current=2.0 * record.current))
     assert not record.is_same_measurement(record.slice(0, 4))
+
+
+def test_a_thinned_record_keeps_what_stands_out_and_no_rounding() -> None:
+    time = np.arange(1000.0)
+    voltage = np.full(1000, 3.7)
+    voltage[777] = 3.6
+    current = 2.28 + 4e-16 * (np.arange(1000) % 2)
+    thin = Trajectory(time, current, voltage, None, (Step(StepKind.DRIVE, 0, 1000),)).thinned(60)
+    assert thin.voltage.min() == 3.6
+    assert len(thin) < 40  # the even half, and the three corners of the spike
+    assert thin.steps == (Step(StepKind.DRIVE, 0, len(thin)),)

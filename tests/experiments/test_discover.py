@@ -62,6 +62,19 @@ def test_what_is_uncertain_comes_from_a_preset_a_file_or_names(tmp_path):
         spreads_of(str(file), cell)
 
 
+def test_records_keep_the_names_of_their_files_and_those_of_one_name_are_told_apart(tmp_path):
+    files = []
+    for place in ("a/cell.csv", "b/cell.csv", "a/other.csv"):
+        file = tmp_path / place
+        file.parent.mkdir(exist_ok=True)
+        files.append(half_discharge(file, 100.0 * len(files)))
+    asked = {"data": files[:2], "holdout": files[2:], "parameters": "Chen2020", "model": "SPM", "scale": False}
+    case = read_case(DiscoverOptions(**asked, out=tmp_path / "out"))
+    names = [record.name for record in (*case.measured_records, *case.held)]
+    assert names == ["cell (record 1)", "cell (record 2)", "other"]
+    assert set(case.initial_soc) == set(names)
+
+
 def test_a_discovered_cell_has_the_nominal_capacity_of_its_size(tmp_path):
     time = np.arange(0.0, 4201.0, 30.0)
     amperes = np.where(time < 600.0, 0.0, 10.0)

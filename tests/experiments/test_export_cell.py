@@ -10,7 +10,7 @@ from bsa.core.target import CYCLABLE_LITHIUM, CellChange, target_named
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Trajectory
 from bsa.experiments import export_cell
-from bsa.experiments.export_cell import exported, largest_difference_mv
+from bsa.experiments.export_cell import Difference, difference_on, exported
 
 
 def test_a_step_that_ends_a_little_earlier_is_no_difference_of_the_curves() -> None:
@@ -25,10 +25,20 @@ def test_a_step_that_ends_a_little_earlier_is_no_difference_of_the_curves() -> N
     ours = CellModel("Chen2020", "SPM")
     width = 1.58
     theirs = CellModel("Chen2020", "SPM", overrides={"Electrode width [m]": 0.99 * width})
-    assert largest_difference_mv(experiment, (ours, CellChange()), (ours, CellChange())) == 0.0
-    different = largest_difference_mv(experiment, (ours, CellChange()), (theirs, CellChange()))
+    same = difference_on(experiment, (ours, CellChange()), (ours, CellChange()))
+    assert same is not None
+    assert same.largest_mv == same.rms_mv == 0.0
+    different = difference_on(experiment, (ours, CellChange()), (theirs, CellChange()))
     assert different is not None
-    assert 0.1 < different < 60.0  # 154 mV at equal times
+    assert 0.1 < different.largest_mv < 60.0  # 154 mV at equal times
+    assert 0.0 < different.rms_mv < different.largest_mv
+    assert 0.0 < different.at_s <= different.duration_s
+
+
+def test_a_file_that_is_off_says_where() -> None:
+    assert Difference(0.4, 0.1, 20.0, 7309.0).words.endswith("within 0.4 mV of the run's own cell.")
+    off = Difference(21.0, 0.62, 7301.0, 7309.0).words
+    assert "within 21 mV of the run's own cell, farthest off at 7,301 s of 7,309 s (0.62 mV rms): more than" in off
 
 
 @pytest.mark.parametrize("effects", [(), ("ocp-hysteresis",)])

@@ -115,7 +115,7 @@ def test_a_spectrum_is_compared_with_the_fitted_cell(fitted, tmp_path) -> None:
     assert found["impedance"]["ohmic_mohm"] == pytest.approx(20.1, abs=0.1)
     assert 0.0 < found["impedance"]["ohmic_simulated_mohm"] < 100.0
     page = (tmp_path / "p" / "prediction.html").read_text()
-    assert "Re Z / mΩ" in page
+    assert "Re Z / mohm" in page
     assert "ohmic" in page.casefold()
     assert fitted.predict(path).spectra["z.csv"] == found["impedance"]
 

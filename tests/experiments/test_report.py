@@ -16,10 +16,12 @@ from bsa.core.metrics import PaperMetrics
 from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.proposal import Proposal
 from bsa.core.record_errors import RecordErrors, SignalError
+from bsa.core.signal_metrics import MISFIT
 from bsa.core.simulation import SimulationFailure
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.core.trial import Trial
+from bsa.experiments.report import page as report_page
 from bsa.experiments.report.page import build_report
 from bsa.experiments.report.thinning import thin_curve
 from bsa.experiments.report.wording import change, clipped, factor, number, quantity, unit
@@ -225,6 +227,11 @@ def page_of(folder):
 
 
 class TestPage:
+    def test_says_what_a_tolerance_is_where_that_is_the_unit_of_the_headline(self, folder, monkeypatch):
+        assert "One tolerance is" not in page_of(folder)[0].text
+        monkeypatch.setattr(report_page, "objective_of", lambda task: MISFIT)
+        assert "One tolerance is 1 mV, " in page_of(folder)[0].text
+
     def test_shows_what_happened(self, folder):
         page, _ = page_of(folder)
         for words in (

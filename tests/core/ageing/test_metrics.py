@@ -49,6 +49,26 @@ def test_resistances_are_compared_where_the_record_has_them(record: Record, task
     assert metrics.fade_error == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("known", "expected"),
+    [
+        (50, ["Resistance error over all cycles"]),
+        (2, ["Resistance error of 2 cycles"]),
+        (1, ["Resistance error of 1 cycle"]),
+        (0, []),
+    ],
+)
+def test_the_resistance_error_says_of_how_many_cycles_it_is(
+    record: Record, task: MakeTask, known: int, expected: list[str]
+) -> None:
+    target = record(fade=1e-3)
+    table = target.cycle_table
+    assert table is not None
+    few = replace(table, resistance_ohm=np.where(np.arange(len(table)) < known, table.resistance_ohm, np.nan))
+    labels = [quantity.label for quantity in headline_of(task(replace(target, cycle_table=few)))]
+    assert [label for label in labels if label.startswith("Resistance")] == expected
+
+
 def test_the_fade_between_the_curves_counts_in_a_fit(record: Record, task: MakeTask, outcome: Run) -> None:
     target = record(fade=1e-3, kept=(1, 50))
     table = target.cycle_table

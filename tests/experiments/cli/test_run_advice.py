@@ -3,6 +3,7 @@
 import json
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from bsa.core.cell import CELL
@@ -11,7 +12,7 @@ from bsa.core.identifiability import Identifiability, Interval
 from bsa.core.journal import read_events
 from bsa.core.post_fit_analysis import PostFitAnalysis, Suggestion
 from bsa.core.run_config import RunConfig
-from bsa.experiments.cli.run import _execute, _print_summary
+from bsa.experiments.cli.run import _execute, _how_to_go_on, _print_summary
 from bsa.experiments.report.identifiability import caution_line, next_line
 from bsa.experiments.request import RunRequest
 from bsa.experiments.run import Resources, discovery_command_of
@@ -59,17 +60,17 @@ def analysis(worst_share: float) -> PostFitAnalysis:
 def test_advice_is_given_only_where_it_helps() -> None:
     assert "To measure next: C/20 discharge" in next_line(analysis(0.3), CELL)
     line = next_line(analysis(0.48), CELL)
-    assert line.startswith("None of the 1 protocols considered would narrow the widest interval (± 50 %")
+    assert line.startswith("No protocol considered would narrow the widest interval (± 50 %")
     assert next_line(replace(analysis(0.3), measure_next=()), CELL) == ""
 
 
 def test_an_analysis_that_its_budget_ended_says_what_was_dropped() -> None:
     assert caution_line(analysis(0.3)) == ""
     ended = replace(analysis(0.3), measure_next=(), simulations=81, budget=92, widened=6.4, forgone=24)
-    assert "after 81 simulations, its budget being the 92 that the search was allowed" in caution_line(ended)
+    assert "as many simulations as the search, 92. It stopped after 81, before its sample" in caution_line(ended)
     assert "raised 6.4 times" in caution_line(ended)
-    assert "24 simulations more than the budget, the 92 that the search was allowed" in next_line(ended, CELL)
-    longer = "A run that is allowed more simulations"
+    assert "24 simulations more than the 92 that the analysis may make" in next_line(ended, CELL)
+    longer = "With more --simulations the analysis is longer"
     assert [line.count(longer) for line in (caution_line(ended), next_line(ended, CELL))] == [1, 0]
     assert longer in next_line(replace(ended, widened=1.0), CELL)
 
@@ -104,7 +105,9 @@ def test_a_run_that_its_rounds_ended_is_advised_more_of_them(tmp_path, capsys) -
 def test_a_run_that_ended_by_itself_says_that_more_simulations_add_nothing(tmp_path, capsys) -> None:
     config = RunConfig(scaffold=toy_scaffold("least-squares"), backend="rules", simulations=60, warm_up=0)
     _execute(RunRequest(toy_task(), config, tmp_path / "run"), Resources(), False, False)
-    assert "To search on" not in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "To search on" not in told
+    assert "To go on with more simulations" not in told
     more = config.model_copy(update={"simulations": 80})
     _execute(RunRequest(toy_task(), more, tmp_path / "run"), Resources(), False, False, resumed=True)
     assert "had ended by itself and not by its budget" in capsys.readouterr().err
@@ -132,3 +135,13 @@ def test_the_command_that_looks_for_what_lacks_is_told_again_when_a_run_goes_on(
     _execute(RunRequest(task, more, tmp_path / "run"), Resources(), False, False, "bsa discover X", resumed=True)
     # The fit is good by now; what was said of the end before is taken back.
     assert not any("bsa discover" in note for note in read_run(tmp_path / "run").notes)
+
+
+def test_a_run_whose_analysis_lacks_simulations_says_the_command_though_its_search_had_ended(tmp_path) -> None:
+    config = RunConfig(scaffold=toy_scaffold(), backend="rules", simulations=60)
+    settled = SimpleNamespace(status="finished", reason="", cut_short=False, analysis=analysis(0.3), trials=[1, 2])
+    assert list(_how_to_go_on(settled, config, tmp_path / "run", True)) == []
+    unsettled = SimpleNamespace(**{**vars(settled), "analysis": replace(analysis(0.3), unsettled=("a",))})
+    assert list(_how_to_go_on(unsettled, config, tmp_path / "run", True)) == [
+        f"To go on with more simulations: bsa-run --resume {tmp_path / 'run'} --simulations 120"
+    ]

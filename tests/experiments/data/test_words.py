@@ -9,7 +9,7 @@ from bsa.core.record import Record
 from bsa.core.segmentation import segment
 from bsa.core.spectrum import ImpedanceSpectrum
 from bsa.core.trajectory import Trajectory
-from bsa.experiments.data.words import duration, record_lines, spectrum_lines
+from bsa.experiments.data.words import duration, problem_lines, record_lines, spectrum_lines
 
 
 def record(cycles: int = 1, interval: float = 30.0) -> Record:
@@ -52,11 +52,26 @@ def test_a_spectrum():
     text = "\n".join(spectrum_lines(found))
     assert "20 points, 1000 to 0.1 Hz" in text
     assert "20.00 mohm, where the imaginary part is zero" in text
+    assert "\n  at 1000 Hz      20.00" in text
     assert "Nothing was assumed" in text
 
 
 @pytest.mark.parametrize(
-    ("seconds", "text"), [(0.1, "0.1 s"), (119, "119 s"), (600, "10 min"), (36000, "10 h"), (8.64e6, "100 d")]
+    ("seconds", "text"),
+    [
+        (0.0, "0 s"),
+        (9.564e-06, "<0.1 ms"),
+        (0.1, "0.1 s"),
+        (119, "119 s"),
+        (600, "10 min"),
+        (36000, "10 h"),
+        (8.64e6, "100 d"),
+    ],
 )
 def test_lengths_of_time(seconds, text):
     assert duration(seconds) == text
+
+
+def test_no_line_breaks_within_an_option():
+    note = '"Zreal1" has no unit of impedance; it was taken to be in mohm (--reader-option unit=ohm or mohm).'
+    assert any("--reader-option" in line for line in problem_lines([note]))

@@ -8,16 +8,23 @@ import pytest
 from bsa.core.cell import CELL, SPECTRUM
 from bsa.core.feedback import Feedback
 from bsa.core.identifiability import Identifiability, Interval
+from bsa.core.paper_metrics import PaperMetrics
 from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.post_fit_analysis import PostFitAnalysis
-from bsa.core.signal_metrics import Quantity, SignalMetrics
+from bsa.core.signal_metrics import SignalMetrics
 from bsa.core.spectrum import ImpedanceSpectrum
 from bsa.core.spectrum_record import spectrum_record
 from bsa.core.target import Value
 from bsa.core.task import CellModel, Experiment, Protocol, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.core.trial import Trial
-from bsa.experiments.report.post_fit import best_score_line, caution_line, tolerance_words, verdict_line
+from bsa.experiments.report.post_fit import (
+    best_score_line,
+    caution_line,
+    needs_more,
+    tolerance_words,
+    verdict_line,
+)
 
 
 @pytest.mark.parametrize(
@@ -38,17 +45,6 @@ def test_what_a_tolerance_is(protocol: Protocol | None, spectrum: bool, expected
     space = ParameterSpace((Parameter("a", 1.0, 0.0, 2.0, target=Value("a")),))
     signals = (*CELL.signals, *SPECTRUM) if spectrum else ()
     assert tolerance_words(Task("t", CellModel(""), space, tuple(experiments), signals=signals)) == expected
-
-
-def test_a_lower_score_of_another_simulation_is_named_with_both_misfits() -> None:
-    start = Trial(0, "initial", 0, {}, SignalMetrics(32.0, {}), None, np.array([27.0]), Feedback({}), (), 0.0)
-    other = replace(start, index=1, phase="warm-up", metrics=SignalMetrics(13.75, {}), residuals=np.array([140.0]))
-    score = Quantity("objective", "Total MAPE", "%")
-    assert best_score_line(score, start, other, other.metrics) == (
-        "These are the values of simulation 0 (the starting point), which follows the record more closely step by step "
-        "(misfit 27 tolerances, that of simulation 1 140); simulation 1 has the lowest total MAPE, 13.75 %."
-    )
-    assert best_score_line(score, start, start, start.metrics) == ""
 
 
 def test_many_parameters_of_which_none_is_fixed_are_not_listed() -> None:
@@ -81,7 +77,7 @@ def test_where_the_fit_has_not_settled_intervals_say_little_in_either_direction(
     assert verdict_line(both).startswith(f"{first}, so the intervals say little in either direction.")
     said = f"{verdict_line(both)} {caution_line(both)}"
     assert said.count("has not settled") == 1
-    assert "the sample of the parameters had not converged. The assumed noise was raised 44 times for it. " in said
+    assert "sample of the parameters had converged; to allow for that, the assumed noise was raised 44 times. W" in said
     assert not any(words in said for words in ("wide", "narrow"))
 
 
@@ -102,11 +98,42 @@ def test_fitted_values_outside_their_intervals_are_named() -> None:
 
 def test_an_analysis_beyond_its_budget_says_that_some_simulations_are_made_in_any_case() -> None:
     ended = replace(judged({"a": "open"}), widened=44.0, simulations=22, budget=3)
-    assert (
-        "after 22 simulations, some of which are made in any case, its budget being the 3 that the search was allowed"
-        in caution_line(ended)
-    )
+    assert "as the search, 3, and makes some in any case. It stopped after 22, before" in caution_line(ended)
     assert "in any case" not in caution_line(replace(ended, budget=30))
+
+
+def test_a_run_says_by_what_its_values_were_chosen_over_those_with_the_lowest_error() -> None:
+    """A record of one step of one signal: nothing is followed "more closely step by step" there."""
+    task = one_record()
+
+    def trial(index: int, misfit: float, rmse_mv: float) -> Trial:
+        metrics = SignalMetrics(rmse_mv, {})
+        return Trial(index, "search", 1, {}, metrics, None, np.full(4, misfit), Feedback({}), (), 0.0)
+
+    best, lowest = trial(2, 20.26, 28.46), trial(27, 22.75, 25.58)
+    metrics = PaperMetrics(25.58, 0.1, 0.0, 0.0, 0.1, 0.0, 25.58, 0.0, 0.0)
+    assert best_score_line(task, best, lowest, metrics) == (
+        "These are the values of simulation 2: the fit minimises the means of the error over equal parts of each "
+        "step, which are 20.3 tolerances (rms) there and 22.8 in simulation 27, which has the lowest voltage RMSE, "
+        "25.58 mV. One tolerance is 1 mV."
+    )
+    start = replace(best, phase="initial")
+    assert "simulation 2 (the starting point): the fit" in best_score_line(task, start, lowest, metrics)
+    assert best_score_line(task, best, best, metrics) == ""
+
+
+def test_more_simulations_are_advised_where_an_analysis_lacks_them() -> None:
+    found = judged({"a": "open"})
+    assert not needs_more(found)
+    for lacking in ({"unsettled": ("a",)}, {"widened": 2.0}, {"forgone": 12}):
+        assert needs_more(replace(found, **lacking))
+
+
+def one_record() -> Task:
+    time = np.linspace(0.0, 100.0, 11)
+    record = Trajectory(time, np.ones(11), np.full(11, 3.7), steps=(Step(StepKind.CC_DISCHARGE, 0, 11),))
+    space = ParameterSpace((Parameter("a", 1.0, 0.0, 2.0, target=Value("a")),))
+    return Task("t", CellModel(""), space, (Experiment("v.csv", record),))
 
 
 def judged(verdicts: dict[str, Any]) -> PostFitAnalysis:

@@ -40,3 +40,18 @@ def test_a_discharge_that_begins_under_load_starts_with_the_charge_that_it_gives
     assert with_room_for(charge, 0.6, capacity_ah=2.5) == pytest.approx(0.2)
     rested = record.changed(current=np.r_[0.0, current[1:]])
     assert with_room_for(rested, 0.6, capacity_ah=2.5) == 0.6
+
+
+def test_what_is_assumed_of_a_voltage_under_load_is_told_as_an_assumption() -> None:
+    time = np.array([0.0, 60.0, 120.0, 121.0, 180.0])
+    current = np.array([-2.0, -2.0, -2.0, -1.0, -1.0])
+    steps = (Step(StepKind.CC_CHARGE, 0, 3), Step(StepKind.CC_CHARGE, 3, 5, position=1))
+    voltage = np.array([3.6, 3.62, 3.65, 3.6, 3.61])
+    whole = Trajectory(time, current, voltage, None, steps)
+    first, words = open_circuit_start(whole)
+    assert first == pytest.approx(3.5)
+    assert words.startswith(
+        "begins under load (3.600 V at 2 A of charge): with 50 mohm, which its current steps show, "
+    )
+    _, words = open_circuit_start(whole.slice(0, 3))
+    assert "this voltage is assumed to be the open-circuit voltage, which is lower (give --initial-soc" in words

@@ -228,7 +228,8 @@ def test_a_voltage_under_load_is_no_open_circuit_voltage() -> None:
     assert at_rest.experiments[0].initial_soc == pytest.approx(loaded.experiments[0].initial_soc, abs=0.3)
     assert loaded.experiments[0].initial_soc > 0.95  # it gives five of its 5.15 A.h
     (note,) = [note for note in loaded.notes if "begins under load" in note]
-    assert "no current step that would show its resistance" in note
+    assert " V at 5 A of discharge), and no current step shows its resistance: this voltage is assumed to be" in note
+    assert "the open-circuit voltage, which is higher (give --initial-soc where it is known)" in note
     few = record(rest=False, amperes=0.5)
     shown = record(rest=False, amperes=0.5, cycles=2)
     unknown, jumps = (task_of(one, search="cell", scale_to_capacity=False) for one in (few, shown))

@@ -7,7 +7,8 @@ from bsa.core.target import CellChange, target_named
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.pybamm import drive
-from bsa.plugins.pybamm.driven_experiment import DrivenExperiment
+from bsa.plugins.pybamm.driven_cell import Pause
+from bsa.plugins.pybamm.driven_experiment import DrivenExperiment, _in_words
 from bsa.plugins.pybamm.parameter_sets import pybamm
 from bsa.plugins.pybamm.resolution import Resolution
 from bsa.plugins.pybamm.solving import compiled, solve_reference
@@ -70,7 +71,11 @@ def test_a_cell_that_runs_empty_is_a_finite_error_and_says_so() -> None:
         assert run.failure is None
         (limit,) = run.limits
         assert limit.startswith("the simulated cell was empty at 1,")
-        assert limit.endswith(" s of 7,800 s")
+        assert " s of 7,800 s, after 2." in limit
+        assert limit.endswith(" A.h; the record draws 10 A.h, 3.8 times as much")
+        ((begin, end),) = run.at_limit
+        assert f"at {begin:,.0f} s" in limit
+        assert end == 7200.0
         assert run.trajectory is not None
         assert run.trajectory.steps == record.steps
         assert np.all(run.trajectory.voltage[400:721] == 2.0)  # half a volt below the cut-off
@@ -100,7 +105,7 @@ def test_an_empty_cell_goes_on_where_its_own_tolerances_are_too_tight() -> None:
     cell._solver = GivesUpAtTheLimit(cell._solver)
     run = driven.solve({})
     assert len(run.limits) == 1
-    assert "times more" not in run.limits[0]
+    assert " more" not in run.limits[0]
     assert run.trajectory is not None
     assert usual is not None
     assert 2.0 < run.trajectory.voltage[-1] < 3.5
@@ -112,6 +117,7 @@ def test_a_cell_that_runs_full_says_so() -> None:
     run = compiled(SPM, Experiment("charge", record, initial_soc=0.5), {}).solve({})
     assert run.failure is None
     assert run.limits[0].startswith("the simulated cell was full at ")
+    assert "; the record charges 10 A.h, " in run.limits[0]
     assert run.trajectory is not None
     assert run.trajectory.voltage[600] == pytest.approx(4.7)
 
@@ -184,3 +190,17 @@ def test_a_drive_cycle_is_followed_from_sample_to_sample() -> None:
     jumps = np.abs(np.diff(current)) > 1.0
     change = np.diff(ours.trajectory.voltage)[jumps] / np.diff(current)[jumps]
     assert np.all(change < -0.01)
+
+
+def test_the_words_of_a_limit_count_further_times_and_name_a_clear_lack_of_charge_alone() -> None:
+    record = discharge(5.0, 1.0)
+    late, again = Pause(3500.0, 3600.0, True), Pause(3900.0, 4000.0, True)
+    assert _in_words((late,), record) == ("the simulated cell was empty at 3,500 s of 4,200 s",)
+    assert _in_words((late, again), record)[0].endswith(" s, and 1 time more")
+    assert _in_words((late, again, replace(again, start=4100.0, end=4200.0)), record)[0].endswith(
+        " s, and 2 times more"
+    )
+    goes_on = replace(late, start=3550.0, end=np.inf)
+    assert _in_words((late, goes_on), record) == _in_words((late,), record)
+    (early,) = _in_words((Pause(1800.0, 3600.0, True),), record)
+    assert early.endswith("at 1,800 s of 4,200 s, after 2.5 A.h; the record draws 5.01 A.h, 2 times as much")

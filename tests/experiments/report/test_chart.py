@@ -1,0 +1,17 @@
+import numpy as np
+import pytest
+from bsa.experiments.report.chart import limits_around, padded
+
+
+def test_rounding_does_not_scale_an_axis() -> None:
+    """A constant current has an axis on which it is a line with ticks above and below it."""
+    noisy = 2.28 + 4.4e-16 * np.arange(5.0)
+    low, high = limits_around([noisy, np.full(5, 2.28)])
+    assert low < 2.2 < 2.3 < high
+    assert padded(2.28, 2.28 + 4.4e-16) == pytest.approx(padded(2.28, 2.28))
+
+
+def test_an_axis_shows_a_small_swing_that_is_no_rounding() -> None:
+    low, high = limits_around([np.array([3.7, 3.7005])])
+    assert 3.69 < low < 3.7
+    assert 3.7005 < high < 3.71
