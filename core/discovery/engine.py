@@ -161,9 +161,7 @@ class Engine:
             return self.finish(known.base, found)
         if not (found and self._explains(known.base, found[0])):
             rest = [n for n in nominations if n.sensitivity is not None and n.promise > before.cost]
-            self._say(
-                f"all of them leave too much; fitting {counted(len(rest), 'effect')} with strengths of either sign"
-            )
+            self._say(f"none explains enough; fitting {counted(len(rest), 'effect')} with strengths of either sign")
             self._progress.estimate(self.problem.simulated, 2 * len(rest) * most_simulations(before))
             fitter.problem.misfit_v = misfit_v  # the scores were taken with it
             self._screen(rest, partial(screen, fitter, before, either_sign=True), before.cost)

@@ -46,7 +46,7 @@ def test_progress_never_says_that_no_simulation_is_left_where_more_follow():
     lines = []
     problem, space = toy.problem(np.random.default_rng(0), {"sign": -0.01}, True)
     Engine(problem, space, (toy.HYSTERESIS,), toy.EVIDENCE, listener=lines.append).run()
-    (place,) = (number for number, line in enumerate(lines) if line.startswith("all of them leave too much"))
+    (place,) = (number for number, line in enumerate(lines) if line.startswith("none explains enough"))
     assert not any(line.startswith("at most 0 simulations") for line in lines)
     assert lines[place + 1].startswith("at most ")
 

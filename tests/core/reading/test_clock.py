@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from bsa.core.errors import BsaError
 from bsa.core.reading.checks import to_record
-from bsa.core.reading.clock import with_gaps_noted
 from bsa.core.reading.samples import Samples
 from bsa.core.record import ReadOptions
 
@@ -39,9 +38,3 @@ def test_a_time_that_falls_throughout_is_said_to_fall():
     with pytest.raises(BsaError, match=r"never rises \(it falls from 3591 to 0 s\)") as found:
         to_record(samples(np.arange(400)[::-1]), ReadOptions())
     assert "sort the rows by time" in found.value.hint
-
-
-def test_a_gap_of_many_hours_is_told_without_a_power_of_ten():
-    time = np.append(9.0 * np.arange(50), 9.0 * 49 + 48_970.0 + 9.0 * np.arange(50))
-    found = with_gaps_noted(Samples("a.csv", time, np.full(100, 4.0), np.full(100, -2.0)))
-    assert any("the longest of 48970 s after row " in note for note in found.notes)

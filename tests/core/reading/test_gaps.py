@@ -37,3 +37,9 @@ def test_what_leaves_the_charge_open_is_a_gap(read: Samples) -> None:
 
 def test_a_record_of_one_sample_has_no_gap() -> None:
     assert len(gaps_in(held(30.0, 0.1, 0.05).kept(np.array([0])))) == 0
+
+
+def test_a_gap_of_many_hours_is_told_without_a_power_of_ten():
+    time = np.append(9.0 * np.arange(50), 9.0 * 49 + 48_970.0 + 9.0 * np.arange(50))
+    found = with_gaps_noted(Samples("a.csv", time, np.full(100, 4.0), np.full(100, -2.0)))
+    assert any("the longest of 48970 s after row " in note for note in found.notes)

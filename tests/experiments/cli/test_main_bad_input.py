@@ -72,7 +72,7 @@ COMMANDS = [
     (["--data", "record.csv", "--parameters", "Chen2020", "--column", "volts=3"], "volts", ""),
     (["--data", "record.csv", "--parameters", "Chen2020", "--column", "voltage=Ecell"], "Ecell", ""),
     (["--backend", "ollama:m", "--backend-option", "temprature=1"], "temprature", 'did you mean "temperature"'),
-    (["--base-url", "127.0.0.1"], "base_url", ""),
+    (["--base-url", "127.0.0.1"], "--base-url does not go with the backend rules", ""),
     (["--backend", "openai:m", "--base-url", "http://127.0.0.1:99999/v1"], "Port out of range", ""),
 ]
 
