@@ -43,9 +43,6 @@ _IMPROVEMENT = 1e-3
 _CURVE_SAMPLES_PER_STEP, _SWING_SAMPLES_PER_STEP = 60, 600
 """Samples of a step that a trial's curves keep, and those of one in which a signal oscillates."""
 
-_REPEATED = "again; it counts all the same."
-"""In the note that says that values were simulated twice."""
-
 _PHASE_CODE: dict[Phase, int] = {"initial": 0, "warm-up": 1, "search": 2}
 
 
@@ -135,7 +132,7 @@ class Run:
         self._after = AfterSearch(task, plugins, journal, earlier, listener)
         self._trials: list[Trial] = []
         self._lacking = self._advice = ""
-        self._repetition_noted = any(event["event"] == "note" and _REPEATED in event["text"] for event in earlier)
+        self._repetition_told = False
         self._unusable_replies = self._lost_rounds = 0
 
     @property
@@ -277,24 +274,20 @@ class Run:
         for place in range(len(candidates)):
             self._trials.append(done[place])
             if place in todo:
-                self._note_repetition(done[place])
+                self._tell_repetition(done[place])
             self._plugins.remember(done[place], proposal)
             if self._listener:
                 self._listener.tried(done[place], self.lowest, self._recorder.usage)
 
-    def _note_repetition(self, trial: Trial) -> None:
+    def _tell_repetition(self, trial: Trial) -> None:
         """Say once that simulations are spent on values that were simulated before; the report says each time."""
-        earlier = None if self._repetition_noted else repeated_by(trial, self._trials)
-        if earlier is None:
-            return
-        self._repetition_noted = True
-        text = (
-            f"Simulation {trial.index} has the values of simulation {earlier.index} {_REPEATED} "
-            "Further repetitions are told in the report, round by round."
-        )
-        self._journal.append("note", text=text)
-        if self._listener:
-            self._listener.noted(text)
+        earlier = None if self._repetition_told or not self._listener else repeated_by(trial, self._trials)
+        if earlier is not None and self._listener:
+            self._repetition_told = True
+            self._listener.noted(
+                f"Simulation {trial.index} has the values of simulation {earlier.index} again; it counts all the same. "
+                "Further repetitions are told in the report, round by round."
+            )
 
     def _outcomes(
         self, candidates: Sequence[Candidate], reduction: TaskReduction | None

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from bsa.backends.rules.backend import RulesBackend
 from bsa.core import recording
-from bsa.core.loop import RunResult
+from bsa.core.loop import Listener, RunResult
 from bsa.core.messages import Backend
 from bsa.core.registry import installed
 from bsa.core.run_config import RunConfig
@@ -87,6 +87,7 @@ def run_toy(tmp_path: Path) -> RunToy:
         task: Task | None = None,
         analysing: bool = False,
         rebudgeted: bool = False,
+        listener: Listener | None = None,
         **config: Any,
     ) -> RunResult:
         settings = {"rounds": 12, "warm_up": 8, "simulations": 30, **config}
@@ -97,6 +98,7 @@ def run_toy(tmp_path: Path) -> RunToy:
             backend or RulesBackend(),
             analysing=analysing,
             rebudgeted=rebudgeted,
+            listener=listener,
         )
 
     return run

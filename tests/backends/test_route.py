@@ -91,7 +91,7 @@ def test_the_user_sees_it(route: Callable[..., None], capsys: pytest.CaptureFixt
     summary = ["zz-route:MODEL,", "of", "a", "stranger."]
     assert ["mine", "zz-route:", "ready", "ready"] in shown
     assert ["zz-route", "zz-dist", "0.1", *summary] in shown
-    assert shown.count(["zz-route", *summary, "zz-dist", "0.1"]) == 1
+    assert shown.count(["zz-route", *summary, "(zz-dist", "0.1)"]) == 1
     assert "zz-route" in installed().names("backend")
 
 
@@ -121,7 +121,7 @@ def test_an_address_goes_to_the_route_that_it_means(route: Callable[..., None]) 
 def test_a_built_in_name_stays_built_in(route: Callable[..., None], capsys: pytest.CaptureFixture[str]) -> None:
     route(name="rules")
     doctor()
-    assert "rules zz-dist 0.1: not usable the name is taken by" in " ".join(capsys.readouterr().out.split())
+    assert "route rules zz-dist 0.1 the name is taken by" in " ".join(capsys.readouterr().out.split())
     assert open_backend("rules").name == "rules"
     with pytest.raises(
         BsaError, match=r'the route "rules" cannot be used \(zz-dist 0\.1: the name is taken by battery'

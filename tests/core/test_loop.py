@@ -1,6 +1,7 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from bsa.core.journal import FILE_NAME, read_events
 from bsa.core.loop import RunResult
 from bsa.core.messages import BackendFailure, BudgetSpent, JsonSchema, Message, Reply
 from bsa.core.proposal import Proposal
+from bsa.experiments.cli.progress import PlainProgress
 from bsa.experiments.cli.run import _print_summary
 from bsa.experiments.run_record import read_run
 from bsa.plugins.proposers.random import RandomProposer
@@ -145,12 +147,12 @@ def test_values_that_were_simulated_before_are_told_to_the_model_and_the_reader(
 ) -> None:
     same = reply(**{"Capacity [A.h]": "9.0"})
     backend = Scripted(same, same, same)
-    run_toy(scaffold=toy_scaffold(warm_up=None), backend=backend, rounds=3)
+    listener = Mock(spec=PlainProgress)
+    run_toy(scaffold=toy_scaffold(warm_up=None), backend=backend, listener=listener, rounds=3)
+    (told_once,) = [call.args[0] for call in listener.noted.call_args_list if "again; it counts" in call.args[0]]
+    assert told_once.startswith("Simulation 2 has the values of simulation 1")
     told = '"values_were_simulated_before_as_trial":{"2":1}'
     assert [told in messages[-1].text.replace(" ", "") for messages in backend.prompts] == [False, False, True]
-    notes = [event["text"] for event in read_events(tmp_path / "run") if event["event"] == "note"]
-    assert [note for note in notes if "Simulation 2 has the values of simulation 1 again" in note]
-    assert sum("again; it counts" in note for note in notes) == 1
     rounds = read_run(tmp_path / "run").rounds
     assert [dict(one.repeats) for one in rounds] == [{}, {2: 1}, {3: 1}]
     assert "Simulation 3 repeats the values of simulation 1." in (tmp_path / "run" / "report.html").read_text()

@@ -317,7 +317,7 @@ class TestPage:
         assert "No candidate was better" not in page.text
         told = "The starting point is reported. These are the values of simulation 0"
         assert told in page.text
-        assert page.text.count("simulation 1 has the lowest total MAPE, 13.75 %") == 1
+        assert page.text.count("simulation 1, which has the lowest total MAPE, 13.75 %") == 1
 
     def test_every_record_is_named_above_and_over_its_figure(self, tmp_path):
         writer = Writer(tmp_path, make_task(name="cell", experiments=3))

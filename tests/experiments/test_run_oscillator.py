@@ -117,7 +117,7 @@ def test_the_words_of_a_cell_are_found_where_they_are() -> None:
 
 def test_the_task_is_listed_with_its_origin_and_found_by_its_name() -> None:
     listing = command(["list", "tasks"], main)
-    assert re.search(r"oscillator +A damped driven oscillator, .* bsa-oscillator 1\.0", listing)
+    assert re.search(r"oscillator +A damped driven oscillator, .* \(bsa-oscillator 1\.0\)", listing)
     assert find_task("oscillator").simulator == "oscillator"
     with pytest.raises(BsaError, match='did you mean "oscillator"'):
         find_task("oscilator")

@@ -51,7 +51,7 @@ def test_a_damaged_result_is_made_again_from_the_journal(content: Any, tmp_path:
         (cell / name).write_text(json.dumps(content))
     assert plan.store.result(identity) is None
     assert len(read_trace(plan.store.cell(identity)).objective) == before[0]["simulations"]
-    assert rows_of(read_manifest(folder), plan.store)[0]["state"] in ("missing", "failed")
+    assert rows_of(read_manifest(folder), plan.store)[0]["state"] in ("stopped", "failed")
     build_page(folder, plan.store.root)
     finish(plan)
     (after,) = rows_of(read_manifest(folder), plan.store)
