@@ -281,8 +281,10 @@ class Run:
 
     def _tell_repetition(self, trial: Trial) -> None:
         """Say once that simulations are spent on values that were simulated before; the report says each time."""
-        earlier = None if self._repetition_told or not self._listener else repeated_by(trial, self._trials)
-        if earlier is not None and self._listener:
+        if self._repetition_told or self._listener is None:
+            return
+        earlier = repeated_by(trial, self._trials)
+        if earlier is not None:
             self._repetition_told = True
             self._listener.noted(
                 f"Simulation {trial.index} has the values of simulation {earlier.index} again; it counts all the same. "
@@ -354,7 +356,7 @@ class Run:
         # A single simulation is no fit, and there is nothing to judge.
         analysing = last_word and self._analysing and len(self._trials) > 1
 
-        def result(analysis: PostFitAnalysis | None, held_out: tuple[Prediction, ...], spent_s: float) -> RunResult:
+        def result(analysis: PostFitAnalysis | None, held_out: tuple[Prediction, ...], took_s: float) -> RunResult:
             return RunResult(
                 status=status,
                 best=best,
@@ -368,7 +370,7 @@ class Run:
                 lost_calls=self._recorder.lost,
                 unusable_replies=self._unusable_replies,
                 lost_rounds=self._lost_rounds,
-                wall_s=self._earlier_s + spent_s,
+                wall_s=self._earlier_s + took_s,
                 simulator_s=sum(trial.seconds for trial in self._trials),
                 analysis=analysis,
                 reason=reason,
@@ -383,6 +385,6 @@ class Run:
             self._forecast(result(None, soon, time.perf_counter() - started))
         analysis = self._after.analyse(self._trials, best, self._config.simulations) if analysing else None
         held_out = self._after.predict(best, analysis, fit.records) if last_word else ()
-        spent_s = time.perf_counter() - started
-        self._journal.append("end", status=status, best=best.index, wall_s=spent_s)
-        return result(analysis, held_out, spent_s)
+        took_s = time.perf_counter() - started
+        self._journal.append("end", status=status, best=best.index, wall_s=took_s)
+        return result(analysis, held_out, took_s)

@@ -23,19 +23,17 @@ def with_switches(record: Trajectory) -> Trajectory:
     at the switch: else the interval would be a ramp of the current that never was. A rest that is written far less
     often than the load after it goes on until that load's own interval before its first sample.
     """
-    at: list[int] = []  # where samples are inserted, which ones are copied, and their times
-    copied: list[int] = []
-    times: list[float] = []
+    copies: list[tuple[int, int, float]] = []  # Where a sample is inserted, which one it copies, and its time.
     for before, step in pairwise(record.steps):
         ended, seen = float(record.time[step.start - 1]), float(record.time[step.start])
         if seen == ended:
             continue
         begun = max(ended, seen - late_s(record, step)) if before.kind is StepKind.REST else ended
         if begun > ended:
-            copied.append(step.start - 1)
-        copied.append(step.start)
-        at.extend([step.start] * (len(copied) - len(at)))
-        times.extend([begun] * (len(copied) - len(times)))
+            copies.append((step.start, step.start - 1, begun))
+        copies.append((step.start, step.start, begun))
+    at, copied = [place for place, _, _ in copies], [sample for _, sample, _ in copies]
+    times = [begun for _, _, begun in copies]
     places = np.insert(np.arange(len(record)), at, copied)
     starts = [int(np.searchsorted(places, step.start)) for step in record.steps]
     steps = [

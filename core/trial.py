@@ -13,7 +13,7 @@ Function            Best means                                  Used for
 ==================  ==========================================  ======================================================
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -118,18 +118,18 @@ def misfit_times_score(trial: Trial) -> float:
     return trial.misfit * trial.objective
 
 
+def simulated_with(
+    candidate: Candidate, trials: Iterable[Trial], reduction: TaskReduction | None = None
+) -> Trial | None:
+    """The first trial with these values, of the task as it is or reduced likewise; None where there is none."""
+    values = dict(candidate)
+    same = (trial for trial in trials if trial.reduction == reduction and dict(trial.candidate) == values)
+    return next(same, None)
+
+
 def repeated_by(trial: Trial, trials: Sequence[Trial]) -> Trial | None:
     """The first earlier trial with the same values of the same task; None where there is none."""
-    return next(
-        (
-            earlier
-            for earlier in trials
-            if earlier.index < trial.index
-            and earlier.reduction == trial.reduction
-            and dict(earlier.candidate) == dict(trial.candidate)
-        ),
-        None,
-    )
+    return simulated_with(trial.candidate, (one for one in trials if one.index < trial.index), trial.reduction)
 
 
 def closest(trials: Sequence[Trial]) -> Trial:

@@ -12,9 +12,18 @@ from .observations import Observations
 _SINCE_EDGES_S = (0.0, 2.0, 30.0, 300.0, 1200.0, np.inf)
 _SINCE_NAMES = ("0-2 s", "2-30 s", "30 s-5 min", "5-20 min", "over 20 min")
 
-
 _Names = Callable[[Observations, float], NDArray[np.str_]]
 """The place of each stretch, from a record's averages and the capacity, A.h."""
+
+LAYOUTS = {
+    "segment": "segment",
+    "rate": "rate",
+    "charge": "charge drawn",
+    "since step": "time since the last step",
+    "temperature": "temperature",
+    "cycle": "cycle",
+}
+"""What the residual map is laid out by, in words."""
 
 
 @dataclass(frozen=True)
@@ -159,13 +168,13 @@ def in_words(places: Sequence[Place], noise_v: float) -> list[str]:
             f"The measured voltage lies on average {abs(place.bias_mv):.1f} mV {direction} the model during "
             f"{place.where}{growing} (rms {place.rms_mv:.1f} mV, {place.share:.0%} of the squared misfit)"
         )
-    for by, words in (("rate", "rate"), ("since step", "time since the last step"), ("cycle", "cycle")):
+    for by in ("rate", "since step", "cycle"):
         rows = [p for p in places if p.by == by and p.samples >= 4]
         if len(rows) > 1:
             worst = max(rows, key=lambda p: p.rms_mv)
             best = min(rows, key=lambda p: p.rms_mv)
             sentences.append(
-                f"By {words}, the largest error: {worst.where} ({worst.rms_mv:.1f} mV rms, simulated minus measured "
-                f"on average {worst.bias_mv:+.1f} mV); the smallest: {best.where} ({best.rms_mv:.1f} mV rms)"
+                f"By {LAYOUTS[by]}, the largest error: {worst.where} ({worst.rms_mv:.1f} mV rms, simulated minus "
+                f"measured on average {worst.bias_mv:+.1f} mV); the smallest: {best.where} ({best.rms_mv:.1f} mV rms)"
             )
     return sentences

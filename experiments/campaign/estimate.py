@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -99,14 +99,13 @@ def left_of(cell: Calibration, need: Need, store: Store) -> Need:
         done = simulated(read_events(store.cell(cell.identity))) if cell.identity else 0
     left = max(need.simulations - done, 0)
     share = left / need.simulations
-    return Need(
-        need.cells,
-        left,
-        round(share * need.calls),
-        share * need.seconds,
-        round(share * need.tokens),
-        None if need.cost_usd is None else share * need.cost_usd,
-        need.learnt,
+    return replace(
+        need,
+        simulations=left,
+        calls=round(share * need.calls),
+        seconds=share * need.seconds,
+        tokens=round(share * need.tokens),
+        cost_usd=None if need.cost_usd is None else share * need.cost_usd,
     )
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...core.discovery.localisation import LAYOUTS
 from ...core.discovery.observations import Observations
 from ...core.discovery.problem import Problem
 from ...core.discovery.record_discovery import RecordDiscovery
@@ -13,16 +14,6 @@ from .base_parameters import base_parameters
 from .chart import Chart, Key, horizontal, padded
 from .templates import template
 from .wording import time_unit
-
-_LAYOUTS = {
-    "segment": "segment",
-    "rate": "rate",
-    "charge": "charge drawn",
-    "since step": "time since the last step",
-    "temperature": "temperature",
-    "cycle": "cycle",
-}
-"""What the residual map is laid out by, in words."""
 
 _VOLTAGE_HEIGHT, _RESIDUAL_HEIGHT = 210.0, 130.0
 
@@ -42,7 +33,7 @@ def render(discovery: RecordDiscovery, problem: Problem) -> str:
     with_effect = bool(discovery.findings.best.effects)
     page = template("record_discovery.html.j2")
     base = base_parameters(discovery, problem)
-    return page.render(d=content, layouts=_LAYOUTS, figures=figures, with_effect=with_effect, base=base)
+    return page.render(d=content, layouts=LAYOUTS, figures=figures, with_effect=with_effect, base=base)
 
 
 def _figures(discovery: RecordDiscovery, problem: Problem) -> list[_Figure]:

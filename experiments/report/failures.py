@@ -4,7 +4,7 @@ from collections import Counter
 from typing import Any
 
 from ...core.metrics import objective_of
-from ...core.printable import counted
+from ...core.printable import counted, were
 from ...core.trial import Trial
 from ..run_record import RunRecord
 from .wording import clipped, duration, number
@@ -36,8 +36,8 @@ def _summary(run: RunRecord) -> str:
     reduced = sum(trial.reduction is not None for trial in run.trials)
     text = f"{len(failed)} of {counted(len(run.trials), 'simulation')} failed"
     if reduced:
-        were, count = ("was", "counts") if reduced == 1 else ("were", "count")
-        text += f"; {reduced} {were} of a reduced task, which {count} as simulations but never as a fit"
+        count = "counts" if reduced == 1 else "count"
+        text += f"; {reduced} {were(reduced)} of a reduced task, which {count} as simulations but never as a fit"
     limits = Counter(
         part.partition(" (")[0]  # without its numbers
         for trial in failed

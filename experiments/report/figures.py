@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import zero_Celsius
 from scipy.interpolate import PchipInterpolator
 
 from ...core.metrics import Quantity
@@ -25,9 +26,6 @@ from .records import errors_words
 from .wording import number, time_unit, unit
 
 _DRIVEN_HEIGHT, _OBSERVED_HEIGHT, _RESIDUAL_HEIGHT, _CONVERGENCE_HEIGHT = 96.0, 210.0, 110.0, 250.0
-
-_ZERO_DEGC = 273.15
-"""Temperatures are drawn in degC, as they are told everywhere; their residuals are differences, in K."""
 
 _ROOM_ABOVE = 2.2
 """Times the largest objective at which its axis ends."""
@@ -262,7 +260,8 @@ def _draw(
     residuals: list[tuple[Panel, Signal]] = []
     for signal in _shown(task, measured):
         driven = signal.role == "driven"
-        zero, shown_unit = (_ZERO_DEGC, "degC") if signal.unit == "K" else (0.0, unit(signal.unit))
+        # Temperatures are drawn in degC, as they are told everywhere; their residuals are differences, in K.
+        zero, shown_unit = (zero_Celsius, "degC") if signal.unit == "K" else (0.0, unit(signal.unit))
         values = {curve: curve.values(signal) - zero for curve in (measured, *simulated)}
         label, limits = f"{signal.title} / {shown_unit}", limits_around(list(values.values()))
         panel = chart.panel(label, limits, *((_DRIVEN_HEIGHT, 3) if driven else (_OBSERVED_HEIGHT, 5)))

@@ -18,6 +18,10 @@ from .drive import JUMP_S
 from .driven_cell import DrivenCell, Pause
 from .resolution import SEARCH, Resolution
 
+_CLEARLY_MORE = 1.1
+"""Charge of a record, in that until the simulated cell reached its limit, from which the lack of charge is told: cells
+of one type differ by some percent."""
+
 
 class DrivenExperiment:
     """An experiment that is driven by its measured current, ready to be simulated; see `CompiledExperiment`."""
@@ -108,7 +112,7 @@ def _charge_lacking(pause: Pause, record: Trajectory) -> str:
     """How much more charge a record passes than the cell did until its limit; empty if it is a tenth or less."""
     passed = record.discharge_capacity if pause.empty else -record.discharge_capacity
     until, largest = float(np.interp(pause.start, record.time, passed)), float(passed.max())
-    if largest < 1.1 * until:
+    if largest < _CLEARLY_MORE * until:
         return ""
     times = f", {largest / until:.2g} times as much" if until > 0 else ""
     return f", after {until:.3g} A.h; the record {'draws' if pause.empty else 'charges'} {largest:.3g} A.h{times}"

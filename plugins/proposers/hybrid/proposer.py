@@ -16,7 +16,7 @@ from ....core.hooks import ProposeContext, RunContext, hookimpl
 from ....core.parameters import Candidate
 from ....core.prompt_sections import RECORD
 from ....core.proposal import ALREADY_SIMULATED, FIT, PROBLEMS, Proposal
-from ....core.trial import Trial
+from ....core.trial import Trial, simulated_with
 from ...agent.actions import Action, Kind, Offer
 from ...agent.conversation import Answer
 from ...agent.free_actions import steps_to_look_at
@@ -196,9 +196,9 @@ class HybridProposer:
         if action.carries_on:
             self._hold = action.simulations
         elif action.kind in ("set", "simulate"):
-            new = [candidate for candidate in action.candidates if not _known(candidate, context)]
+            new = [candidate for candidate in action.candidates if not simulated_with(candidate, context.trials)]
             if len(new) < len(action.candidates):
-                self._log[-1]["already_simulated"] = len(action.candidates) - len(new)
+                self._log[-1][ALREADY_SIMULATED] = len(action.candidates) - len(new)
             return new[:allowance]
         elif action.kind == "reduce" and context.task.domain.drives and (action.rate or action.cycles):
             self._agent_search = self._continuation(action, context, count)
@@ -267,8 +267,8 @@ class HybridProposer:
             details[PROBLEMS] = list(answer.problems)
         if action is not None:
             details["analysis"] = action.analysis
-            if "already_simulated" in self._log[-1]:
-                details[ALREADY_SIMULATED] = self._log[-1]["already_simulated"]
+            if ALREADY_SIMULATED in self._log[-1]:
+                details[ALREADY_SIMULATED] = self._log[-1][ALREADY_SIMULATED]
         return Proposal(
             (*main, *own),
             hypothesis=action.hypothesis if action is not None else "",
@@ -289,7 +289,3 @@ def _jacobian(main_fit: Descent) -> Any:
 
 def _padded(reductions: Reductions, count: int) -> Reductions:
     return (*reductions[:count], *[None] * (count - len(reductions)))
-
-
-def _known(candidate: Candidate, context: ProposeContext) -> bool:
-    return any(dict(trial.candidate) == dict(candidate) and trial.reduction is None for trial in context.trials)

@@ -5,11 +5,12 @@ from typing import Any
 
 import numpy as np
 from bsa.core.discovery.closure import Closure
+from bsa.core.discovery.localisation import LAYOUTS
 from bsa.core.discovery.next_experiment import NextExperiment
 from bsa.core.discovery.observations import observe
 from bsa.core.discovery.simulator import MeasuredRecord, Prediction
 from bsa.core.trajectory import Step, StepKind, Trajectory
-from bsa.experiments.report.discovery import _LAYOUTS, _figure
+from bsa.experiments.report.discovery import _figure
 from bsa.experiments.report.templates import template
 
 
@@ -43,7 +44,7 @@ def page(**given: Any) -> str:
         "capacity_ah": 1.85,
     }
     content |= unset | numbers | {"headline": "", "reason": "", "temperature_rms_k": {}} | given.pop("d", {})
-    shown = {"d": content, "layouts": _LAYOUTS, "figures": [], "with_effect": False, "base": []}
+    shown = {"d": content, "layouts": LAYOUTS, "figures": [], "with_effect": False, "base": []}
     return template("record_discovery.html.j2").render(**shown | given)
 
 
