@@ -3,11 +3,11 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..core.border import Unfit, border
+from ..core.contracts.border import Unfit, border
+from ..core.contracts.products import instance, reply
+from ..core.contracts.registry import Registry, installed
 from ..core.errors import BsaError
 from ..core.messages import Backend, GivesInOrder, JsonSchema, Message, Reply
-from ..core.products import instance, reply
-from ..core.registry import Registry, installed
 from .route import NotReady, Route
 
 

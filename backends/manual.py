@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
+from ..core.contracts.reply_parsing import MAX_REPLY_CHARS, strip_control
 from ..core.errors import BsaError
 from ..core.files import write_json
 from ..core.messages import (
@@ -19,7 +20,6 @@ from ..core.messages import (
     Usage,
     without_alternatives,
 )
-from ..core.reply_parsing import MAX_REPLY_CHARS, strip_control
 
 _POLL_S = 0.2
 _END_MARK = "."

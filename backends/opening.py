@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from ..core.contracts.registry import Registry, installed
 from ..core.errors import BsaError
 from ..core.messages import Backend
-from ..core.registry import Registry, installed
 from ..core.validation import validated
 from .checked import CheckedBackend, CheckedRoute
 from .options import BackendOptions

@@ -7,11 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..core.budget import BUDGET, with_budget
 from ..core.errors import BsaError
-from ..core.journal import FILE_NAME, read_events
 from ..core.messages import BackendFailure, BudgetSpent, JsonSchema, Message, PromptRefused, Reply, ReplyRefused, Usage
-from ..core.recording import LOST_CALL, REPLY, REVIEW, VOTE, is_outcome
+from ..core.run.budget import BUDGET, with_budget
+from ..core.run.journal import FILE_NAME, read_events
+from ..core.run.recording import LOST_CALL, REPLY, REVIEW, VOTE, is_outcome
 from .reviewing import Verdict
 
 

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, TextIO
 
+from ..core.contracts.reply_parsing import parse_object, strip_control
 from ..core.errors import BsaError
 from ..core.messages import Backend, BudgetSpent, JsonSchema, Message, Reply, ReplyRefused
-from ..core.recording import REVIEW, BackendAround, Recorder
-from ..core.reply_parsing import parse_object, strip_control
+from ..core.run.recording import REVIEW, BackendAround, Recorder
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class ReviewingBackend(BackendAround):
         self.name = f"{inner.name}, reviewed"
 
     def recorded_by(self, recorder: Recorder) -> ReviewingBackend:
-        """See `bsa.core.recording.Layer`: the model's own reply is recorded, and the verdict on it."""
+        """See `bsa.core.run.recording.Layer`: the model's own reply is recorded, and the verdict on it."""
         return ReviewingBackend(recorder.around(self._inner), self._reviewer, recorder)
 
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:

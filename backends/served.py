@@ -7,9 +7,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from ..core.contracts.reply_parsing import MAX_REPLY_CHARS
 from ..core.messages import BackendFailure, JsonSchema, Message, PromptRefused, Reply, StructuredBy, Usage
 from ..core.redaction import redact
-from ..core.reply_parsing import MAX_REPLY_CHARS
 from .deadline import within
 from .images import showable
 from .options import BackendOptions

@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 from statistics import median
 from typing import Any, Literal
 
+from ..core.contracts.reply_parsing import parse_object
 from ..core.errors import BsaError
 from ..core.messages import Backend, JsonSchema, Message, Reply, StructuredBy, Usage
 from ..core.proposal import is_change
-from ..core.recording import VOTE, BackendAround, Recorder
-from ..core.reply_parsing import parse_object
+from ..core.run.recording import VOTE, BackendAround, Recorder
 from .structured_output import LADDER
 
 UPDATES, ACTION = "updated_params", "action"
@@ -104,7 +104,7 @@ class VotingBackend(BackendAround):
         self.name = f"{inner.name}, {votes} votes"
 
     def recorded_by(self, recorder: Recorder) -> VotingBackend:
-        """See `bsa.core.recording.Layer`: every reply is recorded, and what each voted for."""
+        """See `bsa.core.run.recording.Layer`: every reply is recorded, and what each voted for."""
         return VotingBackend(recorder.around(self._inner), self._votes, recorder)
 
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:

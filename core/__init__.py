@@ -1,1 +1,1 @@
-"""The ideas: parameters, trajectories, trials, hooks, the loop."""
+"""The ideas: parameters, trajectories, trials and hooks; in rooms below, what is done with them."""

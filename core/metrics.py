@@ -3,12 +3,12 @@
 from collections.abc import Mapping
 from typing import Any
 
-from . import paper_metrics as paper
 from .ageing import metrics as ageing
 from .ageing.metrics import AgeingMetrics
-from .paper_metrics import PaperMetrics
+from .comparison import paper_metrics as paper
+from .comparison.paper_metrics import PaperMetrics
+from .comparison.signal_metrics import MISFIT, Metrics, Quantity, SignalMetrics, evaluate_signals, signal_errors
 from .shape import shaped
-from .signal_metrics import MISFIT, Metrics, Quantity, SignalMetrics, evaluate_signals, signal_errors
 from .simulation import Outcome
 from .task import Task
 

@@ -5,12 +5,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..core.budget import BUDGET, RAISED, begun_rounds, simulated
 from ..core.errors import BsaError
-from ..core.journal import LOCK, Event, Journal
-from ..core.loop import RunResult
 from ..core.printable import counted, shown
-from ..core.run_config import RunConfig
+from ..core.run.budget import BUDGET, RAISED, begun_rounds, simulated
+from ..core.run.journal import LOCK, Event, Journal
+from ..core.run.loop import RunResult
+from ..core.run.run_config import RunConfig
 
 _WORDS = {
     "simulations": "{} simulations in all, before {}",

@@ -18,10 +18,10 @@ from ..core.discovery.record_discovery import RecordDiscovery
 from ..core.discovery.recorded import RecordedSimulator
 from ..core.discovery.simulator import Prediction, Simulator
 from ..core.files import write_text
-from ..core.journal import OpenJournal, spent_s
 from ..core.messages import Backend, Outage
 from ..core.parameters import ParameterSpace
-from ..core.recording import Recorder
+from ..core.run.journal import OpenJournal, spent_s
+from ..core.run.recording import Recorder
 from ..core.task import CellModel
 from ..plugins.pybamm.effect_simulator_pool import EffectSimulatorPool
 from ..plugins.pybamm.radial_mesh import RadialMesh

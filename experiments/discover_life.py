@@ -6,16 +6,16 @@ from dataclasses import replace
 
 from ..backends.opening import open_backend
 from ..core.ageing.changes import Changes
+from ..core.contracts.effect_choice import effects_of
 from ..core.discovery.findings import Listener, Nomination
 from ..core.discovery.life import LifeEngine, Simulate
 from ..core.discovery.life_discovery import LifeDiscovery
 from ..core.discovery.recorded import RecordedSimulator
 from ..core.discovery.simulator import Answering, LifeRequest, LifeResiduals
 from ..core.effect import Effect, Evidence
-from ..core.effect_choice import effects_of
 from ..core.errors import BsaError
-from ..core.journal import OpenJournal
 from ..core.parameters import Candidate
+from ..core.run.journal import OpenJournal
 from ..core.task import Task
 from ..core.task_reduction import shortened
 from ..core.trajectory import FloatArray

@@ -13,8 +13,8 @@ from ..core.discovery.findings import Settings
 from ..core.discovery.observations import FLOOR_V
 from ..core.discovery.simulator import MeasuredRecord
 from ..core.errors import BsaError, unknown
-from ..core.journal import check_run_folder
 from ..core.record import ReadOptions, Record
+from ..core.run.journal import check_run_folder
 from ..core.target import CyclableLithium, Factor, Value, factor_name, target_named
 from ..core.task import CellModel, Task
 from ..core.validation import validated

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from ..core.contracts.effect_choice import effects_of
 from ..core.discovery.engine import Engine
 from ..core.discovery.evidence import gather
 from ..core.discovery.explanation import Explanation
@@ -12,7 +13,6 @@ from ..core.discovery.observations import observe
 from ..core.discovery.problem import Problem
 from ..core.discovery.simulator import Simulator
 from ..core.effect import Effect
-from ..core.effect_choice import effects_of
 from ..core.parameters import ParameterSpace
 from ..core.task import CellModel
 from ..plugins.pybamm.effect_simulator import EffectSimulator

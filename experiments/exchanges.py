@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from ..core.messages import Usage
-from ..core.recording import LOST_CALL, REPLY, REVIEW, VOTE
+from ..core.run.recording import LOST_CALL, REPLY, REVIEW, VOTE
 
 EXCHANGED = (REPLY, LOST_CALL, VOTE, REVIEW)
 """Events that are exchanges."""

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..core.identifiability import is_structured
+from ..core.inference.identifiability import is_structured
 from ..core.task import Task
 from ..core.trajectory import StepKind, Trajectory
 from ..core.trial import Trial

@@ -5,15 +5,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ..core.comparison.record_errors import misfits
+from ..core.contracts.registry import installed
 from ..core.errors import BsaError
 from ..core.files import write_json, write_text
 from ..core.hooks import RunContext
-from ..core.later_simulations import NOT_FITTED, WatchedSimulations
-from ..core.loop import Listener
-from ..core.prediction import Prediction, predict
-from ..core.record_errors import misfits
-from ..core.registry import installed
-from ..core.run_plugins import RunPlugins
+from ..core.inference.prediction import Prediction, predict
+from ..core.run.later_simulations import NOT_FITTED, WatchedSimulations
+from ..core.run.loop import Listener
+from ..core.run.run_plugins import RunPlugins
 from ..core.scaffold import Scaffold
 from .run_record import RunRecord, read_run
 from .tasks.record_request import RecordRequest

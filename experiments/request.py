@@ -7,7 +7,7 @@ from typing import cast
 
 from ..core.errors import BsaError
 from ..core.record import ReadOptions
-from ..core.run_config import RunConfig
+from ..core.run.run_config import RunConfig
 from ..core.task import Task, Weight
 from .run_names import numbered_folder
 from .task_request import CellChoice, Records, task_of_records

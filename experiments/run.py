@@ -10,19 +10,19 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from ..core.budget import with_budget
+from ..core.contracts.registry import installed
 from ..core.encoding import decode_task, encode_task
 from ..core.errors import BsaError
 from ..core.files import write_json, write_text
 from ..core.hooks import RunContext
-from ..core.journal import FILE_NAME, FORMAT, Journal, check_calibration, opened, read_events
-from ..core.loop import Listener, Run, RunResult
 from ..core.messages import Backend
 from ..core.metrics import Metrics, errors_of
-from ..core.recording import Recorder
-from ..core.registry import installed
-from ..core.run_config import RunConfig
-from ..core.run_plugins import RunPlugins
+from ..core.run.budget import with_budget
+from ..core.run.journal import FILE_NAME, FORMAT, Journal, check_calibration, opened, read_events
+from ..core.run.loop import Listener, Run, RunResult
+from ..core.run.recording import Recorder
+from ..core.run.run_config import RunConfig
+from ..core.run.run_plugins import RunPlugins
 from ..core.shape import decoding, shaped
 from ..core.task import Task
 from ..core.validation import validated

@@ -7,19 +7,19 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from ..core.after_search import ANALYSIS, NO_BAND, NOT_ANALYSED, NOT_PREDICTED, SCORE, read_record_errors
-from ..core.answer import answer
-from ..core.budget import BUDGET, since_budget, with_budget
+from ..core.comparison.record_errors import RecordErrors
 from ..core.encoding import decode_task, decode_trial
 from ..core.errors import BsaError
-from ..core.journal import FILE_NAME, check_calibration, read_events
+from ..core.inference.post_fit_analysis import PostFitAnalysis
+from ..core.inference.prediction import HELD_OUT, Prediction, decode_prediction
 from ..core.messages import Usage
 from ..core.metrics import Metrics, decode_metrics
 from ..core.parameters import Parameter
-from ..core.post_fit_analysis import PostFitAnalysis
-from ..core.prediction import HELD_OUT, Prediction, decode_prediction
 from ..core.proposal import LACKING, unusable_replies
-from ..core.record_errors import RecordErrors
+from ..core.run.after_search import ANALYSIS, NO_BAND, NOT_ANALYSED, NOT_PREDICTED, SCORE, read_record_errors
+from ..core.run.answer import answer
+from ..core.run.budget import BUDGET, since_budget, with_budget
+from ..core.run.journal import FILE_NAME, check_calibration, read_events
 from ..core.shape import decoding, mapping_with, shaped
 from ..core.task import Task
 from ..core.trial import Phase, Trial, lowest, repeated_by

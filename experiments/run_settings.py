@@ -6,7 +6,7 @@ from typing import Any
 
 from ..core.errors import BsaError, did_you_mean
 from ..core.printable import shown
-from ..core.run_config import RunConfig
+from ..core.run.run_config import RunConfig
 from ..core.scaffold import Scaffold, load_scaffold
 from ..core.validation import validated
 from ..core.yaml_text import parse_yaml

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from ..backends.checked import CheckedBackend
+from ..core.contracts.registry import Listing, installed
 from ..core.errors import BsaError
 from ..core.messages import Backend, BackendFailure, JsonSchema, Message
-from ..core.registry import Listing, installed
 from .entry import EntryConformance
 
 SCHEMA: JsonSchema = {

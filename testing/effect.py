@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ..core import products
+from ..core.contracts import products
+from ..core.contracts.registry import installed
 from ..core.effect import Effect, Evidence
-from ..core.registry import installed
 from .entry import EntryConformance
 
 

@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 
 import pytest
 
+from ..core.contracts.kinds import Kind
+from ..core.contracts.registry import Listing, installed
 from ..core.errors import BsaError
-from ..core.kinds import Kind
-from ..core.registry import Listing, installed
 
 _HEAVY = "ax, botorch, litellm, matplotlib, python_calamine, pandas, pyarrow, pybamm, torch, transformers"
 
@@ -66,7 +66,7 @@ class EntryConformance:
 def _imported_by_listing() -> str:
     """Heavy libraries that a fresh process has imported once it has listed all plugins."""
     code = (
-        "import sys; from bsa.core.registry import installed; installed(); "
+        "import sys; from bsa.core.contracts.registry import installed; installed(); "
         f"print(*({{name for name in {_HEAVY.split(', ')!r}}} & set(sys.modules)))"
     )
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()

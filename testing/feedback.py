@@ -5,7 +5,7 @@ from typing import ClassVar
 import pytest
 
 from ..core.metrics import evaluate
-from ..core.run_plugins import RunPlugins
+from ..core.run.run_plugins import RunPlugins
 from ..core.simulation import ExperimentRun, Outcome, SimulationFailure
 from ..core.task import Task
 from .run_plugin import RunPluginConformance

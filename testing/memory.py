@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import pytest
 
-from ..core.run_plugins import RunPlugins
+from ..core.run.run_plugins import RunPlugins
 from ..core.scaffold import Scaffold
 from ..core.task import Task
 from ..core.trial import Trial

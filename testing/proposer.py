@@ -9,7 +9,7 @@ import pytest
 from ..core.hooks import ProposeContext
 from ..core.messages import BackendFailure, JsonSchema, Message, Reply
 from ..core.proposal import Proposal
-from ..core.run_plugins import RunPlugins
+from ..core.run.run_plugins import RunPlugins
 from ..core.scaffold import Scaffold
 from ..core.task import Task
 from ..core.trial import Trial

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ..core.contracts.registry import installed
 from ..core.errors import BsaError
 from ..core.reading.reading import read_record
 from ..core.record import Reader, ReadOptions, Record
-from ..core.registry import installed
 from .entry import EntryConformance
 
 

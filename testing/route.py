@@ -7,9 +7,9 @@ import pytest
 
 from ..backends.checked import CheckedRoute
 from ..backends.options import BackendOptions
+from ..core.contracts.registry import Listing
 from ..core.errors import BsaError
 from ..core.messages import BackendFailure
-from ..core.registry import Listing
 from .backend import MESSAGES, SCHEMA
 from .entry import EntryConformance
 

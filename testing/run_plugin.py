@@ -8,13 +8,13 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
+from ..core.contracts.registry import installed
 from ..core.hooks import RunContext
-from ..core.journal import FILE_NAME, read_events
-from ..core.loop import RunResult
 from ..core.messages import Backend
-from ..core.registry import installed
-from ..core.run_config import RunConfig
-from ..core.run_plugins import RunPlugins
+from ..core.run.journal import FILE_NAME, read_events
+from ..core.run.loop import RunResult
+from ..core.run.run_config import RunConfig
+from ..core.run.run_plugins import RunPlugins
 from ..core.scaffold import Scaffold
 from ..core.task import Task
 from . import sample_task as sample

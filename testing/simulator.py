@@ -6,9 +6,9 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from ..core.overlap import overlap_rms
+from ..core.comparison.overlap import overlap_rms
 from ..core.parameters import Candidate
-from ..core.run_plugins import RunPlugins
+from ..core.run.run_plugins import RunPlugins
 from ..core.simulation import Outcome, in_order
 from ..core.task import Task
 from ..core.task_reduction import TaskReduction

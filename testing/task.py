@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
+from ..core.contracts.products import instance
+from ..core.contracts.registry import installed
 from ..core.encoding import decode_task, encode_task
-from ..core.products import instance
-from ..core.registry import installed
 from ..core.task import Task
 from .entry import EntryConformance
 

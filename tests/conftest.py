@@ -11,11 +11,11 @@ from typing import Any
 
 import pytest
 from bsa.backends.rules.backend import RulesBackend
-from bsa.core import recording
-from bsa.core.loop import Listener, RunResult
+from bsa.core.contracts.registry import installed
 from bsa.core.messages import Backend
-from bsa.core.registry import installed
-from bsa.core.run_config import RunConfig
+from bsa.core.run import recording
+from bsa.core.run.loop import Listener, RunResult
+from bsa.core.run.run_config import RunConfig
 from bsa.core.scaffold import Scaffold
 from bsa.core.task import Task
 from bsa_toy_cell import toy_scaffold, toy_task

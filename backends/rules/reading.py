@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ...core.feedback import Feedback
+from ...core.inference.typical_steps import to_steps
 from ...core.messages import Message
 from ...core.numbers import finite_number, finite_numbers
 from ...core.prompt_sections import (
@@ -25,7 +26,6 @@ from ...core.prompt_sections import (
     read_table,
 )
 from ...core.sensitivities import Sensitivities
-from ...core.typical_steps import to_steps
 from .numerics import Numerics, entries, words
 
 _MOST_STEPS = 1e9

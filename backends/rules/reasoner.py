@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from ...core.inference.typical_steps import change_by, to_steps
 from ...core.sensitivities import linear_change
-from ...core.typical_steps import change_by, to_steps
 from .reading import Prompt
 from .sensitivity import Matrix, Sensitivity, infer
 

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from ..comparison.residuals import noise_of_residuals, rows_of
 from ..normal import robust_deviation
-from ..residuals import noise_of_residuals, rows_of
 from ..task import Task
 from ..trajectory import FloatArray, StepKind
 from .cycle_table import CycleTable

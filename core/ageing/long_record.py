@@ -4,7 +4,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from ..errors import BsaError
-from ..recognised_protocol import with_switches
+from ..segmentation.recognised_protocol import with_switches
 from ..trajectory import Trajectory
 from .choice import kept_cycles
 from .cycle_table import CycleTable

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..overlap import overlap_rms
-from ..paper_metrics import PaperMetrics, curve_errors, step_duration_error
+from ..comparison.overlap import overlap_rms
+from ..comparison.paper_metrics import PaperMetrics, curve_errors, step_duration_error
+from ..comparison.signal_metrics import Quantity
 from ..printable import counted
-from ..signal_metrics import Quantity
 from ..simulation import Outcome
 from ..task import Experiment, Task
 from ..trajectory import Trajectory

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..recognised_protocol import SeenStep, seen_steps, voltage_limits
+from ..segmentation.recognised_protocol import SeenStep, seen_steps, voltage_limits
 from ..trajectory import Trajectory
 from .cycle_table import COLUMNS, CycleTable
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..noise import resolution
+from ..comparison.noise import resolution
 from ..parameters import Parameter
 from ..target import CurrentOffset
 from .evidence import is_long

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
-from ..identifiability import effective_noise
+from ..inference.identifiability import effective_noise
 from ..normal import NORMAL_95
 from ..parameters import Candidate, ParameterSpace
 from ..trajectory import FloatArray

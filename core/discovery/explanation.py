@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from ..comparison.robust_loss import robust
 from ..effect import Effect
 from ..normal import NORMAL_95, robust_deviation
-from ..robust_loss import robust
 from ..target import InitialSoc
 from ..trajectory import FloatArray
 from .adequacy import Adequacy

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..noise import noise_freedom, noise_of, resolution, rounding_that_stays
+from ..comparison.noise import noise_freedom, noise_of, resolution, rounding_that_stays
 from ..trajectory import FloatArray, StepKind, Trajectory
 from .simulator import MeasuredRecord, Moments
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.ndimage import maximum_filter1d
 
+from ..comparison.robust_loss import robust
 from ..effect import Effect
 from ..parameters import Candidate, Parameter, ParameterSpace
-from ..robust_loss import robust
 from ..trajectory import FloatArray
 from .current_offset import current_offset
 from .evidence import is_long

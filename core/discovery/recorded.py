@@ -9,7 +9,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from ..encoding import decode_array, encode_array
 from ..errors import BsaError
-from ..journal import Journal
+from ..run.journal import Journal
 from .simulator import Answering
 
 SIMULATION, REFUSED = "simulation", "refused"

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..fit_settings import Box, Settings
-from ..least_squares import LeastSquares, solve
+from ..inference.fit_settings import Box, Settings
+from ..inference.least_squares import LeastSquares, solve
 from ..parameters import ParameterSpace
 from ..trajectory import FloatArray
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..border import Unfit, border
+from ..contracts.border import Unfit, border
+from ..contracts.products import instance
+from ..contracts.registry import Registry, installed
 from ..errors import BsaError
 from ..printable import shown
-from ..products import instance
 from ..record import Reader, ReadOptions, Record
-from ..registry import Registry, installed
 from ..spectrum import ImpedanceSpectrum
 from .checks import to_record
 from .joining import joined

@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..recognised_protocol import late_s, with_switches
 from ..record import Record
+from ..segmentation.recognised_protocol import late_s, with_switches
 from ..trajectory import FloatArray, Step, StepKind, Trajectory
 from .charge import NOTED_SHARE
 from .counters import LATE_S

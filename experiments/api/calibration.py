@@ -8,9 +8,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ...core.journal import FILE_NAME, check_run_folder
 from ...core.printable import shown
 from ...core.reading.part_of_file import file_and_part
+from ...core.run.journal import FILE_NAME, check_run_folder
 from ...core.task import Task
 from ..checked_options import as_numbers, simulation_workers
 from ..read_options import readings

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from ...core.files import read_json, write_json
-from ...core.journal import FILE_NAME
-from ...core.loop import RunResult
 from ...core.messages import Backend
-from ...core.run_config import RunConfig
+from ...core.run.journal import FILE_NAME
+from ...core.run.loop import RunResult
+from ...core.run.run_config import RunConfig
 from ...core.task import Task
 from .cell import Axes
 from .grid_file import BackendChoice

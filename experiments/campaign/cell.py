@@ -11,8 +11,8 @@ from filelock import FileLock, Timeout
 
 from ...core.errors import BsaError
 from ...core.files import file_error, write_json
-from ...core.journal import LOCK
 from ...core.messages import Outage
+from ...core.run.journal import LOCK
 from .store import FAILURE, FINAL, OUTAGE, Store
 
 State = Literal["done", "busy", "stopped", "failed", "lost"]

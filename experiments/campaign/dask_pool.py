@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from ...core import threads
 from ...core.errors import BsaError
 from ...core.extras import require
-from ...core.interrupts import interrupts_stay
+from ...core.run.interrupts import interrupts_stay
 from ...core.validation import validated
 from ...core.yaml_text import read_yaml
 from .cell import Order, Report, carry_out

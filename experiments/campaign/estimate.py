@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...backends.opening import on_own_machines
-from ...core.budget import simulated
 from ...core.errors import BsaError
-from ...core.journal import read_events
+from ...core.run.budget import simulated
+from ...core.run.journal import read_events
 from .calibration import Calibration
 from .results import read_table
 from .store import Store

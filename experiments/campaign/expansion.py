@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.errors import unknown
-from ...core.run_config import RunConfig
+from ...core.run.run_config import RunConfig
 from ...core.scaffold import Scaffold
 from ...core.yaml_text import YAML_SUFFIXES
 from ..run_settings import run_config

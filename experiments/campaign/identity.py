@@ -8,10 +8,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from ...core.effect_choice import entry_name
+from ...core.contracts.effect_choice import entry_name
+from ...core.contracts.registry import Listing, installed
 from ...core.hooks import PROJECT
-from ...core.registry import Listing, installed
-from ...core.run_config import RunConfig
+from ...core.run.run_config import RunConfig
 from ..run import versions
 
 PLACEMENT = frozenset({"base_url", "timeout_s", "retry_limit_s", "exchange"})

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from ...core.interrupts import in_main_thread, interrupts_wait
-from ...core.parentage import end_with_parent
+from ...core.run.interrupts import in_main_thread, interrupts_wait
+from ...core.run.parentage import end_with_parent
 from ...core.threads import one_thread_for_children
 from .cell import Order, Report, carry_out
 

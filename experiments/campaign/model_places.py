@@ -10,7 +10,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from ...core.messages import Backend, JsonSchema, Message, Reply
-from ...core.recording import BackendAround, Recorder
+from ...core.run.recording import BackendAround, Recorder
 
 _FIRST_WAIT_S, _LONGEST_WAIT_S = 0.02, 1.0
 
@@ -28,7 +28,7 @@ class SharedBackend(BackendAround):
         self._places = places
 
     def recorded_by(self, recorder: Recorder) -> SharedBackend:
-        """See `bsa.core.recording.Layer`: a place is held as long as a round's votes take."""
+        """See `bsa.core.run.recording.Layer`: a place is held as long as a round's votes take."""
         return SharedBackend(recorder.around(self._inner), self._folder, self._places)
 
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:

@@ -12,9 +12,9 @@ from typing import Any
 
 from markupsafe import Markup
 
+from ...core.contracts.reply_parsing import strip_control
 from ...core.errors import BsaError
 from ...core.files import write_text
-from ...core.reply_parsing import strip_control
 from ..report.page import build_report, check_page
 from ..report.templates import template
 from ..report.wording import clipped, quantity, short_name

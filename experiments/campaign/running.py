@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
 from ...backends.opening import check_backend
+from ...core.contracts.registry import installed
 from ...core.errors import BsaError
-from ...core.registry import installed
 from .calibration import Calibration
 from .cell import Cell, Report
 from .execution import Allowance, Pool, Watcher, run_cells

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ...core.comparison.paper_metrics import PaperMetrics
 from ...core.encoding import decode_task, encode_task
 from ...core.errors import BsaError
 from ...core.files import entries, foreign, read_json, write_text
-from ...core.journal import FILE_NAME
-from ...core.paper_metrics import PaperMetrics
+from ...core.run.journal import FILE_NAME
 from ...core.shape import decoding, mapping_with, shaped
 from ...core.task import Task
 

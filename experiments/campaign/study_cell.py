@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.files import write_json
-from ...core.run_config import hash_of
+from ...core.run.run_config import hash_of
 from .cell import Axes
 from .identity import versions_of
 from .results import check_grid_folder

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ...core.comparison.signal_metrics import MISFIT
 from ...core.errors import unknown
 from ...core.files import begins, entries, foreign, write_text
 from ...core.printable import counted
-from ...core.signal_metrics import MISFIT
 from .columns import COLUMNS
 from .results import grid_folder, read_manifest, rows_of, write_rows
 from .statistics import Comparison, compare

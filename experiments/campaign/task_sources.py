@@ -7,7 +7,7 @@ from typing import Any
 
 from ...core.errors import BsaError, did_you_mean
 from ...core.files import read_json, write_json
-from ...core.run_config import hash_of
+from ...core.run.run_config import hash_of
 from ...core.task import Task
 from ..suite.case import Noise, SuiteCase
 from ..suite.selection import choose, load_suite

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from ...core.errors import BsaError
 from ...core.files import read_json
-from ...core.journal import read_events
 from ...core.messages import Usage
 from ...core.proposal import Proposal
+from ...core.run.journal import read_events
 from ...core.shape import shaped
 from ...core.trial import Phase, Trial
 from .store import TRACE

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ...core.kinds import KINDS, Kind, plural
+from ...core.contracts.kinds import KINDS, Kind, plural
 from .text_table import print_table, print_wrapped
 
 if TYPE_CHECKING:
-    from ...core.registry import Listing, Unusable
+    from ...core.contracts.registry import Listing, Unusable
 
 list_app = typer.Typer(help="Show plugins, scaffolds, backends, tasks and parameters.", invoke_without_command=True)
 
@@ -78,7 +78,7 @@ def parameters(
 def doctor() -> None:
     """Show which language models are ready here, and the command that would make each other one so."""
     from ...backends.readiness import survey
-    from ...core.registry import installed
+    from ...core.contracts.registry import installed
 
     surveyed = [
         (item.backend, f"{item.route}: {'ready' if item.ready else 'not ready'}", item.remedy or item.detail)
@@ -98,14 +98,14 @@ def doctor() -> None:
 
 def _listed(kind: Kind) -> list[Listing]:
     """The plugins of one kind by name; a route, which the registry counts among the backends too, is none of them."""
-    from ...core.registry import installed
+    from ...core.contracts.registry import installed
 
     found = [listing for listing in installed().listings(kind) if listing.kind == kind]
     return sorted(found, key=lambda listing: listing.entry.name)
 
 
 def _unusable() -> list[Unusable]:
-    from ...core.registry import installed
+    from ...core.contracts.registry import installed
     from ..tasks.find import unusable_tasks
 
     return [*installed().unusable, *unusable_tasks()]

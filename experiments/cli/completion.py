@@ -9,12 +9,12 @@ from typing import get_args
 
 import yaml
 
-from ...core.kinds import KINDS, Kind
+from ...core.contracts.kinds import KINDS, Kind
 
 
 def _installed(kind: Kind) -> Callable[[], list[str]]:
     def names() -> list[str]:
-        from ...core.registry import installed
+        from ...core.contracts.registry import installed
 
         return sorted(installed().names(kind))
 

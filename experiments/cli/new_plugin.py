@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ...core.kinds import KINDS
+from ...core.contracts.kinds import KINDS
 from . import completion
 from .progress import printable
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from ...core.messages import Backend, JsonSchema, Message, Reply
-from ...core.recording import BackendAround
+from ...core.run.recording import BackendAround
 
 NO_MODEL = (
     "No language model: the rules backend reasons from the prompt alone. "

@@ -8,9 +8,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Self, TextIO
 
+from ...core.contracts.reply_parsing import strip_control
 from ...core.messages import Usage
 from ...core.printable import counted
-from ...core.reply_parsing import strip_control
 
 if TYPE_CHECKING:
     from rich.panel import Panel

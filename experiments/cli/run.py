@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ...core.errors import BsaError
-from ...core.journal import FILE_NAME, check_run_folder
 from ...core.printable import counted
+from ...core.run.journal import FILE_NAME, check_run_folder
 from . import completion
 from . import shared_options as shared
 from .discover_command import discover_command
@@ -22,8 +22,8 @@ from .exit_codes import INTERRUPTED, STOPPED
 from .option_groups import with_options
 
 if TYPE_CHECKING:
-    from ...core.loop import RunResult
-    from ...core.run_config import RunConfig
+    from ...core.run.loop import RunResult
+    from ...core.run.run_config import RunConfig
     from ...core.task import Task
     from ..request import RunRequest
 
@@ -328,8 +328,8 @@ def _how_to_go_on(result: RunResult, config: RunConfig, folder: Path, identifiab
 
 
 def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterable[str] = ()) -> None:
+    from ...core.comparison.signal_metrics import MISFIT
     from ...core.metrics import headline_of, objective_of
-    from ...core.signal_metrics import MISFIT
     from ..report.forecast_line import forecast_line
     from ..report.post_fit import (
         best_score_line,

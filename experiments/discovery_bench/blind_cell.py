@@ -10,7 +10,7 @@ import numpy as np
 
 from ...core.errors import BsaError
 from ...core.messages import Outage
-from ...core.run_config import hash_of
+from ...core.run.run_config import hash_of
 from ...core.shape import decoding
 from ..campaign.cell import Axes
 from ..campaign.identity import all_effects, versions_of, without_placement

@@ -6,13 +6,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from ...core.contracts.effect_choice import effects_of
 from ...core.discovery.ranking import ask
-from ...core.effect_choice import effects_of
 from ...core.files import read_json, write_json
-from ...core.journal import Journal, read_events
 from ...core.messages import Outage
-from ...core.recording import Recorder
-from ...core.run_config import hash_of
+from ...core.run.journal import Journal, read_events
+from ...core.run.recording import Recorder
+from ...core.run.run_config import hash_of
 from ...core.shape import decoding, shaped
 from ..campaign.cell import Axes
 from ..campaign.grid_file import BackendChoice

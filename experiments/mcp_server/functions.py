@@ -8,17 +8,17 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from ...core.budget import with_budget
+from ...core.contracts.registry import installed
 from ...core.errors import BsaError, unknown
 from ...core.hooks import RunContext
-from ...core.journal import read_events
 from ...core.metrics import errors_of, evaluate
 from ...core.parameters import Candidate
 from ...core.printable import shown
 from ...core.proposal import apply_change
 from ...core.reading.summary import summary
-from ...core.registry import installed
-from ...core.run_plugins import RunPlugins
+from ...core.run.budget import with_budget
+from ...core.run.journal import read_events
+from ...core.run.run_plugins import RunPlugins
 from ...core.scaffold import load_scaffold
 from ...core.simulation import in_order
 from ...core.task import Task

@@ -17,7 +17,7 @@ from pydantic import Field, ValidationError
 from ...core.errors import BsaError, unknown
 from ...core.printable import shown
 from ...core.redaction import redact
-from ...core.run_config import RunConfig
+from ...core.run.run_config import RunConfig
 from ...core.validation import explain
 from ..run_names import named_after, numbered_folder
 from ..tasks.task_file import SUFFIXES

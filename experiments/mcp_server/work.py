@@ -16,9 +16,9 @@ import anyio.to_thread
 from mcp.server.mcpserver import Context
 
 from ...core.errors import BsaError
-from ...core.journal import FILE_NAME
 from ...core.messages import RunStopped
 from ...core.printable import counted
+from ...core.run.journal import FILE_NAME
 
 _LOOK_EVERY_S = 0.25
 _ENDS_WITHIN_S = 30.0

@@ -6,11 +6,11 @@ from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from ...core.contracts.kinds import KINDS, Kind, plural
+from ...core.contracts.registry import OWN, installed
 from ...core.errors import BsaError, unknown
 from ...core.files import entries, write_text
-from ...core.kinds import KINDS, Kind, plural
 from ...core.printable import shown
-from ...core.registry import OWN, installed
 from ..tasks.find import packaged
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")

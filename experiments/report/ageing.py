@@ -8,7 +8,7 @@ import numpy as np
 from ...core.ageing.choice import knee, levelling
 from ...core.ageing.cycle_table import LOSSES, CycleTable
 from ...core.ageing.fade_band import CAPACITY, FadeBand
-from ...core.prediction import Prediction
+from ...core.inference.prediction import Prediction
 from ...core.task import Experiment
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.constants import zero_Celsius
 from scipy.interpolate import PchipInterpolator
 
+from ...core.comparison.overlap import scored_part
+from ...core.inference.prediction import Prediction, band_of, followed
 from ...core.metrics import Quantity
-from ...core.overlap import scored_part
-from ...core.prediction import Prediction, band_of, followed
 from ...core.printable import counted
 from ...core.signals import Signal
 from ...core.task import Experiment, Task

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...core.ageing.fade_band import CAPACITY
-from ...core.prediction import Prediction
+from ...core.inference.prediction import Prediction
 from ...core.task import Experiment
 from .wording import number
 

@@ -2,8 +2,8 @@
 
 from typing import Any
 
+from ...core.inference.post_fit_analysis import PostFitAnalysis
 from ...core.parameters import Parameter
-from ...core.post_fit_analysis import PostFitAnalysis
 from ..run_record import RunRecord
 from .post_fit import caution_line, groups_line, named, next_line, share, steps_of, tolerance_words, verdict_line
 from .wording import number, printed_unit, short_name

@@ -7,11 +7,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from ...core.comparison.signal_metrics import MISFIT
 from ...core.files import foreign, write_text
 from ...core.metrics import Quantity, errors_of, headline_of, objective_of
 from ...core.parameters import Parameter
 from ...core.printable import counted
-from ...core.signal_metrics import MISFIT
 from ..run_record import UNFINISHED, RunRecord, read_run
 from .ageing import lives
 from .failures import failures

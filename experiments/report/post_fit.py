@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
+from ...core.comparison.residuals import DURATION_TOLERANCE
 from ...core.domain import Domain
+from ...core.inference.post_fit_analysis import PostFitAnalysis, Suggestion
 from ...core.metrics import Metrics, objective_of
-from ...core.post_fit_analysis import PostFitAnalysis, Suggestion
 from ...core.printable import counted
-from ...core.residuals import DURATION_TOLERANCE
 from ...core.task import Task
 from ...core.trial import Trial
 from .wording import number, short_name, unit

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 from ...core.ageing.fade_band import CAPACITY
 from ...core.cell import SPECTRUM, TEMPERATURE
-from ...core.prediction import Band, Prediction
-from ...core.record_errors import RecordErrors, SignalError
+from ...core.comparison.record_errors import RecordErrors, SignalError
+from ...core.inference.prediction import Band, Prediction
 from ...core.signals import Signal
 from ...core.task import Task
 from .wording import duration, number, unit

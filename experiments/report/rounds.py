@@ -8,9 +8,9 @@ from typing import Any
 
 from markupsafe import escape
 
+from ...core.contracts.reply_parsing import strip_control
 from ...core.parameters import ParameterSpace
 from ...core.proposal import ALREADY_SIMULATED, LACKING, PROBLEMS
-from ...core.reply_parsing import strip_control
 from ...core.trial import Trial
 from ..exchanges import Exchange
 from ..run_record import Round, RunRecord

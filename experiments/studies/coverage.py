@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
+from ...core.comparison.residuals import noise_of_residuals, residuals
 from ...core.files import write_csv, write_text
-from ...core.loop import RunResult
+from ...core.inference.prediction import band_of
 from ...core.parameters import Candidate, Parameter, ParameterSpace
-from ...core.prediction import band_of
-from ...core.residuals import noise_of_residuals, residuals
-from ...core.run_config import RunConfig
+from ...core.run.loop import RunResult
+from ...core.run.run_config import RunConfig
 from ...core.scaffold import load_scaffold
 from ...core.simulation import ExperimentRun, Outcome
 from ...core.target import INITIAL_SOC, CellChange, InitialSoc, soc_name

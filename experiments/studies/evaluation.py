@@ -13,7 +13,7 @@ import numpy as np
 from ...backends.rules.backend import RulesBackend
 from ...core.files import write_csv
 from ...core.parameters import Candidate
-from ...core.run_config import RunConfig
+from ...core.run.run_config import RunConfig
 from ...core.scaffold import load_scaffold
 from ...plugins.pybamm.compiled import CompiledExperiment
 from ...plugins.pybamm.solving import solve_reference

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from ...core.files import write_csv, write_text
-from ...core.journal import read_events
 from ...core.proposal import unusable_replies
+from ...core.run.journal import read_events
 from ..campaign.grid_file import BackendChoice, GridFile, Included, SuiteFilter
 from ..campaign.results import check_grid_folder
 from ..campaign.running import Plan

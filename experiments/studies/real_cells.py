@@ -9,13 +9,13 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 from ...backends.opening import open_backend
+from ...core.comparison.record_errors import RecordErrors
+from ...core.comparison.signal_metrics import voltage_rmse_mv
 from ...core.errors import BsaError, unknown
-from ...core.loop import RunResult
 from ...core.reading.part_of_file import file_and_part
-from ...core.record_errors import RecordErrors
-from ...core.run_config import RunConfig
+from ...core.run.loop import RunResult
+from ...core.run.run_config import RunConfig
 from ...core.scaffold import load_scaffold
-from ...core.signal_metrics import voltage_rmse_mv
 from ...core.yaml_text import read_yaml
 from ..run import Resources, execute_run
 from ..tasks.task_file import TaskFile, task_from

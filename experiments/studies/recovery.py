@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from ...core.comparison.paper_metrics import evaluate
 from ...core.files import write_csv, write_text
-from ...core.paper_metrics import evaluate
 from ...core.parameters import Candidate, ParameterSpace
 from ...core.simulation import Outcome
 from ...core.task import Task

@@ -16,7 +16,7 @@ from ...core.encoding import decode_outcome, encode_cell, encode_outcome
 from ...core.errors import BsaError
 from ...core.files import write_json
 from ...core.parameters import Candidate
-from ...core.run_config import hash_of
+from ...core.run.run_config import hash_of
 from ...core.simulation import ExperimentRun, Outcome
 from ...core.target import change_of, target_named
 from ...core.task import CellModel, Experiment

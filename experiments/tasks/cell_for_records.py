@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from ...core.recognised_protocol import with_switches
 from ...core.record import Record
+from ...core.segmentation.recognised_protocol import with_switches
 from ...core.target import THERMODYNAMIC_FACTOR, Value, factor_name, target_named
 from ...core.task import NEAREST, CellModel, ParameterFile, ParameterSource
 from ...core.trajectory import FloatArray, Trajectory

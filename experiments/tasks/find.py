@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from ...core.border import border
+from ...core.contracts.border import border
+from ...core.contracts.products import instance
+from ...core.contracts.registry import OWN, Unusable, installed
 from ...core.errors import BsaError, did_you_mean, unknown
-from ...core.products import instance
-from ...core.registry import OWN, Unusable, installed
 from ...core.task import Task
 from ...core.yaml_text import read_yaml
 from .task_file import SUFFIXES, load_task_file

@@ -11,8 +11,8 @@ from ...core.ageing.cycle_table import COLUMNS, CycleTable
 from ...core.ageing.long_record import measured_table, with_curves
 from ...core.ageing.typical_cycle import TypicalCycle, typical_cycle, without_cut_short
 from ...core.errors import BsaError
-from ...core.recognised_protocol import with_switches
 from ...core.record import Record
+from ...core.segmentation.recognised_protocol import with_switches
 from ...core.trajectory import Trajectory
 
 if TYPE_CHECKING:

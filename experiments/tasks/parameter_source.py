@@ -11,8 +11,8 @@ import numpy as np
 from ...core.encoding import encode_parameter, encode_task
 from ...core.errors import BsaError
 from ...core.files import file_error
-from ...core.journal import FILE_NAME as JOURNAL
 from ...core.parameters import Parameter, ParameterSpace
+from ...core.run.journal import FILE_NAME as JOURNAL
 from ...core.target import CellChange, InitialSoc
 from ...core.task import ParameterFile, ParameterSource, Task
 from ..run_record import RunRecord, read_run

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from ...core.contracts.registry import installed
 from ...core.errors import BsaError
 from ...core.reading.parts import parts_between_gaps
-from ...core.recognised_protocol import recognised_protocol
 from ...core.record import ReadOptions, Record
-from ...core.registry import installed
+from ...core.segmentation.recognised_protocol import recognised_protocol
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.task import Protocol
 from .lives import as_life

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...core.prediction import begins_under_load
+from ...core.inference.prediction import begins_under_load
 from ...core.reading.switches import resting_voltage, switches
 from ...core.trajectory import StepKind, Trajectory
 

@@ -9,11 +9,11 @@ from typing import Any
 from ...core.ageing.long_record import long_record
 from ...core.cell import CELL, SPECTRUM, TEMPERATURE
 from ...core.errors import BsaError
+from ...core.inference.prediction import begins_under_load
 from ...core.parameters import ParameterSpace
-from ...core.prediction import begins_under_load
 from ...core.reading.switches import resting_voltage
-from ...core.recognised_protocol import with_switches
 from ...core.record import Record
+from ...core.segmentation.recognised_protocol import with_switches
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.target import INITIAL_SOC, InitialSoc, soc_name
 from ...core.task import CellModel, Experiment, ParameterSource, Task

@@ -10,11 +10,11 @@ import numpy as np
 from pydantic import BaseModel, Field, model_validator
 
 from ...core.cell import CELL
+from ...core.contracts.registry import installed
 from ...core.domain import Domain
 from ...core.errors import BsaError, unknown
 from ...core.parameters import Parameter, ParameterSpace, Scale
 from ...core.printable import listed, shown
-from ...core.registry import installed
 from ...core.signals import Signal
 from ...core.target import Value
 from ...core.task import CellModel, Experiment, Task, Weight

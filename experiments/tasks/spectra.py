@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from ...core.comparison.spectrum_record import inductive_points, spectrum_record
 from ...core.errors import BsaError
 from ...core.spectrum import ImpedanceSpectrum
-from ...core.spectrum_record import inductive_points, spectrum_record
 from ...core.task import Experiment
 
 if TYPE_CHECKING:

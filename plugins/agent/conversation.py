@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
+from ...core.contracts.reply_parsing import parse_object
 from ...core.errors import BsaError
 from ...core.messages import UNUSABLE, Backend, BackendFailure, JsonSchema, Message, Reply, ReplyRefused
 from ...core.proposal import NO_REPLY
-from ...core.reply_parsing import parse_object
 
 T = TypeVar("T")
 

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from ...core.inference.typical_steps import change_by
 from ...core.parameters import Candidate
 from ...core.prompt_sections import table
 from ...core.proposal import apply_change
 from ...core.sensitivities import linear_change
 from ...core.trajectory import FloatArray
-from ...core.typical_steps import change_by
 from ..feedback.rounding import rounded
 from .situation import Situation
 

@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
+from ...core.contracts.reply_parsing import strip_control
 from ...core.errors import BsaError, did_you_mean
 from ...core.parameters import Candidate, ParameterSpace
 from ...core.proposal import CHANGE_PATTERN, apply_change
-from ...core.reply_parsing import strip_control
 
 
 def updates_schema(space: ParameterSpace) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 from ...core.ageing.choice import knee, levelling, shown_cycles
 from ...core.ageing.cycle_table import CycleTable
 from ...core.ageing.residuals import CAPACITY_TOLERANCE, RESISTANCE_TOLERANCE
-from ...core.alignment import StepPair, pair_steps
+from ...core.comparison.alignment import StepPair, pair_steps
 from ...core.simulation import ExperimentRun
 from ...core.task import Experiment, Task
 from ...core.thinning import evenly

@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...core.alignment import StepPair, pair_steps
-from ...core.residuals import DURATION_TOLERANCE, POINTS, tolerance_at
+from ...core.comparison.alignment import StepPair, pair_steps
+from ...core.comparison.residuals import DURATION_TOLERANCE, POINTS, tolerance_at
 from ...core.signals import Signal, slug
 from ...core.simulation import Outcome
 from ...core.task import Experiment, Task

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...core.alignment import StepPair
+from ...core.comparison.alignment import StepPair
 from ...core.feedback import Feedback
 from ...core.files import replacing
 from ...core.hooks import NoOptions, RunContext, hookimpl

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ...core.alignment import StepPair, pair_steps
+from ...core.comparison.alignment import StepPair, pair_steps
+from ...core.comparison.residuals import DURATION, StepMisfit, misfits
 from ...core.prompt_sections import table
-from ...core.residuals import DURATION, StepMisfit, misfits
 from ...core.signals import Signal, slug
 from ...core.simulation import Outcome
 from ...core.task import Experiment, Task

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, Field
 
+from ...core.comparison.paper_metrics import require_paper
 from ...core.extras import require
 from ...core.hooks import ProposeContext, RunContext, hookimpl
-from ...core.paper_metrics import require_paper
 from ...core.parameters import ParameterSpace
 from ...core.proposal import Proposal
 from ...core.trajectory import FloatArray

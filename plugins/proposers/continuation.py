@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...core.least_squares import LeastSquares
+from ...core.inference.least_squares import LeastSquares
 from ...core.parameters import Candidate, ParameterSpace
 from ...core.task_reduction import TaskReduction
 from ...core.trajectory import FloatArray, Step, StepKind, Trajectory

@@ -6,11 +6,11 @@ from typing import Literal
 import numpy as np
 from pydantic import BaseModel, Field
 
-from ...core.answer import CLEARLY_ABOVE
-from ...core.fit_settings import Settings
-from ...core.least_squares import LeastSquares
+from ...core.comparison.residuals import noise_of_residuals, rms
+from ...core.inference.fit_settings import Settings
+from ...core.inference.least_squares import LeastSquares
 from ...core.parameters import Candidate
-from ...core.residuals import noise_of_residuals, rms
+from ...core.run.answer import CLEARLY_ABOVE
 from ...core.task import Task
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial, misfit_times_score

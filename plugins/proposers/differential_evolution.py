@@ -6,8 +6,8 @@ import numpy as np
 from pydantic import BaseModel, Field
 from scipy.optimize import differential_evolution
 
+from ...core.comparison.paper_metrics import require_paper
 from ...core.hooks import ProposeContext, RunContext, hookimpl
-from ...core.paper_metrics import require_paper
 from ...core.proposal import Proposal
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial

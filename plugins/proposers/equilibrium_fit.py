@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, qmc
 
-from ...core.least_squares import LeastSquares, solve
+from ...core.comparison.residuals import residuals
+from ...core.inference.least_squares import LeastSquares, solve
 from ...core.parameters import Candidate
-from ...core.residuals import residuals
 from ...core.simulation import Outcome
 from ...core.task import Task
 from ...core.trajectory import FloatArray

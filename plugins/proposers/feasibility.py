@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...core.alignment import pair_steps
+from ...core.comparison.alignment import pair_steps
 from ...core.task import Task
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.cell import FREQUENCY, REACTANCE, RESISTANCE, VOLTAGE
-from ...core.residuals import DURATION_TOLERANCE, ResidualRows, rows_of
+from ...core.comparison.residuals import DURATION_TOLERANCE, ResidualRows, rows_of
 from ...core.task import Task
 from ...core.trajectory import FloatArray, Trajectory
 

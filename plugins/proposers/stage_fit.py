@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
-from ...core.fit_settings import Box, Settings
-from ...core.identifiability import residual_noise
-from ...core.least_squares import LeastSquares
+from ...core.inference.fit_settings import Box, Settings
+from ...core.inference.identifiability import residual_noise
+from ...core.inference.least_squares import LeastSquares
 from ...core.parameters import Candidate
 from ...core.task import Task
 from ...core.task_reduction import TaskReduction

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from ...core.contracts.effect_choice import effects_of
 from ...core.effect import Effect
-from ...core.effect_choice import effects_of
 from ...core.errors import BsaError
 from ...core.task import CellModel
 

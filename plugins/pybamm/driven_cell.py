@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.border import border
+from ...core.contracts.border import border
 from ...core.effect import Effect
 from ...core.parameters import Candidate
 from ...core.target import CellChange, Target

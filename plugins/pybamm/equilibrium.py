@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.constants import physical_constants
 
-from ...core.border import border
+from ...core.contracts.border import border
 from ...core.parameters import Candidate
 from ...core.simulation import ExperimentRun, Outcome, SimulationFailure
 from ...core.target import CellChange

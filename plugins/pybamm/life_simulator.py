@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ...core.ageing.summary import in_sequence
+from ...core.comparison.residuals import residuals
 from ...core.discovery.simulator import LifeRequest, LifeResiduals
 from ...core.errors import BsaError
-from ...core.residuals import residuals
 from ...core.simulation import Outcome
 from ...core.target import target_named
 from ...core.task import Task

@@ -12,8 +12,8 @@ from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, Protocol, TypeVar
 
 from ...core.errors import BsaError
-from ...core.interrupts import in_main_thread, interrupts_wait
-from ...core.parentage import end_with_parent
+from ...core.run.interrupts import in_main_thread, interrupts_wait
+from ...core.run.parentage import end_with_parent
 from ...core.threads import one_thread_for_children
 
 Job = TypeVar("Job", contravariant=True)

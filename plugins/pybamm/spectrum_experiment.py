@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from ...core.cell import FREQUENCY
+from ...core.comparison.spectrum_record import parts_of
 from ...core.parameters import Candidate
 from ...core.simulation import ExperimentRun, SimulationFailure
-from ...core.spectrum_record import parts_of
 from ...core.target import CellChange, Target
 from ...core.task import CellModel, Experiment
 from .compiled_cell import SOLVER_ERRORS, CompiledCell, first_line, start_of

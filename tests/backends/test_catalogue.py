@@ -1,7 +1,7 @@
 """Every built-in backend that needs no model, and every route, keeps what its kind promises."""
 
 import pytest
-from bsa.core.registry import installed
+from bsa.core.contracts.registry import installed
 from bsa.testing import BackendConformance, RouteConformance
 
 NEED_NO_MODEL = ("rules", "random-advice", "adversarial-advice")

@@ -6,7 +6,7 @@ from bsa.backends.options import BackendOptions
 from bsa.backends.reviewing import ReviewingBackend, Verdict
 from bsa.backends.rules.backend import RulesBackend
 from bsa.backends.voting import VotingBackend
-from bsa.core.journal import read_events
+from bsa.core.run.journal import read_events
 
 
 def _events(folder, kind):

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 from bsa.backends.opening import check_backend, open_backend
+from bsa.core.contracts.registry import Registry
 from bsa.core.errors import BsaError
 from bsa.core.hooks import Entry, hookimpl
 from bsa.core.messages import BackendFailure, Outage, Reply, Usage
-from bsa.core.registry import Registry
 from pydantic import BaseModel, Field
 
 

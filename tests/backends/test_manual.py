@@ -14,7 +14,6 @@ from bsa.backends.replay import ReplayBackend, replay
 from bsa.backends.reviewing import ReviewingBackend, TerminalReviewer, Verdict
 from bsa.backends.voting import VotingBackend
 from bsa.core.errors import BsaError
-from bsa.core.journal import FORMAT, Journal, read_events
 from bsa.core.messages import (
     Backend,
     BackendFailure,
@@ -26,7 +25,8 @@ from bsa.core.messages import (
     ReplyRefused,
     Usage,
 )
-from bsa.core.recording import Recorder
+from bsa.core.run.journal import FORMAT, Journal, read_events
+from bsa.core.run.recording import Recorder
 
 
 class Canned:

@@ -10,8 +10,8 @@ from bsa.backends.opening import open_backend
 from bsa.backends.options import BackendOptions
 from bsa.backends.presets import load_presets
 from bsa.backends.readiness import check_preset, survey
+from bsa.core.contracts.registry import Registry
 from bsa.core.errors import BsaError
-from bsa.core.registry import Registry
 
 STUDY = ("qwen2.5-7b", "qwen2.5-14b", "qwen2.5-32b", "o3", "gpt-oss-20b", "gpt-oss-120b")
 

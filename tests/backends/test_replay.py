@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 import typer
 from bsa.backends.opening import open_backend
-from bsa.core.loop import RunResult
-from bsa.core.run_config import RunConfig
+from bsa.core.run.loop import RunResult
+from bsa.core.run.run_config import RunConfig
 from bsa.experiments.cli.exit_codes import STOPPED
 from bsa.experiments.cli.run import _execute
 from bsa.experiments.request import RunRequest

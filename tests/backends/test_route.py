@@ -10,8 +10,8 @@ from bsa.backends.checked import CheckedRoute
 from bsa.backends.opening import check_backend, on_own_machines, open_backend
 from bsa.backends.options import BackendOptions
 from bsa.backends.readiness import check, survey
+from bsa.core.contracts.registry import installed
 from bsa.core.errors import BsaError
-from bsa.core.registry import installed
 from bsa.experiments.cli.catalogue import doctor, plugins
 
 Install = Callable[..., Path]

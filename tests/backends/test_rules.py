@@ -4,11 +4,11 @@ import pytest
 from bsa.backends.rules.backend import RulesBackend
 from bsa.backends.rules.reading import read_prompt
 from bsa.core.feedback import Feedback
+from bsa.core.inference.typical_steps import change_by, to_steps
 from bsa.core.messages import Message
 from bsa.core.prompt_sections import FEEDBACK, LAST_ATTEMPT, PRIORS, SENSITIVITIES, TASK, TRIALS, section, table
 from bsa.core.proposal import apply_change
 from bsa.core.sensitivities import Sensitivities
-from bsa.core.typical_steps import change_by, to_steps
 from hypothesis import given
 from hypothesis import strategies as st
 

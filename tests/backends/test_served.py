@@ -11,9 +11,9 @@ import pytest
 from bsa.backends import retrying
 from bsa.backends.opening import open_backend
 from bsa.backends.options import BackendOptions
+from bsa.core.contracts.reply_parsing import parse_object
 from bsa.core.errors import BsaError
 from bsa.core.messages import BackendFailure
-from bsa.core.reply_parsing import parse_object
 
 SECRET = "sk-do-not-tell-0123456789"
 TIMEOUT_S = 0.4

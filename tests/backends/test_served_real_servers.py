@@ -12,8 +12,8 @@ from bsa.backends.opening import open_backend
 from bsa.backends.options import BackendOptions
 from bsa.backends.presets import Preset
 from bsa.backends.readiness import check_preset
+from bsa.core.contracts.reply_parsing import parse_object
 from bsa.core.errors import BsaError
-from bsa.core.reply_parsing import parse_object
 from bsa.plugins.agent.actions import Offer, action_schema
 from bsa_toy_cell import space
 

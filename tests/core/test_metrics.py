@@ -2,9 +2,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bsa.core.comparison.residuals import residuals
 from bsa.core.errors import BsaError
 from bsa.core.metrics import evaluate, objective_of
-from bsa.core.residuals import residuals
 from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory

@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bsa.core.cell import CELL, CURRENT, VOLTAGE
+from bsa.core.comparison.paper_metrics import require_paper
+from bsa.core.comparison.record_errors import errors_by_record
+from bsa.core.comparison.residuals import residuals, rows_of
 from bsa.core.domain import Domain
 from bsa.core.encoding import decode_task, decode_trajectory, encode_task, encode_trajectory
 from bsa.core.errors import BsaError
 from bsa.core.metrics import decode_metrics, errors_of, evaluate, objective_of, told_of
-from bsa.core.paper_metrics import require_paper
 from bsa.core.parameters import Parameter, ParameterSpace
-from bsa.core.record_errors import errors_by_record
-from bsa.core.residuals import residuals, rows_of
 from bsa.core.signals import Signal, compared
 from bsa.core.simulation import ExperimentRun, Outcome, SimulationFailure
 from bsa.core.task import CellModel, Experiment, Task

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bsa.core.comparison.residuals import partial_residuals, residuals
 from bsa.core.errors import BsaError
-from bsa.core.journal import read_events
-from bsa.core.loop import RunResult
-from bsa.core.residuals import partial_residuals, residuals
+from bsa.core.run.journal import read_events
+from bsa.core.run.loop import RunResult
 from bsa.core.simulation import ExperimentRun, Outcome, SimulationFailure
 from bsa.core.task import Experiment, Task
 from bsa.core.task_reduction import TaskReduction, shortened

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from bsa.core.effect_choice import effects_of
+from bsa.core.contracts.effect_choice import effects_of
 from bsa.core.errors import BsaError
-from bsa.core.journal import Journal, read_events
+from bsa.core.run.journal import Journal, read_events
 from bsa.core.target import CellChange, target_named
 from bsa.core.task import CellModel, ParameterFile
 from bsa.experiments.api.discovery_result import DiscoveryResult

@@ -10,11 +10,11 @@ import bsa
 import numpy as np
 import pytest
 from bsa.core.ageing.changes import Changes
+from bsa.core.comparison.residuals import residuals
 from bsa.core.discovery.simulator import LifeRequest, LifeResiduals
 from bsa.core.effect import Effect, EffectParameter
 from bsa.core.errors import BsaError
-from bsa.core.journal import read_events
-from bsa.core.residuals import residuals
+from bsa.core.run.journal import read_events
 from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.experiments import discover_life
 from bsa.experiments.api.scripts import namespace_of

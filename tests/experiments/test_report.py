@@ -8,15 +8,15 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from bsa.core.comparison.record_errors import RecordErrors, SignalError
+from bsa.core.comparison.signal_metrics import MISFIT
 from bsa.core.encoding import encode_proposal, encode_task, encode_trial
 from bsa.core.errors import BsaError
 from bsa.core.feedback import Feedback
-from bsa.core.journal import Journal
 from bsa.core.metrics import PaperMetrics
 from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.proposal import Proposal
-from bsa.core.record_errors import RecordErrors, SignalError
-from bsa.core.signal_metrics import MISFIT
+from bsa.core.run.journal import Journal
 from bsa.core.simulation import SimulationFailure
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory

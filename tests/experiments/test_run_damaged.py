@@ -10,8 +10,8 @@ import pytest
 from bsa.backends.opening import open_backend
 from bsa.backends.replay import replay
 from bsa.core.errors import BsaError
-from bsa.core.journal import FILE_NAME
-from bsa.core.run_config import RunConfig
+from bsa.core.run.journal import FILE_NAME
+from bsa.core.run.run_config import RunConfig
 from bsa.core.scaffold import PluginChoice, load_scaffold
 from bsa.experiments.report import build_report
 from bsa.experiments.run import execute_run, read_request

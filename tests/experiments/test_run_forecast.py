@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 from bsa.backends.rules.backend import RulesBackend
-from bsa.core import after_search
-from bsa.core.run_config import RunConfig
+from bsa.core.run import after_search
+from bsa.core.run.run_config import RunConfig
 from bsa.experiments import run
 from bsa.experiments.cli.progress import PlainProgress
 from bsa.experiments.cli.run import _print_summary

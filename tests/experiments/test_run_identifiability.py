@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 from bsa.backends.rules.backend import RulesBackend
-from bsa.core.run_config import RunConfig
+from bsa.core.run.run_config import RunConfig
 from bsa.core.scaffold import load_scaffold
 from bsa.experiments.run import execute_run
 from bsa.experiments.tasks.demo_record import HIDDEN

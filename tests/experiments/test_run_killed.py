@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
-from bsa.core.journal import read_events
+from bsa.core.run.journal import read_events
 from bsa.experiments.tasks.find import PACKAGED
 
 TASK = f"""

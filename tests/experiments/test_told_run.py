@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from bsa.backends.rules.backend import RulesBackend
-from bsa.core.run_config import RunConfig
+from bsa.core.run.run_config import RunConfig
 from bsa.experiments.run import execute_run
 from bsa.experiments.told_run import ToldRun
 from bsa_toy_cell import toy_scaffold, toy_task

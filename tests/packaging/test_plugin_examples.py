@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bsa.core.effect_choice import effects_of
-from bsa.core.journal import read_events
-from bsa.core.kinds import KINDS
+from bsa.core.contracts.effect_choice import effects_of
+from bsa.core.contracts.kinds import KINDS
+from bsa.core.contracts.registry import installed
 from bsa.core.reading.reading import read_record
 from bsa.core.record import ReadOptions
-from bsa.core.registry import installed
+from bsa.core.run.journal import read_events
 from bsa.experiments.cli.catalogue import doctor
 from bsa.experiments.cli.main import run_main
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import openpyxl
 import pytest
-from bsa.core.kinds import Kind
-from bsa.core.registry import installed
+from bsa.core.contracts.kinds import Kind
+from bsa.core.contracts.registry import installed
 from bsa.plugins.readers.bdf import write
 from bsa.testing import (
     EffectConformance,

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import bsa.testing
 import pytest
-from bsa.core.kinds import KINDS
+from bsa.core.contracts.kinds import KINDS
 
 PLUGINS = """
 import random, time

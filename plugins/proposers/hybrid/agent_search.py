@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ....core.fit_settings import Settings
-from ....core.least_squares import LeastSquares
+from ....core.comparison.robust_loss import robust
+from ....core.inference.fit_settings import Settings
+from ....core.inference.least_squares import LeastSquares
 from ....core.parameters import Candidate, ParameterSpace
-from ....core.robust_loss import robust
 from ....core.trajectory import FloatArray
 from ....core.trial import Trial
 

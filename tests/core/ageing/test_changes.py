@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bsa.core.ageing.changes import Changes
-from bsa.core.residuals import residuals
+from bsa.core.comparison.residuals import residuals
 from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.trajectory import Trajectory
 from bsa_toy_life import life, life_task

@@ -4,10 +4,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bsa.core.ageing.metrics import AgeingMetrics
+from bsa.core.comparison.residuals import noise_of_residuals, residuals
 from bsa.core.encoding import decode_task, encode_task
 from bsa.core.errors import BsaError
 from bsa.core.metrics import decode_metrics, errors_of, evaluate, headline_of
-from bsa.core.residuals import noise_of_residuals, residuals
 from bsa.core.simulation import ExperimentRun, Outcome, SimulationFailure
 from bsa.core.task import Task
 from bsa.core.task_reduction import shortened

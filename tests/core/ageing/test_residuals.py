@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from bsa.core.ageing.residuals import CAPACITY_TOLERANCE, compared_cycles
-from bsa.core.residuals import capacity_rows, residuals
+from bsa.core.comparison.residuals import capacity_rows, residuals
 from bsa.core.simulation import Outcome
 from bsa.core.task import Task
 from bsa.core.trajectory import Trajectory

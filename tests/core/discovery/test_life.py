@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bsa.core.ageing.changes import Changes
+from bsa.core.comparison.residuals import residuals
 from bsa.core.discovery.life import LifeEngine
 from bsa.core.effect import Effect, EffectParameter
 from bsa.core.parameters import Candidate
-from bsa.core.residuals import residuals
 from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.trajectory import FloatArray, Trajectory
 from bsa_toy_life import life, life_task

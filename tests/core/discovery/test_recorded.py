@@ -6,7 +6,7 @@ import pytest
 from bsa.core.discovery.engine import Engine
 from bsa.core.discovery.recorded import RecordedSimulator
 from bsa.core.discovery.simulator import LifeRequest, LifeResiduals, Moments, Prediction, Request
-from bsa.core.journal import Journal, read_events
+from bsa.core.run.journal import Journal, read_events
 
 CATALOGUE = (toy.QUADRATIC, toy.HYSTERESIS)
 

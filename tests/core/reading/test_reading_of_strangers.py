@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bsa.core.contracts.registry import Registry
 from bsa.core.errors import BsaError
 from bsa.core.hooks import Entry, hookimpl
 from bsa.core.reading.reading import read_record
 from bsa.core.reading.samples import Samples
 from bsa.core.record import ReadOptions
-from bsa.core.registry import Registry
 from bsa.core.trajectory import StepKind
 from pydantic import BaseModel, Field
 

@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 from bsa.backends.rules.backend import RulesBackend
-from bsa.core.journal import LOCK
 from bsa.core.messages import BackendUnreachable, Reply
+from bsa.core.run.journal import LOCK
 from bsa.experiments.campaign import calibration
 from bsa.experiments.campaign.cell import Order, Report, carry_out
 from bsa.experiments.campaign.execution import LOSSES, Allowance, run_cells

@@ -9,7 +9,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from bsa.core.journal import Journal
+from bsa.core.run.journal import Journal
 from bsa.experiments.campaign import page
 from bsa.experiments.campaign.page import build_page
 from bsa.experiments.campaign.running import run_campaign

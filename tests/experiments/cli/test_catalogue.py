@@ -5,8 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from bsa.core.kinds import KINDS, plural
-from bsa.core.registry import installed
+from bsa.core.contracts.kinds import KINDS, plural
+from bsa.core.contracts.registry import installed
 from bsa.experiments.cli.catalogue import doctor
 from bsa.experiments.cli.main import main
 from bsa.experiments.tasks.find import find_task, unusable_tasks

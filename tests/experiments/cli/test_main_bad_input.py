@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 from bsa.core.errors import BsaError
-from bsa.core.journal import FILE_NAME
 from bsa.core.reading.reading import read_record
+from bsa.core.run.journal import FILE_NAME
 from bsa.experiments.cli.main import main, run_main
 from bsa.experiments.cli.shared_options import Reading
 from bsa.experiments.run_settings import key_values, run_config

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 from bsa.core.encoding import encode_task
-from bsa.core.journal import FILE_NAME
+from bsa.core.run.journal import FILE_NAME
 from bsa.experiments.cli.main import main
 from bsa_toy_cell import toy_task
 

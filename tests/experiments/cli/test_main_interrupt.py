@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 import typer
-from bsa.core import after_search
-from bsa.core.run_config import RunConfig
+from bsa.core.run import after_search
+from bsa.core.run.run_config import RunConfig
 from bsa.experiments import predict
 from bsa.experiments.cli.exit_codes import INTERRUPTED
 from bsa.experiments.cli.main import main

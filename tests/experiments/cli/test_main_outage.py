@@ -16,7 +16,7 @@ import typer
 from bsa.backends.rules.backend import RulesBackend
 from bsa.core.errors import BsaError
 from bsa.core.messages import Outage
-from bsa.core.run_config import RunConfig
+from bsa.core.run.run_config import RunConfig
 from bsa.experiments.campaign import running
 from bsa.experiments.cli.exit_codes import OUTAGE
 from bsa.experiments.cli.main import main

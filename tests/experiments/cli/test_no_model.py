@@ -1,7 +1,7 @@
 """That no language model answers is said where one is asked, and there alone."""
 
 from bsa.backends.rules.backend import RulesBackend
-from bsa.core.run_config import RunConfig
+from bsa.core.run.run_config import RunConfig
 from bsa.experiments.cli.no_model import NO_MODEL, NoModelTold
 from bsa.experiments.run import execute_run
 from bsa_toy_cell import toy_scaffold, toy_task

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 from bsa.backends.rules.backend import RulesBackend
-from bsa.core.journal import read_events
 from bsa.core.proposal import Proposal
-from bsa.core.run_config import RunConfig
+from bsa.core.run.journal import read_events
+from bsa.core.run.run_config import RunConfig
 from bsa.experiments.cli.progress import LiveProgress, PlainProgress, note_line
 from bsa.experiments.run import execute_run
 from bsa_toy_cell import HIDDEN, POLARISATION, SERIES, toy_scaffold, toy_task

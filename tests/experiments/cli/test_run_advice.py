@@ -7,11 +7,11 @@ from types import SimpleNamespace
 
 import pytest
 from bsa.core.cell import CELL
-from bsa.core.forecast import Forecast
-from bsa.core.identifiability import Identifiability, Interval
-from bsa.core.journal import read_events
-from bsa.core.post_fit_analysis import PostFitAnalysis, Suggestion
-from bsa.core.run_config import RunConfig
+from bsa.core.inference.forecast import Forecast
+from bsa.core.inference.identifiability import Identifiability, Interval
+from bsa.core.inference.post_fit_analysis import PostFitAnalysis, Suggestion
+from bsa.core.run.journal import read_events
+from bsa.core.run.run_config import RunConfig
 from bsa.experiments.cli.run import _execute, _how_to_go_on, _print_summary
 from bsa.experiments.report.identifiability import caution_line, next_line
 from bsa.experiments.request import RunRequest

@@ -12,7 +12,7 @@ from typing import Any
 import anyio
 import pandas as pd
 import pytest
-from bsa.core.journal import read_events
+from bsa.core.run.journal import read_events
 from bsa.experiments.mcp_server.functions import simulations_of
 from bsa.experiments.tasks.find import PACKAGED
 

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from bsa.core.contracts.kinds import KINDS, Kind
+from bsa.core.contracts.registry import installed
 from bsa.core.errors import BsaError
-from bsa.core.kinds import KINDS, Kind
-from bsa.core.registry import installed
 from bsa.experiments.new_plugin.package import package_files, write_package
 
 Install = Callable[..., Path]

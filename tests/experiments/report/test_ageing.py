@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 from bsa.core.ageing.cycle_table import LOSSES
 from bsa.core.ageing.fade_band import FadeBand
+from bsa.core.comparison.record_errors import RecordErrors, SignalError
 from bsa.core.encoding import encode_proposal, encode_task, encode_trial
 from bsa.core.feedback import Feedback
-from bsa.core.identifiability import Identifiability
-from bsa.core.journal import Journal
+from bsa.core.inference.identifiability import Identifiability
+from bsa.core.inference.post_fit_analysis import PostFitAnalysis
+from bsa.core.inference.prediction import Band, Prediction
 from bsa.core.metrics import evaluate
-from bsa.core.post_fit_analysis import PostFitAnalysis
-from bsa.core.prediction import Band, Prediction
 from bsa.core.proposal import Proposal
-from bsa.core.record_errors import RecordErrors, SignalError
+from bsa.core.run.journal import Journal
 from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.task import Task
 from bsa.core.trajectory import Trajectory

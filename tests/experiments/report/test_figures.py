@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from bsa.core.cell import CURRENT, TEMPERATURE, VOLTAGE
+from bsa.core.comparison.record_errors import RecordErrors
+from bsa.core.inference.prediction import Band, Prediction
 from bsa.core.parameters import Parameter, ParameterSpace
-from bsa.core.prediction import Band, Prediction
-from bsa.core.record_errors import RecordErrors
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.report.figures import Overlay, _Curve, prediction_overlays

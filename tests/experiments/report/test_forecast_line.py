@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from bsa.core.prediction import Prediction
-from bsa.core.record_errors import RecordErrors, SignalError
+from bsa.core.comparison.record_errors import RecordErrors, SignalError
+from bsa.core.inference.prediction import Prediction
 from bsa.experiments.report.forecast_line import forecast_line
 from bsa_toy_life import fading_task, life
 

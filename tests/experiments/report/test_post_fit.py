@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 from bsa.core.cell import CELL, SPECTRUM
+from bsa.core.comparison.paper_metrics import PaperMetrics
+from bsa.core.comparison.signal_metrics import SignalMetrics
+from bsa.core.comparison.spectrum_record import spectrum_record
 from bsa.core.feedback import Feedback
-from bsa.core.identifiability import Identifiability, Interval
-from bsa.core.paper_metrics import PaperMetrics
+from bsa.core.inference.identifiability import Identifiability, Interval
+from bsa.core.inference.post_fit_analysis import PostFitAnalysis
 from bsa.core.parameters import Parameter, ParameterSpace
-from bsa.core.post_fit_analysis import PostFitAnalysis
-from bsa.core.signal_metrics import SignalMetrics
 from bsa.core.spectrum import ImpedanceSpectrum
-from bsa.core.spectrum_record import spectrum_record
 from bsa.core.target import Value
 from bsa.core.task import CellModel, Experiment, Protocol, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory

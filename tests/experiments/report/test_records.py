@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from bsa.core.prediction import Prediction
-from bsa.core.record_errors import RecordErrors, SignalError, StepErrors, errors_of_record
+from bsa.core.comparison.record_errors import RecordErrors, SignalError, StepErrors, errors_of_record
+from bsa.core.inference.prediction import Prediction
 from bsa.core.simulation import ExperimentRun
 from bsa.experiments.report.records import error_rows
 from bsa_toy_cell import toy_task

@@ -4,7 +4,7 @@ import csv
 from pathlib import Path
 
 import pytest
-from bsa.core.effect_choice import effects_of
+from bsa.core.contracts.effect_choice import effects_of
 from bsa.core.errors import BsaError
 from bsa.core.files import write_json
 from bsa.experiments.campaign import task_sources

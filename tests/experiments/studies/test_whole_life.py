@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bsa.core.ageing.fade_band import FadeBand
-from bsa.core.prediction import Prediction
-from bsa.core.record_errors import RecordErrors
+from bsa.core.comparison.record_errors import RecordErrors
+from bsa.core.inference.prediction import Prediction
 from bsa.core.task import Task
 from bsa.experiments.run_record import RunRecord
 from bsa.experiments.studies import whole_life

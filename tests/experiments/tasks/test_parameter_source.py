@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
+from bsa.core.comparison.signal_metrics import SignalMetrics
 from bsa.core.feedback import Feedback
 from bsa.core.record import Record
-from bsa.core.signal_metrics import SignalMetrics
 from bsa.core.target import INITIAL_SOC, CellChange
 from bsa.core.task import Task
 from bsa.core.trajectory import Step, StepKind, Trajectory

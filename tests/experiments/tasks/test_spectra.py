@@ -8,8 +8,8 @@ import numpy as np
 import pandas
 import pybamm
 import pytest
+from bsa.core.comparison.residuals import rows_of
 from bsa.core.errors import BsaError
-from bsa.core.residuals import rows_of
 from bsa.core.target import CellChange
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Trajectory

@@ -4,10 +4,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
+from bsa.core.comparison.residuals import residuals
 from bsa.core.hooks import NoOptions, ProposeContext, RunContext
 from bsa.core.metrics import evaluate
 from bsa.core.proposal import Proposal
-from bsa.core.residuals import residuals
 from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.trial import Phase, Trial
 from bsa.plugins.agent.situation import Situation

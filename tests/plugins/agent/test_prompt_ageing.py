@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 
 import pytest
+from bsa.core.comparison.residuals import residuals
 from bsa.core.feedback import Feedback
 from bsa.core.hooks import ProposeContext, Recollection, RunContext
 from bsa.core.messages import JsonSchema, Message, Reply, Usage
 from bsa.core.metrics import evaluate
 from bsa.core.prompt_sections import CYCLES, TASK, read_sections
-from bsa.core.residuals import residuals
 from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.task import Task
 from bsa.core.trial import Trial

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 from bsa.backends.rules.backend import RulesBackend
-from bsa.core.journal import read_events
-from bsa.core.loop import RunResult
 from bsa.core.messages import JsonSchema, Message, Reply
+from bsa.core.run.journal import read_events
+from bsa.core.run.loop import RunResult
 from bsa.core.scaffold import load_scaffold
 from bsa_toy_cell import CAPACITY, SERIES, space, toy_scaffold
 

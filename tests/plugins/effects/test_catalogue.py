@@ -3,8 +3,8 @@ from types import SimpleNamespace
 import numpy as np
 import pybamm
 import pytest
+from bsa.core.contracts.effect_choice import effects_of
 from bsa.core.effect import Effect, EffectParameter, Evidence
-from bsa.core.effect_choice import effects_of
 from bsa.core.errors import BsaError
 from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory

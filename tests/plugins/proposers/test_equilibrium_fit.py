@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bsa.core.comparison.residuals import residuals
 from bsa.core.feedback import Feedback
 from bsa.core.parameters import Candidate, Parameter, ParameterSpace
-from bsa.core.residuals import residuals
 from bsa.core.simulation import ExperimentRun, Outcome, SimulationFailure
 from bsa.core.task import Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory

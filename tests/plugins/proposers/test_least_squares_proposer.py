@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bsa.core.journal import FILE_NAME, read_events
-from bsa.core.loop import RunResult
+from bsa.core.comparison.residuals import noise_of_residuals
 from bsa.core.parameters import ParameterSpace
-from bsa.core.residuals import noise_of_residuals
+from bsa.core.run.journal import FILE_NAME, read_events
+from bsa.core.run.loop import RunResult
 from bsa.core.task import Task
 from bsa.core.trial import Trial
 from bsa.plugins.proposers.descent import Descent, DescentOptions

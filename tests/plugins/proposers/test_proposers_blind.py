@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from bsa.core.errors import BsaError
 from bsa.core.extras import require
-from bsa.core.journal import FILE_NAME
-from bsa.core.loop import RunResult
+from bsa.core.run.journal import FILE_NAME
+from bsa.core.run.loop import RunResult
 from bsa_toy_cell import SERIES, toy_scaffold, toy_task
 
 RunToy = Callable[..., RunResult]

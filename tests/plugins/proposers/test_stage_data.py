@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bsa.core.residuals import DURATION_TOLERANCE, rows_of
+from bsa.core.comparison.residuals import DURATION_TOLERANCE, rows_of
 from bsa.core.scaffold import load_scaffold
 from bsa.plugins.proposers.stage_data import view_of
 from bsa.plugins.proposers.staged import StagedOptions

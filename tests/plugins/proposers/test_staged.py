@@ -12,14 +12,14 @@ import bsa
 import numpy as np
 import pybamm
 import pytest
+from bsa.core.comparison.residuals import partial_residuals, residuals, rows_of
 from bsa.core.errors import BsaError
 from bsa.core.feedback import Feedback
-from bsa.core.journal import read_events
-from bsa.core.least_squares import LeastSquares
-from bsa.core.loop import RunResult
+from bsa.core.inference.least_squares import LeastSquares
 from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.record import Record
-from bsa.core.residuals import partial_residuals, residuals, rows_of
+from bsa.core.run.journal import read_events
+from bsa.core.run.loop import RunResult
 from bsa.core.scaffold import Scaffold, load_scaffold
 from bsa.core.segmentation import segment
 from bsa.core.simulation import ExperimentRun, Outcome, SimulationFailure
@@ -281,9 +281,9 @@ def test_a_record_without_current_has_no_stage(task: Task) -> None:
 def test_a_wrong_option_names_the_stage(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text("name: mine\nproposer: {use: staged, options: {stages: [{name: a}]}}\n", encoding="utf-8")
+    from bsa.core.contracts.registry import installed
     from bsa.core.hooks import RunContext
-    from bsa.core.registry import installed
-    from bsa.core.run_plugins import RunPlugins
+    from bsa.core.run.run_plugins import RunPlugins
 
     with pytest.raises(BsaError, match="data"):
         RunPlugins(load_scaffold(str(path)), RunContext(toy_task(), 1, tmp_path), installed(), print)

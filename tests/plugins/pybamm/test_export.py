@@ -8,9 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from bsa.core.comparison.spectrum_record import spectrum_record
 from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.spectrum import ImpedanceSpectrum
-from bsa.core.spectrum_record import spectrum_record
 from bsa.core.target import CYCLABLE_LITHIUM, CellChange, change_of, target_named
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pybamm
 import pytest
+from bsa.core.comparison.spectrum_record import recorded_spectrum, spectrum_record
 from bsa.core.spectrum import ImpedanceSpectrum
-from bsa.core.spectrum_record import recorded_spectrum, spectrum_record
 from bsa.core.target import CellChange, change_of
 from bsa.core.task import CellModel, Experiment
 from bsa.plugins.pybamm.presets import resolve_space

@@ -8,10 +8,10 @@ import gzip
 import numpy as np
 import openpyxl
 import pytest
+from bsa.core.contracts.registry import installed
 from bsa.core.errors import BsaError
 from bsa.core.reading.reading import read_record
 from bsa.core.record import Reader, ReadOptions
-from bsa.core.registry import installed
 from bsa.core.segmentation import segment
 from bsa.core.trajectory import StepKind, Trajectory
 from bsa.plugins.readers.arrays import ArrayTable

@@ -11,10 +11,10 @@ from bsa.backends.bad_advice import AdversarialAdvice, RandomAdvice
 from bsa.backends.rules.backend import RulesBackend
 from bsa.core.errors import BsaError
 from bsa.core.feedback import Feedback
-from bsa.core.journal import read_events
-from bsa.core.loop import RunResult
 from bsa.core.messages import Backend, JsonSchema, Message, PromptRefused, Reply
 from bsa.core.prompt_sections import FEEDBACK, NUMERICS, SENSITIVITIES, read_sections
+from bsa.core.run.journal import read_events
+from bsa.core.run.loop import RunResult
 from bsa.core.scaffold import Scaffold
 from bsa.core.sensitivities import Sensitivities
 from bsa.plugins.agent.actions import Offer, check_action

@@ -1,0 +1,1 @@
+"""How far a simulation is from a record: residuals, noise, metrics."""

@@ -1,0 +1,1 @@
+"""What records say about parameters: least squares, intervals, predictions, what to measure next."""

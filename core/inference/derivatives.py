@@ -1,0 +1,74 @@
+"""The residuals' derivatives at a candidate: from trials that a run has made anyway, and what is missing."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..parameters import Candidate, ParameterSpace
+from ..trajectory import FloatArray
+from ..trial import Trial
+
+DIFFERENCE = 0.01
+"""Finite-difference step as a share of each parameter's range, clear of the integrator's noise."""
+
+_NEAR = 0.05
+"""How far from the candidate, in units of the box, a measured derivative still stands for the one there."""
+
+_SHORTEST, _LONGEST = 0.002, 0.05
+"""Differences, as shares of the range, between which two trials tell a derivative: above noise, below curvature."""
+
+_SAME = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Derivatives:
+    """What the trials of a run tell of the Jacobian at a candidate."""
+
+    columns: dict[int, FloatArray]  # By the parameter's place, in the unit box. Shape (m,).
+
+    def missing(self, count: int) -> list[int]:
+        """The places of the parameters of which nothing is known."""
+        return [place for place in range(count) if place not in self.columns]
+
+    def matrix(self, points: int, count: int) -> FloatArray:
+        """The Jacobian, shape (m, p); zeros where a derivative could not be had."""
+        jacobian = np.zeros((points, count))
+        for place, column in self.columns.items():
+            jacobian[:, place] = column
+        return jacobian
+
+
+def known_derivatives(trials: Sequence[Trial], best: Trial, space: ParameterSpace) -> Derivatives:
+    """Derivatives from pairs of trials near the best one that differ in a single parameter.
+
+    Finite differences that a least-squares fit took are such pairs, so a fit that ended where it last
+    looked around needs no further simulation. Of several pairs the one nearest the candidate counts.
+    """
+    usable = [trial for trial in trials if trial.residuals is not None]
+    points = {trial.index: space.to_unit(trial.candidate) for trial in usable}
+    centre = space.to_unit(best.candidate)
+    near = [trial for trial in usable if float(np.linalg.norm(points[trial.index] - centre)) <= _NEAR + _LONGEST]
+    nearest: dict[int, float] = {}
+    columns: dict[int, FloatArray] = {}
+    for number, first in enumerate(near):
+        for second in near[:number]:
+            change = points[first.index] - points[second.index]
+            moved = np.flatnonzero(np.abs(change) > _SAME)
+            if len(moved) != 1 or not _SHORTEST <= abs(change[moved[0]]) <= _LONGEST:
+                continue
+            place = int(moved[0])
+            distance = min(float(np.linalg.norm(points[trial.index] - centre)) for trial in (first, second))
+            if distance <= _NEAR and distance < nearest.get(place, float("inf")):
+                assert first.residuals is not None
+                assert second.residuals is not None
+                nearest[place] = distance
+                columns[place] = (first.residuals - second.residuals) / change[place]
+    return Derivatives(columns)
+
+
+def beside(space: ParameterSpace, candidate: Candidate, direction: FloatArray, length: float) -> FloatArray:
+    """A point a step away along a direction, shape (p,), on the side with more room in the unit box."""
+    centre = space.to_unit(candidate)
+    choices = [np.clip(centre + side * length * direction, 0.0, 1.0) for side in (1.0, -1.0)]
+    return max(choices, key=lambda point: float(np.linalg.norm(point - centre)))

@@ -1,0 +1,422 @@
+"""After a fit: what the records fix, and which further record would narrow most of what they leave open.
+
+Nothing here counts as a simulation of the search: it begins when the search has ended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..ageing.fade_band import FadeBand
+from ..ageing.residuals import CAPACITY_TOLERANCE, compared_cycles
+from ..comparison.residuals import capacity_rows, noise_of_residuals, residuals, rms, rows_of
+from ..parameters import Candidate
+from ..prior import Prior
+from ..shape import shaped
+from ..simulation import Outcome
+from ..task import Experiment, Task
+from ..task import Protocol as StepProtocol
+from ..trajectory import FloatArray, Trajectory
+from ..trial import Trial
+from .derivatives import DIFFERENCE, beside, known_derivatives
+from .forecast import Forecast, what_to_measure_next
+from .identifiability import Identifiability, identify, not_narrower, open_directions, unsettled, with_sample
+from .simulated_posterior import Errors, SimulatedPosterior, simulated_posterior
+
+NOISE_FLOOR = 0.3
+"""Noise assumed at least, in the residuals' tolerances: 0.3 mV, about 0.3 % of a current.
+
+A good cycler's. A target that was simulated has no noise, and its fit would seem to fix everything.
+"""
+
+_FLOOR_OF_DURATIONS = 1.0
+"""The same of the duration of a step, whose noise no record tells: 0.1 %, the accuracy of a cycler's current."""
+
+_OF_THE_MESH = 0.5
+"""Share of the change of a residual by a finer mesh that counts as uncertain: at the end of a step the change is twice
+as large for one candidate as for another."""
+
+_NO_APPROXIMATION = 3.0
+"""Root mean square, in tolerances, by which search and reference may differ: beyond it, and beyond the misfit, one of
+them is no approximation of the other, and the search's residuals stand."""
+
+_OF_A_LIFE = {"rounds": 1, "at_once": 16}
+"""Simulations at draws from the posterior, where each takes minutes."""
+
+_ALONG = 0.02
+"""Step along an undetermined direction: longer than a finite difference, since the residuals change little along it."""
+
+_MOST_DIRECTIONS = 6
+_FULL = 1.0
+
+
+class Simulating(Protocol):
+    """What an analysis needs of a run's plugins."""
+
+    def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
+        """See `RunHooks.simulate`."""
+        ...
+
+    def simulate_finer(self, candidate: Candidate) -> Outcome | None:
+        """See `RunHooks.simulate_finer`."""
+        ...
+
+    def simulate_variant(
+        self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...], exact: bool = False
+    ) -> Iterator[tuple[int, Outcome]] | None:
+        """See `RunHooks.simulate_variant`."""
+        ...
+
+    def next_protocols(self) -> Mapping[str, StepProtocol]:
+        """See `RunHooks.next_protocols`."""
+        ...
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """A further record, and what it would do."""
+
+    name: str  # ``"C/20 discharge"``.
+    protocol: StepProtocol  # Its cycles of steps, from a fully charged cell.
+    hours: float  # How long the fitted cell takes for it, h.
+    forecast: Forecast  # The intervals with it.
+
+
+@dataclass(frozen=True)
+class PostFitAnalysis:
+    """What is known after a fit."""
+
+    base: int  # Index of the trial that was judged.
+    identifiability: Identifiability  # What the records fix there.
+    # Parameters whose derivative could not be had (their neighbours fail); they count as undetermined.
+    unknown: tuple[str, ...] = ()
+    # Parameters that one more step of the fit would move beyond their interval: it had not converged.
+    unsettled: tuple[str, ...] = ()
+    worst: str = ""  # The parameter with the widest interval.
+    # Further records, the one that would shrink the widest interval most first; empty if nothing is left open, or the
+    # simulator does not know other protocols.
+    measure_next: tuple[Suggestion, ...] = ()
+    simulations: int = 0  # Simulations it took, none of which counts for the search; each suggested record is one.
+    reused: int = 0  # Derivatives that trials of the search had shown already.
+    seconds: float = 0.0  # Wall time of these simulations, those that ran side by side added up.
+    fade: tuple[FadeBand, ...] = ()  # Of each whole life the band of its capacity by cycle.
+    budget: int = 0  # Simulations that it might take: as many as the search was allowed.
+    # Factor by which the noise was raised because the budget ended before draws came out as predicted; 1 if they did.
+    widened: float = 1.0
+    forgone: int = 0  # Simulations by which the budget does not suffice for further records; those are not looked for.
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain dicts, lists, strings and numbers; what the records fix stands at the top level."""
+        found = self.identifiability.as_json()
+        return {
+            **found,
+            "singular_values": [combination["singular_value"] for combination in found["combinations"]],
+            "base": self.base,
+            "unknown": list(self.unknown),
+            "unsettled": list(self.unsettled),
+            "worst": self.worst,
+            "measure_next": [
+                {
+                    "name": suggestion.name,
+                    "protocol": [list(cycle) for cycle in suggestion.protocol],
+                    "hours": suggestion.hours,
+                    "worst": suggestion.forecast.worst,
+                    "worst_share_of_range": suggestion.forecast.worst_share,
+                    "shares_of_range": dict(suggestion.forecast.shares),
+                }
+                for suggestion in self.measure_next
+            ],
+            "simulations": self.simulations,
+            "reused": self.reused,
+            "seconds": self.seconds,
+            "fade": [asdict(band) for band in self.fade],
+            "budget": self.budget,
+            "widened": self.widened,
+            "forgone": self.forgone,
+        }
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> PostFitAnalysis:
+        """The inverse of `as_json`."""
+        suggestions = tuple(
+            Suggestion(
+                entry["name"],
+                tuple(tuple(cycle) for cycle in entry["protocol"]),
+                entry["hours"],
+                Forecast(entry["name"], entry["worst"], entry["worst_share_of_range"], dict(entry["shares_of_range"])),
+            )
+            for entry in content["measure_next"]
+        )
+        return cls(
+            content["base"],
+            Identifiability.from_json(content),
+            tuple(content["unknown"]),
+            tuple(content["unsettled"]),
+            content["worst"],
+            suggestions,
+            shaped(int, content["simulations"]),
+            shaped(int, content["reused"]),
+            shaped(float, content["seconds"]),
+            shaped(tuple[FadeBand, ...], content.get("fade", [])),
+            shaped(int, content.get("budget", 0)),
+            shaped(float, content.get("widened", 1.0)),
+            shaped(int, content.get("forgone", 0)),
+        )
+
+
+@dataclass
+class _Spent:
+    """Counts simulations as they finish."""
+
+    budget: int
+    simulations: int = 0
+    seconds: float = 0.0
+
+    @property
+    def left(self) -> int:
+        """Simulations that may still be made."""
+        return self.budget - self.simulations
+
+    def counted(self, outcomes: Iterator[tuple[int, Outcome]], records: int) -> list[Outcome]:
+        """The outcomes in the order of their candidates, each counted as so many simulations.
+
+        A task counts as one simulation however many records it has, as in the search; every suggested record counts.
+        """
+        found: dict[int, Outcome] = {}
+        for place, outcome in outcomes:
+            found[place] = outcome
+            self.simulations += records
+            self.seconds += outcome.seconds
+        return [found[place] for place in range(len(found))]
+
+
+def analyse(
+    task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulating, budget: int, priors: bool = False
+) -> PostFitAnalysis | None:
+    """Judge the fit that a run ended with.
+
+    Parameters
+    ----------
+    trials : sequence of Trial
+        Everything that was tried: finite differences near the best candidate are not simulated again.
+    plugins : Simulating
+        Simulates what is missing, side by side where it can.
+    budget : int
+        Simulations that it may take; some are made in any case.
+    priors : bool
+        Whether the search weighed the priors of the search space.
+
+    Returns
+    -------
+    PostFitAnalysis or None
+        None if the best candidate did not run to its end.
+    """
+    if best.residuals is None:
+        return None
+    spent = _Spent(budget)
+    jacobian, reused, unknown, looked = _jacobian(task, trials, best, plugins, spent)
+    errors = _errors(task, best, plugins, spent)
+    residual = best.residuals + errors.shift
+    prior, centre = Prior.of(task.space, priors), task.space.to_unit(best.candidate)
+    sampled = _posterior(task, trials, best, looked, jacobian, errors, prior, plugins, spent)
+    # In tolerances still, and each as much as its deviation allows.
+    overall = rms(errors.deviation)
+    weights, noise = overall / errors.deviation, sampled.excess * overall
+    informed, weighed = prior.jacobian(weights[:, None] * jacobian, noise), weights * residual
+    straight = identify(informed, weighed, task.space, best.candidate, noise)
+    found = with_sample(straight, sampled.draws, task.space, sampled.holds_best)
+    if sampled.widened > 1.0:
+        # A sample that ended early may not have reached the ends of a valley.
+        found = not_narrower(found, straight, task.space)
+    suggestions, forgone = _suggestions(task, best, informed, noise, plugins, spent)
+    worst = max(found.intervals, key=lambda name: found.intervals[name].share_of_range)
+    moving = unsettled(informed, prior.residuals(weighed, centre, noise), noise, task.space.names, centre)
+    fade = _fade_bands(task, residual, jacobian, found.covariance)
+    return PostFitAnalysis(
+        best.index,
+        found,
+        unknown,
+        moving,
+        worst,
+        suggestions,
+        spent.simulations,
+        reused,
+        spent.seconds,
+        fade,
+        spent.budget,
+        sampled.widened,
+        forgone,
+    )
+
+
+def _fade_bands(
+    task: Task, residual: FloatArray, jacobian: FloatArray, covariance: Sequence[Sequence[float]]
+) -> tuple[FadeBand, ...]:
+    """The bands of the capacities of fitted lives, from the derivatives that are known anyway."""
+    tables = [e.target.cycle_table for e in task.experiments if e.target.cycle_table is not None]
+    bands = []
+    for table, rows in zip(tables, capacity_rows(task), strict=True):
+        picks = compared_cycles(table)
+        unit_ah = CAPACITY_TOLERANCE * table.capacity_ah[picks]
+        scatter_ah = rms(residual[rows] * unit_ah)
+        slopes = jacobian[rows] * unit_ah[:, None]
+        bands.append(FadeBand.propagated(table.cycle[picks], slopes, covariance, scatter_ah))
+    return tuple(bands)
+
+
+def _errors(task: Task, best: Trial, plugins: Simulating, spent: _Spent) -> Errors:
+    """How far the search's residuals are off: by the record's noise, and by the mesh.
+
+    The error of the mesh hardly depends on the candidate: what one simulation on twice the points shows is added to the
+    residuals of all. The error falls with the square of the spacing, so that a third as much is left.
+    """
+    assert best.residuals is not None
+    floor = np.where(rows_of(task).signal == "", _FLOOR_OF_DURATIONS, NOISE_FLOOR)
+    deviation = np.hypot(noise_of_residuals(task), floor)
+    deviation *= misfit_by_kind(task, best.residuals / deviation)
+    (outcome,) = spent.counted(plugins.simulate([best.candidate], True), 1)
+    reference = residuals(task, outcome)
+    nothing = np.zeros(len(deviation))
+    if reference is None or rms(reference - best.residuals) > max(best.misfit, _NO_APPROXIMATION):
+        return Errors(deviation, nothing, nothing)
+    # A life takes minutes, and its tolerances are wider than what a mesh does.
+    finer = None if task.long else plugins.simulate_finer(best.candidate)
+    found = None if finer is None else residuals(task, finer)
+    shift = (reference if found is None else found) - best.residuals
+    doubt = nothing if found is None else (found - reference) / 3.0
+    return Errors(np.hypot(deviation, _OF_THE_MESH * shift), shift, doubt)
+
+
+def misfit_by_kind(task: Task, residual: FloatArray) -> FloatArray:
+    """Factors by which the residuals of spectra, and those over time, exceed their deviation; ones for a single kind.
+
+    A model that is tens of millivolts off the open-circuit curve may be right about the impedance within a few percent:
+    the misfit of one kind tells nothing of the other.
+    """
+    of_spectra = np.array([experiment.is_spectrum for experiment in task.experiments])[rows_of(task).record]
+    misfit = np.ones(len(residual))
+    if of_spectra.all() or not of_spectra.any():
+        return misfit
+    for kind in (of_spectra, ~of_spectra):
+        misfit[kind] = max(rms(residual[kind]), 1.0)
+    return misfit
+
+
+def _posterior(
+    task: Task,
+    trials: Sequence[Trial],
+    best: Trial,
+    looked: Sequence[tuple[FloatArray, FloatArray]],
+    jacobian: FloatArray,
+    errors: Errors,
+    prior: Prior,
+    plugins: Simulating,
+    spent: _Spent,
+) -> SimulatedPosterior:
+    """A sample of the posterior in the unit box."""
+    assert best.residuals is not None
+    space = task.space
+    slopes = jacobian / errors.deviation[:, None]
+
+    def simulate(points: FloatArray) -> list[FloatArray | None]:
+        candidates = [space.from_unit(point) for point in points]
+        seen = [residuals(task, outcome) for outcome in spent.counted(plugins.simulate(candidates, False), 1)]
+        return [None if residual is None else errors.whitened(residual) for residual in seen]
+
+    known = [(space.to_unit(trial.candidate), trial.residuals) for trial in trials if trial.residuals is not None]
+    known = [(space.to_unit(best.candidate), best.residuals), *known, *looked]
+    return simulated_posterior(
+        [point for point, _ in known],
+        [errors.whitened(residual) for _, residual in known],
+        slopes,
+        simulate,
+        prior,
+        most=spent.left,
+        **(_OF_A_LIFE if task.long else {}),
+    )
+
+
+def _jacobian(
+    task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulating, spent: _Spent
+) -> tuple[FloatArray, int, tuple[str, ...], list[tuple[FloatArray, FloatArray]]]:
+    """The Jacobian, how many of its columns the search knew, what could not be had, and what was simulated for it."""
+    assert best.residuals is not None
+    space = task.space
+    looked: list[tuple[FloatArray, FloatArray]] = []
+    centre = space.to_unit(best.candidate)
+    known = known_derivatives(trials, best, space)
+    columns = dict(known.columns)
+    side = np.where(centre <= 0.5, 1.0, -1.0)
+    for attempt in (1.0, -1.0):
+        # A neighbour that fails on one side may run on the other.
+        missing = [place for place in range(len(space)) if place not in columns]
+        if not missing:
+            break
+        points = []
+        for place in missing:
+            point = centre.copy()
+            point[place] = np.clip(point[place] + attempt * side[place] * DIFFERENCE, 0.0, 1.0)
+            points.append(point)
+        outcomes = spent.counted(plugins.simulate([space.from_unit(point) for point in points], False), 1)
+        for place, point, outcome in zip(missing, points, outcomes, strict=True):
+            change = float(point[place] - centre[place])
+            there = residuals(task, outcome)
+            if there is not None and change != 0.0:
+                looked.append((point, there))
+                columns[place] = (there - best.residuals) / change
+    found = replace(known, columns=columns)
+    unknown = tuple(space.names[place] for place in found.missing(len(space)))
+    return found.matrix(len(best.residuals), len(space)), len(known.columns), unknown, looked
+
+
+def _suggestions(
+    task: Task, best: Trial, jacobian: FloatArray, noise: float, plugins: Simulating, spent: _Spent
+) -> tuple[tuple[Suggestion, ...], int]:
+    """Forecasts for the simulator's other protocols, or how many simulations the budget lacks for them.
+
+    What the records fix already is taken as known: a protocol is simulated only along the directions that
+    they leave open, which needs a few simulations instead of one for every parameter.
+    """
+    directions = open_directions(jacobian, noise)[:_MOST_DIRECTIONS]
+    protocols = plugins.next_protocols() if len(directions) else {}
+    if not protocols:
+        return (), 0
+    wanted = (1 + len(directions)) * len(protocols)
+    if wanted > spent.left:
+        return (), wanted - max(spent.left, 0)
+    temperature = task.experiments[0].temperature_k
+    nothing = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
+    experiments = tuple(
+        Experiment(name, nothing, protocol, None, temperature, _FULL) for name, protocol in protocols.items()
+    )
+    space = task.space
+    points = [beside(space, best.candidate, direction, _ALONG) for direction in directions]
+    candidates = [dict(best.candidate), *(space.from_unit(point) for point in points)]
+    outcomes = plugins.simulate_variant(candidates, experiments)
+    if outcomes is None:
+        return (), 0
+    here, *around = spent.counted(outcomes, len(experiments))
+    moved = np.array(points) - space.to_unit(best.candidate)
+    rows: dict[str, FloatArray] = {}
+    hours: dict[str, float] = {}
+    for place, experiment in enumerate(experiments):
+        run = here.runs[place]
+        if run.failure is not None or run.trajectory is None:
+            continue
+        alone = replace(task, experiments=(replace(experiment, target=run.trajectory),), held_out=())
+        changes = [residuals(alone, Outcome((outcome.runs[place],))) for outcome in around]
+        if any(change is None for change in changes):
+            continue
+        # The smallest matrix that maps the steps taken to the changes seen.
+        rows[experiment.name] = np.array(changes).T @ np.linalg.pinv(moved.T)
+        hours[experiment.name] = run.trajectory.duration / 3600.0
+    forecasts = what_to_measure_next(jacobian, rows, space.names, noise)
+    found = (
+        Suggestion(forecast.protocol, protocols[forecast.protocol], hours[forecast.protocol], forecast)
+        for forecast in forecasts
+    )
+    return tuple(found), 0

@@ -1,0 +1,1 @@
+"""A calibration from its first simulation to its answer: the loop, its journal, its budget."""

@@ -1,0 +1,102 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bsa.core.comparison.alignment import pair_steps
+from bsa.core.comparison.residuals import residuals
+from bsa.core.simulation import ExperimentRun, Outcome
+from bsa.core.task import CellModel, Experiment, Task
+from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa_toy_cell import CAPACITY, HIDDEN, SERIES, record, space, toy_task
+from hypothesis import given
+from hypothesis import strategies as st
+
+TASK = toy_task()
+
+
+def outcome(**changes: float) -> Outcome:
+    return Outcome((ExperimentRun(record({**HIDDEN, **changes})),))
+
+
+def test_a_match_leaves_nothing() -> None:
+    found = residuals(TASK, outcome())
+    assert found is not None
+    assert np.max(np.abs(found)) < 1e-9
+
+
+@given(st.floats(0.8, 1.25), st.floats(0.01, 0.06))
+def test_the_layout_depends_on_the_task_alone(factor: float, series: float) -> None:
+    found = residuals(TASK, outcome(**{CAPACITY: factor * HIDDEN[CAPACITY], SERIES: series}))
+    reference = residuals(TASK, outcome())
+    assert found is not None
+    assert reference is not None
+    assert found.shape == reference.shape
+    assert np.all(np.isfinite(found))
+
+
+@given(st.floats(0.9, 1.1))
+def test_residuals_are_smooth_although_the_discharge_ends_at_an_event(factor: float) -> None:
+    values = [
+        residuals(TASK, outcome(**{CAPACITY: (factor + shift) * HIDDEN[CAPACITY]})) for shift in (-1e-3, 0.0, 1e-3)
+    ]
+    left, middle, right = (value for value in values if value is not None)
+    assert np.max(np.abs(right - 2 * middle + left)) < 0.05 * np.max(np.abs(right - left))
+
+
+def test_a_vanished_step_does_not_shift_the_ones_behind_it() -> None:
+    whole = record(HIDDEN)
+    without = Trajectory(
+        np.concatenate([whole.time[:2], whole.time[202:] - whole.time[202] + 60.0]),
+        np.concatenate([whole.current[:2], whole.current[202:]]),
+        np.concatenate([whole.voltage[:2], whole.voltage[202:]]),
+        None,
+        (Step(StepKind.REST, 0, 2), Step(StepKind.REST, 2, 62, position=2)),
+    )
+    pairs = pair_steps(without, TASK.experiments[0])
+    assert [pair.name for pair in pairs] == ["rest 1", "CC discharge", "rest 2"]
+    assert pairs[1].simulated is None
+    assert pairs[1].duration_s[1] == 0.0
+    assert pairs[1].fallback == {"current": whole.current[1], "voltage": whole.voltage[1]}
+    assert pairs[2].simulated is not None
+    assert residuals(TASK, Outcome((ExperimentRun(without),))) is not None
+
+
+def test_under_a_measured_current_the_sum_of_squares_is_the_mean_square_in_mv() -> None:
+    target = record(HIDDEN)
+    task = Task("t", CellModel("x"), space(), (Experiment("r", target),))
+    shifted = Trajectory(target.time, target.current, target.voltage + 0.004, None, target.steps)
+    found = residuals(task, Outcome((ExperimentRun(shifted),)))
+    assert found is not None
+    assert np.mean(found**2) == pytest.approx(16.0)
+
+
+def relaxing(times: np.ndarray) -> np.ndarray:
+    """Volts of a cell that recovers by 0.5 V within seconds, and slowly after that."""
+    return 3.3 - 0.5 * np.exp(-times / 15.0) - 0.05 * np.exp(-times / 2000.0)
+
+
+def rest_of(times: np.ndarray, first_s: float) -> Trajectory:
+    """A discharge, and a rest behind it: a sample at the switch, and those of a cycler from ``first_s`` on."""
+    kept = times[times >= first_s]
+    seen = np.append(kept[0], kept)
+    time = 100.0 + np.concatenate([[-100.0, -50.0, 0.0, 0.0], kept])
+    current = np.concatenate([[1.0, 1.0, 1.0], np.zeros(len(seen))])
+    voltage = np.concatenate([[3.0, 2.9, 2.8], relaxing(seen)])
+    steps = (Step(StepKind.CC_DISCHARGE, 0, 3), Step(StepKind.REST, 3, len(time), position=1))
+    return Trajectory(time, current, voltage, None, steps, inserted=np.arange(len(time)) == 3)
+
+
+@pytest.mark.parametrize("protocol", [None, (("Discharge at 1 A for 100 s", "Rest for 1000 s"),)])
+def test_a_late_first_sample_says_nothing_of_the_switch(protocol) -> None:
+    every_second = np.arange(0.0, 1000.5, 1.0)
+    late = rest_of(np.arange(0.0, 1000.5, 50.0), 50.0)
+    task = Task("t", CellModel("Chen2020"), space(), (Experiment("r", late, protocol),), signals=toy_task().signals)
+    true = rest_of(every_second, 0.0)
+    found = residuals(task, Outcome((ExperimentRun(true),)))
+    assert found is not None
+    assert np.max(np.abs(found)) < 1e-6
+    # Were the sample at the switch believed, half a volt would be missing there.
+    believed = Experiment("r", replace(late, inserted=None), protocol)
+    wrong = residuals(replace(task, experiments=(believed,)), Outcome((ExperimentRun(true),)))
+    assert wrong is not None
+    assert np.max(np.abs(wrong)) > 100.0
