@@ -34,8 +34,10 @@ class Changes:
         Which of the residuals that are compared are of fitted cycles, and which of later ones.
     steps : ndarray of int, shape (m,)
         Which step of which cycle each is of.
+    taken : ndarray of shape (n, common)
+        What the means that are taken off have removed from the noise of fitted residuals (`discovery.adequacy.judge`).
     common : int
-        How many means of fitted residuals are taken off: degrees of freedom that these have lost.
+        How many such means there are: degrees of freedom that the residuals have lost.
     """
 
     def __init__(self, task: Task, fit_cycles: int, new: FloatArray | None = None) -> None:
@@ -59,7 +61,10 @@ class Changes:
             points.append(f"{rows.step[place] - begins[int(cycles[place])]} {number}")
         points += [name for name, _, _ in lines]
         self._points = np.unique(points, return_inverse=True)[1]
-        self.common = len(np.unique(self._points[self.fitted]))
+        means = np.unique(self._points[self.fitted])
+        of_mean = self._points[self.fitted][:, None] == means
+        self.taken = of_mean / np.sqrt(np.sum(of_mean, axis=0))
+        self.common = len(means)
         # A duration has no scale of its own: it weighs as the curves do.
         scale = np.where(rows.scale > 0, rows.scale, np.max(rows.scale[:curves], initial=0.0))
         self._sigma = np.hypot(scale, noise_of_residuals(task))

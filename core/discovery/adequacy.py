@@ -42,7 +42,7 @@ class Adequacy:
 def judge(
     weighted: Sequence[FloatArray],
     groups: Sequence[NDArray[np.intp]],
-    fitted: float,
+    taken: FloatArray | None = None,
     noise_freedom: float = np.inf,
 ) -> Adequacy:
     """Test whether the residuals of several records are noise.
@@ -59,35 +59,44 @@ def judge(
         physics, so that false alarms are rarer than stated.
     groups : sequence of ndarray of int
         The step of each residual.
-    fitted : float
-        Degrees of freedom that the fit has taken; parameters that priors hold take less than one
-        (`Refit.effective_parameters`).
+    taken : ndarray of shape (n, k), optional
+        What the fit has removed from the noise of all residuals: the residuals of noise have the covariance
+        ``1 - taken @ taken.T`` (`Refit.taken`). Responses that are smooth take nearly all of their freedom from the
+        means of blocks too, those of a step or a pulse a quarter of it. None where nothing was fitted.
     noise_freedom : float
         Degrees of freedom of the estimated standard deviations: sums of squares are compared with the F distribution,
         or with chi-squared where the deviations are known (infinite).
     """
     flat = np.concatenate(list(weighted))
-    tamed = [_without_lone(residual, group) for residual, group in zip(weighted, groups, strict=True)]
-    freedom = max(len(flat) - fitted, 1)
-    blocks: list[float] = []
+    removed = np.zeros((len(flat), 0)) if taken is None else taken
+    blocks = _blocks(groups)
+    tamed = np.concatenate([_without_lone(one, group) for one, group in zip(weighted, groups, strict=True)])
     products: list[float] = []
-    for residual, near, group in zip(weighted, tamed, groups, strict=True):
-        for number in np.unique(group):
-            part, kept = residual[group == number], near[group == number]
-            if len(part) > 1:
-                products += list(part[1:] * part[:-1])
-            for start in range(0, len(kept), _BLOCK):
-                block = kept[start : start + _BLOCK]
-                blocks.append(float(np.sum(block) / np.sqrt(len(block))))
-    squares = float(np.sum(np.square(blocks)))
-    block_freedom = max(len(blocks) - fitted, 1)
+    for residual, group in zip(weighted, groups, strict=True):
+        same = group[1:] == group[:-1]
+        products += list((residual[1:] * residual[:-1])[same])
     power = max(float(flat @ flat) / len(flat), 1e-12)
     correlation = float(np.clip(np.mean(products) / power, 0.0, 0.95)) if products else 0.0
     return Adequacy(
-        _exceeded(float(sum(near @ near for near in tamed)), freedom, noise_freedom),
-        _exceeded(squares, block_freedom, noise_freedom),
+        _exceeded(tamed, removed, noise_freedom),
+        _exceeded(_of_blocks(tamed, blocks), _of_blocks(removed, blocks), noise_freedom),
         (1 + correlation) / (1 - correlation),
     )
+
+
+def _blocks(groups: Sequence[NDArray[np.intp]]) -> NDArray[np.intp]:
+    """Number of the block of each residual, shape (n,): up to four neighbours of one step of one record."""
+    steps = np.concatenate([np.column_stack([np.full(len(group), n), group]) for n, group in enumerate(groups)])
+    begins = np.concatenate([[True], np.any(steps[1:] != steps[:-1], axis=1)])
+    first = np.flatnonzero(begins)[np.cumsum(begins) - 1]
+    return np.asarray(np.cumsum(begins | ((np.arange(len(steps)) - first) % _BLOCK == 0)) - 1)
+
+
+def _of_blocks(values: FloatArray, blocks: NDArray[np.intp]) -> FloatArray:
+    """Sums over blocks, of independent values of variance one to such; along the first axis of the values."""
+    sizes = np.bincount(blocks)
+    sums = np.add.reduceat(values, np.flatnonzero(np.diff(blocks, prepend=-1)), axis=0)
+    return np.asarray((sums.T / np.sqrt(sizes)).T)
 
 
 def _without_lone(residual: FloatArray, group: NDArray[np.intp]) -> FloatArray:
@@ -103,8 +112,21 @@ def _without_lone(residual: FloatArray, group: NDArray[np.intp]) -> FloatArray:
     return np.clip(residual, -limit, limit)
 
 
-def _exceeded(squares: float, freedom: float, noise_freedom: float) -> float:
-    """Probability that noise leaves a sum of squares this large, in units of the variance that was estimated."""
+def _exceeded(values: FloatArray, removed: FloatArray, noise_freedom: float) -> float:
+    """Probability that noise leaves a sum of squares as large as that of the values.
+
+    Their covariance is ``1 - removed @ removed.T``. The sum is taken as a multiple of a chi-squared variable with the
+    same mean and variance (Satterthwaite, Biometrics Bull. 2 (1946) 110). The variance that the values are in units of
+    was estimated with ``noise_freedom`` degrees of freedom.
+    """
+    overlaps = removed.T @ removed
+    mean = len(values) - float(np.trace(overlaps))
+    spread = len(values) - 2.0 * float(np.trace(overlaps)) + float(np.sum(overlaps**2))
+    if mean < 1.0 or spread <= 0.0:
+        # The fit has as many parameters as values: what is left of these is no evidence.
+        return 1.0
+    freedom = mean**2 / spread
+    squares = float(values @ values) * freedom / mean
     if np.isinf(noise_freedom):
         return float(stats.chi2.sf(squares, freedom))
     return float(stats.f.sf(squares / freedom, freedom, noise_freedom))

@@ -378,7 +378,7 @@ class Fitter:
         adequacy = judge(
             [part / sigma for part, sigma in zip(parts, sigmas, strict=True)],
             [observed.step[mask] for observed, _, mask in masks],
-            fit.effective_parameters,
+            fit.taken,
             freedom_of_deviations([subset(observed, mask) for observed, _, mask in masks], sigmas),
         )
         counts = np.concatenate([observed.count[mask] for observed, _, mask in masks])

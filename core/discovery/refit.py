@@ -70,10 +70,14 @@ class Refit:
         return self.chi2 + self.prior_cost
 
     @property
-    def effective_parameters(self) -> float:
-        """Degrees of freedom that the fit has taken: a parameter that its prior holds takes less than one."""
-        information, prior = self._curvatures
-        return float(np.trace(np.linalg.solve(information + prior, information)))
+    def taken(self) -> FloatArray:
+        """What the fit has removed from the noise, shape (n, p): ``taken @ taken.T`` is its hat matrix.
+
+        Its trace is the degrees of freedom that the fit has taken: a parameter that its prior holds takes less than
+        one.
+        """
+        priors = np.diag(np.sqrt(np.diag(self._curvatures[1])))
+        return np.asarray(np.linalg.qr(np.vstack([self.jacobian, priors]))[0][: len(self.jacobian)])
 
     def covariance(self, inflation: float = 1.0, systematic: FloatArray | None = None) -> FloatArray:
         """Covariance of the coordinates (Gauss-Newton), shape (p, p).

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..normal import NORMAL_95
 from ..trajectory import FloatArray
 from .identifiability import covariance_of
 
@@ -23,7 +22,7 @@ class Forecast:
 def what_to_measure_next(
     jacobian: FloatArray,
     candidates: Mapping[str, FloatArray],
-    names: tuple[str, ...],
+    now: Mapping[str, float],
     noise: float,
 ) -> tuple[Forecast, ...]:
     """Rank candidate protocols by how far each would shrink the widest interval (minimax design).
@@ -34,6 +33,10 @@ def what_to_measure_next(
         Derivatives of the residuals of what was measured, in the unit box.
     candidates : mapping of str to ndarray of shape (k, p)
         For each protocol the derivatives of its residuals, in the same tolerances.
+    now : mapping of str to float
+        Half the width of each parameter's present interval, as a share of the range, in the order of the derivatives.
+        An interval of a sample may be wider or narrower than a linear one, so that the linear model tells by what
+        factor a further record narrows it, and no more.
     noise : float
         Standard deviation of the residuals, in tolerances (`Identifiability.noise`).
 
@@ -47,10 +50,10 @@ def what_to_measure_next(
     Pukelsheim, Optimal Design of Experiments (2006), Ch. 6.
     """
     forecasts: list[Forecast] = []
+    before = np.sqrt(np.diag(covariance_of(jacobian, noise)))
     for protocol, rows in candidates.items():
-        covariance = covariance_of(np.vstack([jacobian, rows]), noise)
-        widths = NORMAL_95 * np.sqrt(np.diag(covariance))
-        shares = dict(zip(names, widths.tolist(), strict=True))
+        after = np.sqrt(np.diag(covariance_of(np.vstack([jacobian, rows]), noise)))
+        shares = {name: share * ratio for (name, share), ratio in zip(now.items(), after / before, strict=True)}
         worst = max(shares, key=lambda name: shares[name])
         forecasts.append(Forecast(protocol, worst, shares[worst], shares))
     return tuple(sorted(forecasts, key=lambda item: (item.worst_share, sum(item.shares.values()))))

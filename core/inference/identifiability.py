@@ -43,6 +43,9 @@ _CONFIDENCE = 0.95
 _BEYOND_NOISE, _FOLLOWS_THE_CURVE = 3.0, 0.5
 """Root mean square, in tolerances, and correlation of neighbours, above which residuals are no instrument's noise."""
 
+_OF_A_SERIES = 0.25
+"""Share of the residuals that parameters are taken to follow at most: the bias is the first term of a series."""
+
 _MOST_ALIKE = 0.98
 """Correlation of neighbours beyond which it cannot be told from a constant offset (factor 10)."""
 
@@ -160,7 +163,8 @@ def effective_noise(residual: FloatArray, parameters: int, floor: float) -> floa
     Neighbouring residuals of a model that is not quite right are correlated, and ten equal ones tell no more than one.
     Their correlation rho widens the standard deviation by ``sqrt((1 + rho) / (1 - rho))``, as that of the mean of a
     first-order autoregressive series. The fit has removed what parameters can follow, so that the residuals are less
-    correlated than the errors: by ``(p + (p + 2) rho) / m`` on average, for m residuals and p smooth responses.
+    correlated than the errors: by ``(p + (p + 2) rho) / m`` on average, for m residuals and p smooth responses. A
+    correlation below its own standard error, ``1 / sqrt(m)``, may be chance, and so much less of p is made up for.
 
     Parameters
     ----------
@@ -174,9 +178,9 @@ def effective_noise(residual: FloatArray, parameters: int, floor: float) -> floa
     Bartlett, J. R. Stat. Soc. 98 (1935) 536. Zieba & Ramza, Metrol. Meas. Syst. 18 (2011) 529. Kendall, Biometrika 41
     (1954) 403 (the bias, of a mean and of a trend).
     """
-    seen = neighbour_correlation(residual)
-    alike = (len(residual) * seen + parameters) / max(len(residual) - parameters - 2, 1) if seen > 0.0 else 0.0
-    alike = min(alike, _MOST_ALIKE)
+    seen, count = max(neighbour_correlation(residual), 0.0), len(residual)
+    removed = min(parameters, _OF_A_SERIES * count) * min(seen * np.sqrt(count), 1.0)
+    alike = min((count * seen + removed) / max(count - removed - 2, 1), _MOST_ALIKE)
     return max(residual_noise(residual, parameters) * float(np.sqrt((1 + alike) / (1 - alike))), floor)
 
 

@@ -28,9 +28,11 @@ from .identifiability import Identifiability, identify, not_narrower, open_direc
 from .simulated_posterior import Errors, SimulatedPosterior, simulated_posterior
 
 NOISE_FLOOR = 0.3
-"""Noise assumed at least, in the residuals' tolerances: 0.3 mV, about 0.3 % of a current.
+"""Deviation assumed at least of each residual, in tolerances as the fit weighs them.
 
-A good cycler's. A target that was simulated has no noise, and its fit would seem to fix everything.
+Of a point of average weight it is 0.3 mV, or about 0.3 % of a current, as a good cycler has. A target that was
+simulated has no noise, and its fit would seem to fix everything. In a record of steps of unequal length it is what the
+model lacks: as in the fit, a short step says no more than its share of the time.
 """
 
 _FLOOR_OF_DURATIONS = 1.0
@@ -105,8 +107,9 @@ class PostFitAnalysis:
     seconds: float = 0.0  # Wall time of these simulations, those that ran side by side added up.
     fade: tuple[FadeBand, ...] = ()  # Of each whole life the band of its capacity by cycle.
     budget: int = 0  # Simulations that it might take: as many as the search was allowed.
-    # Factor by which the noise was raised because the budget ended before draws came out as predicted; 1 if they did.
+    # Factor by which the noise was raised because draws did not come out as predicted; 1 if they did.
     widened: float = 1.0
+    cut_short: bool = True  # Whether the budget ended the sample, rather than its number of rounds.
     forgone: int = 0  # Simulations by which the budget does not suffice for further records; those are not looked for.
 
     def as_json(self) -> dict[str, Any]:
@@ -136,6 +139,7 @@ class PostFitAnalysis:
             "fade": [asdict(band) for band in self.fade],
             "budget": self.budget,
             "widened": self.widened,
+            "cut_short": self.cut_short,
             "forgone": self.forgone,
         }
 
@@ -164,6 +168,7 @@ class PostFitAnalysis:
             shaped(tuple[FadeBand, ...], content.get("fade", [])),
             shaped(int, content.get("budget", 0)),
             shaped(float, content.get("widened", 1.0)),
+            shaped(bool, content.get("cut_short", True)),
             shaped(int, content.get("forgone", 0)),
         )
 
@@ -232,7 +237,8 @@ def analyse(
     if sampled.widened > 1.0:
         # A sample that ended early may not have reached the ends of a valley.
         found = not_narrower(found, straight, task.space)
-    suggestions, forgone = _suggestions(task, best, informed, noise, plugins, spent)
+    now = {name: found.intervals[name].share_of_range for name in task.space.names}
+    suggestions, forgone = _suggestions(task, best, informed, noise, now, plugins, spent)
     worst = max(found.intervals, key=lambda name: found.intervals[name].share_of_range)
     moving = unsettled(informed, prior.residuals(weighed, centre, noise), noise, task.space.names, centre)
     fade = _fade_bands(task, residual, jacobian, found.covariance)
@@ -249,6 +255,7 @@ def analyse(
         fade,
         spent.budget,
         sampled.widened,
+        sampled.cut_short,
         forgone,
     )
 
@@ -374,7 +381,13 @@ def _jacobian(
 
 
 def _suggestions(
-    task: Task, best: Trial, jacobian: FloatArray, noise: float, plugins: Simulating, spent: _Spent
+    task: Task,
+    best: Trial,
+    jacobian: FloatArray,
+    noise: float,
+    now: Mapping[str, float],
+    plugins: Simulating,
+    spent: _Spent,
 ) -> tuple[tuple[Suggestion, ...], int]:
     """Forecasts for the simulator's other protocols, or how many simulations the budget lacks for them.
 
@@ -414,7 +427,7 @@ def _suggestions(
         # The smallest matrix that maps the steps taken to the changes seen.
         rows[experiment.name] = np.array(changes).T @ np.linalg.pinv(moved.T)
         hours[experiment.name] = run.trajectory.duration / 3600.0
-    forecasts = what_to_measure_next(jacobian, rows, space.names, noise)
+    forecasts = what_to_measure_next(jacobian, rows, now, noise)
     found = (
         Suggestion(forecast.protocol, protocols[forecast.protocol], hours[forecast.protocol], forecast)
         for forecast in forecasts

@@ -78,8 +78,10 @@ class SimulatedPosterior:
     excess: float  # By what factor residuals are larger than their deviations.
     # Whether the best simulation before the sample is among its likelier 95 %: if not, others come clearly nearer.
     holds_best: bool = True
-    # By what factor the sample was widened since simulations ended before draws came out as predicted; 1 if they did.
+    # By what factor the sample was widened since draws did not come out as predicted when simulations ended; 1 if they
+    # did.
     widened: float = 1.0
+    cut_short: bool = False  # Whether fewer simulations were allowed than all rounds take.
 
 
 @on_one_thread
@@ -108,8 +110,13 @@ def simulated_posterior(
     rounds, at_once : int, optional
         How often draws are simulated and learnt from, and how many; by default the more, the more parameters.
     most : int, optional
-        Simulations that all rounds may take together, a pair in each at least. Where fewer a round than ``at_once``
-        do not suffice for draws to come out as predicted, the errors of the last predictions count as further noise.
+        Simulations that all rounds may take together, a pair in each at least.
+
+    Notes
+    -----
+    Where draws have not come out as predicted when simulations end, the errors of the last predictions count as further
+    noise. Those of all rounds are learnt from too, so that with all of them half of the last draws may be off by
+    `_SETTLED`; with fewer, a tenth. Where no draw could be simulated, as much noise again is assumed as there was.
     """
     seen, found = np.array(points), np.array(residuals)
     # Residuals without weight (late pulses, the temperature in long rests) are left out: they are no small residuals.
@@ -122,7 +129,7 @@ def simulated_posterior(
     rng = np.random.default_rng(0)
     emulator: Emulator | None = None
     walkers = draws = np.zeros((0, 0))
-    off, typical = np.inf, 0.0
+    off = typical = np.inf
     for number in range(rounds + 1):
         usable = _usable(seen, found)
         emulator = learn(prior.as_wide_as_the_box(seen[usable]), found[usable], emulator)
@@ -146,16 +153,16 @@ def simulated_posterior(
             missed = np.sum((emulator.residuals(places) - made) ** 2, axis=1)
             off, typical = (float(np.quantile(missed, share)) / excess**2 for share in (0.9, 0.5))
             seen, found = np.vstack([seen, wanted[done]]), np.vstack([found, made])
-    widened = 1.0
+    widened, cut_short = 1.0, affordable < at_once
     assert emulator is not None
-    if affordable < at_once and off >= _SETTLED:
+    if (off if cut_short else typical) >= _SETTLED:
         # The cost of draws is about the number of parameters: an error as large doubles the variance.
-        widened = float(np.sqrt(1.0 + typical / seen.shape[1]))
+        widened = float(np.sqrt(1.0 + (typical / seen.shape[1] if np.isfinite(typical) else 1.0)))
         costs = _posterior_cost(emulator, widened * excess, prior)
     draws = prior.unit(sample(costs, going_on(draws, costs), MOVES))
     unlikely = _unlikeliness(emulator, widened * excess, prior, np.vstack([seen[:1], draws]))
     holds_best = bool(unlikely[0] <= np.quantile(unlikely[1:], _LIKELIER))
-    return SimulatedPosterior(draws, excess, holds_best, widened)
+    return SimulatedPosterior(draws, excess, holds_best, widened, cut_short)
 
 
 def _reduced(residuals: FloatArray, scale: float) -> FloatArray:

@@ -85,24 +85,31 @@ def _named_or_counted(names: Sequence[str], analysis: PostFitAnalysis) -> str:
 
 
 def caution_line(analysis: PostFitAnalysis) -> str:
-    """What the analysis did where its budget ended first; empty if it did not."""
+    """What the analysis did where its sample did not converge; empty if it did."""
     if analysis.widened <= 1.0:
         return ""
+    # Beside a fit that has not settled, an interval as wide as a linear estimate is no wider than it should be.
+    wide = "" if analysis.unsettled else ", and every interval is at least as wide as a linear estimate"
+    allowed = f"to allow for that, the assumed noise was raised {number(analysis.widened, 2)} times{wide}."
+    if not analysis.cut_short:
+        return (
+            f"After {analysis.simulations} simulations of the analysis, as many as it makes, draws of the parameters did "
+            f"not come out as predicted; {allowed}"
+        )
     budget = f"The analysis may make as many simulations as the search, {analysis.budget}"
     if analysis.simulations > analysis.budget:
         budget += ", and makes some in any case"
-    # Beside a fit that has not settled, an interval as wide as a linear estimate is no wider than it should be.
-    wide = "" if analysis.unsettled else ", and every interval is at least as wide as a linear estimate"
     return (
-        f"{budget}. It stopped after {analysis.simulations}, before its sample of the parameters had converged; to "
-        f"allow for that, the assumed noise was raised {number(analysis.widened, 2)} times{wide}. {_LONGER}"
+        f"{budget}. It stopped after {analysis.simulations}, before its sample of the parameters had converged; {allowed} "
+        f"{_LONGER}"
     )
 
 
 def needs_more(analysis: PostFitAnalysis) -> bool:
     """Whether more simulations would tell more than an analysis could."""
     apart = analysis.identifiability.apart
-    return bool(analysis.unsettled or apart or analysis.widened > 1.0 or analysis.forgone)
+    cut_short = analysis.widened > 1.0 and analysis.cut_short
+    return bool(analysis.unsettled or apart or cut_short or analysis.forgone)
 
 
 def groups_line(analysis: PostFitAnalysis) -> str:
@@ -114,9 +121,10 @@ def groups_line(analysis: PostFitAnalysis) -> str:
 def next_line(analysis: PostFitAnalysis, domain: Domain) -> str:
     """What to measure next and what it would do; empty if nothing was found that helps."""
     if analysis.forgone:
+        told = caution_line(analysis)
         return (
             f"What to measure next was not looked for: it takes {counted(analysis.forgone, 'simulation')} more than "
-            f"the {analysis.budget} that the analysis may make." + f" {_LONGER}" * (not caution_line(analysis))
+            f"the {analysis.budget} that the analysis may make." + f" {_LONGER}" * (_LONGER not in told)
         )
     if not analysis.measure_next:
         return ""

@@ -7,6 +7,7 @@ from bsa.core.inference.identifiability import (
     Identifiability,
     effective_noise,
     identify,
+    neighbour_correlation,
     not_narrower,
     residual_noise,
     unsettled,
@@ -155,10 +156,39 @@ def test_the_next_measurement_is_the_one_that_shows_what_is_open() -> None:
         "shows the exponent": rng.normal(size=(20, 3)) * [0.0, 0.0, 60.0],
         "shows the porosity": rng.normal(size=(20, 3)) * [0.0, 300.0, 0.0],
     }
-    ranked = what_to_measure_next(known, candidates, SPACE.names, noise=1.0)
+    now = dict.fromkeys(SPACE.names, 0.05) | {"exponent": 0.4}
+    ranked = what_to_measure_next(known, candidates, now, noise=1.0)
     assert ranked[0].protocol == "shows the exponent"
     assert ranked[0].worst_share < 0.1 < ranked[1].worst_share
     assert ranked[1].worst == "exponent"
+
+
+def test_a_record_that_shows_nothing_narrows_no_interval_however_wide_a_linear_model_has_it() -> None:
+    known = np.random.default_rng(6).normal(size=(40, 3))
+    now = dict(zip(SPACE.names, (0.38, 0.02, 0.3), strict=True))
+    (found,) = what_to_measure_next(known, {"nothing": np.zeros((20, 3))}, now, noise=1.0)
+    assert found.shares == pytest.approx(now)
+    assert (found.worst, found.worst_share) == (SPACE.names[0], pytest.approx(0.38))
+
+
+@pytest.mark.parametrize(("count", "parameters"), [(34, 9), (40, 15), (34, 20), (400, 20)])
+def test_the_noise_does_not_jump_where_a_correlation_begins(count: int, parameters: int) -> None:
+    found = []
+    for correlation in (-1e-6, 1e-6):
+        residual = np.tile([1.0, 1.0, -1.0, -1.0], count)[:count]
+        residual[0] = 0.0  # The products of neighbours cancel but for the last, which sets their correlation.
+        power = residual[1:-1] @ residual[1:-1]
+        rest = float(residual[:-2] @ residual[1:-1])
+        residual[-1] = (correlation * power - rest) / residual[-2]
+        found.append(effective_noise(residual, parameters, 0.0) / np.sqrt(np.sum(residual**2)))
+    assert found[0] == pytest.approx(found[1], rel=1e-2)
+
+
+def test_few_residuals_do_not_blow_up_the_noise() -> None:
+    """The bias of a correlation is known to first order in parameters over residuals."""
+    slow = np.cos(2.0 * np.pi * np.arange(34) / 4.5)
+    assert 0.1 < neighbour_correlation(slow) < 0.2
+    assert effective_noise(slow, 20, 0.0) < 3.0 * residual_noise(slow, 20)
 
 
 def test_it_judges_a_fit() -> None:

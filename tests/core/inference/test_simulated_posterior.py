@@ -135,6 +135,29 @@ def test_a_budget_bounds_the_simulations_and_what_it_leaves_unknown_widens_the_s
     assert np.all(high > 0.9)
 
 
+@pytest.mark.parametrize("most", [None, 30])
+def test_draws_that_never_come_out_as_predicted_widen_the_sample_whatever_the_budget(most: int | None) -> None:
+    """Residuals that are rough in the parameters, which no emulator learns."""
+    rng = np.random.default_rng(1)
+    slopes, base = 6.0 * rng.normal(size=(60, 2)), rng.normal(size=60)
+
+    def rough(points: np.ndarray) -> list[np.ndarray | None]:
+        return [base + slopes @ (point - 0.5) + rng.normal(size=60) for point in points]
+
+    start = np.array([[0.5, 0.5], [0.51, 0.5], [0.5, 0.51], [0.6, 0.4]])
+    found = simulated_posterior(start, [base, *rough(start[1:])], slopes, rough, NO_PRIOR, most=most)
+    assert found.widened > 3.0
+    assert found.cut_short == (most is not None)
+
+
+def test_a_sample_none_of_whose_draws_ran_is_widened() -> None:
+    slopes = 6.0 * np.random.default_rng(1).normal(size=(60, 2))
+    start = np.array([[0.5, 0.5], [0.51, 0.5], [0.5, 0.51]])
+    known = list((start - 0.5) @ slopes.T)
+    found = simulated_posterior(start, known, slopes, lambda points: [None] * len(points), NO_PRIOR)
+    assert found.widened == pytest.approx(np.sqrt(2.0))
+
+
 def test_residuals_that_weigh_nothing_do_not_make_the_misfit_look_smaller() -> None:
     rng = np.random.default_rng(2)
     slopes, misfit = rng.normal(size=(200, 2)) * 50.0, 4.0 * rng.normal(size=200)

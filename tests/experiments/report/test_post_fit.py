@@ -102,6 +102,14 @@ def test_an_analysis_beyond_its_budget_says_that_some_simulations_are_made_in_an
     assert "in any case" not in caution_line(replace(ended, budget=30))
 
 
+def test_an_analysis_whose_draws_never_came_out_as_predicted_says_so_and_advises_no_more_of_them() -> None:
+    ended = replace(judged({"a": "open"}), widened=4.0, simulations=96, budget=300, cut_short=False)
+    assert caution_line(ended).startswith("After 96 simulations of the analysis, as many as it makes, draws of the ")
+    assert "raised 4 times" in caution_line(ended)
+    assert "With more --simulations" not in caution_line(ended)
+    assert not needs_more(ended)
+
+
 def test_a_run_says_by_what_its_values_were_chosen_over_those_with_the_lowest_error() -> None:
     """A record of one step of one signal: nothing is followed "more closely step by step" there."""
     task = one_record()
