@@ -93,15 +93,15 @@ def caution_line(analysis: PostFitAnalysis) -> str:
     allowed = f"to allow for that, the assumed noise was raised {number(analysis.widened, 2)} times{wide}."
     if not analysis.cut_short:
         return (
-            f"After {analysis.simulations} simulations of the analysis, as many as it makes, draws of the parameters did "
-            f"not come out as predicted; {allowed}"
+            f"After {analysis.simulations} simulations of the analysis, as many as it makes, draws of the parameters "
+            f"did not come out as predicted; {allowed}"
         )
     budget = f"The analysis may make as many simulations as the search, {analysis.budget}"
     if analysis.simulations > analysis.budget:
         budget += ", and makes some in any case"
     return (
-        f"{budget}. It stopped after {analysis.simulations}, before its sample of the parameters had converged; {allowed} "
-        f"{_LONGER}"
+        f"{budget}. It stopped after {analysis.simulations}, before its sample of the parameters had converged; "
+        f"{allowed} {_LONGER}"
     )
 
 
