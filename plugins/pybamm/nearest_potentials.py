@@ -170,9 +170,8 @@ def published_potentials(which: str) -> Mapping[str, FloatArray]:
     """The open-circuit potential of an electrode in every installed lithium-ion set, on `GRID`, V, by the set."""
     found: dict[str, FloatArray] = {}
     for name in set_names():
-        values = pybamm.ParameterValues(name)
-        if name not in _NO_LITHIUM and all(callable(values.get(ocp_name(electrode))) for electrode in ELECTRODES):
-            curve = OcpCurves(values).curve(which, CellChange())
+        if name not in _NO_LITHIUM:
+            curve = OcpCurves(pybamm.ParameterValues(name)).curve(which, CellChange())
             if np.all(np.isfinite(curve)):
                 found[name] = curve
     return found
