@@ -47,6 +47,9 @@ _SAME = 1e-2
 _OPEN = 1.0 - 1e-9
 """Largest porosity: readers take a Bruggeman coefficient from its logarithm, which is none where nothing is solid."""
 
+_BEYOND = 5e-4
+"""How far beyond 0 and 1 a state of charge is mentioned: what is seen of it in percent with one digit."""
+
 _OUTSIDE = ("thermal", "contact resistance", "calculate discharge energy")
 """Model options that need no mention: they belong to a run, or are kept in the user-defined section."""
 
@@ -147,7 +150,7 @@ class _Writer:
         if self._number("Number of cells connected in series to make a battery") != 1:
             self._left_out.append("BPX describes a single cell; cells in series are not in the file.")
         initial = {
-            "Initial state-of-charge": float(np.clip(soc, 0.0, 1.0)),
+            "Initial state-of-charge": self._within_limits(soc),
             "Initial temperature [K]": self._number("Initial temperature [K]"),
             "Initial electrolyte concentration [mol.m-3]": self._salt,
         }
@@ -181,6 +184,16 @@ class _Writer:
             where = kept if name in numbers else "not in the file"
             self._left_out.append(f'BPX has no field for "{shown(name, 120)}": it is {where}.')
         return numbers
+
+    def _within_limits(self, soc: float) -> float:
+        """The state of charge at the start, from 0 to 1 as BPX has it; a clear change is mentioned."""
+        kept = float(np.clip(soc, 0.0, 1.0))
+        if abs(soc - kept) > _BEYOND:
+            self._left_out.append(
+                f"The record starts at a state of charge of {100 * soc:.1f} %; BPX has 0 to 100 %, and the file starts "
+                f"at {100 * kept:.0f} %."
+            )
+        return kept
 
     def _mention_heat(self, thermal: str) -> None:
         """Say what of the heat balance of a thermal model is otherwise in the file."""

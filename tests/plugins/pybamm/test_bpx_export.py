@@ -118,6 +118,14 @@ def test_what_bpx_cannot_say_is_named(cell: CellModel, words: str) -> None:
     assert any(words in text for text in to_bpx(cell, CellChange(), RUN, "x").left_out)
 
 
+@pytest.mark.parametrize(("soc", "kept"), [(1.052, 1.0), (-0.01, 0.0)])
+def test_a_start_beyond_the_limits_is_at_the_limit_and_mentioned(soc: float, kept: float) -> None:
+    file = to_bpx(CellModel("Chen2020"), CellChange(), replace(RUN, initial_soc=soc), "x")
+    assert file.content["State"]["Initial conditions"]["Initial state-of-charge"] == kept
+    (text,) = file.left_out
+    assert f"state of charge of {100 * soc:.1f} %" in text
+
+
 def test_a_cell_colder_than_its_reference_starts_at_the_same_voltage() -> None:
     # Mohtat2020 has an entropic change: the potentials of the file are those in the cold, and so are its limits.
     cold = replace(RUN, temperature_k=283.15)
