@@ -20,6 +20,10 @@ _SHOWN_SHARE = 5e-4
 """Share of the record's charge by which a counter and the samples must differ in an interval: counters are written with
 four or five digits."""
 
+_SAME_TIME_S = 1e-6
+"""A switch that is nearer to a sample is at the sample, s: less than the clock of a cycler resolves, more than what
+differences of large counters leave of a switch that is exactly there."""
+
 
 def drawn_between(time: FloatArray, current: FloatArray) -> FloatArray:
     """Charge between neighbouring samples, A.h, shape (n - 1,), if the current were linear in time between them."""
@@ -90,7 +94,7 @@ def with_switches_counted(samples: Samples) -> Samples:
 def _with_pairs(samples: Samples, places: NDArray[np.intp], share: FloatArray) -> Samples:
     """Two samples at one time after each of the places: the sample before and the one after, at the switch."""
     spacing = np.diff(samples.time)[places]
-    late, early = share * spacing > 0.0, (1.0 - share) * spacing > 0.0
+    late, early = share * spacing > _SAME_TIME_S, (1.0 - share) * spacing > _SAME_TIME_S
     at = samples.time[places] + share * spacing
     # A switch at one of the two samples needs one copy alone.
     into = np.concatenate([places[late], places[early]]) + 1

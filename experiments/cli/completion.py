@@ -60,7 +60,11 @@ def current_signs() -> list[str]:
 
 
 def parameter_sets() -> list[str]:
-    """Names of the parameter sets, as PyBaMM finds them itself."""
+    """Names of the parameter sets, as PyBaMM finds them itself.
+
+    Those of half-cells, blends and other cells, which are not simulated, are among them: only a set that is loaded
+    tells what it is of.
+    """
     return sorted(point.name for point in entry_points(group="pybamm_parameter_sets"))
 
 

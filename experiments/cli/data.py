@@ -131,7 +131,7 @@ def _export(found: Record | ImpedanceSpectrum, out: Path) -> None:
             f"{found.name} is an impedance spectrum; the Battery Data Format holds records over time.",
             "leave out --export.",
         )
-    write(found, out, steps=True)
+    write(found, out)
 
 
 def _contents(

@@ -58,4 +58,4 @@ def make_record() -> Trajectory:
 
 
 if __name__ == "__main__":
-    write(make_record(), PACKAGED / "demo.csv")
+    write(make_record(), PACKAGED / "demo.csv", steps=False)

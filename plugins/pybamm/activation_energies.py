@@ -34,11 +34,16 @@ TRANSPORT = {
 of 5 to 81 kJ/mol in the particles, 19 of 17 to 37 and 15 of 12 to 35 in the electrolyte; sets with the same functions
 count once)."""
 
-RATES = (
-    *TRANSPORT,
-    "Negative electrode exchange-current density [A.m-2]",
-    "Positive electrode exchange-current density [A.m-2]",
-)
+_REACTION = ("c_e", "c_s_surf", "c_s_max", "T")
+
+_ARGUMENTS = {
+    **{name: (transport.argument, "T") for name, transport in TRANSPORT.items()},
+    "Negative electrode exchange-current density [A.m-2]": _REACTION,
+    "Positive electrode exchange-current density [A.m-2]": _REACTION,
+}
+"""What PyBaMM gives to each rate that is a function: an exchange-current density depends on both concentrations."""
+
+RATES = tuple(_ARGUMENTS)
 """What records at several temperatures tell an activation energy of, by PyBaMM's names."""
 
 _WITH_ENERGIES = " with activation energies"
@@ -90,8 +95,7 @@ def with_activation_energies(base: ParameterSource, transport: tuple[str, ...]) 
     values = load(base)
     for name in transport:
         values.update({energy_name(name): TRANSPORT[name].energy}, check_already_exists=False)
-        arguments = (TRANSPORT[name].argument, "T")
-        values.update({name: _arrhenius(values[name], arguments, energy_name(name))})
+        values.update({name: _arrhenius(values[name], _ARGUMENTS[name], energy_name(name))})
     return ParameterFile(f"{base}{_WITH_ENERGIES}", "parameter-values", as_json(values))
 
 
@@ -110,7 +114,7 @@ def with_additional_energies(base: ParameterSource, rates: Iterable[str] = RATES
     values = load(base)
     for name in (name for name in rates if name in values):
         own, energy = values[name], additional_energy_name(name)
-        arguments = arguments_of(own) if callable(own) else (TRANSPORT[name].argument, "T")
+        arguments = arguments_of(own) if callable(own) else _ARGUMENTS[name]
         values.update({energy: 0.0}, check_already_exists=False)
         values.update({name: _arrhenius(own, arguments, energy)})
     name = f"{base} (searched)" if str(base).endswith(_WITH_ENERGIES) else f"{base} with additional activation energies"

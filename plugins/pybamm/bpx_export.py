@@ -5,7 +5,7 @@ Battery Parameter eXchange, version 1.1, https://bpxstandard.com; PyBaMM reads i
 
 import json
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from ...core.errors import BsaError
 from ...core.extras import require
+from ...core.printable import shown
 from ...core.target import CellChange
 from ...core.task import CellModel, Experiment
 from ...core.trajectory import FloatArray
@@ -26,6 +27,7 @@ VERSION = "1.1.0"
 
 _FARADAY, _GAS_CONSTANT = 96485.33212, 8.314462618
 _SIDES = ("Negative", "Positive")
+_AT_REST = ("Open-circuit voltage at 0% SOC [V]", "Open-circuit voltage at 100% SOC [V]")
 
 _STOICHIOMETRIES: FloatArray = np.unique(np.concatenate([np.linspace(0.0, 1.0, 1001), GRID[::5]]).clip(1e-6, 1 - 1e-6))
 """Where functions of stoichiometry are tabulated: straight lines between stay within 0.1 mV of the usual potentials."""
@@ -45,6 +47,9 @@ _SAME = 1e-2
 _OPEN = 1.0 - 1e-9
 """Largest porosity: readers take a Bruggeman coefficient from its logarithm, which is none where nothing is solid."""
 
+_BEYOND = 5e-4
+"""How far beyond 0 and 1 a state of charge is mentioned: what is seen of it in percent with one digit."""
+
 _OUTSIDE = ("thermal", "contact resistance", "calculate discharge energy")
 """Model options that need no mention: they belong to a run, or are kept in the user-defined section."""
 
@@ -54,7 +59,7 @@ class BpxExport:
     """A BPX file."""
 
     content: Mapping[str, Any]  # The file.
-    left_out: tuple[str, ...]  # What of the cell it cannot say, each in a sentence.
+    left_out: tuple[str, ...]  # What of the cell it cannot say, or where not every program reads it, each a sentence.
 
     @property
     def text(self) -> str:
@@ -75,7 +80,7 @@ def to_bpx(cell: CellModel, change: CellChange, experiment: Experiment, title: s
     labelled(values, cell)
     start_of(experiment).set_temperatures(values)
     soc = change.soc_of(experiment.name)
-    writer = _Writer(values, change.cyclable_lithium)
+    writer = _Writer(values, change.cyclable_lithium, {*cell.overrides, *change.values, *change.factors})
     content, left_out = writer.written(cell, experiment.initial_soc if soc is None else soc, experiment.initial_voltage)
     content["Header"]["Title"] = title
     with warnings.catch_warnings():
@@ -90,10 +95,15 @@ def to_bpx(cell: CellModel, change: CellChange, experiment: Experiment, title: s
 
 
 class _Writer:
-    """Writes one cell; ``lithium`` is what the lithium that both electrodes share is multiplied by."""
+    """Writes one cell.
 
-    def __init__(self, values: Any, lithium: float) -> None:
-        self._values, self._lithium = values, lithium
+    ``lithium`` is what the lithium that both electrodes share is multiplied by, ``changed`` the names of the values
+    that are not the set's own.
+    """
+
+    def __init__(self, values: Any, lithium: float, changed: Collection[str]) -> None:
+        self._values, self._lithium, self._changed = values, lithium, changed
+        self._read = {*map(initial_concentration, _SIDES), *_AT_REST}  # names of what the file is made of
         self._kelvin = self._number("Ambient temperature [K]")
         self._salt = self._number("Initial concentration in electrolyte [mol.m-3]")
         self._left_out: list[str] = []
@@ -123,44 +133,106 @@ class _Writer:
             "User-defined": {
                 "Contact resistance [Ohm]": self._number("Contact resistance [Ohm]"),
                 # What the file's own potentials show at the limits of its stoichiometries, at its own temperature.
-                "Open-circuit voltage at 0% SOC [V]": _voltage(electrodes, "Minimum", "Maximum"),
-                "Open-circuit voltage at 100% SOC [V]": _voltage(electrodes, "Maximum", "Minimum"),
+                _AT_REST[0]: _voltage(electrodes, "Minimum", "Maximum"),
+                _AT_REST[1]: _voltage(electrodes, "Maximum", "Minimum"),
             },
+        }
+        surroundings = {
+            "Ambient temperature [K]": self._kelvin,
+            "Heat transfer coefficient [W.m-2.K-1]": self._number("Total heat transfer coefficient [W.m-2.K-1]"),
         }
         beyond = [f"{name}={value}" for name, value in cell.options.items() if name not in _OUTSIDE and value != "none"]
         if cell.effects:
             self._left_out.append(f"BPX has no effects beside its equations; the fit had {', '.join(cell.effects)}.")
         if beyond:
             self._left_out.append(f"BPX has no model options; the fit used {', '.join(beyond)}.")
-        if cell.options.get("thermal", "isothermal") != "isothermal":
-            self._left_out.append(
-                "Heat capacities and conductivities of the layers are not in the file: BPX has one for the cell."
-            )
+        self._mention_heat(cell.options.get("thermal", "isothermal"))
         if self._number("Number of cells connected in series to make a battery") != 1:
             self._left_out.append("BPX describes a single cell; cells in series are not in the file.")
         initial = {
-            "Initial state-of-charge": float(np.clip(soc, 0.0, 1.0)),
+            "Initial state-of-charge": self._within_limits(soc),
             "Initial temperature [K]": self._number("Initial temperature [K]"),
             "Initial electrolyte concentration [mol.m-3]": self._salt,
         }
+        parts["User-defined"].update(self._without_a_field())  # when all else has been read
         content = {
             "Header": {"BPX": VERSION, "Title": "", "Model": "SPMe" if cell.model == "SPMe" else "DFN"},
             "Parameterisation": parts,
-            "State": {"Initial conditions": initial, "Thermal environment": {"Ambient temperature [K]": self._kelvin}},
+            "State": {"Initial conditions": initial, "Thermal environment": surroundings},
         }
         return content, tuple(self._left_out)
 
+    def _own(self, name: str) -> Any:
+        self._read.add(name)
+        return self._values[name]
+
     def _number(self, name: str) -> float:
-        return float(self._values.evaluate(self._values[name]))
+        return float(self._values.evaluate(self._own(name)))
+
+    def _evaluated(self, symbol: Any) -> FloatArray:
+        """An expression of parameters in numbers, shape (n,)."""
+        parameters = (pybamm.Parameter, pybamm.FunctionParameter)
+        self._read |= {node.name for node in symbol.pre_order() if isinstance(node, parameters)}
+        return np.asarray(self._values.process_symbol(symbol).evaluate(), dtype=np.float64).ravel()
+
+    def _without_a_field(self) -> dict[str, float]:
+        """Changed numbers that BPX has no field for, by PyBaMM's names; they and changed functions are mentioned."""
+        lacking = sorted(name for name in self._changed if name not in self._read)
+        numbers = {name: self._number(name) for name in lacking if not callable(self._values[name])}
+        for name in lacking:
+            kept = "in the user-defined section, which not every program reads"
+            where = kept if name in numbers else "not in the file"
+            self._left_out.append(f'BPX has no field for "{shown(name, 120)}": it is {where}.')
+        return numbers
+
+    def _within_limits(self, soc: float) -> float:
+        """The state of charge at the start, from 0 to 1 as BPX has it; a clear change is mentioned."""
+        kept = float(np.clip(soc, 0.0, 1.0))
+        if abs(soc - kept) > _BEYOND:
+            self._left_out.append(
+                f"The record starts at a state of charge of {100 * soc:.1f} %; BPX has 0 to 100 %, and the file starts "
+                f"at {100 * kept:.0f} %."
+            )
+        return kept
+
+    def _mention_heat(self, thermal: str) -> None:
+        """Say what of the heat balance of a thermal model is otherwise in the file."""
+        if thermal not in ("isothermal", "lumped"):
+            self._left_out.append(
+                "Heat capacities and conductivities of the layers are not in the file: BPX has one heat capacity for "
+                "the cell."
+            )
+        if thermal == "isothermal":
+            return
+        cold, warm = (self._heat_capacity(kelvin) for kelvin in (self._kelvin, self._kelvin + _WARMER_K))
+        if abs(warm / cold - 1.0) > _SAME:
+            self._left_out.append(
+                f"The heat capacity is a number in BPX: that at {self._kelvin:g} K; {_WARMER_K:g} K above, the "
+                f"cell's own is {100 * abs(warm / cold - 1.0):.2g} % {'larger' if warm > cold else 'smaller'}."
+            )
+
+    def _heat_capacity(self, kelvin: float) -> float:
+        """Effective heat capacity of the layers and the current collectors, J/(m3 K)."""
+        return float(self._evaluated(pybamm.thermal_parameters.rho_c_p_eff(pybamm.Scalar(kelvin)))[0])
+
+    def _density(self) -> float:
+        """Effective density of the layers and the current collectors, kg/m3."""
+        of, thickness, kelvin = pybamm.thermal_parameters, pybamm.geometric_parameters, pybamm.Scalar(self._kelvin)
+        layers = sum(getattr(of, side).rho(kelvin) * getattr(thickness, side).L for side in ("n", "s", "p"))
+        collectors = sum(getattr(of, side).rho_cc(kelvin) * getattr(thickness, side).L_cc for side in ("n", "p"))
+        return float(self._evaluated((layers + collectors) / thickness.L)[0])
 
     def _cell(self) -> dict[str, Any]:
         pairs = self._number("Number of electrodes connected in parallel to make a cell")
         area = self._number("Electrode width [m]") * self._number("Electrode height [m]")
+        density = self._density()
         return {
             "Electrode area [m2]": area * pairs / max(round(pairs), 1),
             "Number of electrode pairs connected in parallel to make a cell": max(round(pairs), 1),
             "External surface area [m2]": self._number("Cell cooling surface area [m2]"),
             "Volume [m3]": self._number("Cell volume [m3]"),
+            "Density [kg.m-3]": density,
+            "Specific heat capacity [J.K-1.kg-1]": self._heat_capacity(self._kelvin) / density,
             "Lower voltage cut-off [V]": self._number("Lower voltage cut-off [V]"),
             "Upper voltage cut-off [V]": self._number("Upper voltage cut-off [V]"),
             "Nominal cell capacity [A.h]": self._number("Nominal cell capacity [A.h]"),
@@ -233,12 +305,12 @@ class _Writer:
         }
 
     def _reaction_energy(self, side: str, highest: float) -> float:
-        function = self._values[f"{side} electrode exchange-current density [A.m-2]"]
+        function = self._own(f"{side} electrode exchange-current density [A.m-2]")
         return self._arrhenius(lambda kelvin: self._at(function, self._salt, 0.5 * highest, highest, kelvin=kelvin))
 
     def _rate_constant(self, side: str, highest: float) -> float:
         """The k of BPX's j0 = F k sqrt(c_e / c_e0) sqrt(x (1 - x)); a word is said where the set's j0 is another."""
-        function: Callable[..., Any] = self._values[f"{side} electrode exchange-current density [A.m-2]"]
+        function: Callable[..., Any] = self._own(f"{side} electrode exchange-current density [A.m-2]")
         share = np.linspace(0.1, 0.9, 17)
         salt = np.array([0.5, 1.0, 1.5])[:, None] * self._salt
         found = np.array(
@@ -258,7 +330,7 @@ class _Writer:
         if not callable(function):
             return float(function)
         symbols = [pybamm.Scalar(value) for value in (*arguments, self._kelvin if kelvin is None else kelvin)]
-        return float(np.asarray(self._values.evaluate(function(*symbols))).ravel()[0])
+        return float(self._evaluated(pybamm.convert_to_symbol(function(*symbols)))[0])
 
     def _energy(self, name: str, at: float) -> float:
         """Activation energy of a diffusivity or conductivity around the reference temperature, J/mol."""
@@ -270,13 +342,12 @@ class _Writer:
 
     def _course(self, name: str, at: FloatArray, kelvin: float | None = None) -> FloatArray:
         """A number, or a function of one variable (and of temperature), on a grid."""
-        value = self._values[name]
+        value = self._own(name)
         if not callable(value):
             return np.full_like(at, float(self._values.evaluate(value)))
         temperature = pybamm.Scalar(self._kelvin if kelvin is None else kelvin)
         symbol = value(*(temperature if name in _TEMPERATURE else pybamm.Vector(at) for name in arguments_of(value)))
-        found = np.asarray(self._values.process_symbol(pybamm.convert_to_symbol(symbol)).evaluate(), dtype=np.float64)
-        return np.broadcast_to(found.ravel(), at.shape).copy()
+        return np.broadcast_to(self._evaluated(pybamm.convert_to_symbol(symbol)), at.shape).copy()
 
     def _table(self, name: str, at: FloatArray) -> Any:
         found = self._course(name, at)

@@ -117,6 +117,9 @@ def _slow_curve(record: Trajectory, least_hours: float) -> SlowCurve | None:
                 measured[kind] = drawn[place][order], record.voltage[place][order], hours
     if not measured:
         return None
+    if not _overlap([charge for charge, _, _ in measured.values()]):
+        widest = max(measured, key=lambda kind: float(np.ptp(measured[kind][0])))
+        measured = {widest: measured[widest]}
     first, last = (float(end([end(charge) for charge, _, _ in measured.values()])) for end in (np.min, np.max))
     if last - first < _COVERED * np.ptp(drawn):
         return None
@@ -127,6 +130,12 @@ def _slow_curve(record: Trajectory, least_hours: float) -> SlowCurve | None:
     gap_v = float(np.nanmedian(np.abs(curves[1] - curves[0]))) if len(curves) > 1 else np.nan
     hours = min(hours for *_, hours in measured.values())
     return SlowCurve((at - first) / (last - first), voltage, last - first, polarised, gap_v, hours)
+
+
+def _overlap(charges: Sequence[FloatArray]) -> bool:
+    """Whether rising charges have more than a step between points in common; one alone overlaps with itself."""
+    starts, ends = [charge[0] for charge in charges], [charge[-1] for charge in charges]
+    return bool(min(ends) - max(starts) > (max(ends) - min(starts)) / (_POINTS - 1))
 
 
 def _halfway(at: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
@@ -170,9 +179,8 @@ def published_potentials(which: str) -> Mapping[str, FloatArray]:
     """The open-circuit potential of an electrode in every installed lithium-ion set, on `GRID`, V, by the set."""
     found: dict[str, FloatArray] = {}
     for name in set_names():
-        values = pybamm.ParameterValues(name)
-        if name not in _NO_LITHIUM and all(callable(values.get(ocp_name(electrode))) for electrode in ELECTRODES):
-            curve = OcpCurves(values).curve(which, CellChange())
+        if name not in _NO_LITHIUM:
+            curve = OcpCurves(pybamm.ParameterValues(name)).curve(which, CellChange())
             if np.all(np.isfinite(curve)):
                 found[name] = curve
     return found

@@ -23,7 +23,7 @@ from ...core.printable import listed, shown
 from ...core.shape import shaped
 from ...core.task import CellModel, ParameterFile
 from .nameplate import CAPACITY, nominal_capacity_ah
-from .parameter_sets import pybamm, take_arguments
+from .parameter_sets import WHOLE_SET, pybamm, take_arguments, why_no_full_cell
 from .state_of_charge import changed_values
 
 _LONGEST_EXPRESSION = 10_000
@@ -65,15 +65,6 @@ _ALLOWED = {f"pybamm.expression_tree.{module}.{name}" for module, names in _NODE
 
 _TAGS = ("$type", "type", "py/object", "module", "class")
 """Keys by which PyBaMM finds a class to import."""
-
-_WHOLE_SET = (
-    "Electrode width [m]",
-    "Negative electrode OCP [V]",
-    "Positive electrode OCP [V]",
-    "Maximum concentration in negative electrode [mol.m-3]",
-    "Lower voltage cut-off [V]",
-)
-"""Parameters that every whole set has; what else is lacking is filled in."""
 
 _CUT_OFFS = {0: "Lower voltage cut-off [V]", 100: "Upper voltage cut-off [V]"}
 """By the state of charge in percent."""
@@ -134,8 +125,9 @@ def _bpx(file: ParameterFile) -> dict[str, Any]:
     with warnings.catch_warnings(), _expressions_computed_here(bpx.Function):
         warnings.simplefilter("ignore")  # about fields that have defaults, and the conversion of version 0
         values = dict(pybamm.ParameterValues.create_from_bpx_obj(content))
-    if any(name.startswith("Primary: ") for name in values):
-        raise BsaError("an electrode is a blend of two materials.", "only electrodes of one material are simulated.")
+    reason = why_no_full_cell(values)
+    if reason:
+        raise BsaError(f"{reason}.", "only full cells with one material in each electrode are simulated.")
     return values
 
 
@@ -212,7 +204,7 @@ def _computed(node: ast.AST, x: Any) -> Any:
 
 def _parameter_values(file: ParameterFile) -> dict[str, Any]:
     content = json.loads(file.text)
-    lacking = [name for name in _WHOLE_SET if name not in content]
+    lacking = [name for name in WHOLE_SET if name not in content]
     if lacking:
         raise BsaError(
             f"this is no whole parameter set: it lacks {listed(lacking)}.",

@@ -7,6 +7,7 @@ from functools import cache
 from typing import Any
 
 from ...core.errors import BsaError, did_you_mean
+from ...core.printable import listed
 from ...core.target import (
     CellChange,
     DiffusivityShape,
@@ -31,11 +32,36 @@ FILL_FROM = ("OKane2022", "Chen2020")
 """Where keys that a set lacks are taken from, the later set first: SEI parameters from Chen2020, and those of plating,
 cracks and loss of active material from the set that was measured for them, which is of the same cell."""
 
+WHOLE_SET = (
+    "Electrode width [m]",
+    *(ocp_name(electrode) for electrode in ELECTRODES),
+    "Maximum concentration in negative electrode [mol.m-3]",
+    "Lower voltage cut-off [V]",
+)
+"""Parameters that a set must have itself; what else is lacking is filled in."""
+
+_BLEND = "Primary: "
+"""What PyBaMM puts before the parameters of the first of two materials of an electrode."""
+
+
+def why_no_full_cell(values: Mapping[str, Any]) -> str | None:
+    """What tells that values are not of a full cell with one material in each electrode; None where they are of one.
+
+    The values are those of a set before gaps are filled: afterwards every set looks whole.
+    """
+    if any(name.startswith(_BLEND) for name in values):
+        return "an electrode is a blend of two materials"
+    numbers = [name for name in map(ocp_name, ELECTRODES) if name in values and not callable(values[name])]
+    if numbers:
+        return f'"{numbers[0]}" is a number, {values[numbers[0]]:g}'
+    lacking = [name for name in WHOLE_SET if name not in values]
+    return f"it lacks {listed(lacking)}" if lacking else None
+
 
 @cache
 def set_names() -> tuple[str, ...]:
-    """Names of the installed parameter sets, sorted."""
-    return tuple(sorted(pybamm.parameter_sets))
+    """Names of the installed parameter sets of full cells with one material in each electrode, sorted."""
+    return tuple(name for name in sorted(pybamm.parameter_sets) if not why_no_full_cell(_own(name)))
 
 
 @cache
@@ -46,29 +72,36 @@ def _load(name: ParameterSource) -> Mapping[str, Any]:
             (did_you_mean(name, (*set_names(), NEAREST)) or f"installed sets: {', '.join(set_names())}.")
             + " bsa list parameters shows them.",
         )
+    own = _own(name)
+    reason = why_no_full_cell(own)
+    if reason:
+        raise BsaError(
+            f"{name} is no full cell with one material in each electrode: {reason}.",
+            "other cells are not simulated; bsa list parameters shows the sets.",
+        )
     values: dict[str, Any] = {}
     for source in FILL_FROM:
         values.update(dict(pybamm.ParameterValues(source)))
+    return {**values, **own}
+
+
+def _own(name: ParameterSource) -> dict[str, Any]:
+    """What a set says itself."""
     if isinstance(name, ParameterFile):
         from .parameter_files import read_values
 
-        return {**values, **read_values(name)}
-    return {**values, **pybamm.ParameterValues(name)}
+        return read_values(name)
+    return dict(pybamm.ParameterValues(name))
 
 
 def load(name: ParameterSource, overrides: Mapping[str, float] | None = None) -> pybamm.ParameterValues:
     """A parameter set, gaps filled from Chen2020, with overrides put in.
 
-    Raises `BsaError` if the set, or an overridden parameter, does not exist, or an electrode has no open-circuit
-    potential: lithium metal has none in the sets of half-cells.
+    Raises `BsaError` if the set, or an overridden parameter, does not exist, or the set is not of a full cell with
+    one material in each electrode: in the sets of half-cells the potential of lithium is a number, blends have two
+    potentials for an electrode, lead-acid cells and equivalent circuits none.
     """
     values = pybamm.ParameterValues(dict(_load(name)))
-    without = [electrode for electrode in ELECTRODES if not callable(values[ocp_name(electrode)])]
-    if without:
-        raise BsaError(
-            f'{name} is no full cell: "{ocp_name(without[0])}" is a number, {values[ocp_name(without[0])]:g}.',
-            "half-cells are not simulated; bsa list parameters shows the sets.",
-        )
     for key, value in (overrides or {}).items():
         values.update({require(name, key): value}, check_already_exists=False)
     return values

@@ -5,11 +5,13 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.errors import BsaError
 from ...core.extras import require
 from ...core.files import replacing, write_text
 from ...core.printable import shown
+from ...core.reading.counters import drawn_between
 from ...core.reading.samples import Samples
 from ...core.record import ReadOptions, Record
 from ...core.trajectory import FloatArray, Trajectory
@@ -58,11 +60,13 @@ class BdfParquet:
         return read_table(ArrayTable(source, header, columns), options)
 
 
-def write(data: Record | Trajectory, path: Path, steps: bool = False) -> None:
+def write(data: Record | Trajectory, path: Path, steps: bool = True) -> None:
     """Write Battery Data Format; time, voltage and current come back exactly as they are.
 
     The current of the record or trajectory is turned positive on charge. ``.parquet`` is written as Parquet, anything
-    else as text; ``steps`` adds the numbers of cycles and steps. Raises `BsaError` if the file cannot be written.
+    else as text; ``steps`` adds the numbers of cycles and steps, where they are known. Samples that no instrument took
+    (`Trajectory.inserted`) are not written, but counters of charge, from which they are found when the file is read.
+    Raises `BsaError` if the file cannot be written.
     """
     trajectory = data.trajectory if isinstance(data, Record) else data
     ambient_k = data.ambient_k if isinstance(data, Record) else None
@@ -80,6 +84,9 @@ def write(data: Record | Trajectory, path: Path, steps: bool = False) -> None:
         lengths = [step.stop - step.start for step in trajectory.steps]
         columns["Cycle Count / 1"] = np.repeat([float(step.cycle) for step in trajectory.steps], lengths)
         columns["Step Count / 1"] = np.repeat(np.arange(1.0, len(lengths) + 1), lengths)
+    if np.any(trajectory.inserted):
+        columns |= _counters(trajectory)
+        columns = {name: values[_to_write(trajectory)] for name, values in columns.items()}
     if path.suffix.lower() == ".parquet":
         _write_parquet(columns, path)
         return
@@ -91,6 +98,22 @@ def write(data: Record | Trajectory, path: Path, steps: bool = False) -> None:
         write_text(path, "\n".join(lines) + "\n")
     except OSError as error:
         raise BsaError(f"{shown(path)} cannot be written: {shown(error.strerror)}.", "choose another place.") from None
+
+
+def _to_write(trajectory: Trajectory) -> NDArray[np.bool_]:
+    """The samples that were measured, and the ends of the record, whatever they are: it keeps its length."""
+    written = ~trajectory.inserted
+    written[[0, -1]] = True
+    return written
+
+
+def _counters(trajectory: Trajectory) -> dict[str, FloatArray]:
+    """The charge that passed in either direction, A.h: with it, a current is known between its samples too."""
+    drawn = drawn_between(trajectory.time, trajectory.current)
+    return {
+        name: np.concatenate([[0.0], np.cumsum(np.maximum(passed, 0.0))])
+        for name, passed in (("Charging Capacity / Ah", -drawn), ("Discharging Capacity / Ah", drawn))
+    }
 
 
 def _write_parquet(columns: Mapping[str, FloatArray], path: Path) -> None:

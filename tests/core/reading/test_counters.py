@@ -104,3 +104,12 @@ def test_what_was_added_is_marked_and_stays_marked_in_the_record():
     assert record.inserted[discharge.stop - 1]
     assert record.inserted[rest.start]
     assert record.measured_across(rest) == (150, 153)
+
+
+@pytest.mark.parametrize("rounding_ah", [-1e-12, 0.0, 1e-12])
+def test_a_switch_at_a_sample_needs_one_sample_more_however_a_counter_is_rounded(rounding_ah):
+    at_once = discharge_then_rest(1500.0)
+    at_once.extra["net_ah"][at_once.time > 1500.0] = 1500.0 / 3600.0 + rounding_ah
+    mended = with_switches_counted(at_once)
+    assert np.count_nonzero(mended.inserted) == 1
+    assert mended.current[mended.inserted] == [0.0]

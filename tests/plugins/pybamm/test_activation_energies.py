@@ -13,6 +13,7 @@ from bsa.plugins.pybamm.activation_energies import (
     with_activation_energies,
     with_additional_energies,
 )
+from bsa.plugins.pybamm.export import as_json
 from bsa.plugins.pybamm.parameter_files import parsed
 from bsa.plugins.pybamm.parameter_sets import load, pybamm
 from bsa.plugins.pybamm.solving import solve_reference
@@ -64,6 +65,16 @@ def test_an_additional_energy_changes_nothing_until_it_is_given(base: str) -> No
         law = np.exp(1e4 / GAS_CONSTANT * (1 / 298.15 - 1 / kelvin))
         assert at(load(file), name, kelvin) == pytest.approx(at(own, name, kelvin), rel=1e-12)
         assert at(more, name, kelvin) == pytest.approx(law * at(own, name, kelvin), rel=1e-6)
+
+
+def test_a_constant_exchange_current_density_gets_an_additional_energy_too() -> None:
+    name, values = "Negative electrode exchange-current density [A.m-2]", load("Chen2020")
+    values.update({name: 2.0})
+    file = with_additional_energies(parsed("constant.json", as_json(values)))
+    more = load(file, {additional_energy_name(name): 1e4})
+    j0 = more[name](*(pybamm.Scalar(one) for one in (1000.0, 15000.0, 30000.0, 318.15)))
+    law = np.exp(1e4 / GAS_CONSTANT * (1 / 298.15 - 1 / 318.15))
+    assert float(more.process_symbol(j0).evaluate()) == pytest.approx(2.0 * law, rel=1e-6)
 
 
 def test_the_name_of_a_set_tells_of_its_activation_energies_once(warmed: ParameterFile) -> None:

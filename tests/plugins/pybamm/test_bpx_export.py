@@ -78,16 +78,52 @@ def test_a_thermodynamic_factor_goes_into_the_transference_number() -> None:
     assert np.max(np.abs(folded - measured)) < 0.3 * np.max(np.abs(dropped - measured))
 
 
+def test_a_cell_that_warms_warms_as_much_when_it_is_read_back() -> None:
+    cell = CellModel("Chen2020", "SPMe", {"thermal": "lumped"})
+    change = CellChange({"Total heat transfer coefficient [W.m-2.K-1]": 37.0, "Cell volume [m3]": 3e-5})
+    file = to_bpx(cell, change, RUN, "x")
+    assert file.left_out == ()
+    read_back = replace(cell, parameter_set=parsed("b.json", file.text))
+    ours, theirs = (
+        solve_reference(one, RUN, own).trajectory for one, own in ((cell, change), (read_back, CellChange()))
+    )
+    assert ours is not None
+    assert theirs is not None
+    assert ours.temperature is not None
+    assert theirs.temperature is not None
+    assert np.ptp(ours.temperature) > 3.0
+    time = np.linspace(0.0, ours.time[-1], 200)
+    kelvin = np.interp(time, ours.time, ours.temperature)
+    assert np.interp(time, theirs.time, theirs.temperature) == pytest.approx(kelvin, abs=0.02)
+
+
+def test_a_fitted_number_without_a_field_of_its_own_is_kept_and_a_function_is_named() -> None:
+    number, function = "Negative electrode double-layer capacity [F.m-2]", "Negative electrode cracking rate"
+    file = to_bpx(CellModel("OKane2022"), CellChange({number: 3.3}, {function: 2.0}), RUN, "x")
+    assert load(parsed("b.json", file.text))[number] == 3.3
+    assert [text for text in file.left_out if number in text and "user-defined" in text]
+    assert [text for text in file.left_out if function in text and "not in the file" in text]
+
+
 @pytest.mark.parametrize(
     ("cell", "words"),
     [
         (CellModel("Ai2020", "DFN"), "Thermodynamic factor is a number in BPX"),
         (CellModel("Chen2020", "DFN", {"SEI": "reaction limited"}), "SEI=reaction limited"),
-        (CellModel("Chen2020", "DFN", {"thermal": "lumped"}), "Heat capacities"),
+        (CellModel("Chen2020", "DFN", {"thermal": "x-full"}), "Heat capacities and conductivities of the layers"),
+        (CellModel("ORegan2022", "DFN", {"thermal": "lumped"}), "The heat capacity is a number in BPX"),
     ],
 )
 def test_what_bpx_cannot_say_is_named(cell: CellModel, words: str) -> None:
     assert any(words in text for text in to_bpx(cell, CellChange(), RUN, "x").left_out)
+
+
+@pytest.mark.parametrize(("soc", "kept"), [(1.052, 1.0), (-0.01, 0.0)])
+def test_a_start_beyond_the_limits_is_at_the_limit_and_mentioned(soc: float, kept: float) -> None:
+    file = to_bpx(CellModel("Chen2020"), CellChange(), replace(RUN, initial_soc=soc), "x")
+    assert file.content["State"]["Initial conditions"]["Initial state-of-charge"] == kept
+    (text,) = file.left_out
+    assert f"state of charge of {100 * soc:.1f} %" in text
 
 
 def test_a_cell_colder_than_its_reference_starts_at_the_same_voltage() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bsa.core.errors import BsaError
+from bsa.core.segmentation import segment
 from bsa.core.target import CellChange
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.pybamm.nearest_potentials import (
@@ -61,6 +62,20 @@ def test_halfway_between_charge_and_discharge_is_the_open_circuit() -> None:
     assert bare is not None
     assert both.polarised == 0
     assert np.max(np.abs(both.voltage - bare.voltage)[5:-5]) < 2e-3
+
+
+def test_a_slow_charge_and_a_slow_discharge_of_other_charge_are_not_combined() -> None:
+    """A slow discharge, a fast one to empty, a slow charge of what that took, a fast one to full."""
+    hours, current = np.array([10.0, 1.0, 9.0, 1.5]), np.array([0.3, 2.0, -0.2, -2.0])
+    counts = [int(60 * one) for one in hours]
+    ends = zip((4.2, 3.4, 3.0, 3.8), (3.5, 2.9, 3.7, 4.2), counts, strict=True)
+    voltage = np.concatenate([np.linspace(*of_step) for of_step in ends])
+    record = segment(Trajectory(np.arange(len(voltage)) * 60.0, np.repeat(current, counts), voltage))
+    found = slow_curve([record])
+    assert found is not None
+    assert found.polarised == 1
+    assert found.charge_ah == pytest.approx(3.0, rel=0.01)
+    assert found.voltage[[0, -1]] == pytest.approx([4.2, 3.5], abs=0.01)
 
 
 def test_a_set_with_other_potentials_shows_the_slow_record() -> None:

@@ -27,10 +27,30 @@ def test_names_that_cannot_be_searched_say_what_to_write(name: str, words: str) 
     assert caught.value.hint
 
 
-@pytest.mark.parametrize("name", ["Xu2019", "Ecker2015_graphite_halfcell"])
-def test_the_set_of_a_half_cell_is_refused(name: str) -> None:
-    with pytest.raises(BsaError, match=f"{name} is no full cell"):
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("Xu2019", '"Negative electrode OCP [V]" is a number, 0'),
+        ("Ecker2015_graphite_halfcell", '"Negative electrode OCP [V]" is a number, 0'),
+        ("Chen2020_composite", "an electrode is a blend of two materials"),
+        ("Bonkile2024", "an electrode is a blend of two materials"),
+        ("MSMR_Example", 'it lacks "Negative electrode OCP [V]", "Positive electrode OCP [V]"'),
+        ("ECM_Example", 'it lacks "Electrode width [m]"'),
+        ("Sulzer2019", 'it lacks "Negative electrode OCP [V]"'),
+    ],
+)
+def test_a_set_that_is_no_full_cell_is_refused_and_not_listed(name: str, reason: str) -> None:
+    """Its own electrodes would be completed, without a word, with those of Chen2020."""
+    with pytest.raises(BsaError, match=f"{name} is no full cell") as caught:
         parameter_sets.load(name)
+    assert reason in caught.value.message
+    assert name not in parameter_sets.set_names()
+
+
+def test_every_listed_set_has_electrodes_of_its_own() -> None:
+    assert {"Ai2020", "Chen2020", "Marquis2019", "ORegan2022"} <= set(parameter_sets.set_names())
+    for name in parameter_sets.set_names():
+        assert set(parameter_sets.WHOLE_SET) <= set(parameter_sets.pybamm.ParameterValues(name).keys())
 
 
 def test_the_list_of_parameters_tells_numbers_from_functions() -> None:

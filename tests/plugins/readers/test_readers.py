@@ -7,6 +7,7 @@ import gzip
 
 import numpy as np
 import openpyxl
+import pandas as pd
 import pytest
 from bsa.core.contracts.registry import installed
 from bsa.core.errors import BsaError
@@ -260,6 +261,31 @@ def test_battery_data_format_makes_the_round_trip(tmp_path_factory, data, n):
     assert np.array_equal(found.current, made.current)
     np.testing.assert_allclose(found.temperature, made.temperature, atol=1e-9)
     assert found.steps == made.steps
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_samples_that_no_instrument_took_are_not_written_and_come_back(tmp_path, suffix):
+    """Sampled every minute: only the counter tells that a pulse lasted from 20 s to 345 s."""
+    time = np.concatenate([np.arange(0.0, 301.0, 60.0), [330.0], np.arange(390.0, 1000.0, 60.0)])
+    pulsed = (time > 20.0) & (time < 345.0)
+    drawn_ah = 2.0 * np.clip(time - 20.0, 0.0, 325.0) / 3600.0
+    voltage = np.where(pulsed, 3.5, 3.7) - 0.05 * drawn_ah
+    rows = [f"{t},{v},{-2.0 * p},0,{q}" for t, v, p, q in zip(time, voltage, pulsed, drawn_ah, strict=True)]
+    original = tmp_path / "original.csv"
+    header = "Time [s],U[V],I[A],Charge Capacity [Ah],Discharge Capacity [Ah]"
+    original.write_text("\n".join([header, *rows]))
+    record = read_record(original)
+    assert record.trajectory.inserted.sum() == 4
+    copy = tmp_path / f"copy{suffix}"
+    write(record, copy)
+    columns = pd.read_csv(copy) if suffix == ".csv" else pd.read_parquet(copy)
+    assert len(columns["Voltage / V"]) == len(time)
+    assert columns["Discharging Capacity / Ah"].iloc[-1] == pytest.approx(drawn_ah[-1], rel=1e-9)
+    found = read_record(copy)
+    np.testing.assert_array_equal(found.trajectory.inserted, record.trajectory.inserted)
+    np.testing.assert_allclose(found.trajectory.time, record.trajectory.time, atol=1e-6)
+    np.testing.assert_array_equal(found.trajectory.voltage, record.trajectory.voltage)
+    assert found.trajectory.steps == record.trajectory.steps
 
 
 ARBIN = ["Data_Point", "Test_Time(s)", "Date_Time", "Cycle_Index", "Current(A)", "Voltage(V)"]
