@@ -2,16 +2,18 @@
 
 import csv
 import json
+import math
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
 from bsa.core.errors import BsaError
 from bsa.experiments.campaign.estimate import estimate
+from bsa.experiments.campaign.figures import _medians, pareto
 from bsa.experiments.campaign.results import rows_of, write_rows
 from bsa.experiments.campaign.running import run_campaign
 from bsa.experiments.campaign.store import Store
-from bsa.experiments.campaign.tables import Campaign, blocks, latex, markdown, tables
+from bsa.experiments.campaign.tables import EFFORT, Campaign, blocks, effort, latex, markdown, tables
 from bsa.experiments.campaign.trace import read_trace
 
 from .conftest import Here, Quiet, noted
@@ -49,6 +51,23 @@ def test_tables_and_figures_are_written(finished):
     assert "too few cases" in text
     again = {path.name: path.read_bytes() for path in tables("toys", finished.store.root)}
     assert {name: path.read_bytes() for name, path in written.items()} == again
+
+
+def test_a_price_that_is_not_known_is_no_zero(finished):
+    """A mean of the known ones, a dash where there is none; in the figure the method has no point."""
+    rows = [dict(row) for row in rows_of(noted(finished), finished.store)]
+    priced, unknown = ([row for row in rows if row["method"] == method] for method in ("full", "no-memory"))
+    priced[0]["cost_usd"], priced[1]["cost_usd"] = 4.0, None
+    for row in unknown:
+        row["cost_usd"] = None
+    campaign = Campaign({"name": "toys"}, ["full", "no-memory"], rows, finished.store, Path(), "mape")
+    heads = list(EFFORT)
+    assert effort(rows)["full"][heads.index("cost_usd")] == 4.0
+    line = next(line for line in markdown(campaign).splitlines()[::-1] if line.startswith("| no-memory |"))
+    assert line.split(" | ")[heads.index("cost_usd") + 1] == "–"
+    assert line.split(" | ")[heads.index("tokens") + 1] == "0"
+    assert "cost / $" in pareto(rows, "mape")
+    assert math.isnan(_medians(rows, "no-memory", "cost_usd", "mape")[0])
 
 
 def test_a_grid_that_was_never_run_says_so(finished):
