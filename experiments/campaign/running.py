@@ -94,8 +94,10 @@ def plan_campaign(
 def _check_plugins(cells: Sequence[Calibration]) -> None:
     """Whether every plugin exists and is configured well, before the first cell is run."""
     registry = installed()
+    for backend in {cell.backend.model_dump_json(): cell.backend for cell in cells}.values():
+        # With its address and the like, which are no part of a configuration.
+        check_backend(backend.use, backend.options, registry)
     for config in {cell.config.model_dump_json(exclude={"seed"}): cell.config for cell in cells}.values():
-        check_backend(config.backend, config.backend_options, registry)
         for kind, choice in config.scaffold.parts:
             registry.configure(kind, choice.use, choice.options)
 

@@ -105,6 +105,7 @@ def test_include_and_exclude(make_plan):
     [
         ({"scaffolds": ["ful"]}, "full"),
         ({"backends": ["rulez"]}, "rules"),
+        ({"backends": [{"use": "openai:m", "options": {"base_url": "localhost"}}]}, "an address starts with http"),
         ({"settings": {"simulator.use": "toy-sell"}}, "toy-cell"),
         ({"settings": {"patienc": 1}}, "patienc"),
         ({"exclude": [{"colour": "red"}]}, "colour"),

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from bsa.core.errors import BsaError
-from bsa.experiments.campaign.estimate import estimate
+from bsa.experiments.campaign.estimate import estimate, experience, need_of
 from bsa.experiments.campaign.figures import _medians, pareto
 from bsa.experiments.campaign.results import rows_of, write_rows
 from bsa.experiments.campaign.running import run_campaign
@@ -99,6 +99,36 @@ def test_dry_run_learns_from_finished_cells(finished, make_plan):
     priced = make_plan(store="fresh", backends=[{"use": "litellm:some/model", "usd_per_million_tokens": 2.0}])
     (need, _) = estimate(priced.cells, priced.store).values()
     assert need.cost_usd == pytest.approx(need.tokens * 2e-6)
+
+
+@pytest.mark.parametrize(
+    ("status", "allowed", "budget", "share"),
+    [
+        ("simulations-spent", 0, (12, 40), 4.0),
+        ("simulations-spent", 0, (12, 5), 0.5),
+        ("rounds-spent", 6, (6, 40), 1.0),
+        ("rounds-spent", 6, (12, 40), 2.0),
+        ("rounds-spent", 6, (60, 40), 4.0),
+        ("converged", 0, (60, 40), 1.0),
+        ("converged", 0, (60, 5), 0.5),
+    ],
+)
+def test_what_finished_cells_took_is_scaled_to_the_budget(make_plan, status, allowed, budget, share):
+    """They made 10 simulations; where a run ends for its budget it takes a larger one, and else it ends again."""
+    rounds, simulations = budget
+    (cell,) = make_plan(tasks=1, scaffolds=["full"], rounds=rounds, simulations=simulations).cells
+    known = row("full", "Chen2020", 1.0, status=status, simulations=10, rounds=allowed)
+    known |= {"wall_s": 60.0, "tokens": 9000, "llm_calls": 3, "cost_usd": 0.1}
+    need = need_of(cell, {(cell.task.chemistry, "full", "rules"): [known]})
+    assert (need.simulations, need.tokens, need.learnt) == (simulations, 9000 * share, True)
+    assert (need.seconds, need.cost_usd) == pytest.approx((60.0 * share, 0.1 * share))
+
+
+def test_how_many_rounds_a_finished_cell_was_allowed_stands_in_its_journal(make_plan):
+    plan = make_plan(tasks=1, scaffolds=["full"], rounds=2, warm_up=0, simulations=50)
+    run_campaign(plan, Here(), lambda plan, pool: Quiet())
+    ((known,),) = experience(plan.store).values()
+    assert (known["status"], known["rounds"]) == ("rounds-spent", 2)
 
 
 def row(method, chemistry, mape, task="a", mode="regular", **more):
