@@ -188,7 +188,7 @@ class LiteLLMBackend(ServedBackend):
         if form == "tools":
             called = getattr(choice.message, "tool_calls", None)
             if not called:
-                raise FormRefusedError("the model called none", certain=False)
+                raise FormRefusedError("the model called none", certain=False, usage=self._usage(response, notes))
             text = as_object(str(called[0].function.name), str(called[0].function.arguments))
         if form in ("tools", "schema") and self._base_url is None:
             text = without_nulls(text)

@@ -10,7 +10,7 @@ from ..core.messages import Backend
 from ..core.validation import validated
 from .checked import CheckedBackend, CheckedRoute
 from .options import BackendOptions
-from .presets import Preset
+from .presets import Preset, load_presets
 
 _WRAPPERS = {"votes", "review"}
 """Options that stand around any backend and are none of its own."""
@@ -104,9 +104,23 @@ def _parted(spec: str, options: Given | None, registry: Registry) -> tuple[str, 
             f"--base-url does not go with the backend {spec}.",
             "leave it out, or write openai:MODEL for a server at an address of your own.",
         )
-    if given.get("via") is not None and issubclass(listing.entry.config_type, BackendOptions):
-        registry.find("route", str(given["via"]))
+    if issubclass(listing.entry.config_type, BackendOptions):
+        _check_way(spec, name, given, listing.own, registry)
     return name, {key: value for key, value in given.items() if key not in _WRAPPERS}, around
+
+
+def _check_way(spec: str, name: str, given: Mapping[str, Any], own: bool, registry: Registry) -> None:
+    """Refuse a route or an exchange folder where the backend would ignore it; what others offer may use them."""
+    via, is_route = given.get("via"), name in registry.names("route")
+    if via is not None:
+        registry.find("route", str(via))
+        if via != name and (is_route or (own and name not in load_presets())):
+            raise BsaError(
+                f"--via does not go with the backend {spec}.",
+                "leave it out, or name a preset, which has several routes: bsa list backends.",
+            )
+    if given.get("exchange") is not None and (own or is_route) and name != "manual":
+        raise BsaError(f"--exchange does not go with the backend {spec}.", "leave it out, or write --backend manual.")
 
 
 def open_preset(preset: Preset, options: BackendOptions) -> Backend:

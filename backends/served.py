@@ -70,6 +70,7 @@ class ServedBackend(ABC):
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
         """See `bsa.core.messages.Backend.complete`."""
         notes: list[str] = []
+        refused: list[Usage] = []
         started = time.monotonic()
         if self.options.max_reply_tokens is not None:
             schema = shortened(schema, self.options.max_reply_tokens // _TOKENS_PER_CHAR)
@@ -95,7 +96,11 @@ class ServedBackend(ABC):
                         raise FormRefusedError(failure.reason, certain=False) from None
                     raise
 
-            return persistence.call(attempt)
+            try:
+                return persistence.call(attempt)
+            except FormRefusedError as refusal:
+                refused.append(refusal.usage)
+                raise
 
         while True:
             try:
@@ -111,9 +116,10 @@ class ServedBackend(ABC):
                 raise PromptRefused(redact(f"{self.name} refuses the request: {refusal}")) from None
             except BackendFailure as failure:
                 raise type(failure)(redact(f"{self.name}: {failure}")) from None
-        return self._reply(answer, form, schema, notes, time.monotonic() - started)
+        usage = replace(sum(refused, answer.usage), seconds=time.monotonic() - started)
+        return self._reply(replace(answer, usage=usage), form, schema, notes)
 
-    def _reply(self, answer: Answer, form: StructuredBy, schema: JsonSchema, notes: list[str], seconds: float) -> Reply:
+    def _reply(self, answer: Answer, form: StructuredBy, schema: JsonSchema, notes: list[str]) -> Reply:
         # Before it is cut: half a key is not recognised.
         text = redact(answer.text)
         if answer.cut:
@@ -126,7 +132,7 @@ class ServedBackend(ABC):
             notes.append(f"the server took the request for {form} but did not keep to it")
         return Reply(
             text=text,
-            usage=replace(answer.usage, seconds=seconds),
+            usage=answer.usage,
             model=redact(answer.model)[:200],
             structured_by=held,
             notes=tuple(redact(note) for note in notes),

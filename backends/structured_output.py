@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
-from ..core.messages import JsonSchema, Message, StructuredBy, without_alternatives
+from ..core.messages import JsonSchema, Message, StructuredBy, Usage, without_alternatives
 
 T = TypeVar("T")
 
@@ -17,12 +17,14 @@ _accepted: dict[str, StructuredBy] = {}
 class FormRefusedError(Exception):
     """The server does not take this form of request.
 
-    Only where it said so, rather than failing over it, is that ``certain`` and remembered.
+    Only where it said so, rather than failing over it, is that ``certain`` and remembered. ``usage`` is what an answer
+    cost that did not keep to the form.
     """
 
-    def __init__(self, reason: str, certain: bool = True) -> None:
+    def __init__(self, reason: str, certain: bool = True, usage: Usage | None = None) -> None:
         super().__init__(reason)
         self.certain = certain
+        self.usage = usage or Usage()
 
 
 def descend(

@@ -54,6 +54,11 @@ class Change:
             return f"*{math.exp(self.amount):.6g}"
         return f"{self.amount:+.6g}" if self.kind == "difference" else f"{self.amount:.6g}"
 
+    @property
+    def written(self) -> str | float:
+        """As a reply has it: an absolute value is a number, for as text a negative one would be a difference."""
+        return float(str(self)) if self.kind == "value" else str(self)
+
     def distance(self, other: Change | None) -> float:
         """How far apart two changes are: logarithms or relative differences; 1 for different kinds."""
         if other is None or other.kind != self.kind:
@@ -145,7 +150,7 @@ def merge(ballots: Sequence[Ballot]) -> dict[str, Any] | None:
     valid = voted
     winner = _winner([ballot.changes for ballot in valid])
     closest = min(valid, key=lambda ballot: _distance(winner, ballot.changes))
-    return {**closest.content, UPDATES: {name: str(change) for name, change in winner.items()}}
+    return {**closest.content, UPDATES: {name: change.written for name, change in winner.items()}}
 
 
 def _changes(content: Mapping[str, Any]) -> dict[str, Change]:

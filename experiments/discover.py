@@ -42,6 +42,8 @@ def discover(options: DiscoverOptions, listener: Listener = lambda text: None, w
     """
     carry_out = _over_life if options.life else _on_records
     with opened(options) as journal:
+        for text in journal.file.warnings:
+            listener(text)
         try:
             discovery, page = carry_out(options, journal, listener, workers)
         except (KeyboardInterrupt, Outage) as stopped:

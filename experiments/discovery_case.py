@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import filecmp
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, Field, model_validator
@@ -14,7 +16,7 @@ from ..core.discovery.observations import FLOOR_V
 from ..core.discovery.simulator import MeasuredRecord
 from ..core.errors import BsaError, unknown
 from ..core.record import ReadOptions, Record
-from ..core.run.journal import check_run_folder
+from ..core.run.journal import FILE_NAME, check_run_folder
 from ..core.target import CyclableLithium, Factor, Value, factor_name, target_named
 from ..core.task import CellModel, Task
 from ..core.validation import validated
@@ -154,8 +156,23 @@ def _written(record: Record, number: int, folder: Path) -> Path:
         character if character.isalnum() or character in "-_" else "-" for character in Path(record.name).stem
     )
     path = place / f"{number}-{name[:60]}.csv"
-    write(record, path)
+    if path.is_file() and (folder / FILE_NAME).is_file():
+        _check_same(record, path, folder)
+    else:
+        write(record, path)
     return path
+
+
+def _check_same(record: Record, path: Path, folder: Path) -> None:
+    """Refuse to write another record in the place of one that an earlier discovery needs to be resumed."""
+    from ..plugins.readers.bdf import write
+
+    with TemporaryDirectory() as drafts:
+        draft = Path(drafts) / path.name
+        write(record, draft)
+        if filecmp.cmp(draft, path, shallow=False):
+            return
+    raise BsaError(f"{folder} belongs to a discovery with other records.", "choose another --out folder.")
 
 
 @dataclass(frozen=True)

@@ -13,38 +13,46 @@ from ..core.reading.part_of_file import file_and_part
 from ..core.run import journal
 from ..core.run.journal import FILE_NAME, FORMAT, Journal, OpenJournal, read_events
 from ..core.shape import decoding, shaped
+from ..core.task import ParameterFile
 from .discovery_case import DiscoverOptions
-from .run import versions
+from .run import go_on, versions
+from .tasks.parameter_source import is_run, parameter_source
 
 KIND = "discovery"
+
+_OF_BASE = ("parameters", "search")
+"""What a journal has digests of, beside the files of `_digests`; by these names a refusal tells what has changed."""
 
 
 @contextmanager
 def opened(options: DiscoverOptions) -> Iterator[OpenJournal]:
-    """The journal in the discovery's folder, begun or found to be of the same options and records.
+    """The journal in the discovery's folder, begun or found to be of the same options, records and base model.
 
-    Raises `BsaError` if a record cannot be read, or the folder holds anything else.
+    Raises `BsaError` if a file or a run cannot be read, or the folder holds anything else.
     """
-    asked = {"options": _dumped(options), "records": _digests(options)}
+    asked = {"options": _dumped(options), "records": _digests(options), **_digests_of_base(options)}
     with journal.opened(options.out, SIMULATION) as found:
         _begin(found.file, found.earlier, asked)
         yield found
 
 
 def _begin(file: Journal, earlier: list[dict[str, Any]], asked: Mapping[str, Any]) -> None:
-    now = versions()
     if not earlier:
-        file.append("run", format=FORMAT, kind=KIND, versions=now, **asked)
+        file.append("run", format=FORMAT, kind=KIND, versions=versions(), **asked)
         return
     first = earlier[0]
-    known = {**first, "options": {**_defaults(), **first.get("options", {})}}
+    began = {**_defaults(), **first.get("options", {})}
+    # Earlier versions kept no digests of the base model, and the path of a search as it was given.
+    base = {name: asked[name] for name in _OF_BASE}
+    known = {**base, **first, "options": {**began, "search": _absolute(began["search"])}}
     changed = [key for key, value in asked.items() if known.get(key) != value]
     if changed:
         if first.get("kind") != KIND:
             raise BsaError(f"{file.path} belongs to a calibration.", "choose another --out folder.")
         what = f"a discovery with other {' and '.join(changed)}"
-        raise BsaError(f"{file.path} belongs to {what}.", "choose another --out folder, or resume with --resume alone.")
-    file.append("resumed", versions=now)
+        instead = "resume with --resume alone" if "options" in changed else "restore what it began with"
+        raise BsaError(f"{file.path} belongs to {what}.", f"choose another --out folder, or {instead}.")
+    go_on(file, first)
 
 
 def _defaults() -> dict[str, Any]:
@@ -72,6 +80,7 @@ def _dumped(options: DiscoverOptions) -> dict[str, Any]:
         file["joined"] = [str(Path(path).absolute()) for path in file["joined"]]
     if Path(options.parameters).exists():
         content["parameters"] = str(Path(options.parameters).absolute())
+    content["search"] = _absolute(content["search"])
     return content
 
 
@@ -84,7 +93,39 @@ def _digests(options: DiscoverOptions) -> dict[str, str]:
     for path in given:
         try:
             files = sorted(child for child in path.iterdir() if child.is_file()) if path.is_dir() else [path]
-            found |= {str(one.absolute()): hashlib.sha256(one.read_bytes()).hexdigest() for one in files}
         except OSError as error:
             raise file_error(error, path) from None
+        found |= {str(one.absolute()): _digest(one) for one in files}
     return found
+
+
+def _digest(path: Path) -> str:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        raise file_error(error, path) from None
+
+
+def _digests_of_base(options: DiscoverOptions) -> dict[str, str]:
+    """Digests of the run that the base model comes from and of the file that says what is uncertain; else empty.
+
+    A run that went on may have found other values since, under the same path.
+    """
+    base = parameter_source(options.parameters) if is_run(options.parameters) else None
+    run = hashlib.sha256(base.text.encode()).hexdigest() if isinstance(base, ParameterFile) else ""
+    file = _search_file(options.search)
+    return dict(zip(_OF_BASE, (run, _digest(file) if file else ""), strict=True))
+
+
+def _search_file(search: Any) -> Path | None:
+    """The file that says what is uncertain, where it is one and no preset."""
+    from ..plugins.pybamm.uncertain_parameters import PRESETS
+
+    is_file = isinstance(search, str) and search not in PRESETS and Path(search).is_file()
+    return Path(search) if is_file else None
+
+
+def _absolute(search: Any) -> Any:
+    """What is uncertain, its file by a path that means the same from every folder."""
+    file = _search_file(search)
+    return search if file is None else str(file.absolute())

@@ -149,8 +149,8 @@ def _open_chapter(
 ) -> None:
     """Write the first line of a fresh journal, or check that the old one belongs to this task and configuration."""
     encoded, dumped = encode_task(task), config.model_dump(mode="json")
-    now = versions()
     if not earlier:
+        now = versions()
         identity = config.identity(encoded, now)
         advice = {"to_discover": to_discover} if to_discover else {}
         journal.append("run", format=FORMAT, identity=identity, config=dumped, versions=now, task=encoded, **advice)
@@ -169,13 +169,18 @@ def _open_chapter(
         )
     if given:
         check_budget(journal.path, earlier, known, config)
-    began = first.get("versions", {})
+    go_on(journal, first)
+    if given:
+        write_budget(journal, earlier, known, config)
+
+
+def go_on(journal: Journal, first: Mapping[str, Any]) -> None:
+    """Write that a run or a discovery was taken up again, and warn of other versions than it began with."""
+    began, now = first.get("versions", {}), versions()
     changed = [f"{name} {began.get(name)} -> {now[name]}" for name in now if began.get(name) != now[name]]
     if changed:
         journal.warnings.append(f"Resumed with other versions than the run began with: {', '.join(changed)}.")
     journal.append("resumed", versions=now)
-    if given:
-        write_budget(journal, earlier, known, config)
 
 
 def discovery_command_of(folder: Path) -> str:

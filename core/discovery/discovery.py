@@ -89,7 +89,7 @@ class Discovery(ABC):
     @property
     @abstractmethod
     def gap(self) -> dict[str, float]:
-        """How the gap shrank, and the share that is closed."""
+        """How the gap shrank, and the share that is closed; not a number where there was none."""
 
     @property
     @abstractmethod

@@ -1,5 +1,6 @@
 """The rules by which an explanation is accepted, and two are called indistinguishable; and the verdict they give."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -42,9 +43,12 @@ def ranked(explanations: Sequence[Explanation]) -> list[Explanation]:
 
 
 def closed(before_v: float, after_v: float, noise_v: float) -> float:
-    """Share of the squared misfit beyond noise that is gone: ``1 - (after^2 - noise^2) / (before^2 - noise^2)``."""
+    """Share of the squared misfit beyond noise that is gone: ``1 - (after^2 - noise^2) / (before^2 - noise^2)``.
+
+    Not a number where the error was no larger than noise before: there is nothing of which it would be a share.
+    """
     excess = before_v**2 - noise_v**2
-    return 1.0 if excess <= 0 else 1.0 - max(after_v**2 - noise_v**2, 0.0) / excess
+    return math.nan if excess <= 0 else 1.0 - max(after_v**2 - noise_v**2, 0.0) / excess
 
 
 @dataclass(frozen=True)

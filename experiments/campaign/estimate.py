@@ -13,6 +13,7 @@ from ...backends.opening import on_own_machines
 from ...core.errors import BsaError
 from ...core.run.budget import simulated
 from ...core.run.journal import read_events
+from ...core.run.run_config import RunConfig
 from .calibration import Calibration
 from .results import read_table
 from .store import Store
@@ -67,19 +68,56 @@ Experience = dict[tuple[str, str, str], list[Row]]
 
 
 def experience(store: Store) -> Experience:
-    """What finished cells of every campaign in the store took."""
+    """What finished cells of every campaign in the store took.
+
+    Of a run that ended for its rounds the row says as ``rounds`` how many it was allowed, where its journal does.
+    """
     tables = [read_table(path) for path in sorted(store.root.glob("grids/*/cells.csv"))]
-    return grouped([row for table in tables for row in table if row.get("state") == "done"], *_KIND)
+    done = [row for table in tables for row in table if row.get("state") == "done"]
+    return grouped([{**row, "rounds": _rounds_allowed(row, store)} for row in done], *_KIND)
+
+
+def _rounds_allowed(row: Row, store: Store) -> int:
+    """0 where it is not known, or ended nothing."""
+    if row.get("status") == "rounds-spent":
+        with suppress(BsaError):
+            for event in read_events(store.cell(str(row["identity"]))):
+                return int(event.get("config", {}).get("rounds", 0))
+    return 0
+
+
+def _expected(row: Row, config: RunConfig) -> float:
+    """How many simulations a run like a finished one makes under another budget.
+
+    One that spent its simulations, or its rounds, spends what it is allowed; one that ended before does so again.
+    """
+    made = float(row["simulations"])
+    if row.get("status") == "simulations-spent":
+        return config.simulations
+    if row["rounds"]:
+        made *= config.rounds / row["rounds"]
+    return min(made, config.simulations)
+
+
+def _scaled(row: Row, config: RunConfig) -> Row:
+    """What a finished cell took, for another budget: as the simulations."""
+    made = float(row["simulations"])
+    share = _expected(row, config) / made if made > 0 else 1.0
+    return {name: None if row[name] is None else share * row[name] for name in (*_SPENT, "cost_usd")}
 
 
 def need_of(cell: Calibration, past: Experience) -> Need:
-    """What one cell takes at most (simulations) and about (the rest), from its start."""
+    """What one cell takes at most (simulations) and about (the rest), from its start.
+
+    What finished cells took is scaled to its budget.
+    """
     config = cell.config
     asks = config.scaffold.proposer.use in ("agent", "hybrid")
     rounds = config.rounds + (1 if config.warm_up and config.scaffold.warm_up else 0)
     calls = rounds * int(cell.backend.options.get("votes") or 1) if asks else 0
     known = past.get((cell.task.chemistry, config.scaffold.name, cell.backend.use))
     if known is not None:
+        known = [_scaled(row, config) for row in known]
         # Of what is not known nothing was spent, but of money: a price that is not known is none that is nothing.
         seconds, tokens, made = (float(np.nan_to_num(mean_of(known, name))) for name in _SPENT)
         spent = mean_of(known, "cost_usd")

@@ -44,7 +44,8 @@ class Pool(Protocol):
 class Allowance:
     """What a campaign may spend on language models; once spent, no further cell is begun."""
 
-    # max_tokens, max_cost_usd: Over all cells that this process sees finish.
+    # max_tokens, max_cost_usd: Over all cells that this process runs, however they end; what a cell that is taken up
+    # again had cost before counts too.
     max_tokens: int | None = None
     max_cost_usd: float | None = None
 
@@ -85,8 +86,10 @@ class _CampaignState:
     elsewhere: dict[str, tuple[float, Cell]] = field(default_factory=dict)
     reports: dict[str, Report] = field(default_factory=dict)
     losses: dict[str, _Losses] = field(default_factory=dict)
+    # tokens, cost_usd: Of all cells so far; ``spent`` has them by cell, for one may end several times.
     tokens: int = 0
     cost_usd: float = 0.0
+    spent: dict[str, tuple[int, float]] = field(default_factory=dict)
 
 
 def run_cells(
@@ -140,14 +143,25 @@ def _take(state: _CampaignState, report: Report, store: Store, watcher: Watcher)
     if report.state == "busy":
         state.elsewhere[report.identity] = (time.monotonic() + _LOOK_AGAIN_S, cell)
         return
+    _enter_cost(state, report, store)
     if report.state == "lost" and not _hopeless(state, report, store):
         watcher.lost(cell, report.reason)
         state.todo.appendleft(cell)
         return
-    if report.state == "done":
-        state.tokens += int(report.result.get("tokens") or 0)
-        state.cost_usd += float(report.result.get("cost_usd") or 0.0)
     _end(state, watcher, cell, report, found=False)
+
+
+def _enter_cost(state: _CampaignState, report: Report, store: Store) -> None:
+    """Enter what a cell has cost: a result tells it; of a cell that ended without one its journal does."""
+    if report.result:
+        tokens, cost_usd = report.result.get("tokens"), report.result.get("cost_usd")
+    else:
+        usage = store.usage(report.identity)
+        tokens, cost_usd = usage.tokens, usage.cost_usd
+    before = state.spent.get(report.identity, (0, 0.0))
+    now = state.spent[report.identity] = (int(tokens or 0), float(cost_usd or 0.0))
+    state.tokens += now[0] - before[0]
+    state.cost_usd += now[1] - before[1]
 
 
 def _hopeless(state: _CampaignState, report: Report, store: Store) -> bool:

@@ -133,7 +133,7 @@ def pareto(rows: Sequence[Row], metric: str) -> str:
             panel.errorbar(
                 [spent], [error], yerr=[[error - low], [high - error]], fmt="o", color=colour, capsize=2, label=method
             )
-        front = _front([(spent, error) for spent, error, _, _ in points.values()])
+        front = _front([(spent, error) for spent, error, _, _ in points.values() if not math.isnan(spent)])
         panel.plot([x for x, _ in front], [y for _, y in front], "--", color="#999999", linewidth=1, zorder=0)
         panel.set_yscale("log")
         panel.set_xlabel(label)
@@ -145,7 +145,9 @@ def pareto(rows: Sequence[Row], metric: str) -> str:
 def _medians(rows: Sequence[Row], method: str, spent: str, metric: str) -> tuple[float, float, float, float]:
     mine = [row for row in rows if row["method"] == method]
     low, error, high = np.quantile([max(row[metric], FLOOR) for row in mine], (0.25, 0.5, 0.75))
-    return float(np.median([row[spent] or 0.0 for row in mine])), float(error), float(low), float(high)
+    # Of a method whose price nobody knows there is no point.
+    known = [row[spent] for row in mine if row[spent] is not None]
+    return float(np.median(known)) if known else math.nan, float(error), float(low), float(high)
 
 
 def _front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:

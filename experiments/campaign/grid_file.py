@@ -5,7 +5,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, Field, NonNegativeInt
+from pydantic import BaseModel, Field, NonNegativeInt, field_validator
 
 from ...core.errors import BsaError, unknown
 from ...core.scaffold import PluginChoice, Scaffold
@@ -51,6 +51,17 @@ class BackendChoice(PluginChoice):
 
 TaskChoice = str | SuiteFilter
 
+_KEYS_OF_THEIR_OWN = {
+    "seed": "seeds",
+    "backend": "backends",
+    "backend_options": "the options of an entry of backends",
+    "scaffold": "scaffolds",
+    "rounds": "rounds",
+    "warm_up": "warm_up",
+    "simulations": "simulations",
+}
+"""Settings of a run for which a grid has a key: as `settings` they would be ignored, or differ from what tables say."""
+
 
 class Budgets(BaseModel, extra="forbid"):
     """How much a run may spend; what is left out keeps the default of `RunConfig`."""
@@ -63,6 +74,15 @@ class Budgets(BaseModel, extra="forbid"):
         description="Any other setting, as --set of bsa run: feedback.use: overlay. A patience left out is `rounds`: "
         "methods that are compared get their whole budget.",
     )
+
+    @field_validator("settings")
+    @classmethod
+    def _without_keys_of_a_grid(cls, settings: dict[str, Any]) -> dict[str, Any]:
+        for key in settings:
+            name = "backend_options" if key.startswith("backend_options.") else key
+            if name in _KEYS_OF_THEIR_OWN:
+                raise ValueError(f'"{key}" is set outside of settings: write {_KEYS_OF_THEIR_OWN[name]}')
+        return settings
 
 
 class Included(Budgets):

@@ -1,7 +1,6 @@
 """What makes two cells the same: everything that determines a result, and nothing that does not."""
 
-import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution
 from importlib.util import find_spec
@@ -13,14 +12,16 @@ from ...core.contracts.registry import Listing, installed
 from ...core.hooks import PROJECT
 from ...core.run.run_config import RunConfig
 from ..run import versions
+from ..source_digest import package_digest, source_digest
 
 PLACEMENT = frozenset({"base_url", "timeout_s", "retry_limit_s", "exchange"})
 """Options of a backend that say where and how patiently it is asked, not what it answers."""
 
-_ROOT = Path(__file__).parents[2]
 _DECISIVE = ("core", "plugins", "backends")
-_SOURCES = frozenset({".py", ".yaml", ".yml", ".json", ".toml"})
-"""Suffixes of the files that determine what code does: the code, and the tables that it reads."""
+"""What decides the result of a calibration, beside its task, of which its identity has the content."""
+
+_DECISIVE_OF_STUDIES = ("tasks", "suite", "studies", "discovery_bench", "*.py")
+"""What of `experiments` decides further: how tasks and targets are made, what a study does, and how discoveries run."""
 
 
 def without_placement(options: dict[str, Any]) -> dict[str, Any]:
@@ -57,10 +58,19 @@ def versions_of(plugins: tuple[tuple[str, str], ...]) -> tuple[tuple[str, str], 
     return tuple(sorted(found.items()))
 
 
-@cache
+def versions_of_study(plugins: tuple[tuple[str, str], ...] = ()) -> tuple[tuple[str, str], ...]:
+    """The same for what is no calibration: a task of a suite, an item of a study, a discovery."""
+    return (*versions_of(plugins), ("experiments", study_digest()))
+
+
 def code_digest() -> str:
-    """A hash of the sources that decide what a run finds: a version number alone does not change with every edit."""
-    return _digest(_ROOT / room for room in _DECISIVE)
+    """A hash of the sources that decide what a run finds."""
+    return package_digest(*_DECISIVE)
+
+
+def study_digest() -> str:
+    """A hash of the sources that decide, beside those, what a study or a discovery finds."""
+    return package_digest(*(f"experiments/{place}" for place in _DECISIVE_OF_STUDIES))
 
 
 @cache
@@ -69,7 +79,7 @@ def plugin_digest(distribution_name: str) -> str:
 
     Empty where they cannot be found, as in a zip archive; the version of the distribution then has to do.
     """
-    return _digest(path for module in _modules(distribution_name) for path in _places(module))
+    return source_digest(path for module in _modules(distribution_name) for path in _places(module))
 
 
 def _modules(distribution_name: str) -> list[str]:
@@ -94,18 +104,6 @@ def _places(module: str) -> list[Path]:
     if spec.submodule_search_locations is not None:
         return [Path(place) for place in spec.submodule_search_locations]
     return [Path(spec.origin)] if spec.has_location and spec.origin else []
-
-
-def _digest(places: Iterable[Path]) -> str:
-    """A hash of the source files at these places, by their names below them; empty where there is none."""
-    digest, any_found = hashlib.sha256(), False
-    for place in places:
-        for path in sorted(place.rglob("*")) if place.is_dir() else [place]:
-            if path.suffix in _SOURCES and path.is_file():
-                any_found = True
-                name = path.relative_to(place.parent).as_posix()
-                digest.update(name.encode() + b"\0" + path.read_bytes() + b"\0")
-    return digest.hexdigest()[:16] if any_found else ""
 
 
 def _distribution(listing: Listing) -> str:

@@ -115,7 +115,7 @@ def _run_record(folder: Path) -> dict[str, Any]:
     run = read_run(folder)
     best, initial = run.best, run.initial
     return {
-        "trace": [None if trial.failure else _rounded(trial.objective) for trial in run.trials],
+        "trace": [_rounded(trial.objective) if trial.ok else None for trial in run.trials],
         "rounds": [_round(item) for item in run.rounds],
         "parameters": [
             [

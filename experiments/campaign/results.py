@@ -20,10 +20,10 @@ _BEGINNING = b'{"grid": {'
 """How every manifest begins."""
 
 
-def write_manifest(grid: Mapping[str, Any], cells: Sequence[Cell], folder: Path) -> None:
+def write_manifest(grid: Mapping[str, Any], cells: Sequence[Cell], folder: Path) -> dict[str, Any]:
     """Note which cells a campaign has, so that tables and pages need neither its file nor this version of the code.
 
-    ``grid`` is what the campaign is: its ``name``, and whatever else tells how it was made.
+    ``grid`` is what the campaign is: its ``name``, and whatever else tells how it was made. Gives what was written.
     """
     axes = [cell.axes for cell in cells]
     methods = _methods(axes)
@@ -36,7 +36,9 @@ def write_manifest(grid: Mapping[str, Any], cells: Sequence[Cell], folder: Path)
         }
         for cell, own in zip(cells, axes, strict=True)
     ]
-    write_json(folder / MANIFEST, {"grid": grid, "cells": entries, "methods": list(dict.fromkeys(methods.values()))})
+    manifest = {"grid": grid, "cells": entries, "methods": list(dict.fromkeys(methods.values()))}
+    write_json(folder / MANIFEST, manifest)
+    return manifest
 
 
 _AGAIN = "give its command again; finished cells are kept."

@@ -14,7 +14,7 @@ from .cell import Cell, Report
 from .execution import Allowance, Pool, Watcher, run_cells
 from .expansion import expand
 from .grid_file import GridFile, grid_path, load_grid
-from .results import check_grid_folder, read_manifest, rows_of, write_manifest, write_rows
+from .results import check_grid_folder, rows_of, write_manifest, write_rows
 from .store import Store
 from .summary import Row
 from .task_sources import Say
@@ -94,8 +94,10 @@ def plan_campaign(
 def _check_plugins(cells: Sequence[Calibration]) -> None:
     """Whether every plugin exists and is configured well, before the first cell is run."""
     registry = installed()
+    for backend in {cell.backend.model_dump_json(): cell.backend for cell in cells}.values():
+        # With its address and the like, which are no part of a configuration.
+        check_backend(backend.use, backend.options, registry)
     for config in {cell.config.model_dump_json(exclude={"seed"}): cell.config for cell in cells}.values():
-        check_backend(config.backend, config.backend_options, registry)
         for kind, choice in config.scaffold.parts:
             registry.configure(kind, choice.use, choice.options)
 
@@ -108,15 +110,16 @@ def run_campaign(
 ) -> tuple[list[Row], list[str]]:
     """Run what is missing and write the tidy table, however the campaign ends.
 
-    The pool is closed at the end. Gives the tidy table, and what could not be written.
+    The pool is closed at the end. Gives the tidy table of this plan, also where another process has begun a campaign
+    in the same folder meanwhile, and what could not be written.
     """
-    write_manifest(plan.about, plan.cells, plan.folder)
+    manifest = write_manifest(plan.about, plan.cells, plan.folder)
     reports: dict[str, Report] = {}
     try:
         with watch(plan, pool) as watcher:
             reports = run_cells(plan.chosen, plan.store, pool, watcher, allowance)
     finally:
         pool.close()
-        rows = rows_of(read_manifest(plan.folder), plan.store, reports)
+        rows = rows_of(manifest, plan.store, reports)
         remarks = write_rows(rows, plan.folder)
     return rows, remarks

@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,9 @@ from ...core.comparison.paper_metrics import PaperMetrics
 from ...core.encoding import decode_task, encode_task
 from ...core.errors import BsaError
 from ...core.files import entries, foreign, read_json, write_text
-from ...core.run.journal import FILE_NAME
+from ...core.messages import Usage
+from ...core.run.journal import FILE_NAME, read_events
+from ...core.run.recording import REPLY
 from ...core.shape import decoding, mapping_with, shaped
 from ...core.task import Task
 
@@ -66,6 +69,15 @@ class Store:
             return (self.cell(identity) / FILE_NAME).stat().st_size
         except OSError:
             return 0
+
+    def usage(self, identity: str) -> Usage:
+        """What the language model of a cell has cost so far, by its journal; nothing where there is none to read."""
+        spent = Usage()
+        with suppress(BsaError):
+            for event in read_events(self.cell(identity)):
+                if event["event"] == REPLY:
+                    spent = spent + Usage(**event["usage"])
+        return spent
 
     def put_task(self, task: Task) -> str:
         """Keep a task and say under which digest (32 hex digits)."""

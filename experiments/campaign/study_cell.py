@@ -8,7 +8,7 @@ from typing import Any
 from ...core.files import write_json
 from ...core.run.run_config import hash_of
 from .cell import Axes
-from .identity import versions_of
+from .identity import versions_of_study
 from .results import check_grid_folder
 from .running import Plan
 from .store import RESULT, Store
@@ -49,7 +49,7 @@ def plan_study(
 
 
 def _cell(study: str, item: str, act: Callable[..., Mapping[str, Any]], asked: Mapping[str, Any]) -> StudyCell:
-    determining = {"study": study, "asked": dict(asked), "versions": versions_of(())}
+    determining = {"study": study, "asked": dict(asked), "versions": versions_of_study()}
     axes = Axes(task=item, mode=study, scaffold=study, seed=asked.get("seed", 0))
     return StudyCell(axes, act, asked, hash_of(determining))
 

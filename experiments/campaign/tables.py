@@ -1,5 +1,6 @@
 """Tables of a campaign in the paper's form, as Markdown and LaTeX: mean ± std, best bold, second underlined."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,11 +10,12 @@ from ...core.comparison.signal_metrics import MISFIT
 from ...core.errors import unknown
 from ...core.files import begins, entries, foreign, write_text
 from ...core.printable import counted
+from ..report.wording import NOTHING
 from .columns import COLUMNS
 from .results import grid_folder, read_manifest, rows_of, write_rows
 from .statistics import Comparison, compare
 from .store import Store
-from .summary import Row, Statistic, grouped, paper_rows, ranks, statistic
+from .summary import Row, Statistic, grouped, mean_of, paper_rows, ranks, statistic
 from .text_tables import Emphasis, entries_of, in_latex, in_markdown, latex_table, markdown_table, table_of
 
 METRICS = {column.name: column.error for column in COLUMNS if column.error}
@@ -176,7 +178,7 @@ def markdown(campaign: Campaign) -> str:
             "cases, bootstrap 95 % interval; Wilcoxon signed-rank, Holm-corrected)"
         )
         parts.append(f"{title}\n\n{table_of(campaign.comparisons, _COMPARED)}")
-    spent = [[method, *(f"{value:.4g}" for value in values)] for method, values in effort(campaign.rows).items()]
+    spent = [[method, *(_digits(value) for value in values)] for method, values in effort(campaign.rows).items()]
     parts.append(f"**effort, mean a cell**\n\n{markdown_table(['method', *EFFORT.values()], spent)}")
     return "\n\n".join(parts) + "\n"
 
@@ -233,9 +235,10 @@ _COMPARED = {
 
 
 def effort(rows: Sequence[Row]) -> dict[str, list[float]]:
-    """Means of `EFFORT` by method, finished cells only."""
+    """Means of `EFFORT` by method, finished cells only; of cells that know it, as a price, and NaN where none does."""
     done = [row for row in rows if row["state"] == "done"]
-    return {
-        method: [statistic([float(row[name] or 0) for row in mine]).mean for name in EFFORT]
-        for method, mine in grouped(done, "method").items()
-    }
+    return {method: [mean_of(mine, name) for name in EFFORT] for method, mine in grouped(done, "method").items()}
+
+
+def _digits(value: float) -> str:
+    return NOTHING if math.isnan(value) else f"{value:.4g}"

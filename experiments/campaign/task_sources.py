@@ -14,7 +14,7 @@ from ..suite.selection import choose, load_suite
 from ..suite.starts import start_name, started
 from .calibration import TaskLabel
 from .grid_file import SuiteFilter, TaskChoice
-from .identity import versions_of
+from .identity import versions_of_study
 from .store import Store
 
 Say = Callable[[str], None]
@@ -120,6 +120,6 @@ def _reference(case: SuiteCase, search: str | None, start: int) -> str:
         "case": asdict(replace(case, changes=dict(case.changes), growth=dict(case.growth))),
         "search": search,
         "start": start,
-        "versions": versions_of(()),
+        "versions": versions_of_study(),
     }
     return hash_of(content, 32)

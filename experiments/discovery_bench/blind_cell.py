@@ -13,7 +13,7 @@ from ...core.messages import Outage
 from ...core.run.run_config import hash_of
 from ...core.shape import decoding
 from ..campaign.cell import Axes
-from ..campaign.identity import all_effects, versions_of, without_placement
+from ..campaign.identity import all_effects, versions_of_study, without_placement
 from ..campaign.results import check_grid_folder
 from ..campaign.running import Plan
 from ..campaign.store import Store
@@ -89,7 +89,7 @@ def _cell(case: Path, kind: Kind, asked: Mapping[str, Any]) -> StudyCell:
             for path in (case / DESCRIPTION, *(file.path for file in (*options.data, *options.holdout)))
         },
         "asked": {**asked, "backend_options": without_placement(options.backend_options)},
-        "versions": versions_of((*all_effects(), ("backend", backend.partition(":")[0]))),
+        "versions": versions_of_study((*all_effects(), ("backend", backend.partition(":")[0]))),
     }
     seed = asked.get("seed", 0)
     axes = Axes(task=case.name, mode="blind", chemistry=options.parameters, scaffold=kind, backend=backend, seed=seed)

@@ -36,7 +36,7 @@ class Graded:
     # ``ambiguous``: declared, with the hidden effect among those named; ``declined``: no name where there was
     # something (no discrepancy seen, or unexplained); ``partial``: some of a pair.
     grade: str
-    # closed, held_closed: Share of the gap closed on fitted and on held-out data.
+    # closed, held_closed: Share of the gap closed on fitted and on held-out data; NaN where there was no gap.
     closed: float
     held_closed: float
     parameter_error: float | None  # Relative error of the strength, where the name is right.
@@ -76,8 +76,8 @@ def _graded(task: str, found: Result, answer: Result) -> Graded:
         found["verdict"],
         tuple(found["names"]),
         grade,
-        gap.get("closed", float("nan")) or 0.0,
-        gap.get("holdout_closed", float("nan")) or 0.0,
+        _share(gap, "closed"),
+        _share(gap, "holdout_closed"),
         max((abs(value - true) / abs(true - null) for true, null, value, _ in strengths if true != null), default=None),
         found["wall_s"],
         found["cpu_s"],
@@ -86,6 +86,11 @@ def _graded(task: str, found: Result, answer: Result) -> Graded:
         _evidence(found, answer),
         sum(low <= true <= high for true, _, _, (low, high) in strengths) / len(strengths) if strengths else None,
     )
+
+
+def _share(gap: Mapping[str, float | None], name: str) -> float:
+    value = gap.get(name)
+    return math.nan if value is None else value
 
 
 def _hidden(answer: Result) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from ...core.run.run_config import hash_of
 from ...core.shape import decoding, shaped
 from ..campaign.cell import Axes
 from ..campaign.grid_file import BackendChoice
-from ..campaign.identity import versions_of, without_placement
+from ..campaign.identity import versions_of_study, without_placement
 from ..campaign.study_cell import StudyCell
 from .results import read_results
 from .shortlists import SHORTLISTS, place_of
@@ -65,7 +65,7 @@ def ranking_cell(report: Report, backend: BackendChoice, seed: int) -> StudyCell
         "backend": backend.use,
         "options": without_placement(backend.options),
         "seed": seed,
-        "versions": versions_of((("backend", backend.use.partition(":")[0]),)),
+        "versions": versions_of_study((("backend", backend.use.partition(":")[0]),)),
     }
     axes = Axes(task=report.name, mode="report", scaffold="ranking", backend=backend.use, seed=seed)
     asked = {"report": report, "backend": backend, "seed": seed}

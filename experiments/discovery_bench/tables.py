@@ -57,15 +57,17 @@ def _rates(graded: Sequence[Graded]) -> list[str]:
     lines += _detected(graded, "all models")
     for model in models if len(models) > 1 else ():
         lines += _detected([m for m in graded if m.model == model], model)
-    nulls = [m for m in graded if m.setting == "none"]
-    outside = [m for m in graded if m.setting == "outside"]
+    # A case that failed has said nothing, right or wrong.
+    ran = [m for m in graded if m.grade != "failed"]
+    nulls = [m for m in ran if m.setting == "none"]
+    outside = [m for m in ran if m.setting == "outside"]
     for some, words in ((nulls, "nothing hidden"), (outside, "an effect of no catalogue")):
         if some:
             lines.append(f"* {words}: a name was given in {_share(sum(bool(m.named) for m in some), len(some))}.")
     if nulls:
         clean = sum(m.verdict == "no-missing-effect" for m in nulls)
         lines.append(f"* nothing hidden: the verdict is `no-missing-effect` in {_share(clean, len(nulls))}.")
-    lines.append(f"* wrong names in all: {_share(sum(m.grade == 'wrong' for m in graded), len(graded))}.")
+    lines.append(f"* wrong names in all: {_share(sum(m.grade == 'wrong' for m in ran), len(ran))}.")
     told = [m.covered for m in graded if m.covered is not None]
     if told:
         inside = sum(share == 1.0 for share in told)
@@ -109,11 +111,13 @@ def _sizes(graded: Sequence[Graded]) -> list[str]:
         return []
     lines = []
     for words, values in (("fitted", [m.closed for m in right]), ("held-out", [m.held_closed for m in right])):
-        low, middle, high = np.quantile(values, (0.1, 0.5, 0.9))
-        lines.append(
-            f"* gap closed on {words} data where the name is right: median {middle:.3f}, 10-90 % {low:.3f} "
-            f"to {high:.3f} ({len(right)} cases)."
-        )
+        known = [value for value in values if not math.isnan(value)]
+        if known:
+            low, middle, high = np.quantile(known, (0.1, 0.5, 0.9))
+            lines.append(
+                f"* gap closed on {words} data where the name is right: median {middle:.3f}, 10-90 % {low:.3f} "
+                f"to {high:.3f} ({len(known)} cases)."
+            )
     errors = np.array([m.parameter_error for m in right if m.parameter_error is not None])
     if len(errors):
         lines.append(
@@ -139,6 +143,10 @@ def _cost(graded: Sequence[Graded]) -> list[str]:
     return lines
 
 
+def _known(share: float) -> str:
+    return "" if math.isnan(share) else f"{share:.3f}"
+
+
 def case_table(graded: Sequence[Graded]) -> str:
     """One line a case."""
     columns: dict[str, Entry] = {
@@ -148,8 +156,8 @@ def case_table(graded: Sequence[Graded]) -> str:
         "verdict": "{verdict}",
         "named": _named,
         "grade": "{grade}",
-        "closed": "{closed:.3f}",
-        "held out": "{held_closed:.3f}",
+        "closed": lambda m: _known(m.closed),
+        "held out": lambda m: _known(m.held_closed),
         "parameter error": lambda m: "" if m.parameter_error is None else f"{m.parameter_error:.1%}",
         "processor s": lambda m: "" if math.isnan(m.cpu_s) else f"{m.cpu_s:.0f}",
     }

@@ -47,9 +47,10 @@ class Card:
     rules_pct: float
     hybrid_pct: float
     improved: int  # Tasks in which the search ended below the best of start and warm-up.
-    calls: int  # Calls of the model, in calibrations and rankings.
+    calls: int  # Calls of the model, in calibrations and rankings, those included that gave no reply.
     valid_pct: float  # Share of its replies that could be used, in percent.
-    # tokens_a_call, seconds_a_call, cost_usd: Prompt and reply together; waiting for the model; of everything.
+    # tokens_a_call, seconds_a_call, cost_usd: Prompt and reply together, and waiting for the model, of a call that gave
+    # a reply; of everything.
     tokens_a_call: float
     seconds_a_call: float
     cost_usd: float
@@ -109,7 +110,8 @@ def card(
     traces = [trace_of(own[task], store) for task in common]
     told = {row["task"]: store.result(row["identity"]) or {} for row in rankings if row["state"] == "done"}
     spent = [*(own[task] for task in common), *(row for row in rankings if row["state"] == "done")]
-    calls = sum(int(row["llm_calls"] or 0) for row in spent)
+    calls, lost = (sum(int(row[name] or 0) for row in spent) for name in ("llm_calls", "lost_calls"))
+    replies = calls - lost
     unusable = sum(_unusable(store.cell(own[task]["identity"])) for task in common)
     unusable += sum(len(HOW) - int(result["replies"]) for result in told.values())
     ranked = [places(report, told[report.name]) for report in reports if report.name in told]
@@ -125,9 +127,9 @@ def card(
         hybrid_pct=with_hybrid,
         improved=sum(trace.improved for trace in traces),
         calls=calls,
-        valid_pct=100.0 * (1.0 - unusable / calls) if calls else math.nan,
-        tokens_a_call=_sum(spent, "tokens") / calls if calls else math.nan,
-        seconds_a_call=_sum(spent, "backend_s") / calls if calls else math.nan,
+        valid_pct=100.0 * (1.0 - unusable / replies) if replies else math.nan,
+        tokens_a_call=_sum(spent, "tokens") / replies if replies else math.nan,
+        seconds_a_call=_sum(spent, "backend_s") / replies if replies else math.nan,
         cost_usd=math.nan if any(row["cost_usd"] is None for row in spent) else _sum(spent, "cost_usd"),
         reports=len(ranked),
         **{f"{how}_{k}": sum(found[how] <= k for found in ranked) for how in HOW for k in _AMONG},

@@ -1,6 +1,7 @@
 """Targets, made on an independent path: PyBaMM's standard mesh at tighter tolerance than any fit uses.
 
-A target costs seconds, so each is kept on disk under a hash of everything it depends on.
+A target costs seconds, so each is kept on disk under a hash of everything it depends on: cell, protocol, the version of
+PyBaMM, and the sources that simulate it.
 """
 
 import json
@@ -21,12 +22,16 @@ from ...core.simulation import ExperimentRun, Outcome
 from ...core.target import change_of, target_named
 from ...core.task import CellModel, Experiment
 from ...core.trajectory import StepKind, Trajectory
+from ..source_digest import package_digest
 from .case import Noise, SuiteCase, protocol
 
 _FORMAT = 2
 
 _RTOL, _ATOL = 1e-7, 1e-7
 """Ten times tighter than the final score. Tighter still in ``atol``, and Ecker2015 fails in its first rest."""
+
+_DECISIVE = ("core", "plugins/pybamm", "experiments/suite")
+"""The sources that decide what a target is."""
 
 
 def cell_of(case: SuiteCase) -> CellModel:
@@ -72,6 +77,7 @@ def reference_run(cell: CellModel, experiment: Experiment, candidate: Candidate)
     content = {
         "format": _FORMAT,
         "pybamm": version("pybamm"),
+        "code": package_digest(*_DECISIVE),
         "tolerances": [_RTOL, _ATOL],
         "cell": encode_cell(cell),
         "protocol": experiment.protocol,

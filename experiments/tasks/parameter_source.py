@@ -31,12 +31,11 @@ def parameter_source(given: str) -> ParameterSource:
     ``best_parameters.json`` in one. Raises `BsaError` if a file or a run cannot be read.
     """
     path = Path(given)
-    if (path / JOURNAL).is_file():
-        return calibrated(path)
+    run = _run_at(path)
+    if run is not None:
+        return calibrated(run)
     if path.suffix.lower() != ".json":
         return given
-    if path.name == BEST and (path.parent / JOURNAL).is_file():
-        return calibrated(path.parent)
     from ...plugins.pybamm.parameter_files import parsed
 
     try:
@@ -48,6 +47,17 @@ def parameter_source(given: str) -> ParameterSource:
     except UnicodeDecodeError:
         raise BsaError(f"{path} is no text in UTF-8.", "give BPX or PyBaMM's parameter values, as JSON.") from None
     return parsed(path.name, text)
+
+
+def is_run(given: str) -> bool:
+    """Whether ``--parameters`` means what a run found: its folder, or the ``best_parameters.json`` in it."""
+    return _run_at(Path(given)) is not None
+
+
+def _run_at(path: Path) -> Path | None:
+    """The folder of the run that is meant; None where it is no run."""
+    folder = path.parent if path.name == BEST else path
+    return folder if (folder / JOURNAL).is_file() else None
 
 
 def calibrated(folder: Path) -> ParameterFile:

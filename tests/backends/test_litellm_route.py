@@ -111,8 +111,11 @@ def test_a_server_without_tools_is_asked_by_schema(serve, chat_completion, propo
     replies = [backend.complete(messages, schema, seed=seed) for seed in (0, 1)]
     assert [reply.structured_by for reply in replies] == ["schema", "schema"]
     assert any("tools" in note for note in replies[0].notes)
-    # A refusal is remembered; that a model once called nothing is not.
+    # A refusal is remembered; that a model once called nothing is not, and what it said instead was paid for.
     assert len(server.seen) == (3 if refusing else 4)
+    answers = 1 if refusing else 2
+    for reply in replies:
+        assert (reply.usage.prompt_tokens, reply.usage.completion_tokens) == (11 * answers, 7 * answers)
 
 
 def test_a_hosted_model_gets_tools_in_the_strict_subset(serve, chat_completion, messages, monkeypatch):

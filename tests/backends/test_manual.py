@@ -25,6 +25,7 @@ from bsa.core.messages import (
     ReplyRefused,
     Usage,
 )
+from bsa.core.proposal import apply_change
 from bsa.core.run.journal import FORMAT, Journal, read_events
 from bsa.core.run.recording import Recorder
 
@@ -87,6 +88,14 @@ def test_votes_without_majority_keep_what_is_named_most(schema):
 def test_factors_are_averaged_as_logarithms_and_kinds_not_mixed(schema):
     reply = _vote(schema, _says({"A": "*4"}), _says({"A": "*1"}), _says({"A": "5.0"}))
     assert json.loads(reply.text)["updated_params"] == {"A": "*2"}
+
+
+def test_an_absolute_value_stays_one_also_where_it_is_negative(schema):
+    """An offset of a potential may be set to -0.02 V; the text "-0.02" would take 0.02 V off it."""
+    reply = _vote(schema, _says({"A": -0.02}), _says({"A": -0.03}), _says({"A": -0.01, "B": "*2"}))
+    updates = json.loads(reply.text)["updated_params"]
+    assert updates == {"A": -0.02}
+    assert apply_change(0.5, updates["A"]) == -0.02
 
 
 def test_bad_votes_do_not_count(schema):

@@ -4,7 +4,7 @@ import socket
 import time
 
 import pytest
-from bsa.backends.opening import look_before, open_backend
+from bsa.backends.opening import check_backend, look_before, open_backend
 from bsa.core.errors import BsaError
 
 
@@ -67,3 +67,20 @@ def test_what_would_help_follows_from_what_is_wrong(serve, monkeypatch):
     note = look_before("openai:m", {"base_url": f"{server.url}/v1"})
     assert "does not accept the key" in note
     assert "correct the key in BSA_API_KEY" in note
+
+
+@pytest.mark.parametrize("spec", ["litellm:openai/o3", "ollama:m", "manual", "replay:run"])
+def test_a_way_to_a_backend_that_has_its_own_is_refused(spec):
+    """It would be ignored, and an estimate would take a hosted model for one of the user's own machines."""
+    with pytest.raises(BsaError, match=f"--via does not go with the backend {spec}") as refused:
+        check_backend(spec, {"via": "openai"})
+    assert "bsa list backends" in refused.value.hint
+    check_backend("openai:m", {"via": "openai"})
+    check_backend("o3", {"via": "litellm"})
+
+
+@pytest.mark.parametrize("spec", ["litellm:openai/o3", "o3", "replay:run"])
+def test_an_exchange_folder_goes_with_manual_alone(spec):
+    with pytest.raises(BsaError, match=f"--exchange does not go with the backend {spec}"):
+        check_backend(spec, {"exchange": "folder"})
+    check_backend("manual", {"exchange": "folder"})

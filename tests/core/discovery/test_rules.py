@@ -1,3 +1,4 @@
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -6,7 +7,7 @@ from bsa.core.discovery.adequacy import Adequacy
 from bsa.core.discovery.explanation import TEMPERATURE_DEVIATION_K, Estimate, Explanation
 from bsa.core.discovery.findings import Gap
 from bsa.core.discovery.refit import Refit
-from bsa.core.discovery.rules import RULES, bic_difference
+from bsa.core.discovery.rules import RULES, bic_difference, closed
 from bsa.core.effect import Effect, EffectParameter
 from bsa.core.parameters import Parameter, ParameterSpace
 
@@ -168,3 +169,11 @@ def test_what_is_no_better_than_the_base_model_is_no_partial_explanation():
     assert (findings.verdict, findings.best) == ("unexplained", base)
     assert "cold: does not beat the base model" in findings.reason
     assert findings.explanations == [worse]
+
+
+def test_what_was_noise_before_has_no_share_that_is_closed() -> None:
+    assert closed(4.0, 1.0, 1.0) == 1.0
+    assert closed(5.0, 3.0, 0.0) == pytest.approx(0.64)
+    assert closed(1.0, 5.0, 0.0) < 0
+    assert math.isnan(closed(1.0, 5.0, 1.2))
+    assert math.isnan(closed(1.0, 1.0, 1.2))

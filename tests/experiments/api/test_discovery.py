@@ -10,6 +10,7 @@ import pytest
 from bsa.core.errors import BsaError
 from bsa.core.messages import Outage
 from bsa.experiments.cli.discover import discover as command
+from bsa.experiments.discovery_journal import opened
 from bsa.experiments.tasks.find import PACKAGED
 
 DEMO = PACKAGED / "demo.csv"
@@ -74,6 +75,26 @@ def test_a_record_becomes_a_file_that_reads_the_same(tmp_path, monkeypatch) -> N
     np.testing.assert_array_equal(written.trajectory.current, record.trajectory.current)
     assert written.ambient_k == record.ambient_k == 298.15
     assert options.holdout[0].path == DEMO
+
+
+def test_another_frame_leaves_the_records_of_an_earlier_discovery_alone(tmp_path, monkeypatch) -> None:
+    def stop(options, *arguments):
+        with opened(options):
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("bsa.experiments.discover.discover", stop)
+    frame = pd.read_csv(DEMO)
+    asked = {"parameters": "Chen2020", "temperature": 25, "out": tmp_path / "found", "progress": False}
+    with pytest.raises(KeyboardInterrupt):
+        bsa.discover(frame, **asked)
+    (written,) = (tmp_path / "found-records").iterdir()
+    before = written.read_bytes()
+    with pytest.raises(BsaError, match="found belongs to a discovery with other records"):
+        bsa.discover(frame.iloc[:-5], **asked)
+    assert written.read_bytes() == before
+    for again in ({"data": frame, **asked}, {"resume": tmp_path / "found", "progress": False}):
+        with pytest.raises(KeyboardInterrupt):
+            bsa.discover(**again)
 
 
 @pytest.mark.slow

@@ -11,12 +11,14 @@ import sys
 import threading
 import time
 from collections import Counter
+from contextlib import closing
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
 from bsa.backends.rules.backend import RulesBackend
-from bsa.core.messages import BackendUnreachable, Reply
-from bsa.core.run.journal import LOCK
+from bsa.core.messages import BackendUnreachable, Reply, Usage
+from bsa.core.run.journal import FORMAT, LOCK, Journal
 from bsa.experiments.campaign import calibration
 from bsa.experiments.campaign.cell import Order, Report, carry_out
 from bsa.experiments.campaign.execution import LOSSES, Allowance, run_cells
@@ -165,6 +167,48 @@ def test_nothing_is_begun_once_the_allowance_is_spent(make_plan):
         pool.answers[cell.identity] = lambda order: Report(order.identity, "done", {"tokens": 600, "cost_usd": 0.5})
     assert len(run_here(plan, pool, allowance=Allowance(max_tokens=1000))) == 2
     assert len(run_here(plan, pool, allowance=Allowance(max_cost_usd=1.2))) == 3
+
+
+def pay(plan, identity, usage):
+    """A reply in a cell's journal."""
+    with closing(Journal(plan.store.cell(identity))) as journal:
+        if journal.path.stat().st_size == 0:
+            journal.append("run", format=FORMAT)
+        journal.append("reply", **asdict(Reply("{}", usage)), prompt=[])
+
+
+@pytest.mark.parametrize(("state", "more"), [("failed", 2), ("stopped", 2), ("lost", 1)])
+def test_what_cells_without_a_result_spent_counts_for_the_allowance(make_plan, state, more):
+    """An outage, an error, an interrupt and a worker that dies keep what was paid in the journal.
+
+    The second time, what a cell had cost the first time counts too; a cell that lost its worker is run again at once.
+    """
+    plan = make_plan(tasks=3)
+    pool = Here()
+
+    def spend(order):
+        pay(plan, order.identity, Usage(prompt_tokens=500, completion_tokens=100, cost_usd=0.5))
+        return Report(order.identity, state)
+
+    pool.answers = dict.fromkeys((cell.identity for cell in plan.cells), spend)
+    run_here(plan, pool, allowance=Allowance(max_tokens=1000))
+    assert len(pool.carried) == 2
+    run_here(plan, pool, allowance=Allowance(max_cost_usd=1.2))
+    assert len(pool.carried) == 2 + more
+
+
+def test_a_cell_that_is_run_again_costs_what_its_last_end_says(make_plan):
+    plan = make_plan(tasks=1, scaffolds=["full", "no-memory"])
+    pool = Here()
+    first, second = (cell.identity for cell in plan.cells)
+
+    def dies(order):
+        pay(plan, first, Usage(prompt_tokens=400))
+        pool.answers[first] = lambda order: Report(first, "done", {"tokens": 900, "cost_usd": None})
+        return Report(first, "lost")
+
+    pool.answers = {first: dies, second: lambda order: Report(second, "done", {"tokens": 1})}
+    assert set(run_here(plan, pool, allowance=Allowance(max_tokens=1000))) == {first, second}
 
 
 def test_worker_processes_find_the_same_as_this_one(make_plan):

@@ -106,6 +106,32 @@ def test_a_grid_without_patience_has_that_of_its_rounds_and_may_set_its_own(make
 
 
 @pytest.mark.parametrize(
+    ("key", "own"),
+    [
+        ("seed", "seeds"),
+        ("backend", "backends"),
+        ("backend_options", "backends"),
+        ("backend_options.votes", "backends"),
+        ("scaffold", "scaffolds"),
+        ("rounds", "rounds"),
+        ("warm_up", "warm_up"),
+        ("simulations", "simulations"),
+    ],
+)
+def test_settings_that_have_a_key_of_their_own_are_refused(tmp_path, key, own):
+    for content in ({"settings": {key: 3}}, {"include": [{"settings": {key: 3}}]}):
+        with pytest.raises(BsaError) as refused:
+            load_grid(str(write_grid(tmp_path, **content)))
+        assert f'"{key}" is set outside of settings: write ' in refused.value.message
+        assert own in refused.value.message.partition("write ")[2]
+
+
+def test_a_part_of_the_scaffold_may_be_a_setting(tmp_path):
+    settings = {"warm_up.options.radius": 0.2, "feedback.use": "scalar"}
+    assert load_grid(str(write_grid(tmp_path, settings=settings))).settings == settings
+
+
+@pytest.mark.parametrize(
     ("changes", "words"),
     [
         ({"exclude": [{"scaffold": "no-memry"}]}, 'no scaffold "no-memry". Hint: did you mean "no-memory"'),

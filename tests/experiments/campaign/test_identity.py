@@ -1,10 +1,14 @@
 """A cell is keyed by what determines its result, and by nothing else."""
 
 import importlib
+from pathlib import Path
 
 import pytest
 from bsa.core.errors import BsaError
 from bsa.experiments.campaign import identity
+from bsa.experiments.campaign.study_cell import plan_study
+
+PACKAGE = Path(identity.__file__).parents[2]
 
 
 def identities(plan):
@@ -76,6 +80,27 @@ def test_other_code_is_another_cell(make_plan, monkeypatch):
     assert identities(make_plan()) == before
 
 
+def test_other_code_of_studies_is_another_item_and_no_other_calibration(make_plan, monkeypatch, tmp_path):
+    def items():
+        return identities(plan_study("s", print, {"a": {"seed": 1}}, tmp_path / "studies"))
+
+    study, calibrations = items(), identities(make_plan())
+    monkeypatch.setattr(identity, "study_digest", lambda: "another")
+    assert items() != study
+    assert identities(make_plan()) == calibrations
+
+
+def test_what_makes_tasks_and_carries_out_studies_and_discoveries_counts(monkeypatch):
+    asked = []
+    monkeypatch.setattr(identity, "package_digest", lambda *patterns: asked.extend(patterns))
+    identity.study_digest()
+    counted = {place for pattern in asked for place in PACKAGE.glob(pattern)}
+    experiments = PACKAGE / "experiments"
+    assert {experiments / name for name in ("tasks", "suite", "studies", "discovery_bench")} <= counted
+    assert {experiments / name for name in ("discover.py", "discover_life.py", "discovery_setup.py")} <= counted
+    assert not {experiments / name for name in ("cli", "report", "doc_tables")} & counted
+
+
 def test_plugins_of_others_count_by_their_version(make_plan):
     plan = make_plan()
     found = dict(identity.versions_of((("simulator", "toy-cell"), ("backend", "rules"))))
@@ -105,6 +130,7 @@ def test_include_and_exclude(make_plan):
     [
         ({"scaffolds": ["ful"]}, "full"),
         ({"backends": ["rulez"]}, "rules"),
+        ({"backends": [{"use": "openai:m", "options": {"base_url": "localhost"}}]}, "an address starts with http"),
         ({"settings": {"simulator.use": "toy-sell"}}, "toy-cell"),
         ({"settings": {"patienc": 1}}, "patienc"),
         ({"exclude": [{"colour": "red"}]}, "colour"),

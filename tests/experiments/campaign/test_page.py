@@ -57,6 +57,19 @@ def test_every_cell_and_its_rounds_are_on_the_page(finished):
     assert "What &lt;b&gt;is&lt;/b&gt; it worth?" in html
 
 
+def test_a_simulation_without_an_objective_has_no_place_on_the_line(finished):
+    """A reduced task, and a simulation with nothing to compare, ran to their ends and have no errors."""
+    identity = finished.cells[0].identity
+    path = finished.store.cell(identity) / "journal.jsonl"
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    trials = [line for line in lines if line["event"] == "trial"]
+    trials[-1] |= {"metrics": None, "residuals": None, "reduction": {"rate": 0.5, "cycles": None}}
+    trials[-2] |= {"metrics": None, "residuals": None}
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    trace = block(build_page("toys", finished.store.root).read_text(), "runs")[identity]["trace"]
+    assert [value is None for value in trace] == [False] * 3 + [True] * 2
+
+
 def test_the_page_asks_for_nothing(finished):
     html = build_page("toys", finished.store.root).read_text()
     assert not re.findall(r'(?:src|href)="(?!#)[^"]*"', re.sub(r'xmlns(:\w+)?="[^"]*"', "", html))

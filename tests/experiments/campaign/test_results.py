@@ -2,16 +2,18 @@
 
 import csv
 import json
+import math
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
 from bsa.core.errors import BsaError
-from bsa.experiments.campaign.estimate import estimate
+from bsa.experiments.campaign.estimate import estimate, experience, need_of
+from bsa.experiments.campaign.figures import _medians, pareto
 from bsa.experiments.campaign.results import rows_of, write_rows
 from bsa.experiments.campaign.running import run_campaign
 from bsa.experiments.campaign.store import Store
-from bsa.experiments.campaign.tables import Campaign, blocks, latex, markdown, tables
+from bsa.experiments.campaign.tables import EFFORT, Campaign, blocks, effort, latex, markdown, tables
 from bsa.experiments.campaign.trace import read_trace
 
 from .conftest import Here, Quiet, noted
@@ -51,6 +53,23 @@ def test_tables_and_figures_are_written(finished):
     assert {name: path.read_bytes() for name, path in written.items()} == again
 
 
+def test_a_price_that_is_not_known_is_no_zero(finished):
+    """A mean of the known ones, a dash where there is none; in the figure the method has no point."""
+    rows = [dict(row) for row in rows_of(noted(finished), finished.store)]
+    priced, unknown = ([row for row in rows if row["method"] == method] for method in ("full", "no-memory"))
+    priced[0]["cost_usd"], priced[1]["cost_usd"] = 4.0, None
+    for row in unknown:
+        row["cost_usd"] = None
+    campaign = Campaign({"name": "toys"}, ["full", "no-memory"], rows, finished.store, Path(), "mape")
+    heads = list(EFFORT)
+    assert effort(rows)["full"][heads.index("cost_usd")] == 4.0
+    line = next(line for line in markdown(campaign).splitlines()[::-1] if line.startswith("| no-memory |"))
+    assert line.split(" | ")[heads.index("cost_usd") + 1] == "–"
+    assert line.split(" | ")[heads.index("tokens") + 1] == "0"
+    assert "cost / $" in pareto(rows, "mape")
+    assert math.isnan(_medians(rows, "no-memory", "cost_usd", "mape")[0])
+
+
 def test_a_grid_that_was_never_run_says_so(finished):
     with pytest.raises(BsaError, match="has not been run"):
         tables("other", finished.store.root)
@@ -80,6 +99,36 @@ def test_dry_run_learns_from_finished_cells(finished, make_plan):
     priced = make_plan(store="fresh", backends=[{"use": "litellm:some/model", "usd_per_million_tokens": 2.0}])
     (need, _) = estimate(priced.cells, priced.store).values()
     assert need.cost_usd == pytest.approx(need.tokens * 2e-6)
+
+
+@pytest.mark.parametrize(
+    ("status", "allowed", "budget", "share"),
+    [
+        ("simulations-spent", 0, (12, 40), 4.0),
+        ("simulations-spent", 0, (12, 5), 0.5),
+        ("rounds-spent", 6, (6, 40), 1.0),
+        ("rounds-spent", 6, (12, 40), 2.0),
+        ("rounds-spent", 6, (60, 40), 4.0),
+        ("converged", 0, (60, 40), 1.0),
+        ("converged", 0, (60, 5), 0.5),
+    ],
+)
+def test_what_finished_cells_took_is_scaled_to_the_budget(make_plan, status, allowed, budget, share):
+    """They made 10 simulations; where a run ends for its budget it takes a larger one, and else it ends again."""
+    rounds, simulations = budget
+    (cell,) = make_plan(tasks=1, scaffolds=["full"], rounds=rounds, simulations=simulations).cells
+    known = row("full", "Chen2020", 1.0, status=status, simulations=10, rounds=allowed)
+    known |= {"wall_s": 60.0, "tokens": 9000, "llm_calls": 3, "cost_usd": 0.1}
+    need = need_of(cell, {(cell.task.chemistry, "full", "rules"): [known]})
+    assert (need.simulations, need.tokens, need.learnt) == (simulations, 9000 * share, True)
+    assert (need.seconds, need.cost_usd) == pytest.approx((60.0 * share, 0.1 * share))
+
+
+def test_how_many_rounds_a_finished_cell_was_allowed_stands_in_its_journal(make_plan):
+    plan = make_plan(tasks=1, scaffolds=["full"], rounds=2, warm_up=0, simulations=50)
+    run_campaign(plan, Here(), lambda plan, pool: Quiet())
+    ((known,),) = experience(plan.store).values()
+    assert (known["status"], known["rounds"]) == ("rounds-spent", 2)
 
 
 def row(method, chemistry, mape, task="a", mode="regular", **more):

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from bsa.experiments.campaign.cell import Order
+from bsa.experiments.campaign.results import write_manifest
 from bsa.experiments.campaign.running import run_campaign
 from bsa.experiments.campaign.study_cell import plan_study, results_of
 
@@ -36,3 +38,16 @@ def test_an_item_is_carried_out_once_and_a_failure_is_told(tmp_path: Path) -> No
     _, found, carried = carried_out(tmp_path / "store", more)
     assert [result["half"] for result in found] == [3.0, 2.0]
     assert len(carried) == 2, "what is done is not done again, what failed is"
+
+
+def test_rows_are_those_of_the_plan_where_another_process_has_begun_the_study_anew(tmp_path: Path) -> None:
+    plan = plan_study("halves", halved, {"four": {"number": 4.0}}, tmp_path)
+    other = plan_study("halves", halved, {"six": {"number": 6.0}}, tmp_path)
+
+    class Meanwhile(Here):
+        def submit(self, order: Order) -> None:
+            write_manifest(other.about, other.cells, other.folder)
+            super().submit(order)
+
+    rows, _ = run_campaign(plan, Meanwhile(), lambda plan, pool: Quiet())
+    assert [(row["task"], row["state"]) for row in rows] == [("four", "done")]

@@ -144,6 +144,27 @@ def test_weak_cases_have_three_denominators(tmp_path):
     )
 
 
+def test_a_case_that_failed_has_given_no_wrong_name(tmp_path):
+    rows = [row("case_0", "effect-found", [R]), row("case_1", "failed"), row("case_2", "failed")]
+    write(tmp_path, {r["case"]: answer(setting="none") for r in rows}, rows)
+    text = as_markdown(grade_cases(tmp_path, "discovery"))
+    assert "wrong names in all: 1 of 1 cases" in text
+    assert "nothing hidden: a name was given in 1 of 1 cases" in text
+    assert "`no-missing-effect` in 0 of 1 cases" in text
+    assert "| none | 3 | 0 | 0 | 0 | 0 | 1 | 2 |" in text
+
+
+def test_where_there_was_no_gap_there_is_no_share_of_it(tmp_path):
+    rows = [row("case_0", "effect-found", [R]), row("case_1", "effect-found", [R])]
+    rows[1]["gap"] = {"closed": None, "holdout_closed": None}
+    write(tmp_path, {r["case"]: answer([R]) for r in rows}, rows)
+    graded = grade_cases(tmp_path, "discovery")
+    assert "gap closed on held-out data where the name is right: median 0.950" in as_markdown(graded)
+    assert "(1 cases)" in as_markdown(graded)
+    line = case_table(graded).splitlines()[-1]
+    assert line.startswith("| case_1 | strong | contact-resistance | effect-found | contact-resistance | right |  |  |")
+
+
 def test_graded_cases_survive_a_file(tmp_path):
     answers = {"case_01": answer([R, H], setting="pair"), "case_02": answer(setting="none")}
     write(tmp_path, answers, [row("case_01", "effect-found", [R, H]), row("case_02", "no-missing-effect")])

@@ -13,6 +13,7 @@ from bsa.experiments.campaign.grid_file import BackendChoice, SuiteFilter
 from bsa.experiments.campaign.running import plan_campaign, run_campaign
 from bsa.experiments.campaign.store import Store
 from bsa.experiments.campaign.task_sources import suite_cases
+from bsa.experiments.campaign.trace import Trace
 from bsa.experiments.discovery_bench.reports import PACKAGED, Report, places, ranking_cell, read_reports, write_reports
 from bsa.experiments.discovery_bench.shortlists import SHORTLISTS
 from bsa.experiments.studies.models import CASES, card, models_grid, plan_rankings, write_card
@@ -121,3 +122,16 @@ def test_a_card_sets_a_backend_beside_rules_and_hybrid(tmp_path: Path, monkeypat
     assert "| tasks | 1 |" in text
     with (plan.folder / "card.csv").open() as file:
         assert next(csv.DictReader(file))["backend"] == "adversarial-advice"
+
+
+def test_a_lost_call_is_no_reply(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of ten calls five gave no reply, and one of the five replies could not be used."""
+    monkeypatch.setattr("bsa.experiments.studies.models._unusable", lambda folder: 1)
+    monkeypatch.setattr("bsa.experiments.studies.models.trace_of", lambda row, store: Trace())
+    row = {"task": "t", "state": "done", "mape": 1.0, "identity": "i", "cost_usd": None}
+    row |= {"llm_calls": 10, "lost_calls": 5, "tokens": 1000, "backend_s": 20.0}
+    methods = [("full", "m"), ("full", "rules"), ("hybrid", "rules")]
+    rows = [{**row, "scaffold": scaffold, "backend": backend} for scaffold, backend in methods]
+    found = card("m", "full", 20, rows, [], [], Store(tmp_path))
+    assert (found.calls, found.valid_pct) == (10, pytest.approx(80.0))
+    assert (found.tokens_a_call, found.seconds_a_call) == (200.0, 4.0)

@@ -63,6 +63,15 @@ def test_a_target_is_made_once(solves: list[dict[str, float]], tmp_path: Path) -
     assert len(solves) == 3
 
 
+def test_a_target_of_other_code_is_made_again(
+    solves: list[dict[str, float]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target.target_of(CASE)
+    monkeypatch.setattr(target, "package_digest", lambda *rooms: "edited")
+    target.target_of(CASE)
+    assert len(solves) == 2
+
+
 def test_a_damaged_cache_is_made_again(solves: list[dict[str, float]], tmp_path: Path) -> None:
     target.target_of(CASE)
     next(tmp_path.glob("targets/*.json")).write_text("{")
