@@ -15,7 +15,7 @@ from ...core.record import ReadOptions
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.trajectory import FloatArray
 from .assembly import AnyTable, first_kelvin, number
-from .columns import AMBIENT, NAMES, named, split_name
+from .columns import AMBIENT, NAMES, half_cell, named, split_name
 from .generic_csv import first_lines, is_text_table
 from .source import load_text
 from .table import find_table
@@ -25,7 +25,7 @@ _MIN_POINTS = 5
 
 _PARTS: Mapping[str, tuple[str, ...]] = {
     "frequency": ("actfreq", "freq", "frequency", "f"),
-    "real": ("zreal", "zreal1", "zre", "rez", "zreal", "re", "real"),
+    "real": ("zreal", "zreal1", "zre", "rez", "re", "real"),
     "imaginary": ("zimag", "zimg", "zimg1", "zimag1", "zim", "imz", "im", "imag", "imaginary"),
 }
 _MILLIOHM = ("mohm", "mohms", "mω", "milliohm")
@@ -93,7 +93,8 @@ def spectrum_of(
             f"{table.source} has no columns for frequency, real and imaginary impedance: {listed(table.header)}.",
             "name them Frequency [Hz], Zreal [ohm] and Zimag [ohm].",
         )
-    voltage, ambient = named(table.header, NAMES["voltage"]), named(table.header, AMBIENT)
+    voltage = None if half_cell(table.header) else named(table.header, NAMES["voltage"])
+    ambient = named(table.header, AMBIENT)
     wanted = [columns.frequency, columns.real, columns.imaginary]
     read = table.numbers({}, options.where, [*wanted, *(place for place in (voltage, ambient) if place is not None)])
     frequency, real, imaginary = (_floats(read.texts[place]) for place in wanted)

@@ -216,9 +216,11 @@ def test_temperatures(tmp_path):
     path = tmp_path / "a.csv"
     rows = table(made, "Time [s],U[V],I[A]").splitlines()
     celsius = made.temperature - 273.15
-    path.write_text("\n".join([rows[0] + ",T [degC]"] + [f"{r},{c}" for r, c in zip(rows[1:], celsius, strict=True)]))
+    path.write_text(
+        "\n".join([rows[0] + ",Probe [degC]"] + [f"{r},{c}" for r, c in zip(rows[1:], celsius, strict=True)])
+    )
     assert read_record(path).trajectory.temperature is None
-    record = read_record(path, ReadOptions(columns={"temperature": "T [degC]"}))
+    record = read_record(path, ReadOptions(columns={"temperature": "Probe [degC]"}))
     np.testing.assert_allclose(record.trajectory.temperature, made.temperature)
     assert record.ambient_k == pytest.approx(298.15)
     assert read_record(path, ReadOptions(ambient_c=10.0)).ambient_k == pytest.approx(283.15)
