@@ -6,6 +6,7 @@ from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.printable import listed, shown
 from ...core.reading.clock import RESTART_S
@@ -118,11 +119,21 @@ def _tests_by(table: AnyTable, time: FloatArray, options: ReadOptions) -> tuple[
     """The columns that have another value in each test of a file whose clock restarts, with that of the first one."""
     with np.errstate(invalid="ignore"):
         begins = np.flatnonzero(np.diff(time) < -RESTART_S) + 1
-    if len(begins) == 0 or options.join:
-        return None
+    return None if len(begins) == 0 or options.join else told_apart_by(table, options, begins)
+
+
+def told_apart_by(
+    table: AnyTable, options: ReadOptions, begins: NDArray[np.intp], rows: NDArray[np.intp] | None = None
+) -> tuple[str, ...]:
+    """The columns with another value from each of these rows on, as ``COLUMN=VALUE`` of what stands before the first.
+
+    ``rows`` are those that count; left out, all that the options keep.
+    """
     found = []
     for place, name in enumerate(table.header):
         cells = table.numbers({}, options.where, [place]).texts[place]
+        if rows is not None:
+            cells = [cells[row] for row in rows]
         changes = [k for k, (one, two) in enumerate(pairwise(cells), 1) if one != two]
         if changes == begins.tolist() and len({cells[k] for k in changes} | {cells[0]}) == len(changes) + 1:
             found.append(shlex.quote(f"{shown(name)}={shown(cells[0].strip())}"))
