@@ -13,7 +13,7 @@ from ...core.reading.clock import RESTART_S
 from ...core.reading.samples import Extra, Samples
 from ...core.record import ReadOptions
 from ...core.trajectory import FloatArray
-from .columns import AMBIENT, EXTRA, named, resolve, split_name
+from .columns import EXTRA, Column, ambient_in, named, resolve, unit_of
 from .dates import elapsed_s, is_clock_or_date, is_date, seconds_of
 from .table import Numbers
 
@@ -35,6 +35,10 @@ class AnyTable(Protocol):
     def units(self) -> tuple[str, ...] | None:
         """Row of units beneath the header."""
 
+    @property
+    def decimal_comma(self) -> bool:
+        """Whether numbers that stand as text are written like ``3,7``."""
+
     def first(self, place: int) -> str:
         """The first cell of a column."""
 
@@ -51,15 +55,19 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
         place = named(table.header, names)
         if place is not None and place not in taken:
             extra[name] = place
-    ambient = named(table.header, AMBIENT)
+    ambient, unknown = ambient_in(table.header, table.units)
     time = found["time"]
     written = is_clock_or_date(table.first(time.index))  # as 10:00:00, or as a date
     numeric = [column for column in found.values() if not (written and column is time)]
-    texts = [*extra.values(), *([] if ambient is None else [ambient]), *([time.index] if written else [])]
+    texts = [*extra.values(), *([] if ambient is None else [ambient.index]), *([time.index] if written else [])]
     read = table.numbers({column.index: column.name for column in numeric}, options.where, texts)
     signals = {column.signal: column.in_si(read.values[column.index]) for column in numeric}
     said = [*notes, *read.notes]
-    said_by_file = _extra({name: (table.header[place], read.texts[place]) for name, place in extra.items()})
+    if unknown and options.ambient_c is None:
+        said.append(unknown)
+    said_by_file = _extra(table, extra, read)
+    if ambient is not None:
+        said_by_file["ambient_k"] = kelvin(ambient, read.texts[ambient.index], table.decimal_comma)
     if written:
         signals["time"], date = elapsed_s(
             read.texts[time.index], table.source, time.name, said_by_file.pop("date", None)
@@ -97,19 +105,19 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
         tests_by=_tests_by(table, signals["time"], options) if not {"date", "cycle"} & set(said_by_file) else None,
         without_unit=tuple(column.signal for column in bare),
         notes=tuple(said),
-        ambient_k=None if ambient is None else first_kelvin(read.texts[ambient]),
         extra=said_by_file,
     )
 
 
-def _extra(columns: Mapping[Extra, tuple[str, list[str]]]) -> dict[Extra, FloatArray]:
+def _extra(table: AnyTable, places: Mapping[Extra, int], read: Numbers) -> dict[Extra, FloatArray]:
     """What can be read of the columns; one that is no number is no step, but nothing is wrong with the file."""
     found: dict[Extra, FloatArray] = {}
-    for name, (title, texts) in columns.items():
-        values = seconds_of(texts) if name == "date" else np.array([number(text) for text in texts])
+    for name, place in places.items():
+        texts = read.texts[place]
+        values = seconds_of(texts) if name == "date" else numbers(texts, table.decimal_comma)
         if values is None or not np.isfinite(values).any():
             continue
-        if name.endswith("_ah") and (split_name(title)[1] or "").casefold().startswith("m"):
+        if name.endswith("_ah") and (unit_of(table.header, table.units, place) or "").casefold().startswith("m"):
             values = values / 1000.0
         found[name] = values
     return found
@@ -140,8 +148,12 @@ def told_apart_by(
     return tuple(found)
 
 
-def number(text: str) -> float:
-    """A cell as a number; NaN where it is none."""
+def numbers(texts: Sequence[str], decimal_comma: bool) -> FloatArray:
+    """Cells as numbers; NaN where one is none."""
+    return np.array([_number(text.replace(",", ".") if decimal_comma else text) for text in texts])
+
+
+def _number(text: str) -> float:
     try:
         value = float(text)
     except ValueError:
@@ -149,7 +161,7 @@ def number(text: str) -> float:
     return value if abs(value) < 1e15 else float("nan")
 
 
-def first_kelvin(texts: Sequence[str]) -> float | None:
-    """The first number of a column in degC, in kelvin."""
-    values = (number(text) for text in texts)
-    return next((value + 273.15 for value in values if value == value and abs(value) < 1e3), None)
+def kelvin(column: Column, texts: Sequence[str], decimal_comma: bool) -> FloatArray:
+    """A column of temperatures in K; NaN where a cell holds none."""
+    values = numbers(texts, decimal_comma)
+    return column.in_si(np.where(np.abs(values) < 1e3, values, np.nan))

@@ -68,7 +68,7 @@ NAMES: Mapping[Signal, tuple[str, ...]] = {
 the German, French and Chinese of cyclers that write these."""
 
 AMBIENT = ("ambienttemperature", "chambertemp", "chambertemperature", "chambert")
-"""Names of a column with the temperature around the cell, in degC."""
+"""Names of a column with the temperature around the cell."""
 
 EXTRA: Mapping[Extra, tuple[str, ...]] = {
     "step": ("stepcount", "stepindex", "step", "stepid", "stepnumber", "stepno", "ns", "schritt", "工步号"),
@@ -157,6 +157,23 @@ def unit_of(header: Sequence[str], units: Sequence[str] | None, place: int) -> s
     """The unit of a column as written: in its name, else in the row of units beneath the header."""
     beneath = units[place].strip(" []()") if units is not None and place < len(units) else ""
     return split_name(header[place])[1] or beneath or None
+
+
+def ambient_in(header: Sequence[str], units: Sequence[str] | None) -> tuple[Column | None, str]:
+    """The column with the temperature around the cell; none, and a note, where its unit is no unit of temperature."""
+    place = named(header, AMBIENT)
+    if place is None:
+        return None, ""
+    name, unit = header[place], unit_of(header, units, place)
+    folded = None if unit is None else unit.casefold()
+    if folded is None or _folded(folded) in AMBIENT:  # Digatron: the name stands where the unit is looked for
+        return Column("temperature", place, name, None), ""
+    if folded not in _FACTORS["temperature"]:
+        return None, (
+            f'column "{shown(name)}" has the unit "{shown(unit)}", which is no unit of temperature that is known '
+            f"({_OFFERED['temperature']}); it is not used (--temperature says the ambient temperature in degC)."
+        )
+    return Column("temperature", place, name, folded), ""
 
 
 def half_cell(header: Sequence[str]) -> bool:

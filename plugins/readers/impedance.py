@@ -16,8 +16,8 @@ from ...core.reading.samples import Mask
 from ...core.record import ReadOptions
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.trajectory import FloatArray
-from .assembly import AnyTable, first_kelvin, number, told_apart_by
-from .columns import AMBIENT, NAMES, half_cell, named, split_name, unit_of
+from .assembly import AnyTable, kelvin, numbers, told_apart_by
+from .columns import NAMES, ambient_in, half_cell, named, split_name, unit_of
 from .generic_csv import first_lines, is_text_table
 from .source import load_text
 from .table import Numbers, find_table
@@ -104,12 +104,15 @@ def spectrum_of(
             "name them Frequency [Hz], Zreal [ohm] and Zimag [ohm].",
         )
     voltage = None if half_cell(table.header) else named(table.header, NAMES["voltage"])
-    ambient = named(table.header, AMBIENT)
+    ambient, unknown = ambient_in(table.header, table.units)
     wanted = [columns.frequency, columns.real, columns.imaginary]
-    read = table.numbers({}, options.where, [*wanted, *(place for place in (voltage, ambient) if place is not None)])
-    frequency, real, imaginary = (_floats(read.texts[place]) for place in wanted)
+    beside = [voltage, None if ambient is None else ambient.index]
+    read = table.numbers({}, options.where, [*wanted, *(place for place in beside if place is not None)])
+    frequency, real, imaginary = (numbers(read.texts[place], True) for place in wanted)
     kept = np.isfinite(frequency) & np.isfinite(real) & np.isfinite(imaginary) & (frequency > 0)
     said = [*notes, *read.notes]
+    if unknown and options.ambient_c is None:
+        said.append(unknown)
     if not kept.all():
         gone = int(np.count_nonzero(~kept))
         said.append(f"{counted(gone, 'row')} without a frequency and an impedance {were(gone)} left out.")
@@ -126,16 +129,16 @@ def spectrum_of(
     if impedance.imag[np.argmin(frequency[kept])] > 0:
         impedance = impedance.conj()
         said.append("the imaginary part is positive at the lowest frequency; it was taken to be -Im(Z) and turned.")
-    rest = np.nanmedian(_floats(read.texts[voltage])) if voltage is not None else np.nan
-    kelvin = first_kelvin(read.texts[ambient]) if ambient is not None else None
+    rest = None if voltage is None else _median(numbers(read.texts[voltage], True))
+    around = None if ambient is None else _first(kelvin(ambient, read.texts[ambient.index], True))
     if options.ambient_c is not None:
-        kelvin = options.ambient_c + 273.15
+        around = options.ambient_c + 273.15
     return ImpedanceSpectrum(
         table.source,
         frequency[kept],
         impedance,
-        voltage=float(rest) if np.isfinite(rest) else None,
-        temperature_k=kelvin,
+        voltage=rest,
+        temperature_k=around,
         notes=(*said, *note),
     )
 
@@ -210,5 +213,11 @@ def _unknown_unit(table: AnyTable, name: str, unit: str, of: str, hint: str) -> 
     )
 
 
-def _floats(texts: Sequence[str]) -> FloatArray:
-    return np.array([number(text.replace(",", ".")) for text in texts])
+def _median(values: FloatArray) -> float | None:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else None
+
+
+def _first(values: FloatArray) -> float | None:
+    known = values[np.isfinite(values)]
+    return float(known[0]) if len(known) else None
