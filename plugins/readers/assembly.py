@@ -14,7 +14,7 @@ from ...core.reading.samples import Extra, Samples
 from ...core.record import ReadOptions
 from ...core.trajectory import FloatArray
 from .columns import EXTRA, Column, ambient_in, named, resolve, unit_of
-from .dates import elapsed_s, is_clock_or_date, is_date, seconds_of
+from .dates import clock_s, elapsed_s, exchanged, is_clock_or_date, is_date, is_of_days, seconds_of
 from .table import Numbers
 
 _TAKEN = {"time": "s", "voltage": "V", "current": "A", "temperature": "degC"}
@@ -68,18 +68,23 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
     said_by_file = _extra(table, extra, read)
     if ambient is not None:
         said_by_file["ambient_k"] = kelvin(ambient, read.texts[ambient.index], table.decimal_comma)
+    own = said_by_file.pop("date", None)
+    date, dated = own, extra.get("date", time.index)
     if written:
-        signals["time"], date = elapsed_s(
-            read.texts[time.index], table.source, time.name, said_by_file.pop("date", None)
-        )
+        signals["time"], date = elapsed_s(read.texts[time.index], table.source, time.name, own)
         said.append(
             f'the time is that of column "{shown(time.name)}", which begins at {shown(read.texts[time.index][0])}.'
         )
-        if date is not None:
-            said_by_file["date"] = date
+        if clock_s(table.first(time.index)) is None:
+            own, dated = date, time.index
+        date = own if date is None else date
     elif is_date(signals["time"]):
-        said_by_file.setdefault("date", signals["time"])
+        date = signals["time"] if own is None else own
         signals["time"] = signals["time"] - signals["time"][0]
+    day_first: bool | None = None
+    if date is not None:
+        dates, day_first = _dated(date, date if own is None else own, read.texts.get(dated, []))
+        said_by_file |= dates
     bare = [column for column in numeric if column.unit is None]
     if bare:
         verb = "has no unit; it was" if len(bare) == 1 else "have no units; they were"
@@ -105,8 +110,22 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
         tests_by=_tests_by(table, signals["time"], options) if not {"date", "cycle"} & set(said_by_file) else None,
         without_unit=tuple(column.signal for column in bare),
         notes=tuple(said),
+        day_first=day_first,
         extra=said_by_file,
     )
+
+
+def _dated(date: FloatArray, own: FloatArray, texts: Sequence[str]) -> tuple[dict[Extra, FloatArray], bool | None]:
+    """What is told by dates, and whether the day comes before the month in them.
+
+    ``own`` are those of the column with these texts, ``date`` has also the time of the day, if a clock beside it tells
+    one.
+    """
+    found: dict[Extra, FloatArray] = {"day" if is_of_days(date) else "date": date}
+    day_first, other = exchanged(texts)
+    if other is not None:
+        found["other_date"] = other + (date - own)
+    return found, day_first
 
 
 def _extra(table: AnyTable, places: Mapping[Extra, int], read: Numbers) -> dict[Extra, FloatArray]:
