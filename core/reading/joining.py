@@ -10,7 +10,7 @@ from ..printable import counted, listed, were
 from ..trajectory import FloatArray
 from .clock import RESTART_S
 from .date_order import date_at, starts_of, with_one_order
-from .samples import Extra, Samples
+from .samples import Extra, Mask, Samples
 
 _LISTED = 5
 
@@ -60,7 +60,7 @@ def _on(samples: Samples, bounds: NDArray[np.intp], everything: bool) -> Samples
     """Carry the clock on at the given samples, and where it falls."""
     time = samples.time
     with np.errstate(invalid="ignore", over="ignore"):  # what is no time is refused later, with its row
-        fallen = np.flatnonzero(np.diff(time) < -RESTART_S) + 1
+        fallen = np.flatnonzero((np.diff(time) < -RESTART_S) | _begins_step(samples)) + 1
     fallen = fallen[time[fallen] < time[np.maximum(fallen - 2, 0)]]  # else the sample before was a lone spike
     places = np.union1d(bounds, fallen).astype(np.intp)
     if len(places) == 0:
@@ -83,7 +83,9 @@ def _on(samples: Samples, bounds: NDArray[np.intp], everything: bool) -> Samples
     if falls.any():
         extra["test"] = _tests_counted(samples.extra.get("test"), places[falls], len(samples))
     if cycle is not None:
-        extra["cycle"] = _counted_on(cycle, np.intersect1d(places, bounds) if len(bounds) else places)
+        by_step = bool(np.any(time[places] >= time[places - 1] - RESTART_S))
+        within = places[cycle[places] < cycle[places - 1]] if by_step else places
+        extra["cycle"] = _counted_on(cycle, np.intersect1d(places, bounds) if len(bounds) else within)
     result = replace(samples, time=time + np.cumsum(np.nan_to_num(shift)), extra=extra)
     notes = [
         f"the clock restarts in {samples.place(k)}; it was carried on "
@@ -98,6 +100,21 @@ def _on(samples: Samples, bounds: NDArray[np.intp], everything: bool) -> Samples
             f"{counted(more, 'more restart')} of the clock {were(more)} carried on in the same way.",
         ]
     return replace(result, notes=(*result.notes, *notes))
+
+
+def _begins_step(samples: Samples) -> Mask:
+    """Where a clock falls by less than `RESTART_S`, and dates show that it restarted. Shape (n - 1,).
+
+    That is a clock of the time in each step, some of which are short. The dates go forward where it falls, and from the
+    next sample on the clock goes on as they do; after a row that is out of order it returns to where it was.
+    """
+    date, time = samples.extra.get("date"), samples.time
+    if date is None:
+        return np.zeros(max(len(time) - 1, 0), dtype=np.bool_)
+    passed, ticked = np.diff(date), np.diff(time)
+    rounded = 2.0 * float(np.min(passed[passed > 0.0], initial=np.inf))  # of two dates
+    goes_on = np.append(np.abs(ticked - passed)[1:] <= rounded, False)
+    return np.asarray((passed >= 0.0) & (ticked < -rounded) & goes_on)
 
 
 def _passed(samples: Samples, places: NDArray[np.intp]) -> FloatArray:
