@@ -97,7 +97,7 @@ class ReadOptions(BaseModel, extra="forbid", frozen=True):
         default=None,
         gt=AMBIENT_C[0],
         lt=AMBIENT_C[1],
-        description="Ambient temperature in degC, where the file has none.",
+        description="Ambient temperature in degC, in place of what the file says.",
     )
 
     @field_validator("cycles")

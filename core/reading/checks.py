@@ -9,7 +9,7 @@ from ..printable import counted
 from ..record import ReadOptions, Record
 from ..segmentation import segment
 from ..trajectory import Trajectory
-from .ambient import HOT_C, ambient_of
+from .ambient import HOT_C, ambient_of, measured_ambient
 from .charge import charge_notes
 from .clock import with_clock
 from .counters import with_switches_counted
@@ -52,11 +52,9 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
     trajectory = segment(measured, extra.get("step"), extra.get("cycle"), extra.get("test"))
     for note in charge_notes(samples, trajectory):
         samples = samples.noted(note)
-    ambient = samples.ambient_k
-    if options.ambient_c is not None:
-        ambient = options.ambient_c + 273.15
-    elif ambient is None and samples.temperature is not None:
-        ambient, words = ambient_of(samples.time, samples.temperature)
+    chosen = _selected(trajectory, options, samples.source)
+    ambient, words = _ambient(samples, chosen, options)
+    if words:
         samples = samples.noted(words)
     if options.ambient_c is None and ambient is not None and ambient - 273.15 > HOT_C:
         samples = samples.noted(
@@ -68,7 +66,8 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
             f"{samples.source}: an ambient temperature of {ambient - 273.15:.4g} degC ({ambient:.4g} K) cannot be.",
             "is it in another unit? Then say --temperature DEGC.",
         )
-    trajectory = _selected(trajectory, options, samples.source)
+    if options.cycles is not None:
+        trajectory = trajectory.slice(chosen.start, chosen.stop)
     return Record(samples.source, trajectory, samples.notes, ambient)
 
 
@@ -88,9 +87,23 @@ def _enough(samples: Samples) -> None:
         )
 
 
-def _selected(trajectory: Trajectory, options: ReadOptions, source: str) -> Trajectory:
+def _ambient(samples: Samples, chosen: slice, options: ReadOptions) -> tuple[float | None, str]:
+    """The temperature around the cell in the chosen samples, K, and a note on where it comes from."""
+    if options.ambient_c is not None:
+        return options.ambient_c + 273.15, ""
+    if "ambient_k" in samples.extra:
+        ambient, words = measured_ambient(samples.extra["ambient_k"][chosen], samples.current[chosen])
+        if ambient is not None:
+            return ambient, words
+    if samples.ambient_k is None and samples.temperature is not None:
+        return ambient_of(samples.time, samples.temperature)
+    return samples.ambient_k, ""
+
+
+def _selected(trajectory: Trajectory, options: ReadOptions, source: str) -> slice:
+    """The samples of the cycles that are asked for."""
     if options.cycles is None:
-        return trajectory
+        return slice(0, len(trajectory))
     first, last = options.cycles
     present = trajectory.cycles
     if first not in present or last not in present:
@@ -99,4 +112,4 @@ def _selected(trajectory: Trajectory, options: ReadOptions, source: str) -> Traj
             "choose among them with --cycles.",
         )
     steps = [step for step in trajectory.steps if first <= step.cycle <= last]
-    return trajectory.slice(steps[0].start, steps[-1].stop)
+    return slice(steps[0].start, steps[-1].stop)

@@ -40,7 +40,7 @@ def with_clock(samples: Samples) -> Samples:
         k = int(fallen[0])
         raise BsaError(
             f"{samples.source}: the clock restarts in {samples.place(k)} ({time[k - 1]:g} s, then {time[k]:g} s).",
-            f"it holds several tests: {_choice(samples.tests_by)}, or say --join where they follow each other.",
+            f"it holds several tests: {choice_of(samples.tests_by)}, or say --join where they follow each other.",
         )
     if np.count_nonzero(back) > max(BACKWARD_ROWS, BACKWARD_SHARE * len(samples)):
         k = int(np.flatnonzero(np.diff(time) < 0)[0]) + 1
@@ -58,7 +58,8 @@ def with_clock(samples: Samples) -> Samples:
     return _without_repeats(samples)
 
 
-def _choice(tests_by: tuple[str, ...] | None) -> str:
+def choice_of(tests_by: tuple[str, ...] | None) -> str:
+    """How to choose one of a file's tests, by the columns that tell them apart (`Samples.tests_by`)."""
     if tests_by:
         return f"choose one with --where {' or --where '.join(tests_by[:_LISTED])} (here the first)"
     if tests_by is None:

@@ -1,10 +1,7 @@
 """Several files of one cell as one record: their order, their clocks and their counts of cycles."""
 
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from datetime import UTC, datetime
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,16 +9,10 @@ from numpy.typing import NDArray
 from ..printable import counted, listed, were
 from ..trajectory import FloatArray
 from .clock import RESTART_S
-from .samples import Extra, Samples
+from .date_order import date_at, starts_of, with_one_order
+from .samples import Extra, Mask, Samples
 
 _LISTED = 5
-_NAME_DATES = (
-    re.compile(r"(?<!\d)(?P<y>(?:19|20)\d\d)[-_.]?(?P<a>\d\d)[-_.]?(?P<b>\d\d)(?!\d)"),
-    re.compile(
-        r"(?<!\d)(?=(?P<a>\d{1,2})(?P<s>[-_.])(?P<b>\d{1,2})(?P=s)(?P<y>\d{4}|\d\d)(?!\d)"
-        r"(?:[-_ ](?P<hour>\d\d)[.:h](?P<minute>\d\d))?)"
-    ),
-)
 
 
 def joined(parts: Sequence[Samples], source: str) -> Samples:
@@ -29,22 +20,32 @@ def joined(parts: Sequence[Samples], source: str) -> Samples:
 
     They are ordered by the date of their first samples or by the date in their names, and stay in the order given where
     some have neither. Files that alternate in time (the pulses in one, the discharges between them in the other) are
-    merged by date. Clocks and numbers of cycles are carried on. A temperature is kept if all have one.
+    merged by date. Clocks and numbers of cycles are carried on. A temperature is kept if all have one. Raises
+    `BsaError` if the dates do not tell the month from the day, and the order hangs on it.
     """
     if len(parts) == 1:
         return parts[0]
-    parts = [carried_on(part) for part in parts]
-    starts = [_start(part) for part in parts]
-    order = sorted(range(len(parts)), key=lambda k: starts[k]) if not np.isnan(starts).any() else range(len(parts))
-    parts = [parts[k] for k in order]
-    how = "in the order given, for want of dates" if np.isnan(starts).any() else "by date"
+    parts = [carried_on(part) for part in with_one_order(parts)]
+    starts = starts_of(parts)
+    dated = not np.isnan(starts).any()
+    order = np.argsort(starts, kind="stable") if dated else np.arange(len(parts))
+    parts, starts = [parts[k] for k in order], starts[order]
+    how = (
+        "by date" + ", those of one day in the order given" * (len(set(starts)) < len(parts))
+        if dated
+        else "in the order given, for want of dates"
+    )
     whole = _concatenated(parts, source).noted(
         f"{len(parts)} parts were joined {how}: {listed((part.source for part in parts), _LISTED)}."
     )
-    if any(_last_date(one) > _start(two) for one, two in pairwise(parts)) and all("date" in p.extra for p in parts):
+    if any(map(_overlap, parts, parts[1:])) and all("date" in part.extra for part in parts):
         return _merged(whole)
     bounds = np.cumsum([len(part) for part in parts])[:-1]
     return _on(whole, bounds, everything=True)
+
+
+def _overlap(one: Samples, two: Samples) -> bool:
+    return date_at(one, -1) > date_at(two, 0)
 
 
 def carried_on(samples: Samples, everything: bool = False) -> Samples:
@@ -59,7 +60,7 @@ def _on(samples: Samples, bounds: NDArray[np.intp], everything: bool) -> Samples
     """Carry the clock on at the given samples, and where it falls."""
     time = samples.time
     with np.errstate(invalid="ignore", over="ignore"):  # what is no time is refused later, with its row
-        fallen = np.flatnonzero(np.diff(time) < -RESTART_S) + 1
+        fallen = np.flatnonzero((np.diff(time) < -RESTART_S) | _begins_step(samples)) + 1
     fallen = fallen[time[fallen] < time[np.maximum(fallen - 2, 0)]]  # else the sample before was a lone spike
     places = np.union1d(bounds, fallen).astype(np.intp)
     if len(places) == 0:
@@ -82,7 +83,9 @@ def _on(samples: Samples, bounds: NDArray[np.intp], everything: bool) -> Samples
     if falls.any():
         extra["test"] = _tests_counted(samples.extra.get("test"), places[falls], len(samples))
     if cycle is not None:
-        extra["cycle"] = _counted_on(cycle, np.intersect1d(places, bounds) if len(bounds) else places)
+        by_step = bool(np.any(time[places] >= time[places - 1] - RESTART_S))
+        within = places[cycle[places] < cycle[places - 1]] if by_step else places
+        extra["cycle"] = _counted_on(cycle, np.intersect1d(places, bounds) if len(bounds) else within)
     result = replace(samples, time=time + np.cumsum(np.nan_to_num(shift)), extra=extra)
     notes = [
         f"the clock restarts in {samples.place(k)}; it was carried on "
@@ -97,6 +100,21 @@ def _on(samples: Samples, bounds: NDArray[np.intp], everything: bool) -> Samples
             f"{counted(more, 'more restart')} of the clock {were(more)} carried on in the same way.",
         ]
     return replace(result, notes=(*result.notes, *notes))
+
+
+def _begins_step(samples: Samples) -> Mask:
+    """Where a clock falls by less than `RESTART_S`, and dates show that it restarted. Shape (n - 1,).
+
+    That is a clock of the time in each step, some of which are short. The dates go forward where it falls, and from the
+    next sample on the clock goes on as they do; after a row that is out of order it returns to where it was.
+    """
+    date, time = samples.extra.get("date"), samples.time
+    if date is None:
+        return np.zeros(max(len(time) - 1, 0), dtype=np.bool_)
+    passed, ticked = np.diff(date), np.diff(time)
+    rounded = 2.0 * float(np.min(passed[passed > 0.0], initial=np.inf))  # of two dates
+    goes_on = np.append(np.abs(ticked - passed)[1:] <= rounded, False)
+    return np.asarray((passed >= 0.0) & (ticked < -rounded) & goes_on)
 
 
 def _passed(samples: Samples, places: NDArray[np.intp]) -> FloatArray:
@@ -147,6 +165,7 @@ def _concatenated(parts: Sequence[Samples], source: str) -> Samples:
         without_unit=parts[0].without_unit,
         notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),
         ambient_k=next((part.ambient_k for part in parts if part.ambient_k is not None), None),
+        day_first=next((part.day_first for part in parts if part.day_first is not None), None),
         sheets=tuple(part.source for part in parts),
         sheet=np.repeat(np.arange(len(parts)), lengths).astype(np.int64),
         extra={
@@ -168,31 +187,3 @@ def _merged(samples: Samples) -> Samples:
     kept = {name: values[order] for name, values in samples.extra.items() if name not in ("step", "cycle", "test")}
     merged = replace(samples.kept(order), time=time[order], extra=kept)
     return merged.noted("the parts alternate in time; their samples were merged by date, to the second.")
-
-
-def _start(samples: Samples) -> float:
-    """Seconds since 1970 of the first sample, NaN if nothing tells."""
-    dates = samples.extra.get("date", np.zeros(0))
-    known = dates[np.isfinite(dates)]
-    return float(known[0]) if len(known) else next(_dates_in(samples.source), np.nan)
-
-
-def _last_date(samples: Samples) -> float:
-    dates = samples.extra.get("date", np.zeros(0))
-    known = dates[np.isfinite(dates)]
-    return float(known[-1]) if len(known) else np.nan
-
-
-def _dates_in(name: str) -> Iterator[float]:
-    """Dates in a file's name, the last one first: ``2010-08-17``, ``8_17_10`` or ``03-11-17_08.47``, month first."""
-    for pattern in _NAME_DATES:
-        for found in reversed(list(pattern.finditer(name))):
-            parts = {key: int(value) for key, value in found.groupdict().items() if value is not None and key != "s"}
-            year = parts["y"] if parts["y"] > 99 else 2000 + parts["y"]
-            clock = parts.get("hour", 0), parts.get("minute", 0)
-            for month, day in ((parts["a"], parts["b"]), (parts["b"], parts["a"])):
-                try:
-                    yield datetime(year, month, day, *clock, tzinfo=UTC).timestamp()
-                    break
-                except ValueError:
-                    continue

@@ -19,9 +19,10 @@ Mask = NDArray[np.bool_]
 Counter = Literal["net_ah", "charged_ah", "discharged_ah"]
 """A cycler's own counters of charge, in A.h."""
 
-Extra = Literal["step", "cycle", "test", "date"] | Counter
+Extra = Literal["step", "cycle", "test", "date", "day", "other_date", "ambient_k"] | Counter
 """What a file may say beside the signals: numbers of steps, cycles and tests (a clock restarts with each), date in s
-since 1970, counters in A.h."""
+since 1970, in place of it a day that has no time, the same with month and day exchanged where the file leaves that
+open, temperature around the cell in K, counters in A.h."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,10 @@ class Samples:
     # where nobody looked.
     tests_by: tuple[str, ...] | None = None
     notes: tuple[str, ...] = ()  # What was done so far.
-    ambient_k: float | None = None  # Ambient temperature, where the file has it.
+    # Whether the day comes before the month in the file's dates, as some of them tell; None where none does.
+    day_first: bool | None = None
+    # Ambient temperature of the whole file, where it says one; for one that changes see `Extra`.
+    ambient_k: float | None = None
     sheets: tuple[str, ...] = ()  # Parts that the samples come from: ``"sheet Channel_1-008"``, or the names of files.
     sheet: NDArray[np.int64] | None = None  # Part of each sample. Shape (n,).
     # What the file says beside the signals (see `Extra`), NaN where a cell is empty. Shape (n,).

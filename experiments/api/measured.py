@@ -70,7 +70,7 @@ def read_record(
     reader, reader_option : optional
         Reader to use, and its own options; left out, the reader that recognises the file.
     temperature : float, optional
-        Ambient temperature in degC, where ``data`` has none.
+        Ambient temperature in degC, in place of what ``data`` says.
 
     Returns
     -------

@@ -182,7 +182,7 @@ class Reading:
     ] = None
     temperature: Annotated[
         list[float] | None,
-        records_option(metavar="DEGC", help="Ambient temperature where records lack it; repeat likewise."),
+        records_option(metavar="DEGC", help="Ambient temperature, in place of what the records say; repeat likewise."),
     ] = None
 
     def options(self, join: bool = False) -> list[ReadOptions]:

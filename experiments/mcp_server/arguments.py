@@ -28,7 +28,7 @@ class Reading(BaseModel, extra="forbid"):
     cycles: str | None = Field(None, description='Cycles to use: "1" or "2-4".')
     sheet: str | None = Field(None, description="Sheet of a workbook.")
     reader: str | None = Field(None, description="Reader to use; left out, the one that recognises the file.")
-    temperature: float | None = Field(None, description="Ambient temperature where the records have none, degC.")
+    temperature: float | None = Field(None, description="Ambient temperature in place of what the records say, degC.")
 
     def options(self) -> dict[str, Any]:
         """As keyword arguments of `bsa.read_record`, `bsa.calibrate` and `bsa.discover`."""

@@ -1,6 +1,7 @@
 """Arbin workbooks: one or more ``Channel_...`` sheets."""
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,7 +15,7 @@ from ...core.reading.joining import joined
 from ...core.reading.samples import Samples
 from ...core.record import ReadOptions
 from .assembly import read_table
-from .columns import signal_of
+from .columns import signal_of, split_name
 from .source import decoding, refuse_zip_bomb
 from .table import Table
 
@@ -25,11 +26,18 @@ MAX_UNPACKED_BYTES = 2 * 2**30
 
 _HEADER_ROWS = 20
 
+_CHANNEL = re.compile(r"(?P<name>channel[-_ ]?\d+(?:-\d+)?)(?:_\d+)?", re.IGNORECASE)
+"""Title of a sheet of samples: a channel, and a number where one sheet was too short for it."""
+
+_STATISTICS = ("vmaxoncycle", "chargetime")
+"""Columns of a sheet with one row for each cycle, folded."""
+
 
 class ArbinXlsx:
-    """Reads workbooks: ``Test_Time(s)``, ``Current(A)`` (positive on charge), ``Voltage(V)``; sheets are joined.
+    """Reads workbooks: ``Test_Time(s)``, ``Current(A)`` (positive on charge), ``Voltage(V)``.
 
-    Formulas are never evaluated: their stored values are read.
+    The sheets of a channel are joined. Of a workbook with several channels ``--sheet Channel_1-003`` chooses one;
+    statistics (one row for each cycle) are left out. Formulas are never evaluated: their stored values are read.
     """
 
     def matches(self, path: Path) -> bool:
@@ -58,28 +66,59 @@ class ArbinXlsx:
 
 
 def _tables(book: Any, name: str, options: ReadOptions) -> list[Table]:
-    """The sheets with columns for a time and a voltage."""
+    """The sheets with columns for a time and a voltage, of one channel.
+
+    Raises `BsaError` if there is none, or if they are of several channels that nobody joins.
+    """
     titles = [sheet.name for sheet in book.sheets_metadata if "WorkSheet" in str(sheet.typ)]
-    if options.sheet is not None and options.sheet not in titles:
-        nearest = did_you_mean(options.sheet, titles)
-        raise BsaError(
-            f'{name} has no sheet "{shown(options.sheet)}".',
-            f"{nearest} " * bool(nearest) + f"Sheets: {listed(titles)}.",
-        )
-    found: list[Table] = []
-    for title in titles if options.sheet is None else [options.sheet]:
+    found: dict[str, Table] = {}
+    for title in titles if options.sheet is None else _meant(options.sheet, titles, name):
         sheet = book.get_sheet_by_name(title)
         rows = ((number, [_text(value) for value in values]) for number, values in enumerate(_rows(sheet), 1))
         header = _header(rows, options)
-        if header is not None:
+        if header is not None and (options.sheet is not None or not _is_statistics(title, header[1])):
             number, names = header
-            found.append(Table(name, names, None, partial(_cells, sheet, number), ",", place=f"sheet {shown(title)}, "))
+            place = f"sheet {shown(title)}, "
+            found[title] = Table(name, names, None, partial(_cells, sheet, number), ",", place=place)
     if not found:
         raise BsaError(
             f"{name} has no sheet with columns for time, voltage and current (sheets: {listed(titles)}).",
             "Arbin names them Test_Time(s), Voltage(V), Current(A); say others with --sheet and --column time=NAME.",
         )
+    if options.sheet is not None:
+        return list(found.values())
+    found = {title: table for title, table in found.items() if _channel(title)} or found
+    channels = list(dict.fromkeys(filter(None, map(_channel, found))))
+    if len(channels) > 1 and not options.join:
+        raise BsaError(
+            f"{name} has {len(channels)} channels, and each is a cell of its own: {listed(channels)}.",
+            f'choose one with --sheet "{shown(channels[0])}", or say --join if all are of one cell.',
+        )
+    return list(found.values())
+
+
+def _meant(wanted: str, titles: Sequence[str], name: str) -> list[str]:
+    """All sheets of the channel, or the sheet of this title. Raises `BsaError` if there is none."""
+    found = [title for title in titles if _channel(title) == wanted] or [title for title in titles if title == wanted]
+    if not found:
+        nearest = did_you_mean(wanted, titles)
+        raise BsaError(
+            f'{name} has no sheet "{shown(wanted)}".',
+            f"{nearest} " * bool(nearest) + f"Sheets: {listed(titles)}.",
+        )
     return found
+
+
+def _channel(title: str) -> str | None:
+    """The channel that a sheet is of: ``Channel_1-008`` of the sheet ``Channel_1-008_2``."""
+    match = _CHANNEL.fullmatch(title)
+    return match["name"] if match else None
+
+
+def _is_statistics(title: str, header: Sequence[str]) -> bool:
+    """Whether a sheet has one row for each cycle, of samples that stand in another one."""
+    bases = {split_name(name)[0] for name in header}
+    return title.casefold().startswith("statistics") or (_channel(title) is None and not bases.isdisjoint(_STATISTICS))
 
 
 def _rows(sheet: Any) -> Iterator[list[Any]]:

@@ -23,6 +23,7 @@ class ArrayTable:
     # Numbers, texts or any objects; a cell that is None or blank is missing. Shape (n,).
     columns: Sequence[NDArray[Any]]
     units: tuple[str, ...] | None = None  # Row of units beneath the header.
+    decimal_comma: bool = False  # Whether numbers that stand as text are written like ``3,7``.
 
     def first(self, place: int) -> str:
         """The first cell of a column."""

@@ -2,7 +2,7 @@
 
 import re
 import unicodedata
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from typing import get_args
 
@@ -47,11 +47,12 @@ _OFFERED: Mapping[Signal, str] = {
 
 NAMES: Mapping[Signal, tuple[str, ...]] = {
     "time": (
-        *("testtime", "progtime", "totaltime", "elapsedtime", "time", "timevec", "t"),
+        *("testtime", "progtime", "totaltime", "elapsedtime", "time", "timevec", "runtime", "t"),
         *("testzeit", "prüfzeit", "laufzeit", "zeit", "temps", "测试时间", "总时间", "时间"),
     ),
     "voltage": (
-        *("voltage", "cellvoltage", "voltagemeasured", "terminalvoltage", "ecell", "ewe", "volvec", "u", "v"),
+        *("voltage", "cellvoltage", "voltagemeasured", "terminalvoltage", "ecell", "eweece"),
+        *("ewe", "potential", "volvec", "u", "v"),
         *("zellspannung", "spannung", "tension", "电压"),
     ),
     "current": ("current", "currentmeasured", "cellcurrent", "currvec", "i", "strom", "courant", "电流"),
@@ -59,6 +60,7 @@ NAMES: Mapping[Signal, tuple[str, ...]] = {
         *("celltemperature", "surfacetemperature", "temperaturet1", "surfacetemperaturet1", "temperature"),
         *("temperaturemeasured", "auxtemperature1", "temperature1", "temp", "celltempmid", "celltemppos"),
         *("logtempmid", "logtemppositive", "logtemp001", "batterytemp", "casetemperature"),
+        *("t1", "t"),
         *("zelltemperatur", "temperatur", "température", "温度"),
     ),
 }
@@ -66,7 +68,7 @@ NAMES: Mapping[Signal, tuple[str, ...]] = {
 the German, French and Chinese of cyclers that write these."""
 
 AMBIENT = ("ambienttemperature", "chambertemp", "chambertemperature", "chambert")
-"""Names of a column with the temperature around the cell, in degC."""
+"""Names of a column with the temperature around the cell."""
 
 EXTRA: Mapping[Extra, tuple[str, ...]] = {
     "step": ("stepcount", "stepindex", "step", "stepid", "stepnumber", "stepno", "ns", "schritt", "工步号"),
@@ -83,6 +85,13 @@ EXTRA: Mapping[Extra, tuple[str, ...]] = {
 
 _CLOCKS = ("time", "zeit", "uhrzeit", "heure", "时间")
 """What stands behind a date and a slash, and is no unit: ``Datum/Zeit``."""
+
+_TWO_MEANINGS = ("t", "t1")
+"""Short names that are a temperature with a unit of temperature alone: ``t/s`` is a time, ``T/°C`` a temperature."""
+
+_WORKING, _COUNTER = "ewe", "ece"
+"""Potentials of the working and of the counter electrode against a reference electrode (BioLogic); without a reference
+electrode, that of the working electrode is the cell's voltage."""
 
 _BRACKETS = re.compile(r"^(?P<base>.*?)\s*[\[(]\s*(?P<unit>[^\[\]()]*?)\s*[\])]\s*(?P<tail>_?\d*)$")
 _SLASH = re.compile(r"^(?P<base>.*?)\s*/\s*(?P<unit>[^/]*)$")
@@ -134,14 +143,53 @@ def _folded(name: str) -> str:
 
 def signal_of(name: str) -> Signal | None:
     """The signal that a column's name suggests."""
-    base = split_name(name)[0]
-    return next((signal for signal in SIGNALS if base in NAMES[signal]), None)
+    base, unit = split_name(name)
+    return next((signal for signal in SIGNALS if base in NAMES[signal] and _may_be(signal, base, unit)), None)
+
+
+def _may_be(signal: Signal, base: str, unit: str | None) -> bool:
+    """Whether a name with two meanings has the unit of this signal."""
+    warm = unit is not None and unit.casefold() in _FACTORS["temperature"]
+    return base not in _TWO_MEANINGS or warm == (signal == "temperature")
+
+
+def unit_of(header: Sequence[str], units: Sequence[str] | None, place: int) -> str | None:
+    """The unit of a column as written: in its name, else in the row of units beneath the header."""
+    beneath = units[place].strip(" []()") if units is not None and place < len(units) else ""
+    return split_name(header[place])[1] or beneath or None
+
+
+def ambient_in(header: Sequence[str], units: Sequence[str] | None) -> tuple[Column | None, str]:
+    """The column with the temperature around the cell; none, and a note, where its unit is no unit of temperature."""
+    place = named(header, AMBIENT)
+    if place is None:
+        return None, ""
+    name, unit = header[place], unit_of(header, units, place)
+    folded = None if unit is None else unit.casefold()
+    if folded is None or _folded(folded) in AMBIENT:  # Digatron: the name stands where the unit is looked for
+        return Column("temperature", place, name, None), ""
+    if folded not in _FACTORS["temperature"]:
+        return None, (
+            f'column "{shown(name)}" has the unit "{shown(unit)}", which is no unit of temperature that is known '
+            f"({_OFFERED['temperature']}); it is not used (--temperature says the ambient temperature in degC)."
+        )
+    return Column("temperature", place, name, folded), ""
+
+
+def half_cell(header: Sequence[str]) -> bool:
+    """Whether columns hold the potentials of both electrodes, and none the voltage between them."""
+    bases = {split_name(name)[0] for name in header}
+    return {_WORKING, _COUNTER} <= bases and _preferred(NAMES["voltage"], bases) == _WORKING
+
+
+def _preferred(names: Sequence[str], bases: Container[str]) -> str | None:
+    return next((name for name in names if name in bases), None)
 
 
 def named(header: Sequence[str], names: Sequence[str]) -> int | None:
     """Place of the column with the first of these folded names; None where it is absent or there are two."""
     bases = [split_name(name)[0] for name in header]
-    found = next((name for name in names if name in bases), None)
+    found = _preferred(names, bases)
     return bases.index(found) if found is not None and bases.count(found) == 1 else None
 
 
@@ -155,7 +203,7 @@ def resolve(
     """
     places: dict[Signal, int] = {}
     for signal in SIGNALS:
-        index = _index(header, signal, options, source)
+        index = _index(header, units, signal, options, source)
         if index is not None:
             places[signal] = index
     required: list[Signal] = ["time", "voltage"]
@@ -186,18 +234,23 @@ def _which(header: Sequence[str], missing: Sequence[Signal]) -> str:
     return f"its columns {called} {listed(header)}; say which with {options}{also * ('current' in missing)}."
 
 
-def _index(header: Sequence[str], signal: Signal, options: ReadOptions, source: str) -> int | None:
+def _index(
+    header: Sequence[str], units: Sequence[str] | None, signal: Signal, options: ReadOptions, source: str
+) -> int | None:
     wanted = options.columns.get(signal)
     if wanted is not None:
         places = [k for k, name in enumerate(header) if name == wanted]
         if not places:
             raise no_column(wanted, header, source)
     else:
+        if signal == "voltage" and half_cell(header):
+            raise _no_voltage(header, source)
         bases = [split_name(name)[0] for name in header]
-        preferred = next((base for base in NAMES[signal] if base in bases), None)
+        meant = [_may_be(signal, base, unit_of(header, units, k)) for k, base in enumerate(bases)]
+        preferred = _preferred(NAMES[signal], [base for base, fits in zip(bases, meant, strict=True) if fits])
         if preferred is None and signal == "time":
-            preferred = next((base for base in EXTRA["date"] if base in bases), None)
-        places = [k for k, base in enumerate(bases) if base == preferred]
+            preferred = _preferred(EXTRA["date"], bases)
+        places = [k for k, base in enumerate(bases) if base == preferred and meant[k]]
     if len(places) > 1:
         raise BsaError(
             f"{source} has {len(places)} columns for {signal}: {listed(header[k] for k in places)}.",
@@ -206,12 +259,19 @@ def _index(header: Sequence[str], signal: Signal, options: ReadOptions, source: 
     return places[0] if places else None
 
 
+def _no_voltage(header: Sequence[str], source: str) -> BsaError:
+    names = {split_name(name)[0]: shown(name) for name in reversed(header)}
+    working, counter = names[_WORKING], names[_COUNTER]
+    return BsaError(
+        f'{source} has the potentials of both electrodes ("{working}", "{counter}"), but not the voltage between them.',
+        f'export Ewe-Ece too; or, if "{working}" is the voltage of the cell, say --column voltage={working}.',
+    )
+
+
 def _unit(
     header: Sequence[str], units: Sequence[str] | None, index: int, signal: Signal, options: ReadOptions, source: str
 ) -> str | None:
-    told = options.units.get(signal)
-    beneath = units[index].strip(" []()") if units is not None and index < len(units) else ""
-    unit = told or split_name(header[index])[1] or beneath or None
+    unit = options.units.get(signal) or unit_of(header, units, index)
     if unit is None or (signal == "time" and ":" in unit):  # "hh:mm:ss" tells how a clock is written
         return None
     folded = unit.strip().casefold()

@@ -14,7 +14,9 @@ from ...core.trajectory import FloatArray
 YEARS_S = (631152000.0, 4102444800.0)
 """1990 and 2100, in seconds since 1970: a number outside is no date of a measurement."""
 
-_DAY = re.compile(r"\d+(?P<mark>[-/.])\d+[-/.]\d+")
+_DAY = re.compile(r"(?P<a>\d+)(?P<mark>[-/.])(?P<b>\d+)[-/.]\d+")
+_MOST_DAYS, _MOST_MONTHS = 31, 12
+
 _ISO = re.compile(r"\d{4}-\d\d-\d\d")
 _CLOCK = re.compile(r"(?:(?P<days>\d+)\s*d(?:ays?,?)?\s*)?(?P<h>\d+):(?P<m>\d\d):(?P<s>\d\d(?:[.,]\d*)?)")
 
@@ -52,7 +54,7 @@ def elapsed_s(
     if clock_s(first) is not None:
         clock = np.array([np.nan if (value := clock_s(text)) is None else value for text in texts])
         if date is None or not _is_time_of_day(clock, date):
-            return clock, None if date is None or _is_of_days(date) else date  # a day alone orders no samples
+            return clock, None if date is None or is_of_days(date) else date  # a day alone orders no samples
         date = date + clock
         return date - date[0], date
     dates = seconds_of(texts)
@@ -77,14 +79,15 @@ def _since_first(dates: FloatArray) -> FloatArray:
     return np.asarray(dates - dates[np.isfinite(dates)][0])
 
 
-def _is_of_days(date: FloatArray) -> bool:
+def is_of_days(date: FloatArray) -> bool:
+    """Whether dates have no time, so that they order no samples."""
     return bool(np.all(np.mod(date[np.isfinite(date)], 86400.0) == 0.0))
 
 
 def _is_time_of_day(clock: FloatArray, date: FloatArray) -> bool:
     """Whether clocks beside dates without a time fall where the day changes, and nowhere else."""
     with np.errstate(invalid="ignore"):
-        return _is_of_days(date) and bool(np.all((np.diff(clock) < 0.0) == (np.diff(date) > 0.0)))
+        return is_of_days(date) and bool(np.all((np.diff(clock) < 0.0) == (np.diff(date) > 0.0)))
 
 
 def _day_first(first: str) -> bool:
@@ -108,6 +111,20 @@ def seconds_of(texts: Sequence[str]) -> FloatArray | None:
         return _read(texts, not day_first, first) if read is None else read
     numbers = np.array([_number(text) for text in texts])
     return numbers if is_date(numbers) else None
+
+
+def exchanged(texts: Sequence[str]) -> tuple[bool | None, FloatArray | None]:
+    """Whether the day comes before the month in dates, and the dates with both exchanged, as `seconds_of` gives them.
+
+    The first is None where no date tells it; the second is None where one does, or the way of writing.
+    """
+    days = [day for text in texts if (day := _DAY.match(text.strip()))]
+    if not days or days[0]["mark"] == "." or int(days[0]["a"]) > _MOST_DAYS:
+        return None, None
+    most_a, most_b = (max(int(day[key]) for day in days) for key in ("a", "b"))
+    if max(most_a, most_b) > _MOST_MONTHS:
+        return most_a > _MOST_MONTHS, None
+    return None, _read(texts, day_first=True, first=days[0].string)
 
 
 def _number(text: str) -> float:

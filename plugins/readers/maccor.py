@@ -1,7 +1,7 @@
 """Maccor text exports: a current without a sign, which the state of each row gives, and times in words."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +16,8 @@ from .table import Table, find_table
 
 _HEAD_LINES = 40
 _SUFFIX = re.compile(r"\.(txt|csv|\d{3})", re.IGNORECASE)
+
+_UNIT = re.compile(r"\[\s*(?P<unit>.*?)\s*\]")
 
 _STATES = ("state", "md")
 _NAMES = {
@@ -44,10 +46,12 @@ class MaccorText:
     def read(self, path: Path, options: ReadOptions) -> Samples:
         """Read the file; see `Reader.read`."""
         text, notes = load_text(path)
-        table = find_table(text, shown(path.name))
-        if not options.columns:
-            table = _translated(table)
-        return read_table(table, options, [*notes, "the current has the sign of the state of each row (D: discharge)."])
+        table = _translated(find_table(text, shown(path.name)), {*options.columns.values(), *options.where})
+        current, state = _current(table, options), _state(table)
+        if current is not None and state is not None:
+            table = _with_signs(table, current, state)
+            notes = [*notes, "the current has the sign of the state of each row (D: discharge)."]
+        return read_table(table, options, notes)
 
 
 def _is_header(names: Sequence[str]) -> bool:
@@ -61,23 +65,58 @@ def _plain(name: str) -> str:
     return re.sub(r"\s*\[.*?\]", "", name.strip().strip('"')).casefold()
 
 
-def _translated(table: Table) -> Table:
-    plain = [_plain(name) for name in table.header]
-    header = tuple(_NAMES.get(name, shown(original)) for name, original in zip(plain, table.header, strict=True))
-    state = next((k for k, name in enumerate(plain) if name in _STATES), None)
-    current = header.index("Current / A") if "Current / A" in header else None
-    times = [k for k, name in enumerate(header) if name.startswith("Test Time")]
+def _translated(table: Table, kept: Container[str]) -> Table:
+    """The table with the names and the times that other readers know; columns that the user names keep theirs."""
+    times = [k for k, name in enumerate(table.header) if name not in kept and _is_time(name)]
+    words = {k for k in times if clock_s(table.first(k)) is not None}
+    header = tuple(name if name in kept else _name(name, k in words) for k, name in enumerate(table.header))
 
     def cells() -> Iterator[tuple[int, list[str]]]:
         for number, row in table.cells():
             for k in times:
                 if k < len(row):
                     row[k] = _seconds(row[k])
-            if current is not None and state is not None and max(current, state) < len(row):
-                row[current] = _signed(row[current], row[state])
             yield number, row
 
     return replace(table, header=header, cells=cells)
+
+
+def _is_time(name: str) -> bool:
+    return _NAMES.get(_plain(name), "").startswith("Test Time")
+
+
+def _name(original: str, in_words: bool) -> str:
+    """The name that other readers know, with the unit of the original; a time in words is given in seconds."""
+    known = _NAMES.get(_plain(original))
+    if known is None:
+        return shown(original)
+    bracketed = _UNIT.search(original)
+    if in_words or bracketed is None or not bracketed["unit"]:
+        return "Test Time / s" if in_words else known
+    return f"{known.split(' / ')[0]} / {bracketed['unit']}"
+
+
+def _current(table: Table, options: ReadOptions) -> int | None:
+    """The place of the current, which the user may name."""
+    said = options.columns.get("current")
+    fits = [name == said if said is not None else name.startswith("Current / ") for name in table.header]
+    return fits.index(True) if True in fits else None
+
+
+def _state(table: Table) -> int | None:
+    return next((k for k, name in enumerate(table.header) if _plain(name) in _STATES), None)
+
+
+def _with_signs(table: Table, current: int, state: int) -> Table:
+    """The table with a current that is negative where the state is a discharge."""
+
+    def cells() -> Iterator[tuple[int, list[str]]]:
+        for number, row in table.cells():
+            if max(current, state) < len(row):
+                row[current] = _signed(row[current], row[state])
+            yield number, row
+
+    return replace(table, cells=cells)
 
 
 def _seconds(text: str) -> str:

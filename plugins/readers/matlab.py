@@ -1,6 +1,6 @@
 """MATLAB ``.mat`` files: tests anywhere in nested structs, chosen by their place and by the fields around them."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from fnmatch import fnmatchcase
@@ -15,7 +15,7 @@ from ...core.errors import BsaError
 from ...core.printable import listed, shown
 from ...core.reading.joining import joined
 from ...core.reading.samples import Samples
-from ...core.record import ReadOptions
+from ...core.record import ReadOptions, Signal
 from .arrays import ArrayTable
 from .assembly import read_table
 from .columns import AMBIENT, named, signal_of
@@ -29,6 +29,8 @@ _SLOW_HOURS = 1000.0
 """At C/1000 the overpotential of any cell is lost in the noise of its voltage."""
 
 _KINDS = "fiubUO"
+"""Kinds of arrays that may be columns: numbers, texts and objects."""
+
 _VALUES = 8
 """A field with more values than this numbers the tests, and chooses none of them."""
 
@@ -133,24 +135,27 @@ def _holds_structs(content: Any) -> bool:
 
 
 def _columns(struct: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
-    """The fields of the most frequent length."""
+    """The fields of one length: that of a time and a voltage, else that of most fields, else the larger one."""
     arrays = {
         name: np.asarray(value)
         for name, value in struct.items()
-        if isinstance(value, np.ndarray)
-        and value.ndim == 1
-        and len(value) >= _MIN_ROWS
-        and value.dtype.kind in "fiubUO"
+        if isinstance(value, np.ndarray) and value.ndim == 1 and len(value) >= _MIN_ROWS and value.dtype.kind in _KINDS
     }
-    lengths = [len(value) for value in arrays.values()]
-    usual = max(set(lengths), key=lengths.count, default=0)
-    return {name: value for name, value in arrays.items() if len(value) == usual}
+    alike: dict[int, dict[str, NDArray[Any]]] = {}
+    for name, value in arrays.items():
+        alike.setdefault(len(value), {})[name] = value
+    usual = max(alike, key=lambda size: (_has_signals(map(signal_of, alike[size])), len(alike[size]), size), default=0)
+    return alike.get(usual, {})
 
 
 def _is_record(test: _Test, options: ReadOptions) -> bool:
     said = set(options.columns.values())
     signals = {signal_of(name) for name in test.columns} | set(options.columns)
-    return said <= set(test.columns) and {"time", "voltage"} <= signals
+    return said <= set(test.columns) and _has_signals(signals)
+
+
+def _has_signals(signals: Iterable[Signal | None]) -> bool:
+    return {"time", "voltage"} <= set(signals)
 
 
 def _is_ocv(test: _Test) -> bool:

@@ -1,8 +1,11 @@
-"""The temperature around a cell by what the cell cools to."""
+"""The temperature around a cell by what was measured there, and by what the cell cools to."""
 
 import numpy as np
 import pytest
-from bsa.core.reading.ambient import ambient_of, lowest_k, starts_warm
+from bsa.core.reading.ambient import ambient_of, lowest_k, measured_ambient, starts_warm
+from bsa.core.reading.checks import to_record
+from bsa.core.reading.samples import Samples
+from bsa.core.record import ReadOptions
 
 ROOM_K = 298.15
 HOUR = np.arange(0.0, 3601.0, 10.0)
@@ -39,3 +42,40 @@ def test_the_coldest_of_many_days_is_not_that_of_the_others() -> None:
     room = ROOM_K + 0.2 * np.sin(time / 3e4)
     room[time > 9 * 86400.0] -= 6.0
     assert lowest_k(time, room) == pytest.approx(ROOM_K - 0.2, abs=0.1)
+
+
+CURRENT = np.where(HOUR < 1200.0, 0.0, -2.0)
+
+
+def test_the_chamber_counts_while_a_current_flows() -> None:
+    chamber = np.where(HOUR < 900.0, ROOM_K, 263.15)
+    assert measured_ambient(chamber, CURRENT) == (263.15, "")
+    assert measured_ambient(chamber, 0.0 * CURRENT)[0] == 263.15
+    chamber[200] = 1000.0  # a lone glitch
+    assert measured_ambient(chamber, CURRENT) == (263.15, "")
+    assert measured_ambient(np.full(len(HOUR), np.nan), CURRENT) == (None, "")
+    kelvin, words = measured_ambient(np.where(HOUR < 3000.0, ROOM_K, 263.15), CURRENT)
+    assert kelvin == ROOM_K
+    assert "goes from -10.0 degC to 25.0 degC while a current flows; the median, 25.0 degC, is taken" in words
+
+
+def cycled() -> Samples:
+    """Three discharges from rest, the last one at -10 degC."""
+    time = np.arange(3 * len(HOUR)) * 10.0
+    current, cycle = np.tile(CURRENT, 3), np.repeat([1.0, 2.0, 3.0], len(HOUR))
+    voltage = np.tile(4.1 - 0.2 * np.maximum(HOUR - 1200.0, 0.0) / 3600.0, 3)
+    extra = {"cycle": cycle, "ambient_k": np.where(cycle < 3, ROOM_K, 263.15)}
+    return Samples("a", time, voltage, current, extra=extra)
+
+
+def test_cycles_that_are_chosen_have_their_own_ambient_temperature() -> None:
+    assert to_record(cycled(), ReadOptions(cycles=(3, 3))).ambient_k == 263.15
+    first = to_record(cycled(), ReadOptions(cycles=(1, 2)))
+    assert first.ambient_k == ROOM_K
+    assert not any("ambient" in note for note in first.notes)
+    whole = to_record(cycled(), ReadOptions())
+    assert whole.ambient_k == ROOM_K
+    assert any("--cycles or --where choose a part" in note for note in whole.notes)
+    said = to_record(cycled(), ReadOptions(ambient_c=5.0))
+    assert said.ambient_k == 278.15
+    assert not any("ambient" in note for note in said.notes)

@@ -146,3 +146,38 @@ def test_the_steps_of_a_file_cut_where_the_signals_do_not():
     steps = to_record(marked, ReadOptions()).trajectory.steps
     assert [step.kind for step in steps] == [*kinds, StepKind.CC_DISCHARGE]
     assert steps[2].start == 200
+
+
+def step_clock(sampled_s: float = 10.0) -> tuple[Samples, np.ndarray]:
+    """A clock that restarts with each step, of a pulse test: rests of 600 s, pulses of 10 s; and the true time."""
+    clock, true, current = [], [0.0], []
+    for amperes, seconds, interval in [(0.0, 600.0, sampled_s), *[(-5.0, 10.0, 1.0), (0.0, 600.0, sampled_s)] * 3]:
+        inside = np.arange(0.0, seconds + interval / 2, interval)
+        clock.append(inside)
+        true.extend(true[-1] + 1.0 + inside)
+        current.append(np.full(len(inside), amperes))
+    time, i, at = np.concatenate(clock), np.concatenate(current), np.array(true[1:])
+    voltage = 3.9 - 1e-5 * at + 0.02 * i
+    return Samples("a", time, voltage, i, extra={"date": MARCH + np.floor(at), "cycle": np.ones(len(time))}), at
+
+
+@pytest.mark.parametrize("sampled_s", [5.0, 10.0])
+def test_a_clock_that_restarts_with_short_steps_is_carried_on_by_its_dates(sampled_s):
+    samples, at = step_clock(sampled_s)
+    record = to_record(samples, ReadOptions())
+    np.testing.assert_allclose(record.trajectory.time, at - at[0])
+    kinds = [StepKind.REST, *[StepKind.PULSE, StepKind.REST] * 3]
+    assert [step.kind for step in record.trajectory.steps] == kinds
+    assert record.trajectory.cycles == (1,)
+    assert any("carried on 1 s later by its date" in note for note in record.notes)
+    assert any("1 more restart of the clock was carried on in the same way" in note for note in record.notes)
+
+
+def test_a_row_out_of_order_is_no_restart_though_its_date_goes_forward():
+    at = np.arange(3600.0)
+    time = at.copy()
+    time[[50, 150]] -= 20.0
+    samples = Samples("a", time, 4.1 - 1e-4 * at, np.full(len(at), -1.0), extra={"date": MARCH + at})
+    record = to_record(samples, ReadOptions())
+    assert record.trajectory.duration == at[-1]
+    assert any("2 samples out of time order were left out" in note for note in record.notes)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bsa.core.errors import BsaError
-from bsa.plugins.readers.dates import clock_s, elapsed_s, seconds_of
+from bsa.plugins.readers.dates import clock_s, elapsed_s, exchanged, seconds_of
 
 
 @pytest.mark.parametrize(
@@ -76,3 +76,24 @@ def test_a_day_that_could_be_the_month_is_refused_where_it_matters():
         elapsed_s(["1/3/2024 23:59:59", "2/3/2024 00:00:04"], "a", "Date")
     with pytest.raises(BsaError, match="holds no times that are understood"):
         elapsed_s(["1:2/3-4/5 o'clock"], "a", "Date")
+
+
+@pytest.mark.parametrize(
+    ("texts", "day_first"),
+    [
+        (["13/04/2024 10:00:00", "14/04/2024"], True),
+        (["04/12/2024", "04/13/2024"], False),
+        (["03/04/2024 10:00"], None),
+        (["1.3.2024"], None),
+        (["2024-03-04"], None),
+        (["2024/03/04"], None),
+        (["", "12.5"], None),
+    ],
+)
+def test_whether_the_day_comes_first_may_be_told_by_one_date(texts, day_first):
+    told, other = exchanged(texts)
+    assert told is day_first
+    assert (other is not None) == (texts == ["03/04/2024 10:00"])
+    if other is not None:
+        assert other[0] == seconds_of(["2024-04-03 10:00:00"])[0]
+        assert seconds_of(texts)[0] == seconds_of(["2024-03-04 10:00:00"])[0]

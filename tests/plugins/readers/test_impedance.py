@@ -58,6 +58,57 @@ def test_a_spectrum_is_in_ohm_and_capacitive_below(tmp_path, name, text):
     assert any("turned" in note for note in spectrum.notes) == (name == "upwards.csv")
 
 
+@pytest.mark.parametrize(
+    ("header", "hertz", "ohm"),
+    [
+        ("Frequency [Hz],Zreal [kohm],Zimag [kohm]", 1.0, 1e-3),
+        ("Frequency [kHz],Zreal [ohm],Zimag [ohm]", 1e-3, 1.0),
+        ("freq/mHz,Re(Z)/mOhm,Im(Z)/mOhm", 1e3, 1e3),
+        ("Frequency (MHz),Z' (Ω),Z'' (Ω)", 1e-6, 1.0),
+    ],
+)
+def test_the_units_of_a_header_count(tmp_path, header, hertz, ohm):
+    path = tmp_path / "a.csv"
+    rows = zip(hertz * FREQUENCY, ohm * IMPEDANCE.real, ohm * IMPEDANCE.imag, strict=True)
+    path.write_text("\n".join([header, *(",".join(map(repr, map(float, row))) for row in rows)]))
+    spectrum = read_file(path)
+    np.testing.assert_allclose(spectrum.frequency, FREQUENCY)
+    np.testing.assert_allclose(spectrum.impedance, IMPEDANCE, atol=1e-12)
+    assert not spectrum.notes
+
+
+@pytest.mark.parametrize(
+    ("header", "message"),
+    [
+        ("Frequency [Hz],Zreal [ohm cm2],Zimag [ohm cm2]", '"ohm cm2", which is no unit of impedance'),
+        ("Frequency [rad/s],Zreal [ohm],Zimag [ohm]", '"rad/s", which is no unit of frequency'),
+    ],
+)
+def test_a_unit_that_is_not_known_is_refused(tmp_path, header, message):
+    path = tmp_path / "a.csv"
+    path.write_text(table(header))
+    with pytest.raises(BsaError, match=message):
+        read_file(path)
+    if "cm2" in header:
+        spectrum = read_file(path, reader="impedance-csv", reader_options={"unit": "ohm"})
+        np.testing.assert_allclose(spectrum.impedance, IMPEDANCE)
+
+
+def test_several_spectra_of_a_file_are_told_apart(tmp_path):
+    path = tmp_path / "a.csv"
+    header, *rows = table("Frequency [Hz],Zreal [ohm],Zimag [ohm]").splitlines()
+    path.write_text("\n".join([f"{header},cycle,SOC", *(f"{row},{n},{n / 2:g}" for n in (1, 2, 3) for row in rows)]))
+    message = "more than one impedance spectrum: the frequency falls, but goes from 0.01 to 10000 Hz in row 33"
+    with pytest.raises(BsaError, match=message) as found:
+        read_file(path)
+    assert found.value.hint == "choose one with --where cycle=1 or --where SOC=0.5 (here the first)."
+    assert len(read_file(path, ReadOptions(where={"cycle": "2"}))) == len(FREQUENCY)
+    path.write_text("\n".join([header, *rows, *rows[::-1]]))
+    with pytest.raises(BsaError, match=r"goes from 0\.01 to 0\.01 Hz in row 33") as found:
+        read_file(path)
+    assert "cut the file there" in found.value.hint
+
+
 def test_what_a_digatron_file_says_beside_the_impedance(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(DIGATRON)

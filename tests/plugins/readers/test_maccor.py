@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bsa.core.reading.reading import read_record
+from bsa.core.record import ReadOptions
 from bsa.core.trajectory import StepKind
 from bsa.testing import ReaderConformance
 
@@ -54,6 +55,48 @@ def test_what_is_drawn_is_negative_and_what_is_charged_positive(tmp_path, name, 
     assert any("sign of the state of each row" in note for note in record.notes)
     if name != "a.csv":
         assert record.trajectory.temperature[0] == 298.65
+
+
+@pytest.mark.parametrize(
+    ("column", "unit", "scale"),
+    [
+        ("Current [A]", "Current [mA]", 1e3),
+        ("Voltage [V]", "Voltage [mV]", 1e3),
+        ("Test Time (Hr)", "TestTime [min]", 60.0),
+    ],
+)
+def test_a_unit_in_square_brackets_counts(tmp_path, column, unit, scale):
+    plain, other = tmp_path / "plain.csv", tmp_path / "other.csv"
+    plain.write_text(new())
+    header, *rows = [line.split(",") for line in new().splitlines()]
+    place = header.index(column)
+    header[place] = unit
+    rows = [[f"{scale * float(cell):.9f}" if k == place else cell for k, cell in enumerate(row)] for row in rows]
+    other.write_text("\n".join(map(",".join, [header, *rows])))
+    found, wanted = read_record(other).trajectory, read_record(plain).trajectory
+    for signal in ("time", "voltage", "current"):
+        np.testing.assert_allclose(getattr(found, signal), getattr(wanted, signal), rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "said", [{"time": "Test (Sec)"}, {"current": "Amps"}, {"temperature": "ES"}, {"voltage": "Volts"}]
+)
+def test_columns_that_are_named_keep_the_sign_of_the_state(tmp_path, said):
+    path = tmp_path / "a.001"
+    path.write_text(old(seconds=True))
+    wanted = read_record(path).trajectory
+    record = read_record(path, ReadOptions(columns=said, units={"temperature": "degC"}))
+    np.testing.assert_array_equal(record.trajectory.current, wanted.current)
+    np.testing.assert_array_equal(record.trajectory.time, wanted.time)
+    assert record.trajectory.temperature[0] == 273.15 + (1.0 if "temperature" in said else 25.5)
+    assert read_record(path, ReadOptions(where={"Cyc#": "0"})).trajectory.duration == wanted.duration
+
+
+def test_a_table_without_states_is_not_said_to_have_its_sign_from_them(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(line.rsplit(",", 2)[0] for line in new().splitlines()))
+    record = read_record(path, ReadOptions(current_sign="auto"), reader="maccor-text")
+    assert not any("state of each row" in note for note in record.notes)
 
 
 class TestMaccor(ReaderConformance):

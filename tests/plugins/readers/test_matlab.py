@@ -60,6 +60,14 @@ def test_a_struct_of_columns(tmp_path):
     assert '"Time", "Voltage", "Current" have no units; they were taken to be in s, V, A.' in record.notes
 
 
+@pytest.mark.parametrize("more", [3, 5])
+def test_columns_of_another_length_do_not_hide_the_record(tmp_path, more):
+    for n in range(200, 208):
+        others = {f"limit_{k}": np.arange(10.0) for k in range(more)}
+        path = saved(tmp_path / "a.mat", {"meas": {**others, **columns("Time", "Voltage", "Current", n=n)}})
+        assert len(read_record(path).trajectory) == n
+
+
 def test_plain_variables_of_version_4(tmp_path):
     path = saved(tmp_path / "a.mat", columns("t", "U", "I"), format="4")
     assert [step.kind for step in read_record(path).trajectory.steps] == KINDS

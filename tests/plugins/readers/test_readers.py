@@ -217,9 +217,11 @@ def test_temperatures(tmp_path):
     path = tmp_path / "a.csv"
     rows = table(made, "Time [s],U[V],I[A]").splitlines()
     celsius = made.temperature - 273.15
-    path.write_text("\n".join([rows[0] + ",T [degC]"] + [f"{r},{c}" for r, c in zip(rows[1:], celsius, strict=True)]))
+    path.write_text(
+        "\n".join([rows[0] + ",Probe [degC]"] + [f"{r},{c}" for r, c in zip(rows[1:], celsius, strict=True)])
+    )
     assert read_record(path).trajectory.temperature is None
-    record = read_record(path, ReadOptions(columns={"temperature": "T [degC]"}))
+    record = read_record(path, ReadOptions(columns={"temperature": "Probe [degC]"}))
     np.testing.assert_allclose(record.trajectory.temperature, made.temperature)
     assert record.ambient_k == pytest.approx(298.15)
     assert read_record(path, ReadOptions(ambient_c=10.0)).ambient_k == pytest.approx(283.15)
@@ -320,6 +322,45 @@ def test_arbin_sheets_whose_clock_restarts_are_joined(tmp_path):
     with pytest.raises(BsaError, match="has no sheet") as raised:
         read_record(path, ReadOptions(sheet="Chanel_1-008_1"))
     assert 'did you mean "Channel_1-008' in raised.value.hint
+
+
+def test_channels_of_a_workbook_are_different_cells(tmp_path):
+    one = cycling(1)
+    path = tmp_path / "cells.xlsx"
+    sheets = {"Channel_1-003_1": (0, one), "Channel_1-003_2": (10_000, one), "Channel_1-004_1": (20_000, one)}
+    workbook(path, sheets)
+    with pytest.raises(
+        BsaError, match=r'2 channels, and each is a cell of its own: "Channel_1-003", "Channel_1-004"'
+    ) as raised:
+        read_record(path)
+    assert '--sheet "Channel_1-003"' in raised.value.hint
+    assert "--join" in raised.value.hint
+    for options, count in (({"sheet": "Channel_1-003"}, 2), ({"sheet": "Channel_1-003_2"}, 1), ({"join": True}, 3)):
+        assert len(read_record(path, ReadOptions(**options)).trajectory) == count * len(one), options
+
+
+@pytest.mark.parametrize("title", ["Statistics_1-008", "Cycles", "Data"])
+def test_the_statistics_of_a_workbook_are_no_samples(tmp_path, title):
+    one = cycling(1)
+    path = tmp_path / "cell.xlsx"
+    workbook(path, {"Channel_1-008": (0, one), title: (0, last(one))})
+    record = read_record(path)
+    assert len(record.trajectory) == len(one)
+    assert not any("restart" in note for note in record.notes)
+
+
+def last(made: Trajectory) -> Trajectory:
+    return Trajectory(made.time[-1:], made.current[-1:], made.voltage[-1:])
+
+
+def test_a_table_with_a_row_for_each_cycle_is_known_by_its_columns(tmp_path):
+    one = cycling(1)
+    path = tmp_path / "cell.xlsx"
+    workbook(path, {"Samples": (0, one), "Cycles": (0, last(one))})
+    book = openpyxl.load_workbook(path)
+    book["Cycles"].cell(1, len(ARBIN) + 1, "Vmax_On_Cycle(V)")
+    book.save(path)
+    assert len(read_record(path).trajectory) == len(one)
 
 
 def test_a_folder_of_workbooks_is_joined_in_the_order_of_its_dates(tmp_path):

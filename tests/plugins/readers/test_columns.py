@@ -1,0 +1,68 @@
+"""Names of columns: one with two meanings goes by its unit, and half a cell is no cell."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bsa.core.errors import BsaError
+from bsa.core.reading.reading import read_record
+from bsa.core.record import ReadOptions
+from bsa.plugins.readers.columns import signal_of
+
+SECONDS = np.arange(100) * 60.0
+VOLTS = 4.2 - 0.01 * np.arange(100)
+
+
+def written(path, header: str, *columns: np.ndarray):
+    rows = (",".join(f"{value:.6f}" for value in row) for row in zip(*columns, strict=True))
+    path.write_text("\n".join([header, *rows]))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("header", "scale"),
+    [
+        ("t/s,U/V,I/A,T/°C", 1.0),
+        ("Run Time (h),Potential (V),Current (A),Temperature (°C)", 1 / 3600),
+        ("~Time[h],U[V],I[A],T1[°C]", 1 / 3600),
+        ("t,U,I,T\n[s],[V],[A],[degC]", 1.0),
+    ],
+)
+def test_short_names_go_by_their_units(tmp_path, header, scale):
+    path = written(tmp_path / "a.csv", header, scale * SECONDS, VOLTS, np.full(100, -2.0), np.full(100, 25.0))
+    found = read_record(path).trajectory
+    np.testing.assert_allclose(found.time, SECONDS, atol=0.01)
+    np.testing.assert_allclose(found.voltage, VOLTS)
+    np.testing.assert_allclose(found.temperature, 298.15)
+
+
+@pytest.mark.parametrize(
+    ("name", "signal"),
+    [
+        ("t", "time"),
+        ("t/s", "time"),
+        ("T [K]", "temperature"),
+        ("T1", None),
+        ("T1[s]", None),
+        ("T1 / degC", "temperature"),
+    ],
+)
+def test_a_short_name_is_a_temperature_with_its_unit_alone(name, signal):
+    assert signal_of(name) == signal
+
+
+def test_the_voltage_of_a_cell_with_a_reference_electrode_is_that_between_its_electrodes(tmp_path):
+    header = "time/s,Ewe/V,Ece/V,Ewe-Ece/V,I/mA"
+    columns = SECONDS, VOLTS + 0.1, np.full(100, 0.1), VOLTS, np.full(100, -2000.0)
+    path = written(tmp_path / "a.csv", header, *columns)
+    np.testing.assert_allclose(read_record(path).trajectory.voltage, VOLTS)
+    path = written(path, header.replace("Ewe-Ece/V,", ""), *columns[:3], columns[4])
+    with pytest.raises(
+        BsaError, match=r'potentials of both electrodes \("Ewe/V", "Ece/V"\), but not the voltage'
+    ) as found:
+        read_record(path)
+    assert "--column voltage=Ewe/V" in found.value.hint
+    said = read_record(path, ReadOptions(columns={"voltage": "Ewe/V"})).trajectory.voltage
+    np.testing.assert_allclose(said, VOLTS + 0.1)
+    path = written(path, "time/s,Ewe/V,I/mA", *columns[:2], columns[4])
+    np.testing.assert_allclose(read_record(path).trajectory.voltage, VOLTS + 0.1)
