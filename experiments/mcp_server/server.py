@@ -22,7 +22,7 @@ from ...core.validation import explain
 from ..run_names import named_after, numbered_folder
 from ..tasks.task_file import SUFFIXES
 from . import functions
-from .arguments import Arguments, Cell, Reading
+from .arguments import Arguments, Cell, Reading, is_name
 from .folders import Folders
 from .functions import simulations_of
 from .work import Json, carried_out
@@ -36,6 +36,7 @@ results, and positive on charge in files. Paths are relative to the first folder
 Data = Annotated[
     str | list[str], Field(description='Path of a record, or several; or the name of a task, "demo" (without `cell`).')
 ]
+Records = Annotated[str | list[str], Field(description="Path of a record, or several.")]
 Values = Annotated[
     dict[str, float], Field(description="Values of searched parameters by name; the others keep their initial ones.")
 ]
@@ -116,7 +117,7 @@ class Tools:
         resume: Resume = None,
     ) -> Json:
         """Fit the searched parameters to records or a task; gives values, intervals, errors and a report."""
-        if not scaffold.replace("-", "_").isidentifier():
+        if not is_name(scaffold):
             raise BsaError(f"scaffold is {shown(repr(scaffold))}, which is no name.", "name one that is built in.")
         if resume is None:
             simulations = simulations or RunConfig.model_fields["simulations"].default
@@ -127,7 +128,7 @@ class Tools:
     async def discover(
         self,
         context: Context,
-        data: Data = "",
+        data: Records = "",
         cell: Cell = Cell(),  # noqa: B008
         reading: Reading = Reading(),  # noqa: B008
         effect: Annotated[
@@ -145,7 +146,9 @@ class Tools:
     ) -> Json:
         """Find which physical effect the model lacks, if any: verdict, effects with intervals, errors and a report."""
         method = {"effect": effect, "life": life, "fit_cycles": fit_cycles, "seed": seed}
-        return await self._run(context, functions.discover, data, cell, reading, method, out, resume, None)
+        # A list holds files alone: a discovery takes no task by name.
+        files = [data] if isinstance(data, str) else data
+        return await self._run(context, functions.discover, files, cell, reading, method, out, resume, None)
 
     @told
     async def report(self, folder: str) -> Json:
@@ -189,11 +192,7 @@ class Tools:
         wrong = [name for name in names if Path(name).suffix in SUFFIXES]
         if wrong:
             raise BsaError(f"{shown(wrong[0], 200)} is a task file.", "give its records and the cell instead.")
-        if (
-            isinstance(data, str)
-            and data.replace("-", "_").isidentifier()
-            and not (self._folders.first / data).exists()
-        ):
+        if isinstance(data, str) and is_name(data) and not (self._folders.first / data).exists():
             return data
         return [self._folders.file(name) for name in names]
 

@@ -14,7 +14,7 @@ from ...core.files import file_error
 from ...core.parameters import Parameter, ParameterSpace
 from ...core.run.journal import FILE_NAME as JOURNAL
 from ...core.target import CellChange, InitialSoc
-from ...core.task import ParameterFile, ParameterSource, Task
+from ...core.task import NEAREST, ParameterFile, ParameterSource, Task
 from ..run_record import RunRecord, read_run
 from .influence import simulated_models, with_influence
 
@@ -28,10 +28,11 @@ def parameter_source(given: str) -> ParameterSource:
     """What ``--parameters`` means.
 
     The name of an installed set, a JSON file (BPX, or PyBaMM's parameter values), a run's folder, or the
-    ``best_parameters.json`` in one. Raises `BsaError` if a file or a run cannot be read.
+    ``best_parameters.json`` in one. A name of an installed set, or ``"nearest"``, is never a folder: ``./Chen2020``
+    is one. Raises `BsaError` if a file or a run cannot be read.
     """
     path = Path(given)
-    if (path / JOURNAL).is_file():
+    if (path / JOURNAL).is_file() and not _names_a_set(given):
         return calibrated(path)
     if path.suffix.lower() != ".json":
         return given
@@ -48,6 +49,12 @@ def parameter_source(given: str) -> ParameterSource:
     except UnicodeDecodeError:
         raise BsaError(f"{path} is no text in UTF-8.", "give BPX or PyBaMM's parameter values, as JSON.") from None
     return parsed(path.name, text)
+
+
+def _names_a_set(given: str) -> bool:
+    from ...plugins.pybamm.parameter_sets import set_names
+
+    return given in (*set_names(), NEAREST)
 
 
 def calibrated(folder: Path) -> ParameterFile:

@@ -85,6 +85,7 @@ def test_tools_are_described_and_mistakes_are_told_with_a_hint(use: Use, tmp_pat
         cell = {"parameters": "../x.json"}
         assert "lies outside the folders" in await refused(client, "discover", data="cell.csv", cell=cell)
         assert "data is missing. Hint: " in await refused(client, "discover")
+        assert "there is no file" in await refused(client, "discover", data="demo", cell={"parameters": "Chen2020"})
         assert "no name" in await refused(client, "calibrate", data="demo", scaffold="/tmp/mine.yaml")
 
     use(act)
