@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from functools import wraps
 from importlib.metadata import version
 from pathlib import Path
@@ -19,7 +20,7 @@ from ...core.printable import shown
 from ...core.redaction import redact
 from ...core.run.run_config import RunConfig
 from ...core.validation import explain
-from ..run_names import named_after, numbered_folder
+from ..run_names import named_after, reserved_folder
 from ..tasks.task_file import SUFFIXES
 from . import functions
 from .arguments import Arguments, Cell, Reading, is_name
@@ -171,14 +172,18 @@ class Tools:
             folder = self._folders.inside(resume)
             options: Json = {"resume": folder, **({} if simulations is None else {"simulations": simulations})}
             simulations = simulations or simulations_of(folder)
-        else:
-            found = self._data(data)
-            name = found if isinstance(found, str) else named_after(found)
-            place = self._folders.inside("runs") if out is None else self._folders.inside(out)
-            folder = numbered_folder(place, name) if out is None else place
-            given = {"data": found, "out": folder, **cell.given(self._folders), **method}
-            options = {**given, **({} if isinstance(found, str) else reading.options())}
-        return await carried_out(context, function, {"options": options}, folder, simulations)
+            return await carried_out(context, function, {"options": options}, folder, simulations)
+        found = self._data(data)
+        options = {"data": found, **cell.given(self._folders), **method}
+        options |= {} if isinstance(found, str) else reading.options()
+        with self._new_folder(out, found) as folder:
+            return await carried_out(context, function, {"options": {**options, "out": folder}}, folder, simulations)
+
+    def _new_folder(self, out: str | None, data: str | list[Path]) -> AbstractContextManager[Path]:
+        """The folder of a new run; two calls at once are given two."""
+        if out is not None:
+            return nullcontext(self._folders.inside(out))
+        return reserved_folder(self._folders.inside("runs"), data if isinstance(data, str) else named_after(data))
 
     def _asked(self, data: str | list[str], values: Mapping[str, float], cell: Cell, reading: Reading) -> Json:
         said = {"data": self._data(data), "cell": cell.given(self._folders), "options": reading.options()}
