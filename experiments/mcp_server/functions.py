@@ -1,4 +1,4 @@
-"""What the tools do, as JSON in and out; each function runs in a process of its own."""
+"""What the tools do, as JSON in and out; what simulates runs in a process of its own."""
 
 import json
 import tempfile
