@@ -6,10 +6,12 @@ import json
 from pathlib import Path
 
 import pytest
+import typer
 import yaml
 from bsa.core.encoding import encode_task
 from bsa.core.errors import BsaError
 from bsa.experiments.campaign import running
+from bsa.experiments.cli.campaign import finish
 from bsa.experiments.cli.exit_codes import INTERRUPTED
 from bsa.experiments.cli.main import app
 from bsa_toy_cell import toy_task
@@ -48,6 +50,14 @@ def test_dry_run_runs_nothing(call):
     assert "18 simulations at most; about " in shown
     assert "with 2 workers" in shown
     assert not Path("results/cells").exists()
+
+
+def test_the_words_of_a_server_do_not_steer_the_terminal(capsys):
+    with pytest.raises(typer.Exit):
+        finish([{"state": "failed", "task": "t", "reason": "server says \x1b]0;owned\x07\x1b[2Jhello"}])
+    told = capsys.readouterr().err
+    assert "hello. The same command runs it again." in told
+    assert all(character.isprintable() for character in told.strip())
 
 
 @pytest.mark.parametrize("word", ["x", "tcp", "tcp://", "tcp://host", "http://host:1", "slurm", "dask://host:1"])
