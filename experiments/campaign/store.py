@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -61,11 +62,12 @@ class Store:
         return content if content is not None and content["status"] in FINAL else None
 
     def journal_size(self, identity: str) -> int:
-        """Bytes of a cell's journal: how far it has come."""
-        try:
-            return (self.cell(identity) / FILE_NAME).stat().st_size
-        except OSError:
-            return 0
+        """Bytes of a cell's journals, also of runs in folders within its own: how far it has come."""
+        size = 0
+        for path in self.cell(identity).rglob(FILE_NAME):
+            with suppress(OSError):
+                size += path.stat().st_size
+        return size
 
     def put_task(self, task: Task) -> str:
         """Keep a task and say under which digest (32 hex digits)."""

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
+from bsa.experiments.campaign.cell import Report
+from bsa.experiments.campaign.execution import LOSSES, run_cells
+from bsa.experiments.campaign.results import rows_of
 from bsa.experiments.campaign.running import run_campaign
 from bsa.experiments.campaign.study_cell import plan_study, results_of
 
-from .conftest import Here, Quiet
+from .conftest import Here, Quiet, noted
 
 
 def halved(folder: Path, number: float, seed: int = 0) -> dict[str, Any]:
@@ -36,3 +40,22 @@ def test_an_item_is_carried_out_once_and_a_failure_is_told(tmp_path: Path) -> No
     _, found, carried = carried_out(tmp_path / "store", more)
     assert [result["half"] for result in found] == [3.0, 2.0]
     assert len(carried) == 2, "what is done is not done again, what failed is"
+
+
+def test_an_item_that_fits_in_a_folder_of_its_own_is_known_to_get_further(tmp_path: Path) -> None:
+    plan, pool = plan_study("halves", halved, {"four": {"number": 4.0}}, tmp_path / "store"), Here()
+    (cell,) = plan.cells
+    journal = plan.store.cell(cell.identity) / "fit" / "journal.jsonl"
+    journal.parent.mkdir(parents=True)
+
+    def further(order: Any) -> Report:
+        with journal.open("a") as file:
+            file.write("x" * 100)
+        if Counter(pool.carried)[cell.identity] > LOSSES:
+            pool.answers.clear()
+        return Report(order.identity, "lost")
+
+    pool.answers[cell.identity] = further
+    further(cell)
+    assert [row["state"] for row in rows_of(noted(plan), plan.store)] == ["stopped"]
+    assert run_cells(plan.cells, plan.store, pool, Quiet())[cell.identity].state == "done"
