@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ...core.printable import counted
+from ...core.errors import BsaError
+from ...core.printable import counted, shown
 from . import completion
 from . import shared_options as shared
 from .exit_codes import INTERRUPTED
@@ -30,6 +31,7 @@ Metric = Annotated[
 ]
 
 RESULTS = Path("results")
+_METRIC = "mape"
 
 
 @dataclass(frozen=True)
@@ -154,17 +156,29 @@ def report(
     full: Annotated[
         bool, shared.output_option("--full", help="Write the full report of every finished run first.")
     ] = False,
-    metric: Metric = "mape",
+    metric: Metric = _METRIC,
 ) -> None:
     """Write one page on a grid or study: tables, figures, comparisons, and the rounds of every run."""
     if (Path(grid) / "journal.jsonl").is_file():
         from ..report import build_report
 
+        given = {"--store": store != RESULTS, "--full": full, "--metric": metric != _METRIC}
+        _check_of_run(grid, [name for name, is_given in given.items() if is_given])
         print(build_report(Path(grid), out))
         return
     from ..campaign.page import build_page
 
     print(build_page(grid, store, out, full, metric))
+
+
+def _check_of_run(run: str, given: list[str]) -> None:
+    """Refuse options of a grid where the folder of a run was named."""
+    if given:
+        verb = "goes" if len(given) == 1 else "go"
+        raise BsaError(
+            f"{', '.join(given)} {verb} with a grid, but {shown(run, 200)} is the folder of a run.",
+            "leave that out; the report of a run has all of its errors.",
+        )
 
 
 def _watcher(plan: Plan[Cell], pool: Pool) -> WatcherContext:

@@ -82,6 +82,10 @@ def test_run_report_and_tables(call):
     assert "tables/tables.tex" in written
     (cell, _) = Path("results/cells").iterdir()
     assert call("report", str(cell)).stdout.strip().endswith("report.html")
+    with pytest.raises(BsaError, match=r"--full, --metric go with a grid, but .* is the folder of a run"):
+        call("report", str(cell), "--full", "--metric", "nonsense")
+    with pytest.raises(BsaError, match=r"--store goes with a grid"):
+        call("report", str(cell), "--store", "elsewhere")
 
 
 def test_what_fails_is_said_and_ends_in_an_error(call):
