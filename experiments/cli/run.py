@@ -236,8 +236,8 @@ def _execute(
     to_discover: str = "",
     resumed: bool = False,
 ) -> None:
+    from ...backends.opening import ready_backend
     from ...core.metrics import objective_of
-    from ..ready_backend import ready_backend
     from ..run import execute_run, summary
     from .no_model import NoModelTold
     from .progress import LiveProgress, PlainProgress, note_line, printable
