@@ -7,9 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
+from filelock import FileLock
+
 from ..core.contracts.reply_parsing import MAX_REPLY_CHARS, strip_control
 from ..core.errors import BsaError
-from ..core.files import write_json
+from ..core.files import file_error, write_json
 from ..core.messages import (
     UNUSABLE,
     BackendFailure,
@@ -23,6 +25,7 @@ from ..core.messages import (
 
 _POLL_S = 0.2
 _END_MARK = "."
+_LOCK = "prompts.lock"
 
 
 class TerminalBackend:
@@ -79,9 +82,9 @@ class ExchangeBackend:
     """Leaves each prompt as ``prompt-NNN.json`` in a folder and waits for ``reply-NNN.txt``.
 
     A prompt appears whole or not at all. A reply counts once it holds a JSON object, or has not grown for two looks;
-    whoever writes it elsewhere and renames it is on the safe side. The folder is made if missing; without ``timeout_s``
-    there is no end to the wait. Standard error, or another ``target``, is told what is waited for and why a reply was
-    refused.
+    whoever writes it elsewhere and renames it is on the safe side. The folder is made if missing; without
+    ``timeout_s`` there is no end to the wait. Several processes may share a folder. Standard error, or another
+    ``target``, is told what is waited for and why a reply was refused.
     """
 
     name = "manual"
@@ -107,7 +110,7 @@ class ExchangeBackend:
             for message in messages
         ]
         prompt: dict[str, Any] = {"messages": turns, "schema": without_alternatives(schema), "seed": seed}
-        number = self._place(prompt)
+        number = self._placed(prompt)
         self._tell(messages, number)
         text = self._wait(self._folder / f"reply-{number:03d}.txt", started)
         return Reply(text, Usage(seconds=time.monotonic() - started), model="manual")
@@ -118,6 +121,14 @@ class ExchangeBackend:
         reply = self._folder / f"reply-{number:03d}.txt"
         line = f"note: {refused}Waiting for {reply}, the reply to prompt-{number:03d}.json."
         print(line, file=self._target or sys.stderr, flush=True)
+
+    def _placed(self, prompt: dict[str, Any]) -> int:
+        """The number of the prompt, which no other process that uses the folder gives meanwhile."""
+        try:
+            with FileLock(self._folder / _LOCK):
+                return self._place(prompt)
+        except OSError as error:
+            raise file_error(error, self._folder) from None
 
     def _place(self, prompt: dict[str, Any]) -> int:
         """Write the prompt, unless a run before this one left the very same unanswered or unread."""

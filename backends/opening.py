@@ -84,6 +84,22 @@ def look_before(spec: str, options: Given | None = None, registry: Registry | No
     return f"The model {spec} may not answer: {obstacle.detail}. What would help: {obstacle.remedy}"
 
 
+def ready_backend(spec: str, options: Mapping[str, Any], begun: bool) -> tuple[Backend, str]:
+    """A model that was opened and looked at, and a note where it may not answer.
+
+    A run that was ``begun`` is not looked at: its journal may hold every reply that it needs. Raises `BsaError` if it
+    cannot be opened, or nothing is there that could answer.
+    """
+    backend = open_backend(spec, options)
+    if begun:
+        return backend, ""
+    try:
+        return backend, look_before(spec, options)
+    except BaseException:
+        backend.close()
+        raise
+
+
 def _parted(spec: str, options: Given | None, registry: Registry) -> tuple[str, dict[str, Any], BackendOptions]:
     """The backend's name, its own options, and those that go around it."""
     name, colon, model = spec.partition(":")

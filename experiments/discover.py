@@ -102,7 +102,7 @@ def backend_or_none(
     if options.backend is None:
         yield None
         return
-    from .ready_backend import ready_backend
+    from ..backends.opening import ready_backend
 
     found, may_not_answer = ready_backend(options.backend, options.backend_options, begun)
     with closing(found) as backend:

@@ -20,7 +20,7 @@ from ..core.run.journal import FILE_NAME, check_run_folder
 from ..core.target import CyclableLithium, Factor, Value, factor_name, target_named
 from ..core.task import CellModel, Task
 from ..core.validation import validated
-from ..core.yaml_text import read_yaml
+from ..core.yaml_text import YAML_SUFFIXES, read_yaml
 from .run_names import named_after, numbered_folder
 from .task_request import Records
 from .tasks.influence import no_influence
@@ -290,7 +290,7 @@ def spreads_of(search: str | dict[str, Uncertainty | None], cell: CellModel) -> 
             known = PRESETS[search]
             idle = without_influence(cell, {name: target_named(name) for name in known})
             return {name: spread for name, spread in known.items() if name not in idle}
-        if not Path(search).exists():
+        if Path(search).suffix not in YAML_SUFFIXES or not Path(search).exists():
             message = f'there is no preset or file "{search}" of uncertain parameters.'
             raise unknown(message, search, PRESETS, "presets: {}; or the path of a YAML file.")
         search = validated(SearchFile, read_yaml(Path(search)), search).factors

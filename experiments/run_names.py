@@ -1,8 +1,10 @@
 """What a run and its folder are called."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from ..core.files import file_error
 from ..core.record import Record
 from ..core.spectrum import ImpedanceSpectrum
 
@@ -14,6 +16,32 @@ def numbered_folder(parent: Path, name: str) -> Path:
     while (parent / f"{safe}-{number}").exists():
         number += 1
     return parent / f"{safe}-{number}"
+
+
+def _made(parent: Path, name: str) -> Path:
+    while True:
+        folder = numbered_folder(parent, name)
+        with suppress(FileExistsError):  # somebody else was quicker
+            folder.mkdir()
+            return folder
+
+
+@contextmanager
+def reserved_folder(parent: Path, name: str) -> Iterator[Path]:
+    """As `numbered_folder`, made at once, so that nobody else is given it; it goes again if nothing is put into it.
+
+    Raises `BsaError` if it cannot be made.
+    """
+    try:
+        parent.mkdir(parents=True, exist_ok=True)
+        folder = _made(parent, name)
+    except OSError as error:
+        raise file_error(error, parent) from None
+    try:
+        yield folder
+    finally:
+        with suppress(OSError):
+            folder.rmdir()
 
 
 def named_after(sources: Sequence[Path | Record | ImpedanceSpectrum]) -> str:

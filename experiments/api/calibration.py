@@ -245,8 +245,8 @@ def _carried_out(
     progress: bool,
     resumed: bool,
 ) -> CalibrationResult:
+    from ...backends.opening import ready_backend
     from ..cli.exit_codes import STOPPED
-    from ..ready_backend import ready_backend
     from ..run import Resources, execute_run
     from .progress import CalibrationBar
 

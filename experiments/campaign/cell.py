@@ -102,10 +102,10 @@ def _locked(order: Order, folder: Path) -> Report:
     result: Mapping[str, Any] | None = order.store.result(order.identity)
     if result is None:
         _allow_children()
+        (folder / FAILURE).unlink(missing_ok=True)  # of the time before
         result = order.cell.run(folder, order.store)
         if result["status"] == OUTAGE:
             raise Outage(result["reason"])
-        (folder / FAILURE).unlink(missing_ok=True)
     state: State = "done" if result["status"] in FINAL else "stopped"
     return Report(order.identity, state, result, memory_mb=memory_mb())
 

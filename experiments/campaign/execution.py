@@ -59,6 +59,9 @@ class Watcher(Protocol):
     def ended(self, cell: Cell, report: Report, found: bool) -> None:
         """A cell came to an end; ``found`` if it was finished before, or by another process."""
 
+    def busy(self, cell: Cell) -> None:
+        """Another process has the cell; it will be looked at again."""
+
     def lost(self, cell: Cell, reason: str) -> None:
         """A worker died; the cell will be run again elsewhere."""
 
@@ -142,6 +145,7 @@ def _take(state: _CampaignState, report: Report, store: Store, watcher: Watcher)
     cell = state.running.pop(report.identity)
     if report.state == "busy":
         state.elsewhere[report.identity] = (time.monotonic() + _LOOK_AGAIN_S, cell)
+        watcher.busy(cell)
         return
     _enter_cost(state, report, store)
     if report.state == "lost" and not _hopeless(state, report, store):

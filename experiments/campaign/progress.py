@@ -68,6 +68,10 @@ class _Counting(ABC):
         if report.state in ("failed", "stopped", "lost"):
             self.say(f"{named(cell)}: {report.state}: {printable(report.reason or 'interrupted', 300)}")
 
+    def busy(self, cell: Cell) -> None:
+        """See `Watcher.busy`."""
+        self._count(cell, "running", -1)
+
     def lost(self, cell: Cell, reason: str) -> None:
         """See `Watcher.lost`."""
         self._count(cell, "running", -1)
@@ -96,12 +100,12 @@ def objective_of(report: Report) -> float:
 
 
 def _method(cell: Cell) -> str:
-    return f"{cell.axes.scaffold} · {cell.axes.backend}"
+    return printable(f"{cell.axes.scaffold} · {cell.axes.backend}")
 
 
 def named(cell: Cell) -> str:
     """A cell in words."""
-    return f"{cell.axes.task} · {_method(cell)} · seed {cell.axes.seed}"
+    return f"{printable(cell.axes.task)} · {_method(cell)} · seed {cell.axes.seed}"
 
 
 class PlainCampaign(_Counting):
@@ -163,6 +167,7 @@ class LiveCampaign(Redrawn, _Counting):
     def drawn(self) -> Any:
         """See `Redrawn.drawn`."""
         from rich.table import Table
+        from rich.text import Text
 
         table = Table(title=self._title, title_justify="left")
         table.add_column("method")
@@ -170,7 +175,7 @@ class LiveCampaign(Redrawn, _Counting):
             table.add_column(column, justify="right")
         rows = list(self.tallies.items())
         for name, tally in rows[:_MOST_ROWS]:
-            table.add_row(name, *_columns(tally))
+            table.add_row(Text(name), *_columns(tally))
         if len(rows) > _MOST_ROWS:
             table.add_row(f"… {len(rows) - _MOST_ROWS} more", "", "", "", "", "")
         table.add_section()

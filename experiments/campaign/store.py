@@ -64,11 +64,12 @@ class Store:
         return content if content is not None and content["status"] in FINAL else None
 
     def journal_size(self, identity: str) -> int:
-        """Bytes of a cell's journal: how far it has come."""
-        try:
-            return (self.cell(identity) / FILE_NAME).stat().st_size
-        except OSError:
-            return 0
+        """Bytes of a cell's journals, also of runs in folders within its own: how far it has come."""
+        size = 0
+        for path in self.cell(identity).rglob(FILE_NAME):
+            with suppress(OSError):
+                size += path.stat().st_size
+        return size
 
     def usage(self, identity: str) -> Usage:
         """What the language model of a cell has cost so far, by its journal; nothing where there is none to read."""

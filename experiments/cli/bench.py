@@ -285,11 +285,9 @@ def real_cells_command(
     / "real-cells",
 ) -> None:
     """Measured cells of public data sets: fitted, and scored on records that the fit never saw."""
-    from dataclasses import asdict
-
     from ...core.files import write_csv
     from ..checked_options import simulation_workers
-    from ..studies.real_cells import MEASURED_CURRENT, PAPER, chosen, run_cell, run_cells
+    from ..studies.real_cells import MEASURED_CURRENT, PAPER, chosen, run_cell, run_cells, with_earlier
 
     at_once = simulation_workers(workers)
     study = PAPER if paper else MEASURED_CURRENT
@@ -304,7 +302,10 @@ def real_cells_command(
     for remark in remarks:
         say(remark)
     if rows:
-        write_csv(out / f"{study}.csv", [asdict(row) for row in rows])
+        table = out / f"{study}.csv"
+        write_csv(table, with_earlier(rows, table, study))
+    if remarks:
+        raise typer.Exit(1)
 
 
 @bench_app.command("models")

@@ -24,6 +24,9 @@ Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the bl
 Only = Annotated[
     list[str] | None, shared.records_option(metavar="CASE", help="Case to run, case_07; repeat; left out, all.")
 ]
+DISCOVERY = "discovery"
+"""Name of the results where none is given."""
+
 Results = Annotated[str, shared.output_option(metavar="NAME", help="Name of the results in the folder, under grids.")]
 
 
@@ -58,7 +61,7 @@ def run_command(
     hide_names: Annotated[
         bool, shared.language_model_option("--hide-names", help="Show the model effects under names without meaning.")
     ] = False,
-    results: Results = "discovery",
+    results: Results = DISCOVERY,
 ) -> None:
     """Run the cases that have no result yet; a language model, if one is named, ranks effects too."""
     asked = {"backend": model.backend, "backend_options": model.options, "hide_names": hide_names}
@@ -77,7 +80,7 @@ def _run(
 
 
 @discovery_app.command("score")
-def score_command(folder: Folder, results: Results = "discovery") -> None:
+def score_command(folder: Folder, results: Results = DISCOVERY) -> None:
     """Open the answers and grade the results."""
     from ...core.files import write_csv
     from ..discovery_bench.grading import grade_cases, graded_row
@@ -86,11 +89,11 @@ def score_command(folder: Folder, results: Results = "discovery") -> None:
     graded = grade_cases(folder, results)
     print(as_markdown(graded))
     print(case_table(graded))
-    write_csv(folder / "cases.csv", [graded_row(case) for case in graded])
+    write_csv(_table(folder, "cases", results), [graded_row(case) for case in graded])
 
 
 @discovery_app.command("sensitivity")
-def sensitivity_command(folder: Folder, results: Results = "discovery") -> None:
+def sensitivity_command(folder: Folder, results: Results = DISCOVERY) -> None:
     """Open the answers and decide each case again with half and twice each decision constant, from the journals."""
     from ...core.files import write_csv
     from ..discovery_bench.sensitivity import sensitivity_rows, sensitivity_table
@@ -101,7 +104,13 @@ def sensitivity_command(folder: Folder, results: Results = "discovery") -> None:
             print(f"{row['task']}: {row['verdict']} {row['named']}".rstrip(), flush=True)
         rows.append(row)
     print(sensitivity_table(rows))
-    write_csv(folder / "sensitivity.csv", rows)
+    write_csv(_table(folder, "sensitivity", results), rows)
+
+
+def _table(folder: Path, what: str, results: str) -> Path:
+    """``cases.csv`` of the results that have no name of their own, ``cases-NAME.csv`` of others."""
+    name = Path(results).name
+    return folder / (f"{what}.csv" if name == DISCOVERY else f"{what}-{name}.csv")
 
 
 @discovery_app.command("shortlist")

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ...core.printable import counted
+from ...core.errors import BsaError
+from ...core.printable import counted, shown
 from . import completion
 from . import shared_options as shared
 from .exit_codes import INTERRUPTED
@@ -30,6 +31,7 @@ Metric = Annotated[
 ]
 
 RESULTS = Path("results")
+_METRIC = "mape"
 
 
 @dataclass(frozen=True)
@@ -154,17 +156,29 @@ def report(
     full: Annotated[
         bool, shared.output_option("--full", help="Write the full report of every finished run first.")
     ] = False,
-    metric: Metric = "mape",
+    metric: Metric = _METRIC,
 ) -> None:
     """Write one page on a grid or study: tables, figures, comparisons, and the rounds of every run."""
     if (Path(grid) / "journal.jsonl").is_file():
         from ..report import build_report
 
+        given = {"--store": store != RESULTS, "--full": full, "--metric": metric != _METRIC}
+        _check_of_run(grid, [name for name, is_given in given.items() if is_given])
         print(build_report(Path(grid), out))
         return
     from ..campaign.page import build_page
 
     print(build_page(grid, store, out, full, metric))
+
+
+def _check_of_run(run: str, given: list[str]) -> None:
+    """Refuse options of a grid where the folder of a run was named."""
+    if given:
+        verb = "goes" if len(given) == 1 else "go"
+        raise BsaError(
+            f"{', '.join(given)} {verb} with a grid, but {shown(run, 200)} is the folder of a run.",
+            "leave that out; the report of a run has all of its errors.",
+        )
 
 
 def _watcher(plan: Plan[Cell], pool: Pool) -> WatcherContext:
@@ -183,13 +197,14 @@ def say(line: str) -> None:
 def _print_estimate(plan: Plan[Any], workers: int) -> None:
     from ..campaign.estimate import Need, estimate
     from ..report.wording import duration
+    from .progress import printable
 
     finished = sum(bool(cell.identity and plan.store.result(cell.identity)) for cell in plan.cells)
     print(f"{plan.name}: {counted(len(plan.cells), 'run')}, {finished} of them finished already")
     total = Need()
     for name, need in estimate(plan.cells, plan.store).items():
         total = total + need
-        print(f"  {name:40s} {_words(need)}")
+        print(f"  {printable(name):40s} {_words(need)}")
     print(f"  {'to be run':40s} {_words(total)}")
     rule = "from finished cells" if total.learnt else "by rule of thumb: run a few cells, and the estimate learns"
     print(f"About {duration(total.seconds / workers)} with {counted(workers, 'worker')} ({rule}).")
@@ -206,22 +221,26 @@ def _words(need: Any) -> str:
 def print_outcome(plan: Plan[Any], rows: list[Row]) -> None:
     """Print the errors by method, and where the table lies."""
     from ..campaign.tables import blocks, compared_metric
+    from .progress import printable
 
     for block in blocks(rows, compared_metric(rows, "mape")):
-        print(f"\n{block.title}: {', '.join(block.columns)}")
+        print("\n" + printable(f"{block.title}: {', '.join(block.columns)}", 400))
         for method, values in block.rows.items():
             entries = ", ".join("–" if value is None else str(value) for value in values)
-            print(f"  {method:32s} {entries}")
+            print(f"  {printable(method):32s} {entries}")
     where = plan.name if plan.folder == plan.store.grid(plan.name) else plan.folder
     print(f"\n{plan.folder / 'cells.csv'}\nbsa report {where} writes the page.")
 
 
 def finish(rows: list[Row]) -> None:
     """Say which cells have no result; exit code 1 where there are any."""
+    from .progress import printable
+
     for state in ("failed", "stopped", "missing"):
         left = [row for row in rows if row["state"] == state]
         if left:
-            reason = f": {left[0]['task']}: {left[0]['reason']}" if left[0]["reason"] else ""
+            why = printable(f"{left[0]['task']}: {left[0]['reason']}", 400)
+            reason = f": {why}" if left[0]["reason"] else ""
             them = "it" if len(left) == 1 else "them"
             again = f"goes on with {them}" if state == "stopped" else f"runs {them} again"
             end = "" if reason.endswith(".") else "."

@@ -67,12 +67,15 @@ def parameters(
     from ...plugins.pybamm import parameter_sets
 
     if set_name is None:
-        for name in parameter_sets.set_names():
-            print(name)
-        return
-    for name, value in parameter_sets.parameters(set_name).items():
+        lines = {name: name for name in parameter_sets.set_names()}
+    else:
+        values = parameter_sets.parameters(set_name)
+        lines = {
+            name: f"{name}: {value if isinstance(value, str) else f'{value:.6g}'}" for name, value in values.items()
+        }
+    for name, line in lines.items():
         if contains.casefold() in name.casefold():
-            print(f"{name}: {value if isinstance(value, str) else f'{value:.6g}'}")
+            print(line)
 
 
 def doctor() -> None:

@@ -236,8 +236,8 @@ def _execute(
     to_discover: str = "",
     resumed: bool = False,
 ) -> None:
+    from ...backends.opening import ready_backend
     from ...core.metrics import objective_of
-    from ..ready_backend import ready_backend
     from ..run import execute_run, summary
     from .no_model import NoModelTold
     from .progress import LiveProgress, PlainProgress, note_line, printable
@@ -246,7 +246,7 @@ def _execute(
     unit = objective_of(task).of_unit
     backend, may_not_answer = ready_backend(config.backend, config.backend_options, (folder / FILE_NAME).exists())
     listener: LiveProgress | PlainProgress
-    title = f"{task.name} · {config.scaffold.name} · {backend.name}"
+    title = printable(f"{task.name} · {config.scaffold.name} · {backend.name}")
     live = sys.stderr.isatty() and not as_json
     if live:
         listener = LiveProgress(title, unit, config.simulations, to_discover)

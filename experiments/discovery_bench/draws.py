@@ -78,7 +78,7 @@ def draw(seed: int, number: int, attempt: int = 0) -> Draw:
     rng = np.random.default_rng([seed, number, attempt, 2])
     setting = setting_of(seed, number)
     model = "DFN" if rng.random() < DFN_SHARE else "SPMe"
-    effects = _effects(setting, model, rng)
+    effects = _effects(setting, rng)
     if effects and model not in effects[0].models:
         model = effects[0].models[0]
     chemistry = str(rng.choice(CHEMISTRIES))
@@ -123,7 +123,7 @@ def _capacity_ah(chemistry: str) -> float:
     return float(pybamm.ParameterValues(chemistry)["Nominal cell capacity [A.h]"])
 
 
-def _effects(setting: Setting, model: str, rng: np.random.Generator) -> tuple[HiddenEffect, ...]:
+def _effects(setting: Setting, rng: np.random.Generator) -> tuple[HiddenEffect, ...]:
     if setting in ("none", "outside"):
         return ()
     if setting == "single":

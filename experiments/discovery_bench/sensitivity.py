@@ -1,8 +1,10 @@
 """Verdicts on blind cases with half and twice each decision constant, on the fits that there are."""
 
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from ...core.discovery.findings import Findings
@@ -10,6 +12,7 @@ from ...core.discovery.recorded import RecordedSimulator
 from ...core.discovery.rules import RULES, Rules
 from ...core.discovery.simulator import Prediction, Simulator
 from ...core.parameters import ParameterSpace
+from ...core.run.journal import FILE_NAME
 from ...core.task import CellModel
 from ...plugins.pybamm.radial_mesh import RadialMesh
 from ..campaign.text_tables import markdown_table
@@ -68,8 +71,14 @@ def verdict_by(rules: Rules, found: Findings) -> dict[str, Any]:
 
 
 def _replayed(cell: Path) -> Findings:
-    """What a discovery found, from its journal; what this version asks besides is simulated."""
-    options = read_options(cell)
+    """What a discovery found, from a copy of its journal; what this version asks besides is simulated, and not kept."""
+    with TemporaryDirectory() as place:
+        shutil.copy(cell / FILE_NAME, place)
+        return _found_in(Path(place))
+
+
+def _found_in(folder: Path) -> Findings:
+    options = read_options(folder)
     with opened(options) as journal:
 
         def make(model: CellModel, space: ParameterSpace, mesh: RadialMesh) -> Simulator:

@@ -6,6 +6,7 @@ from pydantic import BaseModel, Field
 
 from ...core.errors import BsaError
 from ...core.printable import shown
+from ...core.run.journal import FILE_NAME as JOURNAL
 from .folders import Folders
 
 
@@ -51,14 +52,21 @@ class Cell(BaseModel, extra="forbid"):
     def given(self, folders: Folders) -> dict[str, Any]:
         """As keyword arguments of `bsa.calibrate` and `bsa.discover`; files are looked for in the folders alone."""
         found = self.model_dump(exclude_defaults=True)
-        if isinstance(self.search, str) and not self.search.isidentifier():
+        if isinstance(self.search, str) and not is_name(self.search):
             raise BsaError(
                 f"search is {shown(repr(self.search))}, which is no preset.",
                 "name a preset, or give parameters with their bounds.",
             )
-        if self.parameters is not None and not self.parameters.replace("-", "_").isidentifier():
+        if self.parameters is not None and (
+            not is_name(self.parameters) or (folders.first / self.parameters / JOURNAL).is_file()
+        ):
             found["parameters"] = str(folders.inside(self.parameters))
         return found
+
+
+def is_name(text: str) -> bool:
+    """Whether a text is the name of a task, a preset, a set or a scaffold, and no path; ``silicon-cell`` is one."""
+    return text.replace("-", "_").isidentifier()
 
 
 class Arguments(BaseModel):

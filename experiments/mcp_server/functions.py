@@ -1,4 +1,4 @@
-"""What the tools do, as JSON in and out; each function runs in a process of its own."""
+"""What the tools do, as JSON in and out; what simulates runs in a process of its own."""
 
 import json
 import tempfile
@@ -21,7 +21,7 @@ from ...core.run.journal import read_events
 from ...core.run.run_plugins import RunPlugins
 from ...core.scaffold import load_scaffold
 from ...core.simulation import in_order
-from ...core.task import Task
+from ...core.task import NEAREST, Task
 from ...core.trajectory import Trajectory
 from ..api import calibration, discovery, measured
 from ..api.calibration_result import CalibrationResult
@@ -31,6 +31,7 @@ from ..read_options import reading
 from ..report.page import FILE_NAME as REPORT
 from ..task_request import CellChoice, Records, task_of_records
 from ..tasks.find import find_task
+from .arguments import is_name
 
 Json = dict[str, Any]
 
@@ -113,11 +114,15 @@ def sensitivities(
 
 def calibrate(options: Mapping[str, Any]) -> Json:
     """A calibration; see `bsa.calibrate`."""
-    return _calibrated(calibration.calibrate(**options, progress=False))
+    _check_set(options.get("parameters"))
+    data = options.get("data")
+    given = {**options, "data": find_task(data)} if isinstance(data, str) else options
+    return _calibrated(calibration.calibrate(**given, progress=False))
 
 
 def discover(options: Mapping[str, Any]) -> Json:
     """A discovery; see `bsa.discover`."""
+    _check_set(options.get("parameters"))
     found = discovery.discover(**options, progress=False)
     return _told(found, verdict=found.verdict, headline=found.headline, effects=list(found.effects))
 
@@ -146,8 +151,17 @@ def _task(data: str | list[Path], options: Mapping[str, Any], cell: Mapping[str,
     """The task of that name, or of matching records."""
     if isinstance(data, str):
         return find_task(data)
+    _check_set(cell.get("parameters"))
     read = reading(**{name: options[name] for name in measured.READING})
     return task_of_records(Records(data, reads=[read], reader=options["reader"]), CellChoice(**cell))
+
+
+def _check_set(parameters: str | None) -> None:
+    """Refuse a name that no installed set has: it would be looked for where the server was started."""
+    if parameters is not None and is_name(parameters) and parameters != NEAREST:
+        from ...plugins.pybamm.parameter_sets import require_set
+
+        require_set(parameters)
 
 
 def _calibrated(found: CalibrationResult) -> Json:

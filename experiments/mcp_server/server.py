@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from functools import wraps
 from importlib.metadata import version
 from pathlib import Path
@@ -19,10 +20,10 @@ from ...core.printable import shown
 from ...core.redaction import redact
 from ...core.run.run_config import RunConfig
 from ...core.validation import explain
-from ..run_names import named_after, numbered_folder
+from ..run_names import named_after, reserved_folder
 from ..tasks.task_file import SUFFIXES
 from . import functions
-from .arguments import Arguments, Cell, Reading
+from .arguments import Arguments, Cell, Reading, is_name
 from .folders import Folders
 from .functions import simulations_of
 from .work import Json, carried_out
@@ -36,6 +37,7 @@ results, and positive on charge in files. Paths are relative to the first folder
 Data = Annotated[
     str | list[str], Field(description='Path of a record, or several; or the name of a task, "demo" (without `cell`).')
 ]
+Records = Annotated[str | list[str], Field(description="Path of a record, or several.")]
 Values = Annotated[
     dict[str, float], Field(description="Values of searched parameters by name; the others keep their initial ones.")
 ]
@@ -116,7 +118,7 @@ class Tools:
         resume: Resume = None,
     ) -> Json:
         """Fit the searched parameters to records or a task; gives values, intervals, errors and a report."""
-        if not scaffold.replace("-", "_").isidentifier():
+        if not is_name(scaffold):
             raise BsaError(f"scaffold is {shown(repr(scaffold))}, which is no name.", "name one that is built in.")
         if resume is None:
             simulations = simulations or RunConfig.model_fields["simulations"].default
@@ -127,7 +129,7 @@ class Tools:
     async def discover(
         self,
         context: Context,
-        data: Data = "",
+        data: Records = "",
         cell: Cell = Cell(),  # noqa: B008
         reading: Reading = Reading(),  # noqa: B008
         effect: Annotated[
@@ -145,7 +147,9 @@ class Tools:
     ) -> Json:
         """Find which physical effect the model lacks, if any: verdict, effects with intervals, errors and a report."""
         method = {"effect": effect, "life": life, "fit_cycles": fit_cycles, "seed": seed}
-        return await self._run(context, functions.discover, data, cell, reading, method, out, resume, None)
+        # A list holds files alone: a discovery takes no task by name.
+        files = [data] if isinstance(data, str) else data
+        return await self._run(context, functions.discover, files, cell, reading, method, out, resume, None)
 
     @told
     async def report(self, folder: str) -> Json:
@@ -168,14 +172,18 @@ class Tools:
             folder = self._folders.inside(resume)
             options: Json = {"resume": folder, **({} if simulations is None else {"simulations": simulations})}
             simulations = simulations or simulations_of(folder)
-        else:
-            found = self._data(data)
-            name = found if isinstance(found, str) else named_after(found)
-            place = self._folders.inside("runs") if out is None else self._folders.inside(out)
-            folder = numbered_folder(place, name) if out is None else place
-            given = {"data": found, "out": folder, **cell.given(self._folders), **method}
-            options = {**given, **({} if isinstance(found, str) else reading.options())}
-        return await carried_out(context, function, {"options": options}, folder, simulations)
+            return await carried_out(context, function, {"options": options}, folder, simulations)
+        found = self._data(data)
+        options = {"data": found, **cell.given(self._folders), **method}
+        options |= {} if isinstance(found, str) else reading.options()
+        with self._new_folder(out, found) as folder:
+            return await carried_out(context, function, {"options": {**options, "out": folder}}, folder, simulations)
+
+    def _new_folder(self, out: str | None, data: str | list[Path]) -> AbstractContextManager[Path]:
+        """The folder of a new run; two calls at once are given two."""
+        if out is not None:
+            return nullcontext(self._folders.inside(out))
+        return reserved_folder(self._folders.inside("runs"), data if isinstance(data, str) else named_after(data))
 
     def _asked(self, data: str | list[str], values: Mapping[str, float], cell: Cell, reading: Reading) -> Json:
         said = {"data": self._data(data), "cell": cell.given(self._folders), "options": reading.options()}
@@ -189,11 +197,7 @@ class Tools:
         wrong = [name for name in names if Path(name).suffix in SUFFIXES]
         if wrong:
             raise BsaError(f"{shown(wrong[0], 200)} is a task file.", "give its records and the cell instead.")
-        if (
-            isinstance(data, str)
-            and data.replace("-", "_").isidentifier()
-            and not (self._folders.first / data).exists()
-        ):
+        if isinstance(data, str) and is_name(data) and not (self._folders.first / data).exists():
             return data
         return [self._folders.file(name) for name in names]
 

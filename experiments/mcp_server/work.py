@@ -111,4 +111,8 @@ def _answer(sender: Connection, function: Callable[..., Json], arguments: Json) 
     except BsaError as error:
         sender.send(("refused", error.message, error.hint))
     except (KeyboardInterrupt, RunStopped) as stopped:
-        sender.send(("refused", f"stopped: {stopped or 'interrupted'}.", "the same call goes on with `resume`."))
+        sender.send(("refused", _stopped(stopped), "the same call goes on with `resume`."))
+
+
+def _stopped(why: KeyboardInterrupt | RunStopped) -> str:
+    return f"stopped: {str(why) or 'interrupted'}."

@@ -5,7 +5,7 @@ from typing import Any
 from ...core.inference.post_fit_analysis import PostFitAnalysis
 from ...core.parameters import Parameter
 from ..run_record import RunRecord
-from .post_fit import caution_line, groups_line, named, next_line, share, steps_of, tolerance_words, verdict_line
+from .post_fit import caution_line, groups_line, half_width, named, next_line, steps_of, tolerance_words, verdict_line
 from .wording import number, printed_unit, short_name
 
 
@@ -27,7 +27,7 @@ def section(run: RunRecord) -> dict[str, Any] | None:
                 "name": suggestion.name,
                 "steps": steps_of(suggestion),
                 "hours": number(suggestion.hours, 2),
-                "worst": f"{share(suggestion.forecast.worst_share)} ({short_name(suggestion.forecast.worst)})",
+                "worst": f"{half_width(suggestion.forecast.worst_share)} ({short_name(suggestion.forecast.worst)})",
             }
             for suggestion in found.measure_next
         ],
@@ -50,7 +50,7 @@ def _row(parameter: Parameter, found: PostFitAnalysis) -> dict[str, Any]:
         "value": number(scale * interval.value),
         "lower": number(scale * interval.lower),
         "upper": number(scale * interval.upper),
-        "share": share(interval.share_of_range),
+        "share": half_width(interval.share_of_range),
         "verdict": interval.verdict,
         "unsettled": parameter.name in found.unsettled,
         **{name: min(max(parameter.to_unit(value), 0.0), 1.0) for name, value in places.items()},
@@ -68,5 +68,5 @@ def _combinations(found: PostFitAnalysis) -> list[str]:
             for name, weight in combination.weights.items()
         ]
         text = " ".join(terms).removeprefix("+ ")
-        lines.append(f"{combination.verdict}, {share(combination.share_of_range)}: {text}")
+        lines.append(f"{combination.verdict}, {half_width(combination.share_of_range)}: {text}")
     return lines

@@ -135,14 +135,14 @@ def next_line(analysis: PostFitAnalysis, domain: Domain) -> str:
         considered = f"None of the {of_all} protocols considered" if of_all > 1 else "No protocol considered"
         return (
             f"{considered} would narrow the widest interval "
-            f"({share(now)} of the range of {short_name(analysis.worst)}) by a tenth: what is open needs another kind "
-            "of measurement, or a value from elsewhere."
+            f"({half_width(now)} of the range of {short_name(analysis.worst)}) by a tenth: what is open needs another "
+            "kind of measurement, or a value from elsewhere."
         )
     length = f"{number(first.hours, 2)} h {domain.start_of_next}".strip()
     return (
         f"To measure next: {first.name} ({length}): the widest 95 % interval would go "
-        f"from {share(now)} of its range ({short_name(analysis.worst)}) to {share(first.forecast.worst_share)} "
-        f"({short_name(first.forecast.worst)})."
+        f"from {half_width(now)} of its range ({short_name(analysis.worst)}) to "
+        f"{half_width(first.forecast.worst_share)} ({short_name(first.forecast.worst)})."
     )
 
 
@@ -179,9 +179,9 @@ def steps_of(suggestion: Suggestion) -> str:
     return "; then ".join(cycles)
 
 
-def share(half_width: float) -> str:
+def half_width(of_range: float) -> str:
     """Half an interval's width as it is told: ``"± 12 %"``; an interval may be wider than the range."""
-    return f"± {number(100.0 * half_width, 2)} %"
+    return f"± {number(100.0 * of_range, 2)} %"
 
 
 def named(names: Sequence[str]) -> str:

@@ -63,7 +63,7 @@ def measure(cycles: int = 200) -> list[LifeCost]:
         capacity = run.trajectory.cycle_table.capacity_ah
         found.append((way, len(seen), times[0], times[-1], _peak_mb(), capacity))
     started = time.process_time()
-    plain = _plain(case, cycles)
+    plain = _plain(case)
     seconds = time.process_time() - started
     found.append(("PyBaMM's own experiment", cycles, seconds, seconds, _peak_mb(), plain))
     return [
@@ -72,7 +72,7 @@ def measure(cycles: int = 200) -> list[LifeCost]:
     ]
 
 
-def _plain(case: Any, cycles: int) -> FloatArray:
+def _plain(case: Any) -> FloatArray:
     """Capacities by PyBaMM's `Simulation` of the whole experiment, as its documentation shows it."""
     cell, experiment = cell_of(case), experiment_of(case)
     values = load(cell.parameter_set)

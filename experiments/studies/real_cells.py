@@ -1,10 +1,12 @@
 """Measured cells of public data sets, calibrated by one scaffold and scored on records that it never saw."""
 
+import csv
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from pydantic import TypeAdapter
 
@@ -96,6 +98,18 @@ def chosen(names: Sequence[str], study: str = MEASURED_CURRENT) -> list[TaskFile
         if name not in known:
             raise unknown(f'there is no measured cell "{name}".', name, known, "cells: {}.")
     return [known[name] for name in names] or list(cells(study))
+
+
+def with_earlier(rows: Sequence[Row], path: Path, study: str = MEASURED_CURRENT) -> list[dict[str, Any]]:
+    """Rows and, of the study's other cells, those that the file of an earlier call holds, in the study's order."""
+    found: list[dict[str, Any]] = [asdict(row) for row in rows]
+    run = {row.cell for row in rows}
+    if path.is_file():
+        with path.open(newline="", encoding="utf-8") as file:
+            earlier = [row for row in csv.DictReader(file) if row.get("cell") not in run]
+        found += [{key: row.get(key, "") for key in found[0]} for row in earlier]
+    order = [cell.name for cell in cells(study)]
+    return sorted((row for row in found if row["cell"] in order), key=lambda row: order.index(row["cell"]))
 
 
 def missing(cell: TaskFile, data: Path) -> list[str]:

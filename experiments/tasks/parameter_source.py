@@ -14,7 +14,7 @@ from ...core.files import file_error
 from ...core.parameters import Parameter, ParameterSpace
 from ...core.run.journal import FILE_NAME as JOURNAL
 from ...core.target import CellChange, InitialSoc
-from ...core.task import ParameterFile, ParameterSource, Task
+from ...core.task import NEAREST, ParameterFile, ParameterSource, Task
 from ..run_record import RunRecord, read_run
 from .influence import simulated_models, with_influence
 
@@ -28,11 +28,12 @@ def parameter_source(given: str) -> ParameterSource:
     """What ``--parameters`` means.
 
     The name of an installed set, a JSON file (BPX, or PyBaMM's parameter values), a run's folder, or the
-    ``best_parameters.json`` in one. Raises `BsaError` if a file or a run cannot be read.
+    ``best_parameters.json`` in one. A name of an installed set, or ``"nearest"``, is never a folder: ``./Chen2020``
+    is one. Raises `BsaError` if a file or a run cannot be read.
     """
     path = Path(given)
     run = _run_at(path)
-    if run is not None:
+    if run is not None and not _names_a_set(given):
         return calibrated(run)
     if path.suffix.lower() != ".json":
         return given
@@ -58,6 +59,12 @@ def _run_at(path: Path) -> Path | None:
     """The folder of the run that is meant; None where it is no run."""
     folder = path.parent if path.name == BEST else path
     return folder if (folder / JOURNAL).is_file() else None
+
+
+def _names_a_set(given: str) -> bool:
+    from ...plugins.pybamm.parameter_sets import set_names
+
+    return given in (*set_names(), NEAREST)
 
 
 def calibrated(folder: Path) -> ParameterFile:

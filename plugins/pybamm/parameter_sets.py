@@ -64,14 +64,20 @@ def set_names() -> tuple[str, ...]:
     return tuple(name for name in sorted(pybamm.parameter_sets) if not why_no_full_cell(_own(name)))
 
 
-@cache
-def _load(name: ParameterSource) -> Mapping[str, Any]:
-    if not isinstance(name, ParameterFile) and name not in pybamm.parameter_sets:
+def require_set(name: str) -> None:
+    """Raises `BsaError` with the nearest name if no installed parameter set is called so."""
+    if name not in pybamm.parameter_sets:
         raise BsaError(
             f'there is no parameter set "{name}".',
             (did_you_mean(name, (*set_names(), NEAREST)) or f"installed sets: {', '.join(set_names())}.")
             + " bsa list parameters shows them.",
         )
+
+
+@cache
+def _load(name: ParameterSource) -> Mapping[str, Any]:
+    if not isinstance(name, ParameterFile):
+        require_set(name)
     own = _own(name)
     reason = why_no_full_cell(own)
     if reason:

@@ -1,5 +1,6 @@
 """Replay, manual, review and votes: backends without a model, or around one."""
 
+import contextlib
 import io
 import json
 import threading
@@ -7,6 +8,7 @@ import time
 from collections import deque
 
 import pytest
+from bsa.backends import manual
 from bsa.backends.manual import ExchangeBackend, TerminalBackend
 from bsa.backends.opening import open_backend
 from bsa.backends.options import BackendOptions
@@ -335,6 +337,29 @@ def test_an_interrupted_exchange_waits_for_the_same_reply(tmp_path, messages, sc
     (tmp_path / "reply-002.txt").write_text('{"stale": 1}')
     with pytest.raises(BackendFailure, match=r"reply-003\.txt within"):
         ExchangeBackend(tmp_path, timeout_s=0.1).complete(messages, schema, seed=9)
+
+
+def test_askers_of_one_folder_have_a_number_each(tmp_path, messages, schema, monkeypatch):
+    write_json, numbers = manual.write_json, []
+
+    def slowly(path, content, indent):
+        time.sleep(0.05)  # a busy disk: all would have chosen their number by then
+        numbers.append(content["number"])
+        write_json(path, content, indent=indent)
+
+    monkeypatch.setattr(manual, "write_json", slowly)
+
+    def ask(seed):
+        with contextlib.suppress(BackendFailure):
+            ExchangeBackend(tmp_path, timeout_s=0.0, target=io.StringIO()).complete(messages, schema, seed=seed)
+
+    askers = [threading.Thread(target=ask, args=(seed,)) for seed in range(3)]
+    for asker in askers:
+        asker.start()
+    for asker in askers:
+        asker.join()
+    assert sorted(numbers) == [1, 2, 3]
+    assert {json.loads(path.read_text())["seed"] for path in tmp_path.glob("prompt-*.json")} == {0, 1, 2}
 
 
 def test_an_exchange_says_what_it_waits_for_and_why_a_reply_was_refused(tmp_path, schema):

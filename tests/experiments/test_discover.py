@@ -57,6 +57,10 @@ def test_what_is_uncertain_comes_from_a_preset_a_file_or_names(tmp_path):
     with pytest.raises(BsaError, match="capcity") as caught:
         spreads_of("capcity", cell)
     assert "capacity" in caught.value.hint
+    unnamed = tmp_path / "search"
+    unnamed.write_bytes(file.read_bytes())
+    with pytest.raises(BsaError, match="there is no preset or file"):
+        spreads_of(str(unnamed), cell)
     file.write_text("factors:\n  Separator porosty factor: {spread: 0.1, lower: 0.5, upper: 2}")
     with pytest.raises(BsaError, match="porosty"):
         spreads_of(str(file), cell)

@@ -38,6 +38,9 @@ class Quiet:
     def ended(self, cell, report, found):
         (self.found if found else self.ran).append(cell.identity)
 
+    def busy(self, cell):
+        pass
+
     def lost(self, cell, reason):
         self.losses.append(cell.identity)
 

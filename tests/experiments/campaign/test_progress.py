@@ -1,11 +1,13 @@
 """What a person sees while a grid goes on."""
 
 import io
+from dataclasses import replace
 
 import pytest
 from bsa.experiments.campaign.cell import Report
 from bsa.experiments.campaign.execution import run_cells
-from bsa.experiments.campaign.progress import LiveCampaign, PlainCampaign
+from bsa.experiments.campaign.progress import LiveCampaign, PlainCampaign, named
+from rich.console import Console
 
 from .conftest import Here
 
@@ -44,6 +46,33 @@ def test_a_live_table(make_plan, capsys):
     shown = capsys.readouterr().err
     assert "no such server at all" in shown
     assert "full · rules" in shown
+
+
+def test_a_cell_of_another_process_is_not_running_here(make_plan):
+    plan = make_plan()
+    pool, busy = Here(), plan.cells[0].identity
+
+    def other_has_it(order):
+        pool.answers.clear()
+        return Report(order.identity, "busy")
+
+    pool.answers[busy] = other_has_it
+    watcher = PlainCampaign(plan.cells, io.StringIO())
+    run_cells(plan.cells, plan.store, pool, watcher)
+    assert (watcher.total.done, watcher.total.running) == (4, 0)
+
+
+def test_names_of_ones_own_neither_format_nor_steer_a_terminal(make_plan):
+    plan = make_plan()
+    (cell, *_) = plan.cells
+    scaffold = cell.config.scaffold.model_copy(update={"name": "my[red]\x1b[2J[/x]scaffold"})
+    odd = replace(cell, config=cell.config.model_copy(update={"scaffold": scaffold}))
+    console = Console(file=io.StringIO(), width=120)
+    console.print(LiveCampaign("toys", [odd]).drawn())
+    shown = console.file.getvalue()
+    assert all(part in shown for part in ("my[red]", "[/x]scaffold"))
+    assert "\x1b" not in shown
+    assert "\x1b" not in named(odd)
 
 
 def test_counts_by_method_and_time_left(make_plan):

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from bsa.core.errors import BsaError
+from bsa.experiments.campaign.calibration import Calibration
 from bsa.experiments.campaign.estimate import estimate, experience, need_of
 from bsa.experiments.campaign.figures import _medians, pareto
 from bsa.experiments.campaign.results import rows_of, write_rows
@@ -179,6 +180,24 @@ def test_a_cell_that_was_interrupted_is_stopped_and_only_its_rest_is_to_be_done(
     assert states.pop(cell.identity) == ("stopped", "interrupted")
     assert set(states.values()) == {("done", "")}
     assert sum(need.simulations for need in estimate(finished.cells, finished.store).values()) == 5 - 2
+
+
+def test_a_cell_that_failed_and_is_interrupted_when_it_is_run_again_is_stopped(make_plan, monkeypatch):
+    plan = make_plan(tasks=1, scaffolds=["full"])
+    (cell,) = plan.cells
+    (plan.store.cell(cell.identity)).mkdir(parents=True)
+    (plan.store.cell(cell.identity) / "failure.json").write_text('{"reason": "no server"}')
+    (before,) = rows_of(noted(plan), plan.store)
+    assert (before["state"], before["reason"]) == ("failed", "no server")
+
+    def interrupted(cell, folder, store):
+        (folder / "journal.jsonl").write_text('{"event":"run"}\n')
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Calibration, "run", interrupted)
+    run_campaign(plan, Here(), lambda plan, pool: Quiet())
+    (after,) = rows_of(noted(plan), plan.store)
+    assert (after["state"], after["reason"]) == ("stopped", "interrupted")
 
 
 def test_what_a_server_of_ones_own_costs_is_not_known(make_plan):

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from bsa.experiments.campaign.cell import Order
-from bsa.experiments.campaign.results import write_manifest
+from bsa.experiments.campaign.cell import Order, Report
+from bsa.experiments.campaign.execution import LOSSES, run_cells
+from bsa.experiments.campaign.results import rows_of, write_manifest
 from bsa.experiments.campaign.running import run_campaign
 from bsa.experiments.campaign.study_cell import plan_study, results_of
 
-from .conftest import Here, Quiet
+from .conftest import Here, Quiet, noted
 
 
 def halved(folder: Path, number: float, seed: int = 0) -> dict[str, Any]:
@@ -51,3 +53,22 @@ def test_rows_are_those_of_the_plan_where_another_process_has_begun_the_study_an
 
     rows, _ = run_campaign(plan, Meanwhile(), lambda plan, pool: Quiet())
     assert [(row["task"], row["state"]) for row in rows] == [("four", "done")]
+
+
+def test_an_item_that_fits_in_a_folder_of_its_own_is_known_to_get_further(tmp_path: Path) -> None:
+    plan, pool = plan_study("halves", halved, {"four": {"number": 4.0}}, tmp_path / "store"), Here()
+    (cell,) = plan.cells
+    journal = plan.store.cell(cell.identity) / "fit" / "journal.jsonl"
+    journal.parent.mkdir(parents=True)
+
+    def further(order: Any) -> Report:
+        with journal.open("a") as file:
+            file.write("x" * 100)
+        if Counter(pool.carried)[cell.identity] > LOSSES:
+            pool.answers.clear()
+        return Report(order.identity, "lost")
+
+    pool.answers[cell.identity] = further
+    further(cell)
+    assert [row["state"] for row in rows_of(noted(plan), plan.store)] == ["stopped"]
+    assert run_cells(plan.cells, plan.store, pool, Quiet())[cell.identity].state == "done"

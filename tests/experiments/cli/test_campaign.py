@@ -6,10 +6,12 @@ import json
 from pathlib import Path
 
 import pytest
+import typer
 import yaml
 from bsa.core.encoding import encode_task
 from bsa.core.errors import BsaError
 from bsa.experiments.campaign import running
+from bsa.experiments.cli.campaign import finish
 from bsa.experiments.cli.exit_codes import INTERRUPTED
 from bsa.experiments.cli.main import app
 from bsa_toy_cell import toy_task
@@ -50,6 +52,14 @@ def test_dry_run_runs_nothing(call):
     assert not Path("results/cells").exists()
 
 
+def test_the_words_of_a_server_do_not_steer_the_terminal(capsys):
+    with pytest.raises(typer.Exit):
+        finish([{"state": "failed", "task": "t", "reason": "server says \x1b]0;owned\x07\x1b[2Jhello"}])
+    told = capsys.readouterr().err
+    assert "hello. The same command runs it again." in told
+    assert all(character.isprintable() for character in told.strip())
+
+
 @pytest.mark.parametrize("word", ["x", "tcp", "tcp://", "tcp://host", "http://host:1", "slurm", "dask://host:1"])
 @pytest.mark.parametrize("more", [(), ("--dry-run",)])
 def test_a_word_that_is_no_cluster_is_refused_before_tasks_are_made(call, word, more):
@@ -72,6 +82,10 @@ def test_run_report_and_tables(call):
     assert "tables/tables.tex" in written
     (cell, _) = Path("results/cells").iterdir()
     assert call("report", str(cell)).stdout.strip().endswith("report.html")
+    with pytest.raises(BsaError, match=r"--full, --metric go with a grid, but .* is the folder of a run"):
+        call("report", str(cell), "--full", "--metric", "nonsense")
+    with pytest.raises(BsaError, match=r"--store goes with a grid"):
+        call("report", str(cell), "--store", "elsewhere")
 
 
 def test_what_fails_is_said_and_ends_in_an_error(call):

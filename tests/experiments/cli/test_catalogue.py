@@ -60,6 +60,12 @@ def test_every_kind_has_a_list_by_its_name_and_its_plural(kind: str, printed: Ca
     assert own <= {line.split()[0] for line in lines[2:] if line}
 
 
+def test_sets_and_their_parameters_are_those_that_contain_a_text(printed: Callable[..., str]) -> None:
+    assert printed("list", "parameters", "--contains", "chen").split() == ["Chen2020", "Chen2020_composite"]
+    found = printed("list", "parameters", "--set", "Chen2020", "--contains", "particle RADIUS").splitlines()
+    assert sorted(found) == ["Negative particle radius [m]: 5.86e-06", "Positive particle radius [m]: 5.22e-06"]
+
+
 def test_the_whole_list_has_each_heading_once(printed: Callable[..., str]) -> None:
     headings = [line for line in printed("list").splitlines() if line and not line.startswith((" ", "bsa "))]
     assert len(headings) == len(set(headings))

@@ -232,6 +232,8 @@ def test_a_setting_is_looked_for_among_those_of_the_run_and_of_its_scaffold(key:
     [
         (["--model", "SPM"], "--model goes with records"),
         (["--effect", "contact-resistance", "--temperature", "40"], "--effect, options for reading go with records"),
+        (["--reader", "neware"], "options for reading go with records"),
+        (["--reader-option", "foo=1"], "options for reading go with records"),
         (["--life", "--no-scale", "--initial-soc", "0.5"], "--no-scale, --initial-soc, --life go with records"),
     ],
 )

@@ -145,3 +145,12 @@ def test_a_run_whose_analysis_lacks_simulations_says_the_command_though_its_sear
     assert list(_how_to_go_on(unsettled, config, tmp_path / "run", True)) == [
         f"To go on with more simulations: bsa-run --resume {tmp_path / 'run'} --simulations 120"
     ]
+
+
+def test_the_name_of_a_task_does_not_steer_the_terminal(tmp_path, capsys) -> None:
+    config = RunConfig(scaffold=toy_scaffold(), backend="rules", simulations=1, warm_up=0)
+    task = replace(toy_task(), name="a\x1b[2Jb\nc")
+    _execute(RunRequest(task, config, tmp_path / "run"), Resources(), False, False)
+    told = capsys.readouterr()
+    assert "\x1b" not in told.err + told.out
+    assert told.err.splitlines()[0].endswith(f"→ {tmp_path / 'run'}")

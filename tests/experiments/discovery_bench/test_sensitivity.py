@@ -1,4 +1,5 @@
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,10 @@ from bsa.core.files import write_csv
 from bsa.core.parameters import ParameterSpace
 from bsa.experiments.campaign.results import read_table
 from bsa.experiments.campaign.text_tables import markdown_table
+from bsa.experiments.discovery_bench import sensitivity
 from bsa.experiments.discovery_bench.sensitivity import NOT_SEARCHED, sensitivity_table, verdict_by
+from bsa.experiments.discovery_case import DiscoverOptions
+from bsa.experiments.discovery_journal import opened
 
 
 def explanation(name, error_mv, p=0.0):
@@ -37,6 +41,34 @@ def test_a_constant_changes_the_verdicts_that_lie_near_it(left_mv, half):
     for factor, verdict in ((0.5, half), (2.0, "effect-found")):
         rules = replace(RULES, left_over=factor * RULES.left_over)
         assert verdict_by(rules, findings)["verdict"] == verdict
+
+
+def test_the_journals_of_the_cases_are_read_and_not_written(tmp_path, monkeypatch):
+    (tmp_path / "record.csv").write_text("1")
+    options = DiscoverOptions(data=[tmp_path / "record.csv"], parameters="Chen2020", out=tmp_path / "case")
+    with opened(options):
+        pass
+    before = (tmp_path / "case" / "journal.jsonl").read_bytes()
+    findings = found(4.0)
+
+    class Simulated:
+        at_once, has_low_fidelity, refused = 1, False, {}
+
+        def predict(self, requests):
+            return [None for _ in requests]
+
+    def set_up(case, options, make_simulator):
+        def run():
+            make_simulator(None, None, None).predict([SimpleNamespace(identity={"asked": "now"})])
+            return findings
+
+        return SimpleNamespace(engine=lambda settings: SimpleNamespace(run=run))
+
+    monkeypatch.setattr(sensitivity, "read_case", lambda options: None)
+    monkeypatch.setattr(sensitivity, "in_this_process", lambda *_: Simulated())
+    monkeypatch.setattr(sensitivity, "set_up", set_up)
+    assert sensitivity._replayed(tmp_path / "case") is findings
+    assert (tmp_path / "case" / "journal.jsonl").read_bytes() == before
 
 
 def test_what_was_not_searched_is_said():

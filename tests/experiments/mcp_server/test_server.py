@@ -18,6 +18,8 @@ from bsa.experiments.tasks.find import PACKAGED
 
 pytest.importorskip("mcp", reason='pip install "battery-sim-agent[mcp]"')
 
+from bsa.experiments.mcp_server import server
+from bsa.experiments.mcp_server.folders import Folders
 from mcp.client.client import Client
 from mcp.client.stdio import StdioServerParameters, stdio_client
 
@@ -85,10 +87,32 @@ def test_tools_are_described_and_mistakes_are_told_with_a_hint(use: Use, tmp_pat
         cell = {"parameters": "../x.json"}
         assert "lies outside the folders" in await refused(client, "discover", data="cell.csv", cell=cell)
         assert "data is missing. Hint: " in await refused(client, "discover")
+        assert "there is no file" in await refused(client, "discover", data="demo", cell={"parameters": "Chen2020"})
         assert "no name" in await refused(client, "calibrate", data="demo", scaffold="/tmp/mine.yaml")
 
     use(act)
     assert {path.name for path in tmp_path.iterdir()} == {"cell.csv", "cell.yaml"}
+
+
+def test_two_calls_at_once_have_two_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[Path] = []
+
+    async def noted(context: Any, function: Any, arguments: Any, folder: Path, simulations: int) -> dict[str, Any]:
+        given.append(folder)
+        await anyio.sleep(0.05)
+        assert arguments["options"]["out"] == folder
+        return {}
+
+    async def both() -> None:
+        tools = server.Tools(Folders([tmp_path]))
+        async with anyio.create_task_group() as group:
+            for _ in range(2):
+                group.start_soon(tools.calibrate, None, "demo")
+
+    monkeypatch.setattr(server, "carried_out", noted)
+    anyio.run(both)
+    assert given == [tmp_path / "runs" / "demo-1", tmp_path / "runs" / "demo-2"]
+    assert list((tmp_path / "runs").iterdir()) == [], "what is not written into goes again"
 
 
 @pytest.mark.slow

@@ -6,7 +6,13 @@ import pytest
 
 pytest.importorskip("mcp", reason='pip install "battery-sim-agent[mcp]"')
 
-from bsa.experiments.mcp_server.work import _progress
+from bsa.core.messages import BudgetSpent
+from bsa.experiments.mcp_server.work import _progress, _stopped
+
+
+def test_an_interrupt_is_told_as_one() -> None:
+    assert _stopped(KeyboardInterrupt()) == "stopped: interrupted."
+    assert _stopped(BudgetSpent("2000 tokens are used")) == "stopped: 2000 tokens are used."
 
 
 def test_the_analysis_of_a_fit_is_told_apart_from_its_simulations(tmp_path: Path) -> None:

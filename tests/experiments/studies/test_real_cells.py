@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import csv
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from bsa.core.errors import BsaError
+from bsa.core.files import write_csv
 from bsa.experiments.cli.main import app
 from bsa.experiments.studies import real_cells
-from bsa.experiments.studies.real_cells import RecordRow, cells, chosen, missing, run_cell, run_cells
+from bsa.experiments.studies.real_cells import RecordRow, cells, chosen, missing, run_cell, run_cells, with_earlier
 from bsa.experiments.tasks import demo_record
 from bsa.experiments.tasks.task_file import TaskFile
 from typer.testing import CliRunner
@@ -57,9 +59,24 @@ def test_a_cell_without_its_records_is_skipped_with_the_reason(tmp_path: Path) -
 def test_the_command_says_what_it_skips(tmp_path: Path, option: tuple[str, ...], study: str) -> None:
     asked = ["bench", "real-cells", "--data", str(tmp_path), "--out", str(tmp_path / "out"), *option]
     result = CliRunner().invoke(app(), asked)
-    assert result.exit_code == 0
+    assert result.exit_code == 1, "as for every study that has cells without a result"
     assert result.output.count("is skipped") == len(cells(study))
     assert not (tmp_path / "out").exists()
+
+
+def test_a_table_keeps_the_rows_of_the_cells_that_were_not_run(tmp_path: Path) -> None:
+    def row(name: str, rms_mv: float) -> RecordRow:
+        return RecordRow(name, "r", "fitted", rms_mv, 1.0, 1.0, 2.0, float("nan"), 3, 4.0, "")
+
+    first, second, *_ = (known.name for known in cells())
+    path = tmp_path / "real_cells.csv"
+    write_csv(path, with_earlier([row(first, 1.0), row(second, 2.0)], path))
+    before = path.read_bytes()
+    write_csv(path, with_earlier([row(second, 3.0)], path))
+    assert path.read_bytes() == before.replace(b"fitted,2.0", b"fitted,3.0")
+    write_csv(path, with_earlier([row(first, 4.0)], path))
+    with path.open(newline="") as file:
+        assert [(entry["cell"], entry["rms_mv"]) for entry in csv.DictReader(file)] == [(first, "4.0"), (second, "3.0")]
 
 
 def test_every_record_gives_a_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,9 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 from bsa.core.comparison.signal_metrics import SignalMetrics
+from bsa.core.errors import BsaError
 from bsa.core.feedback import Feedback
 from bsa.core.record import Record
 from bsa.core.target import INITIAL_SOC, CellChange
@@ -8,7 +11,7 @@ from bsa.core.task import Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.core.trial import Trial
 from bsa.experiments.run_record import RunRecord
-from bsa.experiments.tasks.parameter_source import with_its_space
+from bsa.experiments.tasks.parameter_source import parameter_source, with_its_space
 from bsa.experiments.tasks.record_request import RecordRequest
 from bsa.experiments.tasks.records import build_task
 from bsa.plugins.pybamm.parameter_sets import load
@@ -33,6 +36,15 @@ def finished(task: Task) -> RunRecord:
     best = {name: {INITIAL_SOC: 0.61, SHAPE: 0.08}[name] for name in task.space.names}
     trial = Trial(0, "initial", 0, best, SignalMetrics(1.0, {}), None, np.ones(3), Feedback({}), (), 0.0)
     return RunRecord("run", task, {}, {}, "", "finished", (trial,), (), ())
+
+
+def test_the_name_of_an_installed_set_is_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "Chen2020").mkdir()
+    (tmp_path / "Chen2020" / "journal.jsonl").write_text('{"event":"run"}\n')
+    monkeypatch.chdir(tmp_path)
+    assert parameter_source("Chen2020") == "Chen2020"
+    with pytest.raises(BsaError, match="does not begin with a run"):
+        parameter_source("./Chen2020")
 
 
 def test_a_record_that_was_fitted_starts_at_the_state_of_charge_that_was_found() -> None:
