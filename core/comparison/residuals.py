@@ -84,7 +84,8 @@ def residuals(task: Task, outcome: Outcome) -> FloatArray | None:
     Returns
     -------
     ndarray of shape (m,) or None
-        The layout depends on the task alone; None if a simulation failed.
+        The layout depends on the task alone; None if a simulation failed, or a cycle that is compared is not in its
+        table of cycles: a life whose discharge ends before it begins goes on without it.
     """
     if not outcome.ok:
         return None
@@ -95,7 +96,8 @@ def residuals(task: Task, outcome: Outcome) -> FloatArray | None:
             return None
         parts += _by_step(task, pairs, experiment)
         parts += _of_table(run.trajectory, experiment)
-    return np.concatenate(parts)
+    joined = np.concatenate(parts)
+    return joined if np.all(np.isfinite(joined)) else None
 
 
 def partial_residuals(task: Task, outcome: Outcome) -> FloatArray | None:
