@@ -185,17 +185,32 @@ def test_a_record_of_many_steps_counts_as_much_as_one_of_few() -> None:
     assert squares(0.0, 1.0) == pytest.approx(0.5, rel=1e-3)
 
 
-@pytest.mark.parametrize(("pulses", "counts"), [(12, False), (6, True)])
-def test_a_nearly_empty_cell_does_not_count_in_a_pulse_test(pulses: int, counts: bool) -> None:
-    kinds = [StepKind.PULSE, StepKind.REST] * pulses + [StepKind.CC_DISCHARGE, StepKind.PULSE, StepKind.REST]
+@pytest.mark.parametrize(("pulses", "late_ohm", "counts"), [(12, 0.1, False), (6, 0.1, True), (12, 0.05, True)])
+def test_a_nearly_empty_cell_does_not_count_in_a_pulse_test(pulses: int, late_ohm: float, counts: bool) -> None:
+    kinds = [StepKind.PULSE, StepKind.REST] * pulses + [StepKind.CC_DISCHARGE, StepKind.REST]
+    kinds += [StepKind.PULSE, StepKind.REST]
     ends = 20 * np.arange(1, len(kinds) + 1)
     steps = tuple(Step(kind, end - 20, end, position=end) for kind, end in zip(kinds, ends, strict=True))
     current = np.concatenate([np.full(20, {StepKind.REST: 0.0}.get(kind, 1.0)) for kind in kinds])
-    current[-60:-40] = 20.0  # after this discharge the cell is nearly empty
-    record = Trajectory(np.arange(20.0 * len(kinds)), current, np.full(20 * len(kinds), 3.7), None, steps)
+    current[-80:-60] = 20.0  # after this discharge little charge is left to be drawn
+    ohm = np.where(np.arange(len(current)) < len(current) - 60, 0.05, late_ohm)
+    record = Trajectory(np.arange(20.0 * len(kinds)), current, 3.7 - ohm * current, None, steps)
     task = Task("t", CellModel("x"), space(), (Experiment("r", record),))
     found = residuals(task, outcome_of(record.changed(voltage=record.voltage + 0.001)))
     assert found is not None
     by_step = found.reshape(len(kinds), -1)
-    assert np.all(by_step[:-2] > 0)
-    assert np.any(by_step[-2:] > 0) == counts
+    assert np.all(by_step[:-3] > 0)
+    assert np.all(by_step[-3:] > 0) == counts
+    assert np.any(by_step[-3:] > 0) == counts
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_pulses_of_both_signs_at_one_state_of_charge_count_all(sign: float) -> None:
+    kinds = [StepKind.PULSE, StepKind.REST] * 24
+    steps = tuple(Step(kind, 20 * place, 20 * place + 20, position=place) for place, kind in enumerate(kinds))
+    current = np.concatenate([np.full(20, sign * (0, 1, 0, -1)[(place + 1) % 4]) for place in range(len(kinds))])
+    record = Trajectory(np.arange(float(len(current))), current, 3.7 - 0.05 * current, None, steps)
+    task = Task("t", CellModel("x"), space(), (Experiment("r", record),))
+    found = residuals(task, outcome_of(record.changed(voltage=record.voltage + 0.001)))
+    assert found is not None
+    assert np.all(found > 0)
