@@ -129,10 +129,20 @@ def _why(failure: SimulationFailure, experiment: Experiment) -> str:
 
 def _over_time(signal: Signal, simulated: Trajectory, target: Trajectory, driven: bool) -> SignalError:
     time, difference = differences(simulated, target, signal.name, driven)
-    # A lone sample stands at a jump of the current, where a simulation may show the one side or the other.
-    lone = [step.start for step in target.steps if driven and step.stop - step.start == 1 and step.start < len(time)]
+    lone = _lone_samples(target, len(time)) if driven else []
     judged = np.delete(difference, lone) if len(lone) < len(time) else difference
     return replace(_error(signal, time_weights(time), difference), max=float(signal.shown_scale * np.abs(judged).max()))
+
+
+def _lone_samples(target: Trajectory, compared: int) -> list[int]:
+    """Places of lone samples among those that were taken, of which so many are compared.
+
+    Such a sample stands at a jump of the current, where a simulation may show the one side or the other.
+    """
+    taken = ~target.inserted
+    places = np.cumsum(taken) - 1
+    starts = [step.start for step in target.steps if step.stop - step.start == 1 and taken[step.start]]
+    return [int(places[start]) for start in starts if places[start] < compared]
 
 
 def _aligned(signal: Signal, pair: StepPair) -> FloatArray:
