@@ -1,10 +1,12 @@
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from bsa.core.comparison.residuals import residuals
+from bsa.core.comparison.signal_metrics import MISFIT, SignalMetrics, voltage_rmse_mv
 from bsa.core.errors import BsaError
-from bsa.core.metrics import evaluate, objective_of
+from bsa.core.metrics import Quantity, decode_metrics, errors_of, evaluate, headline_of, objective_of, told_of
 from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
@@ -123,6 +125,38 @@ def test_a_cycle_that_ends_where_it_began_is_judged_by_its_discharge() -> None:
     assert metrics is not None
     assert metrics.q_mape == pytest.approx(2.0, abs=0.1)
     assert metrics.i_mape == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_record_without_a_discharge_has_no_error_of_its_capacity() -> None:
+    charge = constant(-1.0, 4.0, 100)
+    charge = replace(charge, steps=(Step(StepKind.CC_CHARGE, 0, 100),))
+    protocol = (("Charge at 1 A for 100 s",),)
+    task = Task("t", CellModel("x"), space(), (Experiment("charge", charge, protocol),))
+    metrics = evaluate(task, outcome_of(charge.changed(voltage=charge.voltage + 0.04)))
+    assert metrics is not None
+    assert metrics.capacity_error is None
+    assert np.isnan(metrics.value("capacity_error"))
+    assert metrics.mape == pytest.approx(1.0)
+    assert decode_metrics(json.loads(json.dumps(metrics.as_json()))) == metrics
+    keys = [quantity.key for of in (errors_of, headline_of, told_of) for quantity in of(task)]
+    assert "capacity_error" not in keys
+    # Beside one with a discharge that one tells it.
+    discharge = Experiment("discharge", constant(1.0, 4.0, 100), (("Discharge at 1 A for 100 s",),))
+    both = replace(task, experiments=(*task.experiments, discharge))
+    longer = Outcome((ExperimentRun(charge), ExperimentRun(constant(1.1, 4.0, 100))))
+    metrics = evaluate(both, longer)
+    assert metrics is not None
+    assert metrics.capacity_error == pytest.approx(0.1)
+    assert "capacity_error" in [quantity.key for quantity in headline_of(both)]
+
+
+def test_an_error_that_a_trial_does_not_have_is_not_its_misfit() -> None:
+    of_spectrum = SignalMetrics(3.2, {"resistance_rmse_mohm": 1.0})
+    assert of_spectrum.value("objective") == 3.2
+    assert of_spectrum.value("resistance_rmse_mohm") == 1.0
+    assert np.isnan(voltage_rmse_mv(of_spectrum))
+    assert Quantity("voltage_rmse_mv", "Voltage RMSE", "mV").shown(of_spectrum) is None
+    assert MISFIT.shown(of_spectrum) == 3.2
 
 
 def test_a_run_that_never_reached_the_scored_cycle_has_no_metrics() -> None:
