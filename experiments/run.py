@@ -1,6 +1,7 @@
 """One run from its task and configuration to its folder: journal, results, report."""
 
 import json
+import math
 import platform
 from collections.abc import Mapping
 from contextlib import closing
@@ -245,7 +246,8 @@ def summary(task: Task, config: RunConfig, backend_name: str, result: RunResult)
 
 def _numbers(task: Task, metrics: Metrics | None) -> dict[str, float | None]:
     keys = ["objective", *(quantity.key for quantity in errors_of(task))]
-    return {key: None if metrics is None else metrics.value(key) for key in keys}
+    found = {key: math.nan if metrics is None else metrics.value(key) for key in keys}
+    return {key: None if math.isnan(value) else value for key, value in found.items()}
 
 
 def write_results(folder: Path, task: Task, config: RunConfig, backend_name: str, result: RunResult) -> None:

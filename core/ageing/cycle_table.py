@@ -60,6 +60,13 @@ class CycleTable:
         found = np.interp(cycles, self.cycle[known], getattr(self, column)[known], left=np.nan, right=np.nan)
         return np.asarray(found, dtype=np.float64)
 
+    def delivered_ah(self, cycles: FloatArray) -> FloatArray:
+        """Capacity at cycles of a life that was simulated to its end, A.h.
+
+        0 before the first line and behind the last one: the cell had no discharge there.
+        """
+        return np.nan_to_num(self.at(cycles), nan=0.0)
+
     def up_to(self, cycle: float) -> CycleTable:
         """The lines up to a cycle. Raises `BsaError` if there is none."""
         kept = self.cycle <= cycle

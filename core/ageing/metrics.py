@@ -87,7 +87,8 @@ def _compare(simulated: Trajectory | None, experiment: Experiment) -> AgeingMetr
     mape = 100.0 * capacity_error + float(current[0] + voltage[0])
     squares = [overlap_rms(ours, theirs, "voltage", driven=False) ** 2 for ours, theirs in pairs]
     measured = target.cycle_table
-    fade = np.abs(simulated.cycle_table.at(measured.cycle) - measured.capacity_ah) / measured.capacity_ah[0]
+    delivered = simulated.cycle_table.delivered_ah(measured.cycle)
+    fade = np.abs(delivered - measured.capacity_ah) / measured.capacity_ah[0]
     resistance = simulated.cycle_table.at(measured.cycle, "resistance_ohm") / measured.resistance_ohm - 1.0
     return AgeingMetrics(
         objective=mape,
@@ -99,7 +100,7 @@ def _compare(simulated: Trajectory | None, experiment: Experiment) -> AgeingMetr
         v_rmse_mv=1e3 * float(np.sqrt(np.mean(squares))),
         step_duration_error=step_duration_error(simulated, experiment),
         capacity_error=capacity_error,
-        fade_error=_mean_pct(fade),
+        fade_error=100.0 * float(np.mean(fade)),
         resistance_error=_mean_pct(resistance),
     )
 

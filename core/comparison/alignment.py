@@ -102,12 +102,13 @@ def pair_steps(simulated: Trajectory | None, experiment: Experiment) -> list[Ste
     wanted = [step for step in experiment.target.steps if experiment.scored_cycle in (None, step.cycle)]
     found: dict[tuple[int, str, int], Step] = {}
     reached_cycle = 0
+    fallback: dict[str, float] | None = None
     if simulated is not None and simulated.steps:
         found = dict(zip(_keys(simulated.steps), simulated.steps, strict=True))
         reached_cycle = simulated.steps[-1].cycle
+        fallback = _before_cycle(simulated, wanted[0].cycle) if wanted else None
     totals = Counter((step.cycle, step.kind) for step in wanted)
     pairs: list[StepPair] = []
-    fallback: dict[str, float] | None = None
     for step, key in zip(wanted, _keys(wanted), strict=True):
         cycle, kind, occurrence = key
         name = str(kind) if totals[cycle, kind] == 1 else f"{kind} {occurrence}"
@@ -121,6 +122,13 @@ def pair_steps(simulated: Trajectory | None, experiment: Experiment) -> list[Ste
         measured = experiment.target.slice(step.start, step.stop)
         pairs.append(StepPair(step, measured, piece, name, fallback if cycle <= reached_cycle else None))
     return pairs
+
+
+def _before_cycle(simulated: Trajectory, cycle: int) -> dict[str, float]:
+    """The signals where a simulation stands before the first step of a cycle: at its own start where none is before."""
+    before = [step for step in simulated.steps if step.cycle < cycle]
+    place = before[-1].stop - 1 if before else simulated.steps[0].start
+    return {signal: float(values[place]) for signal, values in simulated.signals.items()}
 
 
 def _keys(steps: tuple[Step, ...] | list[Step]) -> list[tuple[int, str, int]]:

@@ -46,7 +46,8 @@ def noise_of(record: Trajectory, signal: FloatArray, order: int = 2) -> float | 
 
     Notes
     -----
-    Drive cycles are left out while anything else is there: their voltage is rough by itself.
+    Drive cycles are left out, also where nothing else is there: their voltage is rough by itself. Of the Panasonic
+    18650PF the US06 cycle would tell 0.4 mV, ten times the noise that pulses and rests of the same cycler show.
     """
     differences = _differences_of(record, signal, order)
     if len(differences) < _FEWEST:

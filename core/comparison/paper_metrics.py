@@ -1,6 +1,8 @@
 """How well a cell's simulation matches a record: the paper's metric, and the honest ones beside it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -44,7 +46,8 @@ class PaperMetrics(Metrics):
     rmse: float  # Sum of the three root-mean-square errors (A.h, A, V), as in the paper.
     v_rmse_mv: float  # Root-mean-square voltage error over the time both records cover, mV.
     step_duration_error: float  # Mean over the steps of ``|ln(simulated duration / measured duration)|``.
-    capacity_error: float  # Relative error of the discharged capacity of the scored part.
+    # Relative error of the discharged capacity of the scored part; None where no record discharges.
+    capacity_error: float | None
 
 
 _VOLTAGE_RMSE = Quantity("v_rmse_mv", "Voltage RMSE", "mV", told="voltage_rmse_mv")
@@ -79,18 +82,27 @@ def headline_of(task: Task) -> tuple[Quantity, ...]:
     """The errors that are shown first."""
     # A measured current gives charge and current away; what is left to judge is the voltage.
     if not task.given_drive:
-        return (_TOTAL, _VOLTAGE_RMSE, _CAPACITY)
+        return _had((_TOTAL, _VOLTAGE_RMSE, _CAPACITY), task)
     return (_ROBUST, _VOLTAGE_RMSE) if task.weight == "robust" else (_VOLTAGE_RMSE,)
 
 
 def errors_of(task: Task) -> tuple[Quantity, ...]:
     """All errors that judge a fit, for a table."""
-    return (*headline_of(task), _VOLTAGE) if task.given_drive else ERRORS
+    return (*headline_of(task), _VOLTAGE) if task.given_drive else _had(ERRORS, task)
 
 
 def told_of(task: Task) -> tuple[Quantity, ...]:
     """The errors that a proposer is told."""
-    return errors_of(task) if task.given_drive else (_TOTAL, _CHARGE, _CURRENT, _VOLTAGE, _VOLTAGE_RMSE, _CAPACITY)
+    if task.given_drive:
+        return errors_of(task)
+    return _had((_TOTAL, _CHARGE, _CURRENT, _VOLTAGE, _VOLTAGE_RMSE, _CAPACITY), task)
+
+
+def _had(quantities: tuple[Quantity, ...], task: Task) -> tuple[Quantity, ...]:
+    """The errors without that of the capacity where no record of a task discharges."""
+    if any(discharged_ah(experiment.scored_target) > 0 for experiment in task.experiments):
+        return quantities
+    return tuple(quantity for quantity in quantities if quantity.key != _CAPACITY.key)
 
 
 def require_paper(task: Task, who: str) -> None:
@@ -114,12 +126,19 @@ def evaluate(task: Task, outcome: Outcome) -> PaperMetrics | None:
             return None
         assert run.trajectory is not None
         rows.append(_compare(task, simulated, run.trajectory, experiment))
-    names = PaperMetrics.__dataclass_fields__
-    means = {name: float(np.mean([getattr(row, name) for row in rows])) for name in names}
+    means: dict[str, Any] = {
+        name: _mean([getattr(row, name) for row in rows]) for name in PaperMetrics.__dataclass_fields__
+    }
     # A root mean square over several records is the root of the mean square.
     for name in ["v_rmse_mv", *(["objective"] if task.given_drive else [])]:
         means[name] = float(np.sqrt(np.mean([getattr(row, name) ** 2 for row in rows])))
     return PaperMetrics(**means)
+
+
+def _mean(errors: Sequence[float | None]) -> float | None:
+    """The mean over the records that have an error; None for none."""
+    known = [error for error in errors if error is not None]
+    return float(np.mean(known)) if known else None
 
 
 def _compare(task: Task, simulated: Trajectory, whole: Trajectory, experiment: Experiment) -> PaperMetrics:
@@ -189,6 +208,6 @@ def step_duration_error(simulated: Trajectory | None, experiment: Experiment) ->
     return float(np.mean(errors)) if errors else 0.0
 
 
-def _capacity_error(simulated: Trajectory, target: Trajectory) -> float:
+def _capacity_error(simulated: Trajectory, target: Trajectory) -> float | None:
     ours, theirs = discharged_ah(simulated), discharged_ah(target)
-    return abs(ours - theirs) / theirs if theirs > 0 else 0.0
+    return abs(ours - theirs) / theirs if theirs > 0 else None

@@ -102,7 +102,7 @@ def errors_of_record(task: Task, experiment: Experiment, run: ExperimentRun) -> 
         spectra = (recorded_spectrum(experiment.name, record) for record in (target, simulated))
         return RecordErrors(experiment.name, whole, failure=failure, impedance=compare(*spectra))
     if experiment.long:
-        whole = {signal.name: _over_steps(signal, pairs) for signal in signals} | _of_capacity(simulated, target)
+        whole = {signal.name: _over_steps(signal, pairs) for signal in signals} | _of_capacity(run, target)
     else:
         whole = {signal.name: _over_time(signal, simulated, target, driven) for signal in signals}
     steps = []
@@ -129,10 +129,20 @@ def _why(failure: SimulationFailure, experiment: Experiment) -> str:
 
 def _over_time(signal: Signal, simulated: Trajectory, target: Trajectory, driven: bool) -> SignalError:
     time, difference = differences(simulated, target, signal.name, driven)
-    # A lone sample stands at a jump of the current, where a simulation may show the one side or the other.
-    lone = [step.start for step in target.steps if driven and step.stop - step.start == 1 and step.start < len(time)]
+    lone = _lone_samples(target, len(time)) if driven else []
     judged = np.delete(difference, lone) if len(lone) < len(time) else difference
     return replace(_error(signal, time_weights(time), difference), max=float(signal.shown_scale * np.abs(judged).max()))
+
+
+def _lone_samples(target: Trajectory, compared: int) -> list[int]:
+    """Places of lone samples among those that were taken, of which so many are compared.
+
+    Such a sample stands at a jump of the current, where a simulation may show the one side or the other.
+    """
+    taken = ~target.inserted
+    places = np.cumsum(taken) - 1
+    starts = [step.start for step in target.steps if step.stop - step.start == 1 and taken[step.start]]
+    return [int(places[start]) for start in starts if places[start] < compared]
 
 
 def _aligned(signal: Signal, pair: StepPair) -> FloatArray:
@@ -148,12 +158,13 @@ def _over_steps(signal: Signal, pairs: Sequence[StepPair]) -> SignalError:
     return _error(signal, weight, np.concatenate([_aligned(signal, pair) for pair in reached]))
 
 
-def _of_capacity(simulated: Trajectory, target: Trajectory) -> dict[str, SignalError]:
-    """The error of the capacity of each cycle, in percent of the first one."""
-    ours, theirs = simulated.cycle_table, target.cycle_table
+def _of_capacity(run: ExperimentRun, target: Trajectory) -> dict[str, SignalError]:
+    """The error of the capacity of each cycle that was simulated, in percent of the first one."""
+    ours, theirs = None if run.trajectory is None else run.trajectory.cycle_table, target.cycle_table
     if ours is None or theirs is None:
         return {}
-    off = 100.0 * (ours.at(theirs.cycle) - theirs.capacity_ah) / theirs.capacity_ah[0]
+    simulated_ah = (ours.delivered_ah if run.failure is None else ours.at)(theirs.cycle)
+    off = 100.0 * (simulated_ah - theirs.capacity_ah) / theirs.capacity_ah[0]
     size = np.abs(off[np.isfinite(off)])
     if not len(size):
         return {}

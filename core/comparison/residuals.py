@@ -12,7 +12,7 @@ from ..ageing.residuals import compared_cycles, table_residuals
 from ..signals import Signal
 from ..simulation import ExperimentRun, Outcome
 from ..task import Experiment, Task
-from ..trajectory import FloatArray, StepKind, Trajectory
+from ..trajectory import FloatArray, Step, StepKind, Trajectory
 from .alignment import StepPair, at_fractions, pair_steps
 from .noise import noise_of
 from .robust_loss import robust
@@ -32,8 +32,13 @@ _FAR = 10.0
 5 to 15 mV, and what is farther off is no part of that."""
 
 _NEARLY_EMPTY = 0.15
-"""Share of the charge of a pulse test at whose end the cell is nearly empty: within seconds the particles' surfaces run
-short of lithium, and a pulse shows two to ten times the resistance that it shows before."""
+"""Share of the charge of a pulse test at whose end the cell may be nearly empty: within seconds the particles' surfaces
+run short of lithium, and a pulse shows two to ten times the resistance that it shows before."""
+
+_SHORT_OF_LITHIUM = 1.5
+"""Resistance of the pulses at the end of that share, in units of the usual one, from which they show a nearly empty
+cell. It is 2.6 in the pulse test of the Panasonic 18650PF, which runs to 2.5 V, and 1.1 at most where that test is cut
+off at up to four fifths of its charge."""
 
 _PULSE_TEST = 10
 """Pulses before that share of the charge, from which on a record is a pulse test."""
@@ -84,7 +89,8 @@ def residuals(task: Task, outcome: Outcome) -> FloatArray | None:
     Returns
     -------
     ndarray of shape (m,) or None
-        The layout depends on the task alone; None if a simulation failed.
+        The layout depends on the task alone; None if a simulation failed, or a cycle that is compared is not in its
+        table of cycles: a life whose discharge ends before it begins goes on without it.
     """
     if not outcome.ok:
         return None
@@ -95,7 +101,8 @@ def residuals(task: Task, outcome: Outcome) -> FloatArray | None:
             return None
         parts += _by_step(task, pairs, experiment)
         parts += _of_table(run.trajectory, experiment)
-    return np.concatenate(parts)
+    joined = np.concatenate(parts)
+    return joined if np.all(np.isfinite(joined)) else None
 
 
 def partial_residuals(task: Task, outcome: Outcome) -> FloatArray | None:
@@ -250,8 +257,8 @@ def _parts_a_record(task: Task, signal: Signal) -> float:
 def _durations_counted(pairs: list[StepPair], record: Trajectory) -> list[float]:
     """By how long each step of a driven record counts, s: its duration, and a pulse as long as the rest behind it.
 
-    A pulse of ten seconds before a rest of twenty minutes is what the test was made for. Of a pulse test the nearly
-    empty cell does not count: its pulses, which no model comes near, would decide the fit.
+    A pulse of ten seconds before a rest of twenty minutes is what the test was made for. Of a pulse test that shows a
+    nearly empty cell that part does not count: its pulses, which no model comes near, would decide the fit.
     """
     durations = [pair.measured.duration for pair in pairs]
     kinds = [pair.step.kind for pair in pairs]
@@ -264,9 +271,41 @@ def _durations_counted(pairs: list[StepPair], record: Trajectory) -> list[float]
     empty_ah = drawn.max() - _NEARLY_EMPTY * np.ptp(drawn)
     empty = [bool(drawn[pair.step.start] > empty_ah) for pair in pairs]
     pulses = sum(kind is StepKind.PULSE and not late for kind, late in zip(kinds, empty, strict=True))
-    if pulses < _PULSE_TEST:
+    if pulses < _PULSE_TEST or not _runs_short(pairs, record, empty):
         return durations
     return [0.0 if late else duration for duration, late in zip(durations, empty, strict=True)]
+
+
+def _runs_short(pairs: list[StepPair], record: Trajectory, empty: list[bool]) -> bool:
+    """Whether the pulses where the most charge was drawn show far more resistance than those of the cell before.
+
+    The charge alone does not tell: a test may end at any state of charge. Pulses behind a rest are judged; ``empty``
+    are the steps that may be of a nearly empty cell, of which the emptier half counts.
+    """
+    usual: list[float] = []
+    late: list[tuple[float, float]] = []  # Charge drawn, and resistance.
+    for (before, pair), may_be_empty in zip(pairwise(pairs), empty[1:], strict=True):
+        if (before.step.kind, pair.step.kind) != (StepKind.REST, StepKind.PULSE):
+            continue
+        shown = _shown_resistance(record, pair.step)
+        if shown is not None and may_be_empty:
+            late.append((float(record.discharge_capacity[pair.step.start]), shown))
+        elif shown is not None:
+            usual.append(shown)
+    if not usual or not late:
+        return False
+    emptiest = [shown for _, shown in sorted(late)[len(late) // 2 :]]
+    return bool(np.median(emptiest) > _SHORT_OF_LITHIUM * np.median(usual))
+
+
+def _shown_resistance(record: Trajectory, pulse: Step) -> float | None:
+    """Voltage over current, both as they change from before a pulse to its end, ohm; None where that is not told."""
+    places = record.measured_across(pulse)
+    if places is None:
+        return None
+    ends = [places[0], pulse.stop - 1]
+    (voltage,), (current,) = np.diff(record.voltage[ends]), np.diff(record.current[ends])
+    return float(abs(voltage / current)) if current else None
 
 
 def _mismatch(task: Task, pair: StepPair, signal: Signal, experiment: Experiment, fractions: FloatArray) -> FloatArray:

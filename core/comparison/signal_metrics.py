@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -22,11 +23,12 @@ class Metrics:
     objective: float  # The number that "best" means.
 
     def value(self, key: str) -> float:
-        """An error by its name."""
-        return float(getattr(self, key))
+        """An error by its name; NaN for one that the records do not have."""
+        found = getattr(self, key)
+        return math.nan if found is None else float(found)
 
-    def as_json(self) -> dict[str, float]:
-        """All errors by name."""
+    def as_json(self) -> dict[str, float | None]:
+        """All errors by name; None for one that the records do not have."""
         return asdict(self)
 
 
@@ -51,8 +53,9 @@ class Quantity:
         return f"{self.unit} {self.words}".strip()
 
     def shown(self, metrics: Metrics | None) -> float | None:
-        """Its value in the shown unit; None where there are no metrics."""
-        return None if metrics is None else self.scale * metrics.value(self.key)
+        """Its value in the shown unit; None where there are no metrics, or not this one."""
+        value = math.nan if metrics is None else metrics.value(self.key)
+        return None if math.isnan(value) else self.scale * value
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,7 @@ class SignalMetrics(Metrics):
 
     def value(self, key: str) -> float:
         """See `Metrics.value`."""
-        return self.rmse.get(key, self.objective)
+        return self.objective if key == MISFIT.key else self.rmse.get(key, math.nan)
 
     def as_json(self) -> dict[str, Any]:
         """See `Metrics.as_json`; flat, so that it is a line of a table."""
@@ -81,7 +84,7 @@ class SignalMetrics(Metrics):
 
 
 def voltage_rmse_mv(metrics: Metrics) -> float:
-    """The voltage error of a cell's trial, whichever signals it is judged by, mV."""
+    """The voltage error of a cell's trial, whichever signals it is judged by, mV; NaN where no voltage is."""
     return metrics.value("voltage_rmse_mv" if isinstance(metrics, SignalMetrics) else "v_rmse_mv")
 
 

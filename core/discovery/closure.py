@@ -8,8 +8,14 @@ import numpy as np
 from ..trajectory import FloatArray
 from .observations import Observations
 
+_CONSTANT = "1"
+
 _RIDGE = 1e-3
 _MEMORY_S = 600.0
+
+_SAME = 1e-6
+"""Spread of a function, as a share of its largest value, up to which it is constant but for rounding: it would share
+the work of the constant."""
 
 
 @dataclass(frozen=True)
@@ -28,16 +34,19 @@ class Closure:
 
 def fit_closure(observations: Sequence[Observations], errors: Sequence[FloatArray], capacity_ah: float) -> Closure:
     """Fit the correction to errors (measured minus simulated voltage by record, V) by ridge regression."""
-    rows = [_features(observed, capacity_ah) for observed in observations]
-    names = tuple(rows[0])
-    matrix = np.vstack([np.column_stack(list(row.values())) for row in rows])
+    temperatures = [observed.temperature for observed in observations if observed.temperature is not None]
+    thermal = len(temperatures) == len(observations) and _varies(np.concatenate(temperatures))
+    rows = [_features(observed, capacity_ah, thermal) for observed in observations]
+    columns = {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
+    names = tuple(name for name, column in columns.items() if name == _CONSTANT or _varies(column))
+    matrix = np.column_stack([columns[name] for name in names])
     target = 1e3 * np.concatenate(list(errors))
     weight = np.sqrt(np.concatenate([observed.count for observed in observations]))
     weight = weight / np.mean(weight)
-    scale = np.maximum(np.std(matrix, axis=0), 1e-9)
-    scale[0] = 1.0
+    constant = np.array([name == _CONSTANT for name in names])
+    scale = np.where(constant, 1.0, np.std(matrix, axis=0))
     left = matrix / scale * weight[:, None]
-    normal = left.T @ left + _RIDGE * len(target) * np.eye(len(names))
+    normal = left.T @ left + _RIDGE * len(target) * np.diag(~constant)
     solved = np.linalg.solve(normal, left.T @ (target * weight)) / scale
     rest = target - matrix @ solved
     return Closure(
@@ -48,7 +57,12 @@ def fit_closure(observations: Sequence[Observations], errors: Sequence[FloatArra
     )
 
 
-def _features(observed: Observations, capacity_ah: float) -> dict[str, FloatArray]:
+def _varies(column: FloatArray) -> bool:
+    return bool(np.std(column) > _SAME * np.max(np.abs(column)))
+
+
+def _features(observed: Observations, capacity_ah: float, thermal: bool) -> dict[str, FloatArray]:
+    """The functions; those of the temperature only where these are known and vary (``thermal``)."""
     i = observed.current / capacity_ah
     z = observed.charge / capacity_ah - 0.5
     memory = np.zeros_like(i)
@@ -56,7 +70,7 @@ def _features(observed: Observations, capacity_ah: float) -> dict[str, FloatArra
         gap = observed.time[k] - observed.time[k - 1]
         memory[k] = i[k] + (memory[k - 1] - i[k]) * np.exp(-gap / _MEMORY_S)
     features = {
-        "1": np.ones_like(i),
+        _CONSTANT: np.ones_like(i),
         "z": z,
         "z^2": z**2,
         "z^3": z**3,
@@ -67,7 +81,7 @@ def _features(observed: Observations, capacity_ah: float) -> dict[str, FloatArra
         "m": memory,
         "m z": memory * z,
     }
-    if observed.temperature is not None:
+    if thermal and observed.temperature is not None:
         warm = (observed.temperature - 298.15) / 10
         features |= {"T": warm, "i T": i * warm}
     return features

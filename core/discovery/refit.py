@@ -37,7 +37,8 @@ class Refit:
     u: FloatArray  # Coordinates of the best candidate; shape (p,).
     residual: FloatArray  # Weighted residuals there, without the priors; shape (n,).
     jacobian: FloatArray  # Derivative of the residual by the coordinates; shape (n, p).
-    converged: bool  # Whether a fresh Jacobian promised no further gain.
+    # Whether a fresh Jacobian promised no further gain; not where none of it could be measured.
+    converged: bool
     simulations: int
     # The standard deviations that ``residual`` and ``jacobian`` are in, V, where they are known; shape (n,).
     deviation: FloatArray | None = None

@@ -38,6 +38,8 @@ class Column:
     ----------
     wanted : float or None
         Where the coordinate is wanted next; None when nothing more is.
+    failed : bool
+        Whether simulations failed, and none ran that tells a slope.
     """
 
     def __init__(
@@ -59,6 +61,7 @@ class Column:
             self._step = max(visible / slope, self._smallest)
         self._central = central
         self._changes: dict[float, FloatArray] = {}  # By how far away.
+        self._failures = 0
         self.wanted: float | None = None
         self._begin(1.0 if upper - here >= here - lower else -1.0)
 
@@ -79,7 +82,9 @@ class Column:
         assert self.wanted is not None
         away = self.wanted - self._here
         size = 0.0 if change is None else float(np.linalg.norm(change))
-        if change is not None:
+        if change is None:
+            self._failures += 1
+        else:
             self._changes[away] = change
         if 0 < _FAR_TOO_LARGE * self._visible < size and self._step > self._smallest:
             self._changes = {away: self._changes[away]}  # Until there is a better one.
@@ -89,6 +94,11 @@ class Column:
             self._next()
         else:
             self.wanted = None
+
+    @property
+    def failed(self) -> bool:
+        """See `Column`."""
+        return self._failures > 0 and not self._changes
 
     @property
     def slope(self) -> FloatArray | None:
@@ -169,3 +179,13 @@ class Differences:
             slope = column.slope
             if slope is not None:
                 self.jacobian[:, column.place] = slope
+
+    @property
+    def failed(self) -> tuple[int, ...]:
+        """Places of the coordinates of which no neighbour could be simulated."""
+        return tuple(column.place for column in self._columns if column.failed)
+
+    @property
+    def blocked(self) -> bool:
+        """Whether neighbours failed, and none could be simulated: the Jacobian is zero, and says nothing."""
+        return bool(self.failed) and all(column.slope is None for column in self._columns)

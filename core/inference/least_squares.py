@@ -31,9 +31,10 @@ from .fit_settings import Box, Settings
 
 Stage = Literal["start", "jacobian", "step", "emulated", "done"]
 
-Ending = Literal["", "failed", "perfect", "noise", "misfit", "no progress"]
+Ending = Literal["", "failed", "perfect", "noise", "misfit", "no progress", "blocked"]
 """Why a fit has ended: its start failed; it is as good as perfect; the next step would gain less than the noise hides;
-it would gain less than the misfit leaves uncertain; steps gain next to nothing although more is predicted."""
+it would gain less than the misfit leaves uncertain; steps gain next to nothing although more is predicted; no neighbour
+of the best point could be simulated, so that nothing is known of what is left to gain."""
 
 _GOOD, _POOR = 0.6, 0.2
 """Actual over predicted reduction: above the first the damping falls, below the second it grows."""
@@ -102,6 +103,8 @@ class LeastSquares:
         Damping of the steps; large where the linear model has predicted badly.
     stage : {'start', 'jacobian', 'step', 'emulated', 'done'}
         What the next batch is for.
+    failed : tuple of int
+        Coordinates of which no neighbour could be simulated for the last Jacobian; a fit leaves them where they are.
 
     Notes
     -----
@@ -127,6 +130,8 @@ class LeastSquares:
         self.residual = residual
         self.jacobian = None if jacobian is None else jacobian.copy()
         self._fresh = fresh
+        self._blocked = False
+        self.failed: tuple[int, ...] = ()
         self._poor_steps = self._idle_rounds = 0
         self._closer = False
         self._batch: list[FloatArray] = []
@@ -162,17 +167,12 @@ class LeastSquares:
     @property
     def predicted(self) -> float:
         """Predicted gain in cost of a full step; infinite unless the Jacobian was measured at the best point."""
-        return self._full_gain if self._fresh else np.inf
+        return self._full_gain if self._fresh and not self._blocked else np.inf
 
     @property
     def done(self) -> bool:
         """Whether nothing is left to ask."""
         return self.stage == "done"
-
-    @property
-    def converged(self) -> bool:
-        """Whether it has ended because nothing was left to gain."""
-        return self.ending not in ("", "failed")
 
     def ask(self, limit: int | None = None) -> list[FloatArray]:
         """The points whose residuals are wanted next, each of shape (p,) inside the box; empty when done.
@@ -192,6 +192,9 @@ class LeastSquares:
                     self.point, self.residual, self.jacobian, self._box, self.settings, self._free, self._closer
                 )
                 self._batch = self._differences.points
+                if not self._batch:
+                    self._take_jacobian(self._differences)
+                    self._end(self._why_nothing_is_left())
         return [point.copy() for point in self._batch]
 
     def tell(self, residuals: Sequence[FloatArray | None]) -> None:
@@ -239,8 +242,8 @@ class LeastSquares:
         self._differences.take(residuals)
         self._batch = self._differences.points
         if not self._batch:
-            self.jacobian = self._differences.jacobian
-            self._fresh, self._poor_steps = True, 0
+            self._take_jacobian(self._differences)
+            self._poor_steps = 0
             # It was the Jacobian that disappointed, perhaps not the length of the steps.
             self.damping = self._known_damping
             too_short = self._predicted_gain(self._linear_step(self.damping)) <= self._worth
@@ -248,6 +251,10 @@ class LeastSquares:
                 self.damping = self.settings.damping
             self._round_cost = self.cost
             self.stage = "step"
+
+    def _take_jacobian(self, measured: Differences) -> None:
+        self.jacobian, self._fresh = measured.jacobian, True
+        self.failed, self._blocked = measured.failed, measured.blocked
 
     # --- steps ----------------------------------------------------------------------------------------------
 
@@ -352,6 +359,8 @@ class LeastSquares:
         return max(self.settings.noise**2, self.settings.tolerance * self.cost)
 
     def _why_nothing_is_left(self) -> Ending:
+        if self._fresh and self._blocked:
+            return "blocked"
         gain = self._full_gain
         return "noise" if gain <= self.settings.noise**2 else "misfit" if gain <= self._worth else "no progress"
 

@@ -17,7 +17,7 @@ from ..comparison.residuals import capacity_rows, noise_of_residuals, residuals,
 from ..parameters import Candidate
 from ..prior import Prior
 from ..shape import shaped
-from ..simulation import Outcome
+from ..simulation import Outcome, in_order
 from ..task import Experiment, Task
 from ..task import Protocol as StepProtocol
 from ..trajectory import FloatArray, Trajectory
@@ -191,12 +191,12 @@ class _Spent:
 
         A task counts as one simulation however many records it has, as in the search; every suggested record counts.
         """
-        found: dict[int, Outcome] = {}
+        found: list[tuple[int, Outcome]] = []
         for place, outcome in outcomes:
-            found[place] = outcome
+            found.append((place, outcome))
             self.simulations += records
             self.seconds += outcome.seconds
-        return [found[place] for place in range(len(found))]
+        return in_order(found)
 
 
 def analyse(

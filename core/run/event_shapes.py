@@ -76,7 +76,7 @@ def _shapes() -> dict[str, Any]:
         ),
         # Earlier versions did not raise the patience.
         "budget": mapping_with(simulations=int, rounds=int, patience=(int | None, None), proposals=int),
-        "score": mapping_with(index=int, metrics=dict[str, float] | None, records=(list[RecordErrors], [])),
+        "score": mapping_with(index=int, metrics=dict[str, float | None] | None, records=(list[RecordErrors], [])),
         "appraisal": mapping_with(appraisal=analysis),
         # Of how many draws of the posterior bands are made; earlier versions did not write it.
         "held-out": mapping_with(base=int, predictions=list_of(predicted), draws=(int | None, None)),

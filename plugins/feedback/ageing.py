@@ -43,12 +43,17 @@ def fade_features(run: ExperimentRun, experiment: Experiment) -> dict[str, tuple
         return {}
     found: dict[str, tuple[float, float]] = {}
     tolerances = {"capacity": 100.0 * CAPACITY_TOLERANCE, "resistance": 100.0 * RESISTANCE_TOLERANCE}
-    for column, told in (("capacity_ah", "capacity"), ("resistance_ohm", "resistance")):
-        for cycle in _spread(measured):
-            ours, theirs = (float(table.at(np.array([cycle]), column)[0]) for table in (simulated, measured))
-            found[f"{told}_mismatch_cycle_{cycle:.0f}_pct"] = 100.0 * (ours / theirs - 1.0), tolerances[told]
-    ends = measured.cycle[[0, -1]]
-    lost = [float(-np.diff(table.at(ends))[0]) for table in (simulated, measured)]
+    # Of a simulation that stopped early nothing is known of the later cycles.
+    capacity = simulated.delivered_ah if run.failure is None else simulated.at
+    cycles, ends = np.array(_spread(measured)), measured.cycle[[0, -1]]
+    compared = {
+        "capacity": (capacity(cycles), measured.at(cycles)),
+        "resistance": (simulated.at(cycles, "resistance_ohm"), measured.at(cycles, "resistance_ohm")),
+    }
+    for told, (ours, theirs) in compared.items():
+        for cycle, mismatch in zip(cycles, 100.0 * (ours / theirs - 1.0), strict=True):
+            found[f"{told}_mismatch_cycle_{cycle:.0f}_pct"] = float(mismatch), tolerances[told]
+    lost = [float(-np.diff(ah)[0]) for ah in (capacity(ends), measured.at(ends))]
     found["fade_mismatch_pct"] = 100.0 * (lost[0] - lost[1]) / float(measured.capacity_ah[0]), tolerances["capacity"]
     return {name: pair for name, pair in found.items() if np.isfinite(pair[0])}
 

@@ -24,9 +24,8 @@ def scalar_residuals(task: Task, metrics: Metrics | None) -> dict[str, float]:
 
 def residuals_by_signal(task: Task, metrics: Metrics | None) -> dict[str, float]:
     """The residuals taken apart, so that a cause can be told from its effect."""
-    if metrics is None:
-        return {}
-    return {quantity.told: quantity.scale * metrics.value(quantity.key) for quantity in told_of(task)}
+    shown = {quantity.told: quantity.shown(metrics) for quantity in told_of(task)}
+    return {name: value for name, value in shown.items() if value is not None}
 
 
 def events(task: Task, outcome: Outcome) -> list[str]:

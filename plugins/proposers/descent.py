@@ -51,6 +51,7 @@ _ENDINGS = {
     "noise": "a further step is predicted to gain less than the noise hides",
     "misfit": "a further step is predicted to gain less than this misfit leaves uncertain",
     "no progress": "no step gains what is predicted; differences are as small as the simulator's own error",
+    "blocked": "no parameter could be varied there, for all simulations nearby failed",
 }
 
 _ROUNDING = 1e-9
@@ -147,7 +148,13 @@ class Descent:
             "misfit" if above else best.ending,
             f"a round gained less than {_TOO_SLOW:.0%}, or the simulations were spent",
         )
-        return f"The fit ends at {self.misfit:.2g} tolerances, where noise alone leaves {self.noise:.2g}: {why}."
+        stuck = [] if best.ending == "blocked" else [self._task.space.names[place] for place in best.failed]
+        varied = (
+            f" {', '.join(stuck)} could not be varied there: simulations with other values failed." if stuck else ""
+        )
+        return (
+            f"The fit ends at {self.misfit:.2g} tolerances, where noise alone leaves {self.noise:.2g}: {why}.{varied}"
+        )
 
     @property
     def reductions(self) -> Reductions:

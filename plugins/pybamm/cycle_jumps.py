@@ -115,10 +115,11 @@ class CycleRunner:
             coming = min((cycle for cycle in needed if number <= cycle <= last), default=last)
             room = coming - number - 1
             left_out = room if room <= _STRETCH * self._longest else self._longest
-            if len(self._paces) < 2 or left_out < 1 or self._tolerance is None:
+            steady = len(self._paces) >= 2 and solved is not None and _give_charge(solved)
+            if not steady or left_out < 1 or self._tolerance is None:
                 before, solved = solved, simulate(number, self.state)
                 self.state = solved.state
-                if before is not None and number > first + _SETTLING - 1 and solved.capacity_ah > 0:
+                if before is not None and number > first + _SETTLING - 1 and _give_charge(before, solved):
                     self._paces.append(Pace.between(before, solved))
                 yield solved
                 number += 1
@@ -142,7 +143,10 @@ class CycleRunner:
         try:
             one = simulate(start.number + left_out + 1, moved)
             two = simulate(one.number + 1, one.state)
+            steady = _give_charge(one, two)
         except CycleFailed:
+            steady = False
+        if not steady:
             self._longest = left_out // 2
             return None
         found = Pace.between(one, two)
@@ -168,3 +172,8 @@ class CycleRunner:
         """The latest pace that lies so far before the latest one; the first one if none does."""
         far = [pace for pace in self._paces[:-1] if latest.place - pace.place >= apart]
         return far[-1] if far else self._paces[0]
+
+
+def _give_charge(*cycles: SolvedCycle) -> bool:
+    """Whether each cycle has a discharge: without one nothing tells how a cell changes."""
+    return all(cycle.capacity_ah > 0 for cycle in cycles)

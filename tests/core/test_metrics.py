@@ -1,10 +1,12 @@
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from bsa.core.comparison.residuals import residuals
+from bsa.core.comparison.signal_metrics import MISFIT, SignalMetrics, voltage_rmse_mv
 from bsa.core.errors import BsaError
-from bsa.core.metrics import evaluate, objective_of
+from bsa.core.metrics import Quantity, decode_metrics, errors_of, evaluate, headline_of, objective_of, told_of
 from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
@@ -125,6 +127,38 @@ def test_a_cycle_that_ends_where_it_began_is_judged_by_its_discharge() -> None:
     assert metrics.i_mape == pytest.approx(1.0, abs=0.1)
 
 
+def test_a_record_without_a_discharge_has_no_error_of_its_capacity() -> None:
+    charge = constant(-1.0, 4.0, 100)
+    charge = replace(charge, steps=(Step(StepKind.CC_CHARGE, 0, 100),))
+    protocol = (("Charge at 1 A for 100 s",),)
+    task = Task("t", CellModel("x"), space(), (Experiment("charge", charge, protocol),))
+    metrics = evaluate(task, outcome_of(charge.changed(voltage=charge.voltage + 0.04)))
+    assert metrics is not None
+    assert metrics.capacity_error is None
+    assert np.isnan(metrics.value("capacity_error"))
+    assert metrics.mape == pytest.approx(1.0)
+    assert decode_metrics(json.loads(json.dumps(metrics.as_json()))) == metrics
+    keys = [quantity.key for of in (errors_of, headline_of, told_of) for quantity in of(task)]
+    assert "capacity_error" not in keys
+    # Beside one with a discharge that one tells it.
+    discharge = Experiment("discharge", constant(1.0, 4.0, 100), (("Discharge at 1 A for 100 s",),))
+    both = replace(task, experiments=(*task.experiments, discharge))
+    longer = Outcome((ExperimentRun(charge), ExperimentRun(constant(1.1, 4.0, 100))))
+    metrics = evaluate(both, longer)
+    assert metrics is not None
+    assert metrics.capacity_error == pytest.approx(0.1)
+    assert "capacity_error" in [quantity.key for quantity in headline_of(both)]
+
+
+def test_an_error_that_a_trial_does_not_have_is_not_its_misfit() -> None:
+    of_spectrum = SignalMetrics(3.2, {"resistance_rmse_mohm": 1.0})
+    assert of_spectrum.value("objective") == 3.2
+    assert of_spectrum.value("resistance_rmse_mohm") == 1.0
+    assert np.isnan(voltage_rmse_mv(of_spectrum))
+    assert Quantity("voltage_rmse_mv", "Voltage RMSE", "mV").shown(of_spectrum) is None
+    assert MISFIT.shown(of_spectrum) == 3.2
+
+
 def test_a_run_that_never_reached_the_scored_cycle_has_no_metrics() -> None:
     target = record(HIDDEN)
     task = Task("t", CellModel("x"), space(), (Experiment("r", target, (("x",),), scored_cycle=1),))
@@ -185,17 +219,32 @@ def test_a_record_of_many_steps_counts_as_much_as_one_of_few() -> None:
     assert squares(0.0, 1.0) == pytest.approx(0.5, rel=1e-3)
 
 
-@pytest.mark.parametrize(("pulses", "counts"), [(12, False), (6, True)])
-def test_a_nearly_empty_cell_does_not_count_in_a_pulse_test(pulses: int, counts: bool) -> None:
-    kinds = [StepKind.PULSE, StepKind.REST] * pulses + [StepKind.CC_DISCHARGE, StepKind.PULSE, StepKind.REST]
+@pytest.mark.parametrize(("pulses", "late_ohm", "counts"), [(12, 0.1, False), (6, 0.1, True), (12, 0.05, True)])
+def test_a_nearly_empty_cell_does_not_count_in_a_pulse_test(pulses: int, late_ohm: float, counts: bool) -> None:
+    kinds = [StepKind.PULSE, StepKind.REST] * pulses + [StepKind.CC_DISCHARGE, StepKind.REST]
+    kinds += [StepKind.PULSE, StepKind.REST]
     ends = 20 * np.arange(1, len(kinds) + 1)
     steps = tuple(Step(kind, end - 20, end, position=end) for kind, end in zip(kinds, ends, strict=True))
     current = np.concatenate([np.full(20, {StepKind.REST: 0.0}.get(kind, 1.0)) for kind in kinds])
-    current[-60:-40] = 20.0  # after this discharge the cell is nearly empty
-    record = Trajectory(np.arange(20.0 * len(kinds)), current, np.full(20 * len(kinds), 3.7), None, steps)
+    current[-80:-60] = 20.0  # after this discharge little charge is left to be drawn
+    ohm = np.where(np.arange(len(current)) < len(current) - 60, 0.05, late_ohm)
+    record = Trajectory(np.arange(20.0 * len(kinds)), current, 3.7 - ohm * current, None, steps)
     task = Task("t", CellModel("x"), space(), (Experiment("r", record),))
     found = residuals(task, outcome_of(record.changed(voltage=record.voltage + 0.001)))
     assert found is not None
     by_step = found.reshape(len(kinds), -1)
-    assert np.all(by_step[:-2] > 0)
-    assert np.any(by_step[-2:] > 0) == counts
+    assert np.all(by_step[:-3] > 0)
+    assert np.all(by_step[-3:] > 0) == counts
+    assert np.any(by_step[-3:] > 0) == counts
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_pulses_of_both_signs_at_one_state_of_charge_count_all(sign: float) -> None:
+    kinds = [StepKind.PULSE, StepKind.REST] * 24
+    steps = tuple(Step(kind, 20 * place, 20 * place + 20, position=place) for place, kind in enumerate(kinds))
+    current = np.concatenate([np.full(20, sign * (0, 1, 0, -1)[(place + 1) % 4]) for place in range(len(kinds))])
+    record = Trajectory(np.arange(float(len(current))), current, 3.7 - 0.05 * current, None, steps)
+    task = Task("t", CellModel("x"), space(), (Experiment("r", record),))
+    found = residuals(task, outcome_of(record.changed(voltage=record.voltage + 0.001)))
+    assert found is not None
+    assert np.all(found > 0)

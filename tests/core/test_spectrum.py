@@ -27,6 +27,34 @@ def test_a_spectrum_against_one_of_other_resistances() -> None:
     assert compare(measured, measured).rms_mohm == 0.0
 
 
+@pytest.mark.parametrize("share", [0.003, 0.01])
+def test_the_arcs_end_where_they_do_without_noise(share: float) -> None:
+    clean = cell(0.020, 0.010)
+    rng = np.random.default_rng(0)
+    ends, arcs = [], []
+    for _ in range(100):
+        noise = share * (rng.normal(size=(2, len(FREQUENCY))) / np.sqrt(2.0))
+        noisy = replace(clean, impedance=clean.impedance * (1.0 + noise[0] + 1j * noise[1]))
+        found = compare(noisy, clean)
+        assert found.arcs_hz is not None
+        assert found.arcs_simulated_mohm is not None
+        ends.append(found.arcs_hz)
+        arcs.append(found.arcs_simulated_mohm)
+    true = compare(clean, clean)
+    assert np.median(ends) == pytest.approx(true.arcs_hz, rel=0.3)  # a point of ten in a decade
+    assert np.quantile(arcs, [0.1, 0.9]) == pytest.approx([true.arcs_mohm] * 2, rel=0.06)
+
+
+@pytest.mark.parametrize("count", [1, 2, 4, 9])
+def test_few_points_have_arcs_where_they_show_them(count: int) -> None:
+    few = replace(
+        cell(0.02, 0.01),
+        frequency=FREQUENCY[:: 71 // count][:count],
+        impedance=cell(0.02, 0.01).impedance[:: 71 // count][:count],
+    )
+    assert (few.arcs_end is not None) == (count == 9)
+
+
 def test_inductance_is_not_held_against_a_model() -> None:
     measured = cell(0.020, 0.010)
     leads = replace(measured, impedance=measured.impedance.real + 1j * np.minimum(measured.impedance.imag, 0.0))

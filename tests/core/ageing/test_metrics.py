@@ -4,6 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bsa.core.ageing.metrics import AgeingMetrics
+from bsa.core.comparison.record_errors import errors_by_record
 from bsa.core.comparison.residuals import noise_of_residuals, residuals
 from bsa.core.encoding import decode_task, encode_task
 from bsa.core.errors import BsaError
@@ -132,3 +133,18 @@ def test_an_error_says_over_which_cycles_it_is(record: Record, task: MakeTask) -
     assert labels["capacity_error"] == "Capacity error of 3 cycles"
     assert labels["fade_error"] == "Capacity error over all cycles"
     assert {one.key: one.label for one in errors_of(life)}["v_rmse_mv"] == labels["v_rmse_mv"]
+
+
+def test_a_cell_that_gives_no_charge_any_more_is_no_good_fit(record: Record, task: MakeTask, outcome: Run) -> None:
+    target = record(fade=0.0)
+    table = target.cycle_table
+    assert table is not None
+    # Its last 10 of 50 discharges end before they begin: the simulation goes on without them.
+    dead = outcome(replace(target, cycle_table=table.up_to(40)))
+    assert dead.ok
+    assert residuals(task(target), dead) is None
+    metrics = evaluate(task(target), dead)
+    assert isinstance(metrics, AgeingMetrics)
+    assert metrics.fade_error == pytest.approx(20.0)
+    (errors,) = errors_by_record(task(target), dead)
+    assert errors.signals["capacity"].max == pytest.approx(100.0)

@@ -46,3 +46,30 @@ def test_cycles_cut_short_leave_the_table_and_a_fast_fade_does_not() -> None:
     nothing = np.full(60, np.nan)
     kept = without_cut_short(CycleTable(cycle, capacity, nothing, nothing))
     assert set(cycle) - set(kept.cycle) == {10.0, 31.0}
+
+
+@pytest.mark.parametrize("count", [5, 60])
+@pytest.mark.parametrize("short", [[0], [1], [-1], [-2]])
+def test_a_cycle_cut_short_leaves_the_table_wherever_it_stands(count: int, short: list[int]) -> None:
+    kept = without_cut_short(_faded(count, short))
+    assert len(kept) == count - 1
+    assert np.all(kept.capacity_ah > 0.7)
+
+
+@pytest.mark.parametrize("short", [[0, 1], [-1, -2]])
+def test_two_cycles_cut_short_at_an_end_leave_the_table(short: list[int]) -> None:
+    assert len(without_cut_short(_faded(60, short))) == 58
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 60])
+def test_whole_cycles_stay(count: int) -> None:
+    assert len(without_cut_short(_faded(count, []))) == count
+
+
+def _faded(count: int, short: list[int]) -> CycleTable:
+    """1 % of what is left is lost in each of the last cycles; ``short`` ended at half of their capacity."""
+    cycle = np.arange(1.0, count + 1)
+    capacity = 0.99 ** np.maximum(cycle - count + 12, 0.0)
+    capacity[short] *= 0.5
+    nothing = np.full(count, np.nan)
+    return CycleTable(cycle, capacity, nothing, nothing)

@@ -61,6 +61,36 @@ def test_a_vanished_step_does_not_shift_the_ones_behind_it() -> None:
     assert residuals(TASK, Outcome((ExperimentRun(without),))) is not None
 
 
+def steps_of(kinds: list[tuple[StepKind, int]]) -> Trajectory:
+    """Steps of so many kinds and cycles, 20 samples each; the voltage rises by 1 mV from sample to sample."""
+    current = {StepKind.REST: 0.0, StepKind.CC_CHARGE: -1.0, StepKind.CC_DISCHARGE: 1.0}
+    time = np.concatenate([600.0 * place + np.linspace(0.0, 600.0, 20) for place in range(len(kinds))])
+    steps = tuple(Step(kind, 20 * place, 20 * place + 20, cycle) for place, (kind, cycle) in enumerate(kinds))
+    flows = np.concatenate([np.full(20, current[kind]) for kind, _ in kinds])
+    return Trajectory(time, flows, 3.7 + 0.001 * np.arange(len(time)), None, steps)
+
+
+@pytest.mark.parametrize(("scored_cycle", "stays_at"), [(None, 3.7), (1, 3.7), (2, 3.7 + 0.001 * 59)])
+def test_a_vanished_first_step_stays_where_the_simulation_stood_before_it(
+    scored_cycle: int | None, stays_at: float
+) -> None:
+    kinds = (StepKind.CC_CHARGE, StepKind.REST, StepKind.CC_DISCHARGE)
+    cycles = [[(kind, cycle) for kind in kinds] for cycle in (1, 2)]
+    vanishes_in = scored_cycle or 1
+    simulated = steps_of([step for step in cycles[0] + cycles[1] if step != (StepKind.CC_CHARGE, vanishes_in)])
+    protocol = (("Charge at 1 A until 4.2 V", "Rest for 10 minutes", "Discharge at 1 A until 3 V"),) * 2
+    experiment = Experiment("r", steps_of(cycles[0] + cycles[1]), protocol, scored_cycle)
+    first = pair_steps(simulated, experiment)[0]
+    assert first.simulated is None
+    assert first.fallback is not None
+    assert first.fallback["voltage"] == pytest.approx(stays_at)
+    task = Task("t", CellModel("x"), space(), (experiment,))
+    found = residuals(task, Outcome((ExperimentRun(simulated),)))
+    assert found is not None
+    # What had not begun has not vanished.
+    assert not pair_steps(simulated.slice(0, 40), replace(experiment, scored_cycle=2))[0].reached
+
+
 def test_under_a_measured_current_the_sum_of_squares_is_the_mean_square_in_mv() -> None:
     target = record(HIDDEN)
     task = Task("t", CellModel("x"), space(), (Experiment("r", target),))

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bsa.core.comparison.noise import noise_freedom, noise_of, rounding_that_stays
@@ -30,6 +32,16 @@ def test_higher_orders_see_less_of_a_coarsely_sampled_curve() -> None:
     assert second is not None
     assert fourth is not None
     assert fourth < 0.2 * second
+
+
+def test_a_drive_cycle_tells_no_noise() -> None:
+    noisy = bending(900) + np.random.default_rng(0).normal(0.0, 1e-3, 900)
+    drive = record(noisy, 1.0, StepKind.DRIVE)
+    assert noise_of(drive, drive.voltage) is None
+    assert noise_freedom(drive) == np.inf
+    beside = replace(drive, steps=(Step(StepKind.DRIVE, 0, 600), Step(StepKind.REST, 600, 900)))
+    rough = np.where(np.arange(900) < 600, 0.1 * np.sin(np.arange(900) ** 2), 0.0)
+    assert noise_of(beside, noisy + rough) == pytest.approx(1e-3, rel=0.2)
 
 
 def test_rounding_counts_as_noise() -> None:

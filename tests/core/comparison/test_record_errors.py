@@ -54,6 +54,18 @@ def test_the_worst_hundredth_of_the_time_is_left_out_and_no_more() -> None:
     assert found.signals["voltage"].rms > 90.0
 
 
+@pytest.mark.parametrize("inserted", [[], [5, 6], [30]])
+def test_a_sample_at_a_jump_is_not_the_largest_error(inserted: list[int]) -> None:
+    record = two_steps()
+    steps = (Step(StepKind.CC_DISCHARGE, 0, 11), Step(StepKind.REST, 11, 12, position=1))
+    steps += (Step(StepKind.REST, 12, len(record), position=2),)
+    record = replace(record, steps=steps, inserted=np.isin(np.arange(len(record)), inserted))
+    error = np.where(np.arange(len(record)) == 11, 0.2, 0.0)
+    error[20] = 0.005
+    (found,) = errors_by_record(task_of(record), outcome(record.changed(voltage=record.voltage + error)))
+    assert found.signals["voltage"].max == pytest.approx(5.0)
+
+
 @given(st.lists(st.floats(-1.0, 1.0), min_size=42, max_size=42))
 def test_what_is_left_out_is_never_the_better_part(errors: list[float]) -> None:
     record = two_steps()

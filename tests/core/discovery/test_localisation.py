@@ -3,7 +3,6 @@ from dataclasses import replace
 import discovery_toy as toy
 import numpy as np
 import pytest
-from bsa.core.discovery.closure import fit_closure
 from bsa.core.discovery.localisation import in_words, localise
 from bsa.core.discovery.observations import observe
 from bsa.core.discovery.simulator import MeasuredRecord
@@ -34,13 +33,6 @@ def test_an_error_under_load_is_found_under_load():
     (by_rate,) = (sentence for sentence in sentences if sentence.startswith("By rate, the largest error: "))
     assert "(15.5 mV rms, simulated minus measured on average -11.4 mV)" in by_rate
     assert any(sentence.startswith("By time since the last step, ") for sentence in sentences)
-
-
-def test_a_closure_describes_a_resistance():
-    o = observed()
-    closure = fit_closure([o], [-0.01 * o.current], 1.0)
-    assert closure.rmse_after_mv < 0.1 * closure.rmse_before_mv
-    assert "empirical" in closure.label
 
 
 def test_averages_keep_every_sample_and_the_noise():

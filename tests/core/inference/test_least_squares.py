@@ -38,7 +38,7 @@ def test_a_linear_problem_takes_one_jacobian_and_a_few_steps(seed: int, count: i
     search = LeastSquares(np.full(count, 0.5), settings=Settings(radius=1.0, tolerance=1e-6))
     run(search, lambda x: matrix @ (x - target))
     best = 2.0 * lsq_linear(matrix, matrix @ target, bounds=(0, 1), tol=1e-14).cost
-    assert search.converged
+    assert search.ending in ("perfect", "noise", "misfit", "no progress")
     assert search.cost <= best * (1 + 1e-6) + 1e-12
     assert search.simulations <= 1 + count + 6
 
@@ -146,7 +146,7 @@ def test_a_failing_start_is_the_end() -> None:
     search = LeastSquares(np.array([0.5]))
     search.tell([None for _ in search.ask()])
     assert search.done
-    assert not search.converged
+    assert search.ending == "failed"
     assert search.ask() == []
     assert search.cost == np.inf
 
@@ -205,7 +205,7 @@ def test_a_fit_counts_every_simulation_and_keeps_to_its_budget() -> None:
     solve(fit, function, budget=40)
     assert space.from_unit(fit.point) == pytest.approx({"a": 3.0, "b": -0.5}, rel=1e-4)
     assert fit.simulations == len(seen) <= 40
-    assert fit.converged
+    assert fit.ending not in ("", "failed", "blocked")
     assert fit.jacobian is not None
     for budget in range(1, 12):
         seen.clear()
@@ -318,3 +318,30 @@ def test_a_fit_that_wants_every_gain_ends_where_steps_vanish(seed: int) -> None:
     search = LeastSquares(rng.random(count), settings=Settings(tolerance=0.0))
     solve(search, residuals, 1500)
     assert search.done
+
+
+@pytest.mark.parametrize("emulates", [False, True])
+def test_a_fit_without_a_neighbour_that_simulates_says_so(emulates: bool) -> None:
+    start = np.array([0.5, 0.5])
+    search = LeastSquares(start, settings=Settings(emulates=emulates))
+    run(search, lambda x: np.array([1.0, 2.0]) if np.array_equal(x, start) else None)
+    assert search.ending == "blocked"
+    assert search.failed == (0, 1)
+    assert search.predicted == np.inf
+
+
+def test_a_coordinate_that_cannot_be_varied_is_named_and_the_others_are_fitted() -> None:
+    search = LeastSquares(np.array([0.5, 0.5]), settings=Settings(tolerance=1e-9))
+    run(search, lambda x: np.array([x[1] - 0.3, 1.0]) if x[0] == 0.5 else None)
+    assert search.failed == (0,)
+    assert search.ending not in ("", "blocked")
+    assert search.point == pytest.approx([0.5, 0.3], abs=1e-5)
+
+
+@pytest.mark.parametrize("emulates", [False, True])
+def test_a_fit_with_nothing_free_is_done(emulates: bool) -> None:
+    search = LeastSquares(np.array([0.5, 0.5]), settings=Settings(emulates=emulates), free=np.zeros(2, dtype=bool))
+    assert len(run(search, lambda x: np.array([x[0], 2.0]))) == 1
+    assert search.done
+    assert search.ending == "noise"
+    assert search.predicted == 0.0

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 from bsa.core.ageing.choice import SHOWN
-from bsa.core.simulation import ExperimentRun, Outcome
+from bsa.core.simulation import ExperimentRun, Outcome, SimulationFailure
 from bsa.core.task import Task
 from bsa.plugins.feedback.ageing import cycles_in_detail, fade_features, measured_life, told_cycles
 from bsa.plugins.feedback.features import mismatches
@@ -65,9 +65,14 @@ def test_a_life_that_ended_early_tells_what_it_reached() -> None:
     whole = life(200, 0.1)
     assert whole.cycle_table is not None
     part = replace(whole, cycle_table=whole.cycle_table.up_to(120))
-    found = fade_features(ExperimentRun(part), life_task(life(200, 0.2)).experiments[0])
+    record = life_task(life(200, 0.2)).experiments[0]
+    found = fade_features(ExperimentRun(part, SimulationFailure("it stopped", cycle=121)), record)
     assert "capacity_mismatch_cycle_101_pct" in found
     assert "capacity_mismatch_cycle_200_pct" not in found
     assert "fade_mismatch_pct" not in found
+    # One that ran to its end lacks the cycles in which its cell gave no charge any more.
+    found = fade_features(ExperimentRun(part), record)
+    assert found["capacity_mismatch_cycle_200_pct"][0] == pytest.approx(-100.0)
+    assert found["fade_mismatch_pct"][0] == pytest.approx(80.0)
     assert fade_features(ExperimentRun(None), life_task(whole).experiments[0]) == {}
     assert cycles_in_detail(life_task(whole), (None,))[0]["cycles"][0]["steps"] == []

@@ -169,3 +169,28 @@ def test_a_point_that_is_taken_over_brings_what_the_trials_near_it_tell(run_toy:
     descent.adopt(trial(there), [trial(origin), *near])
     (asked,) = descent.ask(100)
     assert space.to_unit(asked) == pytest.approx(goal, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("varied", "said"),
+    [
+        ((), "no parameter could be varied there, for all simulations nearby failed."),
+        ((1, 2, 3), f"{CAPACITY} could not be varied there: simulations with other values failed."),
+    ],
+)
+def test_a_fit_says_what_could_not_be_varied(run_toy: RunToy, varied: tuple[int, ...], said: str) -> None:
+    task = toy_task()
+    space = task.space
+    origin = space.to_unit(space.initial)
+    first = run_toy(task=task, scaffold=toy_scaffold("default"), warm_up=0).trials[0]
+
+    def trial(candidate: dict[str, float]) -> Trial:
+        away = space.to_unit(candidate) - origin
+        fixed = np.delete(away, varied)
+        failed = bool(np.any(np.abs(fixed) > 1e-9))
+        return replace(first, candidate=candidate, residuals=None if failed else np.append(away - 0.1, np.full(9, 5.0)))
+
+    descent = Descent(task, DescentOptions(restarts=0), seed=1, start=trial(dict(space.initial)))
+    while asked := descent.ask(100):
+        descent.tell([trial(dict(candidate)) for candidate in asked])
+    assert descent.ending.endswith(said)

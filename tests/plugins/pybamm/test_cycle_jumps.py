@@ -87,3 +87,16 @@ def test_a_cell_that_dies_is_found_dead_in_the_same_cycle() -> None:
 def test_cycles_without_a_discharge_are_all_simulated() -> None:
     cell = Cell(lambda state: np.zeros(3))
     assert len(run(cell, 30)) == 30
+
+
+@pytest.mark.parametrize("last_discharge", [12, 13, 16, 20, 60])
+def test_no_cycle_is_left_out_where_a_discharge_ends_before_it_begins(last_discharge: int) -> None:
+    def simulate(number: int, state: Any) -> SolvedCycle:
+        age = np.array([1.0]) if state is None else state + 1.0
+        capacity = 2.0 - 0.01 * age[0] if age[0] < last_discharge + 0.5 else 0.0
+        return SolvedCycle(number, age, age, float(capacity), NOTHING)
+
+    runner = CycleRunner(lambda state, vector: vector, None)
+    found = {cycle.number: cycle.capacity_ah for cycle in runner.run(simulate, 1, 100, (1, 50, 100))}
+    assert {number for number, capacity in found.items() if capacity == 0} == set(range(last_discharge + 1, 101))
+    assert found[last_discharge] == pytest.approx(2.0 - 0.01 * last_discharge)
