@@ -77,13 +77,17 @@ def with_thermal_model(
     requests: Sequence[RecordRequest],
     records: Sequence[Record],
     held_out: Sequence[Record],
+    parameter_set: ParameterSource,
     values: Any,
 ) -> tuple[dict[str, Any], list[str]]:
     """The model's options with a temperature where the cell warms, and what is to be said of it.
 
     That is where a temperature was measured that changes, and where none was and the current is fast, that of records
-    that are held out included; ``values`` are those of the cell's parameter set.
+    that are held out included; ``values`` are those of the cell's parameter set. Where no temperature was measured and
+    the set does not say how its cell is cooled, or that nothing cools it, the cell stays isothermal.
     """
+    from ...plugins.pybamm.parameter_sets import states
+
     if THERMAL in options or any(request.protocol is not None for request in requests):
         return options, []
     change_k = warms_by(records)
@@ -92,16 +96,34 @@ def with_thermal_model(
             f"The measured temperature changes by {change_k:.1f} K: the model is thermal (lumped); its temperature is "
             "fitted beside the voltage"
         )
-    elif _measured(records) or any(name not in values for name in _COOLED):
+    elif _measured(records) or not all(values.get(name) for name in _COOLED):
         return options, []
     elif (rate := fastest_rate([*records, *held_out], values)) >= _WARMS_AT:
-        why = (
-            f"The current reaches {rate:.2g} times the cell's charge per hour and no temperature was measured: the "
-            "model is thermal (lumped), with the cooling of the parameter set"
-        )
+        fast = f"The current reaches {rate:.2g} times the cell's charge per hour and no temperature was measured: "
+        if not states(parameter_set, _COOLING):
+            return options, [
+                f"{fast}cells warm at such currents, but {parameter_set} does not say how its cell is cooled. The "
+                "model stays isothermal (--options thermal=lumped simulates the temperature)."
+            ]
+        why = f"{fast}the model is thermal (lumped), with the cooling of the parameter set"
     else:
         return options, []
     return {**options, THERMAL: "lumped"}, [f"{why} (--options thermal=isothermal keeps it constant)."]
+
+
+def cooling_note(
+    parameter_set: ParameterSource, options: Mapping[str, Any], given: Collection[str], values: Any
+) -> list[str]:
+    """What is to be said of a cell that warms, and of whose cooling neither its set nor the person says anything."""
+    from ...plugins.pybamm.parameter_sets import FILL_FROM, states
+
+    warms = options.get(THERMAL, ISOTHERMAL) != ISOTHERMAL
+    if not warms or _COOLING in given or states(parameter_set, _COOLING):
+        return []
+    return [
+        f"{parameter_set} does not say how its cell is cooled: a heat transfer coefficient of "
+        f"{float(values[_COOLING]):g} W.m-2.K-1 is taken, that of {FILL_FROM[-1]}."
+    ]
 
 
 def _measured(records: Sequence[Record]) -> bool:

@@ -13,6 +13,7 @@ from ...core.task import CellModel, ParameterFile, ParameterSource
 from .cell_for_records import (
     WIDTH,
     at_several_temperatures,
+    cooling_note,
     hysteresis_note,
     measured_thermodynamic_factor,
     size_factor,
@@ -102,8 +103,10 @@ def _set_and_options(
     parameter_set, notes = with_chosen_potentials(wanted.parameter_set, wanted.ocp, records)
     notes = notes if wanted.effects else [*notes, *hysteresis_note(records)]
     values = load(parameter_set, wanted.overrides)
-    options, said = with_thermal_model(in_pybamm_spelling(wanted.options), requests, records, held_out, values)
-    notes += said
+    options, said = with_thermal_model(
+        in_pybamm_spelling(wanted.options), requests, records, held_out, parameter_set, values
+    )
+    notes += [*said, *cooling_note(parameter_set, options, wanted.given, values)]
     if at_several_temperatures(options, ambient_k) and not wanted.is_own_file:
         parameter_set, said = temperature_dependent(
             CellModel(parameter_set, wanted.model, options, wanted.overrides), wanted.search

@@ -69,6 +69,8 @@ _TAGS = ("$type", "type", "py/object", "module", "class")
 _CUT_OFFS = {0: "Lower voltage cut-off [V]", 100: "Upper voltage cut-off [V]"}
 """By the state of charge in percent."""
 
+COOLING = "Total heat transfer coefficient [W.m-2.K-1]"
+
 _INFORMATION = ("citations", "chemistry")
 
 
@@ -128,7 +130,15 @@ def _bpx(file: ParameterFile) -> dict[str, Any]:
     reason = why_no_full_cell(values)
     if reason:
         raise BsaError(f"{reason}.", "only full cells with one material in each electrode are simulated.")
+    if not _states_cooling(content):
+        values.pop(COOLING, None)  # PyBaMM's 0 is an adiabatic cell, of which the file says nothing
     return values
+
+
+def _states_cooling(content: Mapping[str, Any]) -> bool:
+    """Whether a BPX file has a heat transfer coefficient; the standard has one from version 1 on, and may lack it."""
+    around = (content.get("State") or {}).get("Thermal environment") or {}
+    return around.get("Heat transfer coefficient [W.m-2.K-1]") is not None
 
 
 def _texts(content: Any) -> Iterator[str]:

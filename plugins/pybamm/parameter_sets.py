@@ -100,6 +100,11 @@ def _own(name: ParameterSource) -> dict[str, Any]:
     return dict(pybamm.ParameterValues(name))
 
 
+def states(name: ParameterSource, key: str) -> bool:
+    """Whether a parameter set has the key itself: what it lacks is filled in."""
+    return key in _own(name)
+
+
 def load(name: ParameterSource, overrides: Mapping[str, float] | None = None) -> pybamm.ParameterValues:
     """A parameter set, gaps filled from Chen2020, with overrides put in.
 

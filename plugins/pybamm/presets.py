@@ -94,7 +94,8 @@ def preset_space(
     """The search space of a preset around a parameter set.
 
     The preset is one of `presets`, such as ``"cell"`` or ``"geometry"``. ``overrides`` replace values of the
-    set, and the search starts from them; parameters that take no part with PyBaMM's model ``options`` are left out.
+    set, and the search starts from them; parameters that take no part with PyBaMM's model ``options``, and those whose
+    range is multiples of a value that is 0, are left out.
     Raises `BsaError` if there is no such preset or parameter set, or none of the preset's parameters takes part.
     """
     known = presets()
@@ -108,6 +109,7 @@ def preset_space(
         if entry.takes_part(options or {})
         and not (entry.number_only and name not in given and is_function(parameter_set, name))
         and not (entry.if_present and name not in load(parameter_set))
+        and not (entry.factors and _is_zero(parameter_set, name, given))
     }
     if not chosen:
         raise BsaError(
@@ -184,6 +186,10 @@ def _from_person(
             # An unknown name is the likelier mistake: say that first.
             initial_value(parameter_set, name, overrides)
             raise BsaError(f'"{name}" has no bounds.', "give lower and upper, or factors: [0.5, 2].")
+        if known.factors and _is_zero(parameter_set, _preset_name(name), overrides):
+            raise BsaError(
+                f'"{name}" is 0 in {parameter_set}, multiples of which are no range.', "give lower and upper."
+            )
         parameter = _from_preset(parameter_set, _preset_name(name), known, overrides)
         if entry.deviation is not None:
             parameter = replace(parameter, deviation=entry.deviation, prior=True)
@@ -230,6 +236,12 @@ def _from_preset(parameter_set: ParameterSource, name: str, entry: Range, overri
 def _target(parameter_set: ParameterSource, name: str, overrides: Mapping[str, float]) -> Target:
     """What a name acts on; a function that an override replaces by a number is a value."""
     return Value(name) if name in overrides else target_in(parameter_set, name)
+
+
+def _is_zero(parameter_set: ParameterSource, name: str, overrides: Mapping[str, float]) -> bool:
+    """Whether the set says that a number is 0, multiples of which are no range."""
+    given = name in overrides or not is_function(parameter_set, name)
+    return given and initial_value(parameter_set, name, overrides) == 0.0
 
 
 def _preset_name(name: str) -> str:

@@ -1,5 +1,6 @@
 """What a person says of records, parameters and options is kept."""
 
+import json
 from dataclasses import replace
 from typing import Any
 
@@ -183,6 +184,21 @@ def test_a_fast_cell_whose_temperature_was_not_measured_has_a_thermal_model_that
     part = record()
     part = replace(part, trajectory=part.trajectory.changed(voltage=0.2 * part.trajectory.voltage + 3.0))
     assert "thermal" not in task_of(part, search="cell").cell.options
+
+
+def test_a_fast_cell_whose_set_does_not_say_how_it_is_cooled_stays_isothermal_until_a_temperature_is_asked_for() -> (
+    None
+):
+    cooling = "Total heat transfer coefficient [W.m-2.K-1]"
+    stated = {key: value for key, value in json.loads(as_json(load("Chen2020"))).items() if key != cooling}
+    file = ParameterFile("cell.json", "parameter-values", json.dumps(stated))
+    request = RecordRequest(record(rest=False, amperes=8.0))
+    task = build_task("t", file, [request], model="SPM")
+    assert "thermal" not in task.cell.options
+    assert any("cell.json does not say how its cell is cooled. The model stays isothermal" in n for n in task.notes)
+    asked = build_task("t", file, [request], model="SPM", options={"thermal": "lumped"})
+    assert asked.space[cooling].initial == 10.0
+    assert any("a heat transfer coefficient of 10 W.m-2.K-1 is taken, that of Chen2020" in n for n in asked.notes)
 
 
 def test_a_cell_of_another_size_has_another_volume_and_surface() -> None:

@@ -13,8 +13,8 @@ from bsa.core.task import CellModel, Experiment, ParameterFile, Task
 from bsa.core.trajectory import Trajectory
 from bsa.plugins.pybamm.export import as_json
 from bsa.plugins.pybamm.nameplate import nominal_capacity_ah
-from bsa.plugins.pybamm.parameter_files import expression, parsed
-from bsa.plugins.pybamm.parameter_sets import bake, load, pybamm
+from bsa.plugins.pybamm.parameter_files import COOLING, expression, parsed
+from bsa.plugins.pybamm.parameter_sets import bake, load, pybamm, states
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -81,6 +81,20 @@ def test_a_bpx_file_gives_what_pybamm_makes_of_it() -> None:
     theirs = pybamm.ParameterValues.create_from_bpx_obj(bpx_content())
     assert end_voltage(ours) == pytest.approx(end_voltage(theirs), abs=1e-9)
     assert ours["SEI resistivity [Ohm.m]"] == load("Chen2020")["SEI resistivity [Ohm.m]"]  # a gap, filled
+
+
+@pytest.mark.parametrize(("coefficient", "taken"), [(None, 10.0), (25.0, 25.0), (0.0, 0.0)])
+def test_a_bpx_file_that_does_not_say_how_its_cell_is_cooled_is_not_adiabatic(coefficient, taken) -> None:
+    content = bpx_content()
+    initial = {"Initial state-of-charge": 1.0, "Initial temperature [K]": 298.15}
+    around = {"Ambient temperature [K]": 298.15}
+    if coefficient is not None:
+        around["Heat transfer coefficient [W.m-2.K-1]"] = coefficient
+    file = parsed(
+        "cell.json", json.dumps({**content, "State": {"Initial conditions": initial, "Thermal environment": around}})
+    )
+    assert load(file)[COOLING] == taken
+    assert states(file, COOLING) == (coefficient is not None)
 
 
 def test_a_file_travels_whole_with_its_task() -> None:

@@ -102,6 +102,19 @@ def test_bounds_without_a_known_range_must_be_given() -> None:
         resolve_space("Chen2020", {"Electrode height [m]": None})
 
 
+COOLING = "Total heat transfer coefficient [W.m-2.K-1]"
+
+
+def test_a_preset_leaves_out_what_is_0_in_the_set_where_it_searches_multiples() -> None:
+    lumped = {"thermal": "lumped"}
+    assert COOLING in preset_space("Chen2020", "cell", options=lumped)
+    space = preset_space("Chen2020", "cell", {COOLING: 0.0}, lumped)
+    assert COOLING not in space
+    assert "Cell volume [m3]" in space
+    with pytest.raises(BsaError, match="is 0 in Chen2020"):
+        resolve_space("Chen2020", {COOLING: None}, {COOLING: 0.0}, lumped)
+
+
 RADIUS = "Negative particle radius [m]"
 
 
