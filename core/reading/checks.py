@@ -18,8 +18,9 @@ from .gaps import with_gaps_noted
 from .joining import carried_on
 from .lag import without_lag
 from .samples import Samples
+from .temperature import KELVIN, with_usable_temperature
 from .time_unit import check_time_unit
-from .values import KELVIN, check_range, check_size, check_units, without_glitches, without_missing
+from .values import check_range, check_size, check_units, without_glitches, without_missing
 
 MIN_SAMPLES = 10
 """A record with fewer samples says nothing about a cell."""
@@ -32,7 +33,7 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
     the file, the row or column at fault and its value.
     """
     check_size(samples)
-    samples = without_missing(samples)
+    samples = with_usable_temperature(without_missing(samples))
     _enough(samples)
     check_units(samples)
     samples = with_clock(carried_on(samples, options.join))
@@ -63,8 +64,9 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
         )
     if ambient is not None and not KELVIN[0] <= ambient <= KELVIN[1]:
         raise BsaError(
-            f"{samples.source}: an ambient temperature of {ambient - 273.15:.4g} degC ({ambient:.4g} K) cannot be.",
-            "is it in another unit? Then say --temperature DEGC.",
+            f"{samples.source}: an ambient temperature of {ambient - 273.15:.4g} degC ({ambient:.4g} K) cannot be: "
+            f"cells are measured between {KELVIN[0] - 273.15:.0f} and {KELVIN[1] - 273.15:.0f} degC.",
+            "say with --temperature what it was, in degC.",
         )
     if options.cycles is not None:
         trajectory = trajectory.slice(chosen.start, chosen.stop)

@@ -1,7 +1,5 @@
 """What a number in a file may be: values that are missing, wild, or in another unit than the file says."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from ..errors import BsaError
@@ -18,9 +16,6 @@ MISSING_ROWS = 3
 VOLTAGE_RANGE_V = (0.0, 6.0)
 """What a single cell can show, in V."""
 
-KELVIN = (200.0, 400.0)
-"""Temperatures at which a cell is measured; outside, the unit is another one."""
-
 GLITCH_V = 0.4
 """A lone sample this far from both neighbours, which agree and carry the same current, is a glitch, in V."""
 
@@ -28,7 +23,7 @@ MAX_CURRENT_A = 2000.0
 
 
 def without_missing(samples: Samples) -> Samples:
-    """Leave out the few samples without a value; a temperature is interpolated or, if mostly missing, dropped."""
+    """Leave out the few samples without a value. Raises `BsaError` if there are many."""
     if len(samples) == 0:
         return samples
     gone = np.zeros(len(samples), dtype=np.bool_)
@@ -48,29 +43,7 @@ def without_missing(samples: Samples) -> Samples:
             ~gone,
             f"{counted(len(rows), 'sample')} without a value {were(len(rows))} left out ({samples.places(rows)}).",
         )
-    return _with_temperature(samples)
-
-
-def _with_temperature(samples: Samples) -> Samples:
-    temperature = samples.temperature
-    if temperature is None or len(samples) == 0:
-        return samples
-    bad = ~np.isfinite(temperature)
-    if not bad.any():
-        return samples
-    rows = np.flatnonzero(bad)
-    if len(rows) > 0.1 * len(samples):
-        samples = samples.noted(
-            f"column {samples.column('temperature')} has no number in {len(rows)} of {len(samples)} rows; "
-            "it is not used."
-        )
-        return replace(samples, temperature=None)
-    filled = temperature.copy()
-    filled[bad] = np.interp(rows, np.flatnonzero(~bad), filled[~bad])
-    samples = samples.noted(
-        f"{counted(len(rows), 'missing temperature')} {were(len(rows))} interpolated ({samples.places(rows)})."
-    )
-    return replace(samples, temperature=filled)
+    return samples
 
 
 def check_size(samples: Samples) -> None:
@@ -115,11 +88,6 @@ def check_units(samples: Samples) -> None:
     current = float(np.quantile(np.abs(samples.current), 0.95))
     if current > MAX_CURRENT_A:
         _refuse_unit(samples, "current", f"{current:g} A", "mA")
-    if samples.temperature is not None:
-        kelvin = float(np.median(samples.temperature))
-        if not KELVIN[0] <= kelvin <= KELVIN[1]:
-            other = "degC" if kelvin < KELVIN[0] else "K"
-            _refuse_unit(samples, "temperature", f"{kelvin - 273.15:.4g} degC ({kelvin:.4g} K)", other)
     duration = float(np.max(samples.time) - np.min(samples.time))
     swing = float(np.ptp(np.quantile(samples.voltage, [0.02, 0.98])))
     if len(samples) >= 50 and 0.0 < duration < 30.0 and swing > 0.5:
