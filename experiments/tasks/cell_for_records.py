@@ -27,7 +27,7 @@ _HYSTERESIS_V = 0.03
 """Distance of a slow charge from a slow discharge that polarisation does not explain, V: at C/20 it takes 5 to 8 mV off
 each, of which this is twice."""
 
-_NEAR_POTENTIALS_V = 0.015
+NEAR_POTENTIALS_V = 0.015
 """Misfit of the slowest record up to which a set's potentials are near, V: published ones of one chemistry differ by 12
 to 16 mV."""
 
@@ -61,9 +61,6 @@ _MEASURED_FACTOR = 2.2
 """Thermodynamic factor of LiPF6 in carbonates at 1 mol/l and 25 degC: 2.17 in PC:EC:DMC (Valoen and Reimers, J.
 Electrochem. Soc. 152 (2005) A882, doi:10.1149/1.1872737), 2.18 in EC:EMC (Landesfeind and Gasteiger, J. Electrochem.
 Soc. 166 (2019) A3079, doi:10.1149/2.0571912jes)."""
-
-_SAME_SIZE = (0.8, 1.25)
-"""Ratios of measured to nominal capacity that the search bridges by itself."""
 
 
 def warms_by(records: Sequence[Record]) -> float:
@@ -132,8 +129,8 @@ def _measured(records: Sequence[Record]) -> bool:
 
 def fastest_rate(records: Sequence[Record], values: Any) -> float:
     """Largest root mean square of the current under load, in charges of the cell per hour; 0 if no record tells."""
-    cycles = _whole_cycles(records, values)
-    charge_ah = max((_span_ah(cycle) for cycle in cycles), default=0.0)
+    cycles = whole_cycles(records, values)
+    charge_ah = max((span_ah(cycle) for cycle in cycles), default=0.0)
     rates = [_rms_under_load(cycle.time, cycle.current) / charge_ah for cycle in cycles if charge_ah > 0.0]
     return max(rates, default=0.0)
 
@@ -236,7 +233,7 @@ def with_chosen_potentials(
     which = "the slow record" if curve is None else curve.words
     if parameter_set != NEAREST:
         own_v = None if curve is None else misfit_of(parameter_set, curve)
-        far = own_v is not None and own_v > _NEAR_POTENTIALS_V
+        far = own_v is not None and own_v > NEAR_POTENTIALS_V
         words = [f"The open-circuit potentials of {parameter_set} leave {1e3 * (own_v or 0.0):.1f} mV of {which}"]
         if not wanted:
             nearer = (
@@ -322,27 +319,19 @@ def wide_window(values: Any, records: Sequence[Record]) -> dict[str, float]:
     return wide
 
 
-def _whole_cycles(records: Sequence[Record], values: Any) -> list[Trajectory]:
+def whole_cycles(records: Sequence[Record], values: Any) -> list[Trajectory]:
     """The cycles that cross most of the voltage window: one that stays in part of it says little about the capacity."""
-    window = float(values["Upper voltage cut-off [V]"]) - float(values["Lower voltage cut-off [V]"])
     # Over many cycles the counted charge drifts; within one it does not matter.
     each = (cycle for record in records for cycle in map(record.trajectory.cycle, record.trajectory.cycles))
-    return [cycle for cycle in each if np.ptp(cycle.voltage) > _MOST_OF_THE_WINDOW * window]
+    return [cycle for cycle in each if is_whole(cycle, values)]
 
 
-def _span_ah(cycle: Trajectory) -> float:
+def is_whole(cycle: Trajectory, values: Any) -> bool:
+    """Whether a cycle crosses most of the voltage window of a cell's values."""
+    window = float(values["Upper voltage cut-off [V]"]) - float(values["Lower voltage cut-off [V]"])
+    return bool(np.ptp(cycle.voltage) > _MOST_OF_THE_WINDOW * window)
+
+
+def span_ah(cycle: Trajectory) -> float:
+    """The charge between a cycle's fullest and its emptiest moment, A.h."""
     return float(np.ptp(with_switches(cycle).discharge_capacity))
-
-
-def size_factor(records: Sequence[Record], values: Any, capacity_ah: float) -> tuple[float, str]:
-    """How much larger the measured cell is than the parameter set's, and a sentence if that matters."""
-    spans = [_span_ah(cycle) for cycle in _whole_cycles(records, values)]
-    if not spans:
-        return 1.0, ""
-    ratio = max(spans) / capacity_ah
-    if _SAME_SIZE[0] <= ratio <= _SAME_SIZE[1]:
-        return 1.0, ""
-    return ratio, (
-        f"The records hold {max(spans):.3g} A.h, the parameter set's cell {capacity_ah:.3g} A.h: "
-        f'"{WIDTH}" starts from {ratio:.3g} times its value (--no-scale keeps it).'
-    )

@@ -16,7 +16,6 @@ from .cell_for_records import (
     cooling_note,
     hysteresis_note,
     measured_thermodynamic_factor,
-    size_factor,
     temperature_dependent,
     volume_and_surface,
     wide_window,
@@ -24,6 +23,7 @@ from .cell_for_records import (
     with_searched_energies,
     with_thermal_model,
 )
+from .cell_size import size_factor, starting_soc
 from .influence import simulated_models, with_influence
 from .lives import cracks_note, with_ageing
 from .record_request import RECOGNISED, RecordRequest
@@ -86,7 +86,7 @@ def measured_cell(
     """
     parameter_set, options, notes = _set_and_options(wanted, requests, records, ambient_k, held_out)
     model = CellModel(parameter_set, wanted.model, options, wanted.overrides, wanted.effects)
-    overrides, capacity_ah, said = _values(wanted, model, requests, records)
+    overrides, capacity_ah, said = _values(wanted, model, requests, records, ambient_k)
     return MeasuredCell(replace(model, overrides=overrides), capacity_ah, [*notes, *said])
 
 
@@ -127,7 +127,11 @@ def _set_and_options(
 
 
 def _values(
-    wanted: CellRequest, model: CellModel, requests: Sequence[RecordRequest], records: Sequence[Record]
+    wanted: CellRequest,
+    model: CellModel,
+    requests: Sequence[RecordRequest],
+    records: Sequence[Record],
+    ambient_k: Sequence[float | None],
 ) -> tuple[dict[str, float], float, list[str]]:
     """What replaces numbers of the model's parameter set, the capacity in A.h, and what is to be said of them."""
     from ...plugins.pybamm.nameplate import CAPACITY, nominal_capacity_ah
@@ -142,7 +146,10 @@ def _values(
         replaced, notes = measured_thermodynamic_factor(model, values, wanted.search, wanted.given)
     in_amperes = all(request.as_measured for request in requests)
     scaled = wanted.scale_to_capacity and in_amperes and WIDTH not in wanted.given
-    factor, note = size_factor(records, values, capacity_ah) if scaled else (1.0, "")
+    factor, note = 1.0, ""
+    if scaled:
+        starts = [starting_soc(model, *one) for one in zip(requests, records, ambient_k[: len(records)], strict=True)]
+        factor, note = size_factor(records, values, capacity_ah, starts)
     if note:
         sizes, said = volume_and_surface(values, factor)
         replaced |= {WIDTH: float(values[WIDTH]) * factor, **sizes}

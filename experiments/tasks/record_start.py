@@ -11,7 +11,8 @@ _PROMPT_S, _NEARLY_EMPTY = 10.0, 0.1
 none does: a minute late, or at the end of a discharge, the same cells show two to ten times as much."""
 
 
-def _starts_at_rest(record: Trajectory) -> bool:
+def starts_at_rest(record: Trajectory) -> bool:
+    """Whether a record's first voltage is that of an open circuit."""
     return record.steps[0].kind is StepKind.REST or not begins_under_load(record)
 
 
@@ -21,7 +22,7 @@ def open_circuit_start(record: Trajectory) -> tuple[float, str]:
     A voltage under load is none: what the current's steps show as resistance is put back.
     """
     voltage = resting_voltage(record)
-    if _starts_at_rest(record):
+    if starts_at_rest(record):
         first = next(switches(record), None)
         early = first is not None and first.early and record.steps[0].kind is StepKind.REST
         why = " (its last sample at rest has the voltage under load already)" * early
@@ -46,7 +47,7 @@ def with_room_for(record: Trajectory, soc: float, capacity_ah: float) -> float:
 
     A cell gives no more than it holds, and takes no more than it has room for. Over later cycles the count drifts.
     """
-    if _starts_at_rest(record):
+    if starts_at_rest(record):
         return soc
     drawn = record.cycle(record.cycles[0]).discharge_capacity / capacity_ah
     lowest, highest = min(float(np.max(drawn)), 1.0), max(1.0 + float(np.min(drawn)), 0.0)

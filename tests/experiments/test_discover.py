@@ -79,10 +79,22 @@ def test_records_keep_the_names_of_their_files_and_those_of_one_name_are_told_ap
     assert set(case.initial_soc) == set(names)
 
 
+def test_what_was_assumed_of_the_records_is_told_before_anything_is_simulated(tmp_path, monkeypatch):
+    def stopped(*_arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("bsa.experiments.discover.set_up", stopped)
+    asked = {"data": [half_discharge(tmp_path / "cell.csv", 0.0)], "parameters": "Chen2020", "model": "SPM"}
+    heard = []
+    with pytest.raises(KeyboardInterrupt):
+        discover(DiscoverOptions(**asked, out=tmp_path / "out"), heard.append)
+    assert any(text.startswith("note: cell.csv: begins under load (3.900 V") for text in heard)
+
+
 def test_a_discovered_cell_has_the_nominal_capacity_of_its_size(tmp_path):
     time = np.arange(0.0, 4201.0, 30.0)
     amperes = np.where(time < 600.0, 0.0, 10.0)
-    volts = np.where(time < 600.0, 4.1, 3.95 - 1.4 * (time - 600.0) / 3600.0)
+    volts = np.where(time < 600.0, 4.2, 3.95 - 1.4 * (time - 600.0) / 3600.0)
     rows = [f"{t},{v},{-a}" for t, v, a in zip(time, volts, amperes, strict=True)]
     (tmp_path / "big.csv").write_text("Test Time / s,Voltage / V,Current / A\n" + "\n".join(rows))
     options = {"data": [tmp_path / "big.csv"], "parameters": "Chen2020", "model": "SPM", "out": tmp_path / "out"}

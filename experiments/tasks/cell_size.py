@@ -1,0 +1,90 @@
+"""How large the cell is that the records were measured on, by the charge that they pass."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...core.record import Record
+from ...core.segmentation.recognised_protocol import with_switches
+from ...core.task import CellModel
+from .cell_for_records import NEAR_POTENTIALS_V, WIDTH, is_whole, span_ah, whole_cycles
+from .record_request import RecordRequest
+from .record_start import open_circuit_start, starts_at_rest
+
+_SAME_SIZE = (0.8, 1.25)
+"""Ratios of measured to nominal capacity that the search bridges by itself."""
+
+_FAR_LARGER = 100.0
+"""Ratio of capacities from which on a current in mA that is taken for one in A is a likely reason: sets are of cells of
+0.15 to 5 A.h, and few cells hold more than 300."""
+
+_KNOWN_SOC = 0.1
+"""Width of the states of charge within which a first voltage tells where a record starts. On the plateau of a LiFePO4
+cell the same millivolts span half of the charge."""
+
+
+_HALF = 0.5
+"""A cell that starts fuller tells its charge by what it gives from there on, an emptier one by what it takes: of the
+smaller share an error of the start would be a large one."""
+
+
+@dataclass(frozen=True)
+class _Charge:
+    """What a cycle says of the cell's charge."""
+
+    ah: float  # Charge that the cell holds at least, A.h.
+    why: str = ""  # How that follows from what the cycle passes.
+
+
+def size_factor(
+    records: Sequence[Record], values: Any, capacity_ah: float, starts: Sequence[float | None]
+) -> tuple[float, str]:
+    """How much larger the measured cell is than the parameter set's, and a sentence if that matters.
+
+    ``starts`` are the states of charge at which the records start, where known: a cell that starts part full holds
+    more than it gives.
+    """
+    found = [_Charge(span_ah(cycle)) for cycle in whole_cycles(records, values)]
+    for record, soc in zip(records, starts, strict=True):
+        found += _from_start(record, values, soc)
+    if not found:
+        return 1.0, ""
+    charge = max(found, key=lambda one: one.ah)  # of equal ones the first, without a reason
+    ratio = charge.ah / capacity_ah
+    if _SAME_SIZE[0] <= ratio <= _SAME_SIZE[1]:
+        return 1.0, ""
+    return ratio, (
+        f"The records hold {charge.ah:.3g} A.h{charge.why}, the parameter set's cell {capacity_ah:.3g} A.h: "
+        f'"{WIDTH}" starts from {ratio:.3g} times its value (--no-scale keeps it).'
+        + " Is the current in mA? Then say --unit current=mA."
+        * (ratio >= _FAR_LARGER)
+    )
+
+
+def _from_start(record: Record, values: Any, soc: float | None) -> list[_Charge]:
+    """What a record's first cycle says that crosses most of the voltage window, and starts at a known charge."""
+    first = record.trajectory.cycle(record.trajectory.cycles[0])
+    if soc is None or not is_whole(first, values):
+        return []
+    drawn = with_switches(first).discharge_capacity
+    passed, share = (float(np.max(drawn)), soc) if soc > _HALF else (-float(np.min(drawn)), 1.0 - soc)
+    holds = passed / share
+    from_part = f" ({passed:.3g} A.h pass from a state of charge of {soc:.3g} on)"
+    return [_Charge(holds, from_part * (f"{holds:.3g}" != f"{passed:.3g}"))]
+
+
+def starting_soc(cell: CellModel, request: RecordRequest, record: Record, ambient_k: float | None) -> float | None:
+    """The state of charge at which a record starts, None where neither a person nor its first voltage tells."""
+    from ...plugins.pybamm.state_of_charge import soc_at_voltage
+
+    if request.initial_soc is not None or not request.as_measured:
+        return request.initial_soc
+    voltage = request.initial_voltage
+    if voltage is None:
+        if not starts_at_rest(record.trajectory):
+            return None
+        voltage, _ = open_circuit_start(record.trajectory)
+    low, soc, high = (soc_at_voltage(cell, voltage + d, ambient_k) for d in (-NEAR_POTENTIALS_V, 0, NEAR_POTENTIALS_V))
+    return soc if high - low <= _KNOWN_SOC else None
