@@ -86,6 +86,8 @@ def _on_records(
             return RecordedSimulator(held.enter_context(closing(pool)), Prediction, journal.file, journal.earlier)
 
         case = read_case(options)
+        for text in case.notes:
+            listener(f"note: {text}")
         backend = held.enter_context(backend_or_none(options, listener, bool(journal.earlier)))
         setup = set_up(case, options, listener, make_simulator)
         asked = None if backend is None else recorder.around(backend)

@@ -48,6 +48,8 @@ def discover_over_life(
     notes = list(task.notes)
     # What is wrong with the options is said before the first simulation.
     fit_cycles, considered = _fit_cycles(task, options.fit_cycles), _considered(task, options, notes)
+    for text in notes:
+        listener(f"note: {text}")
     listener("fitting the cell to its first cycle")
     cell = _first_cycle(task, options, workers, listener)
     with closing(LifeSimulatorPool(task, workers)) as pool:

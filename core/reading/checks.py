@@ -17,6 +17,7 @@ from .current_sign import with_sign
 from .gaps import with_gaps_noted
 from .joining import carried_on
 from .lag import without_lag
+from .largest_charge import check_charge
 from .samples import Samples
 from .temperature import KELVIN, with_usable_temperature
 from .time_unit import check_time_unit
@@ -40,6 +41,7 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
     samples = without_glitches(samples)
     check_range(samples)
     check_time_unit(samples)
+    check_charge(samples, options)
     samples = with_switches_counted(with_sign(samples, options))
     samples = _without_offset(samples, options.current_offset_a)
     samples = without_lag(samples, options.voltage_lag_s)

@@ -1,4 +1,4 @@
-"""Asks for the unit of a time that nobody gave one, where seconds would make an impossible rate of it."""
+"""Asks for the unit of a time that nobody gave one, where seconds would make an unheard-of rate of it."""
 
 import numpy as np
 
@@ -12,9 +12,13 @@ _WHOLE_V = 1.0
 _QUICKEST_S = 360.0
 """Time of a whole discharge at 10C, in s: faster ones are rare, so that minutes are the likelier unit."""
 
+_SLOWEST_S = 200.0 * 3600.0
+"""Time of a whole discharge at C/200, in s: curves near the open circuit are measured at C/10 to C/100, so that
+milliseconds are the likelier unit."""
+
 
 def check_time_unit(samples: Samples) -> None:
-    """Ask for the unit of the time where the file has none and whole charges or discharges would take but seconds.
+    """Ask for the unit of the time where the file has none and whole charges or discharges would take seconds or weeks.
 
     Of samples whose times rise. Raises `BsaError` with the option that names the unit.
     """
@@ -23,12 +27,25 @@ def check_time_unit(samples: Samples) -> None:
     first, last = steady_stretches(samples)
     voltage, seconds = samples.voltage, samples.time[last] - samples.time[first]
     whole = np.flatnonzero((np.abs(voltage[last] - voltage[first]) > _WHOLE_V) & (seconds > 0.0))
-    if len(whole) == 0 or seconds[whole].max() > _QUICKEST_S:
+    if len(whole) == 0:
         return
-    k = int(whole[np.argmax(seconds[whole])])
-    raise BsaError(
+    longest, shortest = whole[np.argmax(seconds[whole])], whole[np.argmin(seconds[whole])]
+    if seconds[longest] <= _QUICKEST_S:
+        raise _asking(samples, int(first[longest]), int(last[longest]), "min", "h, or ")
+    if seconds[shortest] >= _SLOWEST_S:
+        raise _asking(samples, int(first[shortest]), int(last[shortest]), "ms")
+
+
+def _asking(samples: Samples, first: int, last: int, likely: str, also: str = "") -> BsaError:
+    seconds, voltage = samples.time[last] - samples.time[first], samples.voltage
+    rate = 3600.0 / seconds
+    return BsaError(
         f"{samples.source}: column {samples.column('time')} has no unit; in s the voltage would go from "
-        f"{voltage[first[k]]:.4g} V ({samples.place(int(first[k]))}) to {voltage[last[k]]:.4g} V "
-        f"({samples.place(int(last[k]))}) in {seconds[k]:.3g} s, a rate of about {3600.0 / seconds[k]:.2g}C.",
-        "is it in min? Then say --unit time=min (or h, or s if that is right).",
+        f"{voltage[first]:.4g} V ({samples.place(first)}) to {voltage[last]:.4g} V ({samples.place(last)}) in "
+        f"{_duration(seconds)}, a rate of about {f'{rate:.2g}C' if rate >= 1.0 else f'C/{1.0 / rate:.0f}'}.",
+        f"is it in {likely}? Then say --unit time={likely} (or {also}s if that is right).",
     )
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.3g} s" if seconds < _SLOWEST_S else f"{seconds / 86400.0:.3g} days"

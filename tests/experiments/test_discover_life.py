@@ -68,7 +68,9 @@ class ToyLives:
 @pytest.fixture
 def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A record that stands for a life on paper; nothing is simulated."""
-    monkeypatch.setattr(discover_life, "read_life", lambda options: life_task(life(CYCLES, 0.1)))
+    monkeypatch.setattr(
+        discover_life, "read_life", lambda options: replace(life_task(life(CYCLES, 0.1)), notes=("assumed",))
+    )
     monkeypatch.setattr(discover_life, "_first_cycle", lambda *arguments: {})
     monkeypatch.setattr(discover_life, "degradation_modes", lambda *arguments: [])
     monkeypatch.setattr(discover_life, "effects_of", lambda *arguments: MECHANISMS)
@@ -143,6 +145,7 @@ def test_ctrl_c_says_how_it_goes_on_and_the_rest_is_printed_as_json(
     content = json.loads(said.out)
     assert (content["verdict"], content["fit_cycles"]) == ("effect-found", 120)
     assert all(f"{name}: " in said.err for name in BENDS)
+    assert "\nnote: assumed\n" in said.err
     monkeypatch.setattr(sys, "argv", ["bsa", "discover", "--resume", str(folder)])
     with pytest.raises(SystemExit):
         main()

@@ -33,3 +33,11 @@ def test_minutes_without_a_unit_are_asked_for() -> None:
 )
 def test_a_time_that_can_be_in_seconds_is_none_to_ask_about(read: Samples) -> None:
     assert len(to_record(read, ReadOptions()).trajectory) == 180
+
+
+def test_milliseconds_without_a_unit_are_asked_for() -> None:
+    message = r"from 3\.99 V \(row 32\) to 2\.8 V \(row 150\) in 81\.9 days, a rate of about C/1967"
+    with pytest.raises(BsaError, match=message) as raised:
+        to_record(discharge(1e-3, "time"), ReadOptions())
+    assert raised.value.hint == "is it in ms? Then say --unit time=ms (or s if that is right)."
+    assert len(to_record(discharge(0.02, "time"), ReadOptions()).trajectory) == 180  # C/100
