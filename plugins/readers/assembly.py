@@ -15,6 +15,7 @@ from ...core.record import ReadOptions
 from ...core.trajectory import FloatArray
 from .columns import EXTRA, Column, ambient_in, named, resolve, unit_of
 from .dates import clock_s, elapsed_s, exchanged, is_clock_or_date, is_date, is_of_days, seconds_of
+from .several_cells import refuse_several_cells, telling_cells
 from .table import Numbers
 
 _TAKEN = {"time": "s", "voltage": "V", "current": "A", "temperature": "degC"}
@@ -59,8 +60,10 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
     time = found["time"]
     written = is_clock_or_date(table.first(time.index))  # as 10:00:00, or as a date
     numeric = [column for column in found.values() if not (written and column is time)]
-    texts = [*extra.values(), *([] if ambient is None else [ambient.index]), *([time.index] if written else [])]
+    cells = [] if options.join else telling_cells(table.header, {*taken, *extra.values()})
+    texts = [*extra.values(), *([] if ambient is None else [ambient.index]), *([time.index] if written else []), *cells]
     read = table.numbers({column.index: column.name for column in numeric}, options.where, texts)
+    refuse_several_cells(table.header, {place: read.texts[place] for place in cells}, table.source)
     signals = {column.signal: column.in_si(read.values[column.index]) for column in numeric}
     said = [*notes, *read.notes]
     if unknown and options.ambient_c is None:
