@@ -19,6 +19,7 @@ from .joining import carried_on
 from .lag import without_lag
 from .largest_charge import check_charge
 from .samples import Samples
+from .still_voltage import still_voltage_note
 from .temperature import KELVIN, with_usable_temperature
 from .time_unit import check_time_unit
 from .values import check_range, check_size, check_units, without_glitches, without_missing
@@ -53,7 +54,7 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
     )
     extra = samples.extra
     trajectory = segment(measured, extra.get("step"), extra.get("cycle"), extra.get("test"))
-    for note in charge_notes(samples, trajectory):
+    for note in (*charge_notes(samples, trajectory), *still_voltage_note(samples)):
         samples = samples.noted(note)
     chosen = _selected(trajectory, options, samples.source)
     ambient, words = _ambient(samples, chosen, options)

@@ -93,6 +93,12 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
         verb = "has no unit; it was" if len(bare) == 1 else "have no units; they were"
         taken_in = ", ".join(_TAKEN[column.signal] for column in bare)
         said.append(f"{listed(column.name for column in bare)} {verb} taken to be in {taken_in}.")
+    said += [
+        f'column "{shown(column.name)}" was read in {options.units[column.signal]}, as said, not in '
+        f"{shown(column.written)}, as the file has it."
+        for column in numeric
+        if column.written is not None
+    ]
     if "current" not in signals:
         assert options.constant_current_a is not None
         signals["current"] = signals["time"] * 0.0 + options.constant_current_a

@@ -105,7 +105,8 @@ class Column:
     signal: Signal  # What it holds.
     index: int  # Place in the table, from 0.
     name: str  # Name in the file.
-    unit: str | None  # Unit as written, folded to lower case; None where the file has none.
+    unit: str | None  # Unit as written or said, folded to lower case; None where there is none.
+    written: str | None = None  # Unit that the file has, where a person says another one.
 
     def in_si(self, values: FloatArray) -> FloatArray:
         """Values in s, V, A or K; without a unit they are taken to be in s, V, A or degC."""
@@ -220,10 +221,13 @@ def resolve(
                 f'{source}: column "{shown(header[index])}" is named for both {other} and {signal}.',
                 f"give one of them another column: --column {signal}=NAME.",
             )
-    return {
-        signal: Column(signal, index, header[index], _unit(header, units, index, signal, options, source))
-        for signal, index in places.items()
-    }
+    found = {}
+    for signal, index in places.items():
+        unit = _unit(header, units, index, signal, options, source)
+        written = unit_of(header, units, index)
+        other = written is not None and signal in options.units and not _is_same(signal, written, unit)
+        found[signal] = Column(signal, index, header[index], unit, written if other else None)
+    return found
 
 
 def _which(header: Sequence[str], missing: Sequence[Signal]) -> str:
@@ -281,3 +285,10 @@ def _unit(
             f"say --unit {signal}=UNIT with {_OFFERED[signal]}.",
         )
     return folded
+
+
+def _is_same(signal: Signal, one: str, other: str | None) -> bool:
+    """Whether two ways to write a unit mean the same one."""
+    folded = [unit.strip().casefold() for unit in (one, other or "")]
+    factors = [_FACTORS[signal].get(unit) for unit in folded]
+    return factors[0] == factors[1] and (signal != "temperature" or (folded[0] in _KELVIN) == (folded[1] in _KELVIN))

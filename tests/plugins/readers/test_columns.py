@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from bsa.core.errors import BsaError
 from bsa.core.reading.reading import read_record
-from bsa.core.record import ReadOptions
-from bsa.plugins.readers.columns import signal_of
+from bsa.core.record import ReadOptions, Signal
+from bsa.plugins.readers.columns import resolve, signal_of
 
 SECONDS = np.arange(100) * 60.0
 VOLTS = 4.2 - 0.01 * np.arange(100)
@@ -66,3 +66,26 @@ def test_the_voltage_of_a_cell_with_a_reference_electrode_is_that_between_its_el
     np.testing.assert_allclose(said, VOLTS + 0.1)
     path = written(path, "time/s,Ewe/V,I/mA", *columns[:2], columns[4])
     np.testing.assert_allclose(read_record(path).trajectory.voltage, VOLTS + 0.1)
+
+
+HEADER = ("time / s", "U [V]", "Current / A", "Temp")
+UNITS = ("", "", "", "[degC]")
+
+
+@pytest.mark.parametrize(
+    ("signal", "said", "written"),
+    [
+        ("current", "mA", "A"),
+        ("current", "Ampere", None),
+        ("temperature", "K", "degC"),
+        ("temperature", "celsius", None),
+        ("time", "min", "s"),
+    ],
+)
+def test_a_unit_that_a_person_says_in_place_of_the_file_s_is_kept_beside_it(
+    signal: Signal, said: str, written: str | None
+) -> None:
+    found = resolve(HEADER, UNITS, ReadOptions.model_validate({"units": {signal: said}}), "a.csv")
+    assert found[signal].unit == said.casefold()
+    assert found[signal].written == written
+    assert {column.written for name, column in found.items() if name != signal} == {None}

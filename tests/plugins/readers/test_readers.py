@@ -192,6 +192,13 @@ def test_repairs_are_noted_with_their_rows(tmp_path):
     assert "row 204, the last one, is incomplete" in notes
 
 
+def test_a_unit_in_place_of_the_header_s_is_noted(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(table(discharge(), "Time [s],U[V],I[A]"))
+    record = read_record(path, ReadOptions(units={"current": "mA"}))
+    assert 'column "I[A]" was read in mA, as said, not in A, as the file has it.' in record.notes
+
+
 def test_the_two_samples_of_a_switch_may_share_a_stamp(tmp_path):
     made = discharge()
     lines = table(made, "Time [s],U[V],I[A]").splitlines()
