@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import BsaError
-from ...core.printable import shown
 from ...core.trajectory import FloatArray
 from .source import MAX_SAMPLES
-from .table import Numbers, no_row, row_conditions, same
+from .table import Numbers, no_number, no_row, row_conditions, same
 
 
 @dataclass(frozen=True)
@@ -51,16 +50,19 @@ class ArrayTable:
             return np.asarray(column / np.timedelta64(1, "s"), dtype=np.float64)
         if column.dtype.kind in "fiub":
             return np.asarray(column, dtype=np.float64)
-        values = np.empty(len(column))
-        for k, cell in enumerate(column.tolist()):
-            try:
-                values[k] = np.nan if cell is None or cell == "" else float(cell)
-            except (TypeError, ValueError):
-                raise BsaError(
-                    f'{self.source}: row {rows[k]}, column "{shown(name)}": "{shown(cell)}" is not a number.',
-                    "repair or remove the row.",
-                ) from None
-        return values
+        values = [_number(cell) for cell in column.tolist()]
+        if None in values:
+            k = values.index(None)
+            raise no_number(self.source, f"row {rows[k]}", name, str(column[k]), values.count(None), len(values))
+        return np.array(values, dtype=np.float64)
+
+
+def _number(cell: Any) -> float | None:
+    """A cell as a number, NaN where it is empty; None where it is anything else."""
+    try:
+        return float("nan") if cell is None or cell == "" else float(cell)
+    except (TypeError, ValueError):
+        return None
 
 
 def _texts(column: NDArray[Any]) -> list[str]:

@@ -75,7 +75,10 @@ class Table:
             for place, kept in written.items():
                 kept.append(cells[place] if place < len(cells) else "")
             for place, column in columns.items():
-                column.append(_number(cells[place], self, number, wanted[place]))
+                value = _number(cells[place], self.decimal_comma)
+                if value is None:
+                    raise self._text(place, wanted[place], number, conditions)
+                column.append(value)
             if len(rows) > MAX_SAMPLES:
                 raise BsaError(f"{self.source} has more than {MAX_SAMPLES} rows.", "cut it, or thin it out first.")
         if conditions and not rows:
@@ -86,6 +89,16 @@ class Table:
             notes.append("decimal commas were read as decimal points.")
         values = {place: np.frombuffer(column, dtype=np.float64).copy() for place, column in columns.items()}
         return Numbers(np.frombuffer(rows, dtype=np.int64).copy(), values, written, notes)
+
+    def _text(self, place: int, column: str, row: int, conditions: Sequence[tuple[int, str]]) -> BsaError:
+        """The error of a column with texts, of which the first stands in a row."""
+        chosen = [
+            cells[place]
+            for _, cells in self.cells()
+            if len(cells) > place and all(same(cells[k], value) for k, value in conditions)
+        ]
+        texts = [cell for cell in chosen if _number(cell, self.decimal_comma) is None]
+        return no_number(self.source, f"{self.place}row {row}", column, texts[0], len(texts), len(chosen))
 
 
 def find_table(text: str, source: str) -> Table:
@@ -250,7 +263,8 @@ def _refuse_width(table: Table, row: int, word: str) -> None:
     raise BsaError(f"{table.source}: row {row} has {word} cells than the {len(table.header)} columns.", hint)
 
 
-def _number(cell: str, table: Table, row: int, column: str) -> float:
+def _number(cell: str, decimal_comma: bool) -> float | None:
+    """A cell as a number, NaN where it says that there is none; None where it is another text."""
     try:
         return float(cell)
     except ValueError:
@@ -258,14 +272,21 @@ def _number(cell: str, table: Table, row: int, column: str) -> float:
     cell = cell.strip()
     if cell.casefold() in _MISSING:
         return float("nan")
-    if table.decimal_comma:
+    if decimal_comma:
         try:
             return float(cell.replace(",", "."))
         except ValueError:
             pass
-    hint = "repair or remove the row."
-    if ":" in cell:
+    return None
+
+
+def no_number(source: str, place: str, column: str, text: str, count: int, rows: int) -> BsaError:
+    """The error of a column that has texts in ``count`` of ``rows`` rows, the first at a place."""
+    hint = "repair or remove the row." if count == 1 else "repair or remove these rows."
+    if ":" in text:
         hint = "give times in seconds (or minutes or hours, with the unit in the header)."
-    raise BsaError(
-        f'{table.source}: {table.place}row {row}, column "{shown(column)}": "{shown(cell)}" is not a number.', hint
+    return BsaError(
+        f'{source}: {place}, column "{shown(column)}": "{shown(text.strip())}" is not a number'
+        f"{f' ({count} of {rows} rows are so)' * (count > 1)}.",
+        hint,
     )

@@ -62,7 +62,7 @@ def test_several_files_are_one_record(tmp_path) -> None:
     [
         (frame().drop(columns="current"), "no column for current"),
         (frame().iloc[:0], "no rows"),
-        (frame(voltage=["a"] * 100), 'row 1, column "voltage": "a" is not a number'),
+        (frame(voltage=["a"] * 100), r'row 1, column "voltage": "a" is not a number \(100 of 100 rows are so\)'),
         (frame(voltage=pd.date_range("2024", periods=100)), "is not a number"),
         ([1, 2], "list is no record"),
         ({"time": [1]}, "dict is no record"),

@@ -63,6 +63,10 @@ CASES = {
         *("a.csv", with_row(10, "100,overload,-5")),
         *('row 12, column "Voltage / V": "overload" is not a number', "repair"),
     ),
+    "texts in a column": (
+        *("a.csv", with_voltage("OVL", 5)),
+        *('row 2, column "Voltage / V": "OVL" is not a number (20 of 100 rows are so)', "repair or remove these rows"),
+    ),
     "clock times": ("a.csv", with_row(10, "00:01:40,4.0,-5"), 'row 12, column "Test Time / s": "00:01:40"', "seconds"),
     "short row": ("a.csv", with_row(10, "100,4.0"), "row 12 has fewer cells than the 3 columns", "repair"),
     "long row": ("a.csv", with_row(10, "100,4,0,-5"), "row 12 has more cells than the 3 columns", "decimal commas"),
