@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Literal, Protocol, get_args, runtime_checkable
 
 from pydantic import BaseModel, Field, field_validator
 
@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from .spectrum import ImpedanceSpectrum
 
 Signal = Literal["time", "voltage", "current", "temperature"]
+ImpedancePart = Literal["frequency", "real", "imaginary", "magnitude", "phase"]
+"""What a column of an impedance spectrum may hold: real and imaginary part, or magnitude and phase."""
+
 CurrentSign = Literal["charge-positive", "discharge-positive", "auto"]
 
 AMBIENT_C = (-100.0, 200.0)
@@ -60,8 +63,10 @@ class Record:
 class ReadOptions(BaseModel, extra="forbid", frozen=True):
     """What the user knows about a file and its header does not say."""
 
-    columns: dict[Signal, str] = Field(
-        default={}, description="Column of each signal, by its name in the file (or its number, where it has none)."
+    columns: dict[Signal | ImpedancePart, str] = Field(
+        default={},
+        description="Column of each signal, or of each part of an impedance, by its name in the file (or its number, "
+        "where it has none).",
     )
     units: dict[Signal, str] = Field(default={}, description='Unit of each signal, in place of the header\'s: "mV".')
     current_sign: CurrentSign = Field(
@@ -99,6 +104,16 @@ class ReadOptions(BaseModel, extra="forbid", frozen=True):
         lt=AMBIENT_C[1],
         description="Ambient temperature in degC, in place of what the file says.",
     )
+
+    @property
+    def signal_columns(self) -> dict[Signal, str]:
+        """The columns of signals over time, without those of an impedance."""
+        return {signal: self.columns[signal] for signal in get_args(Signal) if signal in self.columns}
+
+    @property
+    def impedance_columns(self) -> dict[ImpedancePart, str]:
+        """The columns of an impedance."""
+        return {part: self.columns[part] for part in get_args(ImpedancePart) if part in self.columns}
 
     @field_validator("cycles")
     @classmethod

@@ -1,14 +1,14 @@
 """What a person said, checked in the words that were used: options, not fields."""
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from math import isfinite
 from numbers import Integral
 from typing import Any, get_args
 
 from ..core.errors import BsaError, did_you_mean
 from ..core.printable import shown
-from ..core.record import AMBIENT_C, Signal
+from ..core.record import AMBIENT_C, ImpedancePart, Signal
 
 FIELDS: Mapping[str, str] = {
     "columns": "column",
@@ -21,6 +21,7 @@ FIELDS: Mapping[str, str] = {
 """Fields of `ReadOptions` that are said under another name."""
 
 _SIGNALS: tuple[str, ...] = get_args(Signal)
+_PARTS: tuple[str, ...] = get_args(ImpedancePart)
 
 
 def as_number(value: Any, option: str) -> float:
@@ -60,13 +61,26 @@ def as_celsius(value: Any, option: str) -> float:
 
 
 def by_signal(given: Mapping[str, Any] | None, option: str) -> dict[str, str]:
-    """What was given for each signal, as text: a column may be numbered. Raises `BsaError` if one is no signal."""
+    """What was given for each signal, as text. Raises `BsaError` if one is no signal."""
+    return _by_name(given, option, _SIGNALS, f"Signals: {', '.join(_SIGNALS)}.")
+
+
+def by_column(given: Mapping[str, Any] | None, option: str) -> dict[str, str]:
+    """The column that was given for each signal or part of an impedance, as text: a column may be numbered.
+
+    Raises `BsaError` if one is neither.
+    """
+    known = f"Signals: {', '.join(_SIGNALS)}; of an impedance: {', '.join(_PARTS)}."
+    return _by_name(given, option, (*_SIGNALS, *_PARTS), known)
+
+
+def _by_name(given: Mapping[str, Any] | None, option: str, names: Sequence[str], known: str) -> dict[str, str]:
     for key, value in (given or {}).items():
-        if key not in _SIGNALS:
-            nearest = did_you_mean(str(key), _SIGNALS)
+        if key not in names:
+            nearest = did_you_mean(str(key), names)
             raise BsaError(
                 f'{option} {shown(key)}={shown(value)}: there is no signal "{shown(key)}".',
-                f"{nearest} " * bool(nearest) + f"Signals: {', '.join(_SIGNALS)}.",
+                f"{nearest} " * bool(nearest) + known,
             )
     return {key: str(value) for key, value in (given or {}).items()}
 

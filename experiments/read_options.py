@@ -9,7 +9,7 @@ from ..core.errors import BsaError
 from ..core.printable import counted
 from ..core.record import ReadOptions
 from ..core.validation import validated
-from .checked_options import FIELDS, as_celsius, as_number, as_several, by_signal
+from .checked_options import FIELDS, as_celsius, as_number, as_several, by_column, by_signal
 
 Numbers: TypeAlias = "float | Sequence[float] | None"
 """One number for all records, or one for each, held-out ones last."""
@@ -46,7 +46,7 @@ def readings(
         "temperature": temperature,
     }
     same = {
-        "columns": by_signal(column, "--column"),
+        "columns": by_column(column, "--column"),
         "units": by_signal(unit, "--unit"),
         "where": {key: str(value) for key, value in (where or {}).items()},
         "cycles": None if cycles is None else parse_cycles(str(cycles)),

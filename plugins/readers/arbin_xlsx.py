@@ -133,7 +133,7 @@ def _text(value: Any) -> str:
 
 def _header(rows: Iterator[tuple[int, list[str]]], options: ReadOptions) -> tuple[int, tuple[str, ...]] | None:
     """The row of names near the top, and its number."""
-    said = options.columns.values()
+    said = options.signal_columns.values()
     for number, names in rows:
         signals = {signal_of(name) for name in names if name}
         if {"time", "voltage"} <= signals or (said and all(wanted in names for wanted in said)):

@@ -6,9 +6,11 @@ from ...core.errors import BsaError
 from ...core.printable import shown
 from ...core.reading.samples import Samples
 from ...core.record import ReadOptions
+from ...core.spectrum import ImpedanceSpectrum
 from .assembly import read_table
+from .columns import NAMES, named
 from .source import head, load_text
-from .table import find_table
+from .table import Table, find_table
 
 SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".bdf", ".mpt")
 
@@ -24,8 +26,8 @@ class GenericCsv:
         """Whether the name is that of a text table."""
         return is_text_table(path)
 
-    def read(self, path: Path, options: ReadOptions) -> Samples:
-        """Read the table; see `Reader.read`."""
+    def read(self, path: Path, options: ReadOptions) -> Samples | ImpedanceSpectrum:
+        """Read the table; see `Reader.read`. It is a spectrum where the options name columns of one."""
         source = shown(path.name)
         if options.sheet is not None:
             raise BsaError(
@@ -33,7 +35,18 @@ class GenericCsv:
                 "leave out --sheet; --where COLUMN=VALUE chooses rows.",
             )
         text, notes = load_text(path)
-        return read_table(find_table(text, source), options, notes)
+        table = find_table(text, source)
+        if _is_named_a_spectrum(table, options):
+            from .impedance import spectrum_of  # which reads such tables too, and takes what is below from here
+
+            return spectrum_of(table, options, notes=notes)
+        return read_table(table, options, notes)
+
+
+def _is_named_a_spectrum(table: Table, options: ReadOptions) -> bool:
+    """Whether the options name columns of an impedance that the table has, or that can be meant in it alone."""
+    said = set(options.impedance_columns.values())
+    return bool(said) and (not said.isdisjoint(table.header) or named(table.header, NAMES["time"]) is None)
 
 
 def is_text_table(path: Path) -> bool:

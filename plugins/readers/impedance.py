@@ -1,4 +1,4 @@
-"""Impedance spectra: Digatron, BioLogic and any table of frequency, real and imaginary part."""
+"""Impedance spectra: Digatron, BioLogic and any table of frequency with real and imaginary part, or |Z| and phase."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -13,22 +13,24 @@ from ...core.errors import BsaError
 from ...core.printable import counted, listed, shown, were
 from ...core.reading.clock import choice_of
 from ...core.reading.samples import Mask
-from ...core.record import ReadOptions
+from ...core.record import ImpedancePart, ReadOptions
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.trajectory import FloatArray
 from .assembly import AnyTable, kelvin, numbers, told_apart_by
 from .columns import NAMES, ambient_in, half_cell, named, split_name, unit_of
 from .generic_csv import first_lines, is_text_table
 from .source import load_text
-from .table import Numbers, find_table
+from .table import Numbers, find_table, no_column
 
 _HEAD_LINES = 120
 _MIN_POINTS = 5
 
-_PARTS: Mapping[str, tuple[str, ...]] = {
-    "frequency": ("actfreq", "freq", "frequency", "f"),
+_PARTS: Mapping[ImpedancePart, tuple[str, ...]] = {
+    "frequency": ("actfreq", "freq", "frequency", "f", "omega", "omegarad", "angularfrequency", "ω", "ωrad"),
     "real": ("zreal", "zreal1", "zre", "rez", "re", "real"),
     "imaginary": ("zimag", "zimg", "zimg1", "zimag1", "zim", "imz", "im", "imag", "imaginary"),
+    "magnitude": ("z", "absz", "zabs", "modz", "zmod", "magz", "zmag", "magnitude", "modulus"),
+    "phase": ("phasez", "zphz", "zphase", "phase", "phaseangle", "phasedeg", "phi", "theta"),
 }
 _OHM: Mapping[str, float] = {
     **dict.fromkeys(["ohm", "ohms", "ω"], 1.0),
@@ -36,6 +38,13 @@ _OHM: Mapping[str, float] = {
     **dict.fromkeys(["kohm", "kohms", "kω", "kiloohm"], 1e3),
 }
 _HERTZ: Mapping[str, float] = {"hz": 1.0, "hertz": 1.0, "1/s": 1.0, "mhz": 1e-3, "khz": 1e3, "Mhz": 1e6}
+_ANGULAR = re.compile(r"rad\b|omega|ω", re.IGNORECASE)
+"""What the name or the unit of an angular frequency holds."""
+
+_RADIANS: Mapping[str, float] = {
+    **dict.fromkeys(["deg", "degree", "degrees", "°"], np.pi / 180.0),
+    **dict.fromkeys(["rad", "radian", "radians"], 1.0),
+}
 _DIGATRON = "zreal1"
 """Digatron writes milliohm under this name, and no unit."""
 
@@ -53,26 +62,27 @@ class ImpedanceOptions(BaseModel, extra="forbid", frozen=True):
 
 @dataclass(frozen=True)
 class _Columns:
-    """Places of the three columns, and whether the imaginary part is written with its sign turned."""
+    """Places of the three columns."""
 
     frequency: int
-    real: int
-    imaginary: int
-    turned: bool
+    first: int  # Real part, or magnitude.
+    second: int  # Imaginary part, or phase.
+    polar: bool  # Whether it is a magnitude and a phase.
+    turned: bool  # Whether the imaginary part, or the phase, is written with its sign turned.
 
 
 class ImpedanceCsv:
-    """Reads a frequency, a real and an imaginary part from a text table.
+    """Reads a frequency with a real and an imaginary part, or a magnitude and a phase, from a text table.
 
-    ``-Im(Z)`` and ``-Z''`` are turned, and so is an imaginary part that is positive at the lowest frequency, where
-    every cell is capacitive.
+    Columns are recognised by common names, or said with ``columns``. ``-Im(Z)`` and ``-Z''`` are turned, and so is an
+    imaginary part that is positive at the lowest frequency, where every cell is capacitive.
     """
 
     def __init__(self, options: ImpedanceOptions) -> None:
         self._unit = options.unit
 
     def matches(self, path: Path) -> bool:
-        """Whether a line near the top names a frequency, a real and an imaginary part."""
+        """Whether a line near the top names the columns of a spectrum."""
         return is_text_table(path) and any(
             holds_spectrum(re.split("[;,\t]", line)) for line in first_lines(path, _HEAD_LINES)
         )
@@ -85,7 +95,7 @@ class ImpedanceCsv:
 
 def holds_spectrum(header: Sequence[str]) -> bool:
     """Whether the columns are those of an impedance spectrum."""
-    return _columns(header) is not None
+    return _columns(header, {}) is not None
 
 
 def spectrum_of(
@@ -97,19 +107,14 @@ def spectrum_of(
     place of the header's. Raises `BsaError` if a column or its unit cannot be told, fewer than five points are left, or
     they are those of several spectra.
     """
-    columns = _columns(table.header)
-    if columns is None:
-        raise BsaError(
-            f"{table.source} has no columns for frequency, real and imaginary impedance: {listed(table.header)}.",
-            "name them Frequency [Hz], Zreal [ohm] and Zimag [ohm].",
-        )
+    columns = _columns_of(table, options)
     voltage = None if half_cell(table.header) else named(table.header, NAMES["voltage"])
     ambient, unknown = ambient_in(table.header, table.units)
-    wanted = [columns.frequency, columns.real, columns.imaginary]
+    wanted = [columns.frequency, columns.first, columns.second]
     beside = [voltage, None if ambient is None else ambient.index]
     read = table.numbers({}, options.where, [*wanted, *(place for place in beside if place is not None)])
-    frequency, real, imaginary = (numbers(read.texts[place], True) for place in wanted)
-    kept = np.isfinite(frequency) & np.isfinite(real) & np.isfinite(imaginary) & (frequency > 0)
+    frequency, first, second = (numbers(read.texts[place], True) for place in wanted)
+    kept = np.isfinite(frequency) & np.isfinite(first) & np.isfinite(second) & (frequency > 0)
     said = [*notes, *read.notes]
     if unknown and options.ambient_c is None:
         said.append(unknown)
@@ -123,9 +128,14 @@ def spectrum_of(
         )
     frequency = frequency * _hertz(table, columns.frequency)
     _check_sweep(table, options, read, frequency, kept)
-    scale, note = _ohms(table, columns.real, unit)
+    scale, note = _ohms(table, columns.first, unit)
     sign = -1.0 if columns.turned else 1.0
-    impedance = scale * np.asarray(real[kept] + 1j * sign * imaginary[kept], dtype=np.complex128)
+    if columns.polar:
+        radians, of_phase = _radians(table, columns.second)
+        impedance = scale * first[kept] * np.exp(1j * sign * radians * second[kept])
+        note += of_phase
+    else:
+        impedance = scale * np.asarray(first[kept] + 1j * sign * second[kept], dtype=np.complex128)
     if impedance.imag[np.argmin(frequency[kept])] > 0:
         impedance = impedance.conj()
         said.append("the imaginary part is positive at the lowest frequency; it was taken to be -Im(Z) and turned.")
@@ -143,15 +153,41 @@ def spectrum_of(
     )
 
 
-def _columns(header: Sequence[str]) -> _Columns | None:
+def _columns_of(table: AnyTable, options: ReadOptions) -> _Columns:
+    """The columns of a table's spectrum. Raises `BsaError` if one is not there or cannot be told."""
+    said = options.impedance_columns
+    for name in said.values():
+        if name not in table.header:
+            raise no_column(name, table.header, table.source)
+    found = _columns(table.header, said)
+    if found is None:
+        raise BsaError(
+            f"{table.source} has no columns for frequency with real and imaginary impedance, or with magnitude and "
+            f"phase: {listed(table.header)}.",
+            "say which with --column frequency=NAME --column real=NAME --column imaginary=NAME (or magnitude and phase "
+            "in place of these two).",
+        )
+    return found
+
+
+def _columns(header: Sequence[str], said: Mapping[ImpedancePart, str]) -> _Columns | None:
+    """The columns of a spectrum, by what a person says of them and by their names."""
     bases = [_base(name) for name in header]
     places = {
-        part: next((bases.index(name) for name in names if name in bases), None) for part, names in _PARTS.items()
+        part: header.index(said[part])
+        if part in said
+        else next((bases.index(name) for name in names if name in bases), None)
+        for part, names in _PARTS.items()
     }
-    frequency, real, imaginary = places["frequency"], places["real"], places["imaginary"]
-    if frequency is None or real is None or imaginary is None:
-        return None
-    return _Columns(frequency, real, imaginary, header[imaginary].strip().startswith("-"))
+    kinds: list[tuple[ImpedancePart, ImpedancePart]] = [("real", "imaginary"), ("magnitude", "phase")]
+    kinds.sort(key=lambda parts: -sum(part in said for part in parts))
+    frequency = places["frequency"]
+    for one, other in kinds:
+        first, second = places[one], places[other]
+        if frequency is not None and first is not None and second is not None:
+            turned = header[second].strip().startswith("-")
+            return _Columns(frequency, first, second, one == "magnitude", turned)
+    return None
 
 
 def _base(name: str) -> str:
@@ -194,11 +230,23 @@ def _ohms(table: AnyTable, place: int, said: str | None) -> tuple[float, tuple[s
 def _hertz(table: AnyTable, place: int) -> float:
     """The size of the unit of frequency in Hz. Raises `BsaError` if it is not known."""
     unit = _unit(table, place) or "Hz"
+    if _ANGULAR.search(table.header[place]) or _ANGULAR.search(unit):
+        return 0.5 / np.pi
     # A capital M is mega, a small one milli.
     folded = "M" + unit[1:].casefold() if unit.startswith("M") else unit.casefold()
     if folded not in _HERTZ:
         raise _unknown_unit(table, table.header[place], unit, "frequency", "give it in Hz, and name it Frequency [Hz].")
     return _HERTZ[folded]
+
+
+def _radians(table: AnyTable, place: int) -> tuple[float, tuple[str, ...]]:
+    """The size of the unit of phase in radians, and a note if it was assumed. Raises `BsaError` if it is not known."""
+    name, unit = table.header[place], _unit(table, place)
+    if unit is None:
+        return _RADIANS["deg"], (f'"{shown(name)}" has no unit; it was taken to be in degrees.',)
+    if unit.casefold() not in _RADIANS:
+        raise _unknown_unit(table, name, unit, "phase", "give it in degrees, and name it Phase [deg].")
+    return _RADIANS[unit.casefold()], ()
 
 
 def _unit(table: AnyTable, place: int) -> str | None:

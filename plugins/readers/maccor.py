@@ -46,7 +46,7 @@ class MaccorText:
     def read(self, path: Path, options: ReadOptions) -> Samples:
         """Read the file; see `Reader.read`."""
         text, notes = load_text(path)
-        table = _translated(find_table(text, shown(path.name)), {*options.columns.values(), *options.where})
+        table = _translated(find_table(text, shown(path.name)), {*options.signal_columns.values(), *options.where})
         current, state = _current(table, options), _state(table)
         if current is not None and state is not None:
             table = _with_signs(table, current, state)
@@ -98,7 +98,7 @@ def _name(original: str, in_words: bool) -> str:
 
 def _current(table: Table, options: ReadOptions) -> int | None:
     """The place of the current, which the user may name."""
-    said = options.columns.get("current")
+    said = options.signal_columns.get("current")
     fits = [name == said if said is not None else name.startswith("Current / ") for name in table.header]
     return fits.index(True) if True in fits else None
 

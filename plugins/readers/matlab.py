@@ -149,8 +149,8 @@ def _columns(struct: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
 
 
 def _is_record(test: _Test, options: ReadOptions) -> bool:
-    said = set(options.columns.values())
-    signals = {signal_of(name) for name in test.columns} | set(options.columns)
+    said = set(options.signal_columns.values())
+    signals = {signal_of(name) for name in test.columns} | set(options.signal_columns)
     return said <= set(test.columns) and _has_signals(signals)
 
 

@@ -20,6 +20,8 @@ from bsa.experiments.read_options import reading, readings
         ({"constant_current": "much"}, "--constant-current is 'much'", "give a number"),
         ({"voltage_lag": [None]}, "--voltage-lag is None", "give a number"),
         ({"column": {"volt": "U"}}, '--column volt=U: there is no signal "volt"', "Signals: time, voltage, current"),
+        ({"column": {"frequncy": "f"}}, 'there is no signal "frequncy"', 'did you mean "frequency"? Signals: time'),
+        ({"unit": {"frequency": "Hz"}}, 'there is no signal "frequency"', "Signals: time, voltage, current"),
         ({"unit": {"curent": "A"}}, '--unit curent=A: there is no signal "curent"', 'did you mean "current"? Signals'),
     ],
 )

@@ -81,7 +81,7 @@ def test_the_units_of_a_header_count(tmp_path, header, hertz, ohm):
     ("header", "message"),
     [
         ("Frequency [Hz],Zreal [ohm cm2],Zimag [ohm cm2]", '"ohm cm2", which is no unit of impedance'),
-        ("Frequency [rad/s],Zreal [ohm],Zimag [ohm]", '"rad/s", which is no unit of frequency'),
+        ("Frequency [rpm],Zreal [ohm],Zimag [ohm]", '"rpm", which is no unit of frequency'),
     ],
 )
 def test_a_unit_that_is_not_known_is_refused(tmp_path, header, message):
@@ -107,6 +107,59 @@ def test_several_spectra_of_a_file_are_told_apart(tmp_path):
     with pytest.raises(BsaError, match=r"goes from 0\.01 to 0\.01 Hz in row 33") as found:
         read_file(path)
     assert "cut the file there" in found.value.hint
+
+
+def polar(header: str, sign: float = 1.0, unit: float = np.pi / 180.0) -> str:
+    rows = zip(FREQUENCY, np.abs(IMPEDANCE), sign * np.angle(IMPEDANCE) / unit, strict=True)
+    return "\n".join([header, *(",".join(map(repr, map(float, row))) for row in rows)])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (polar("Frequency / Hz,|Z| / Ohm,Phase / deg"), None),
+        (polar("freq/Hz,|Z|/Ohm,Phase(Z)/deg"), None),
+        (polar("Freq (Hz),Zmod (ohm),-Zphz (°)", sign=-1.0), None),
+        (polar("f [Hz],abs(Z) [Ohm],phi [rad]", unit=1.0), None),
+        (polar("f [Hz],|Z| [Ohm],phase"), '"phase" has no unit; it was taken to be in degrees.'),
+        (polar("Frequency / Hz,|Z| / Ohm,Phase / deg", sign=-1.0), "it was taken to be -Im(Z) and turned"),
+    ],
+)
+def test_a_magnitude_and_a_phase_are_a_spectrum(tmp_path, text, said):
+    path = tmp_path / "bode.csv"
+    path.write_text(text)
+    spectrum = read_file(path)
+    np.testing.assert_allclose(spectrum.impedance, IMPEDANCE, rtol=1e-9)
+    assert [said in note for note in spectrum.notes] == ([True] if said else [])
+
+
+@pytest.mark.parametrize("name", ["omega / rad/s", "omega [rad/s]", "ω (rad/s)", "Frequency [rad/s]", "omega"])
+def test_an_angular_frequency_is_turned_into_hertz(tmp_path, name):
+    rows = zip(OMEGA, IMPEDANCE.real, IMPEDANCE.imag, strict=True)
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([f"{name},Zreal [ohm],Zimag [ohm]", *(",".join(map(repr, map(float, r))) for r in rows)]))
+    np.testing.assert_allclose(read_file(path).frequency, FREQUENCY)
+
+
+def test_the_columns_of_a_spectrum_can_be_named(tmp_path):
+    path = tmp_path / "own.csv"
+    path.write_text(table("SetFreq [Hz],A [ohm],-B [ohm]", sign=-1.0))
+    named = {"frequency": "SetFreq [Hz]", "real": "A [ohm]", "imaginary": "-B [ohm]"}
+    np.testing.assert_allclose(read_file(path, ReadOptions(columns=named)).impedance, IMPEDANCE)
+    with pytest.raises(BsaError, match=r'"SetFrq \[Hz\]" is not a column of own.csv'):
+        read_file(path, ReadOptions(columns={**named, "frequency": "SetFrq [Hz]"}))
+    with pytest.raises(BsaError, match="no columns for frequency with") as raised:
+        read_file(path, ReadOptions(columns={"frequency": "SetFreq [Hz]"}))
+    assert "--column real=NAME --column imaginary=NAME" in raised.value.hint
+    # A name goes before what the header suggests, and columns that a record does not have are another file's.
+    path.write_text(
+        table("Frequency [Hz],Zreal [ohm],Zimag [ohm]").replace("\n", ",7\n").replace("],7", "],Z0 [ohm]", 1)
+    )
+    offset = read_file(path, ReadOptions(columns={"real": "Z0 [ohm]"})).impedance
+    np.testing.assert_allclose(offset.real, 7.0)
+    record = tmp_path / "record.csv"
+    record.write_text("\n".join(["Time [s],U[V],I[A]", *(f"{k},{4 - 0.01 * k},-1" for k in range(50))]))
+    assert len(read_record(record, ReadOptions(columns=named)).trajectory) == 50
 
 
 def test_what_a_digatron_file_says_beside_the_impedance(tmp_path):
