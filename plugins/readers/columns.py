@@ -83,6 +83,9 @@ EXTRA: Mapping[Extra, tuple[str, ...]] = {
 }
 """Names of the columns that say more than the signals do; folded, in order of preference."""
 
+_CAPACITIES = ("capacity", "dischargecapacity", "chargecapacity", "discapacity", "qd", "qc", "soh", "容量")
+"""How the names of columns with a capacity begin, folded."""
+
 _CLOCKS = ("time", "zeit", "uhrzeit", "heure", "时间")
 """What stands behind a date and a slash, and is no unit: ``Datum/Zeit``."""
 
@@ -212,7 +215,7 @@ def resolve(
         required.append("current")
     missing = [signal for signal in required if signal not in places]
     if missing:
-        raise BsaError(f"{source} has no column for {', '.join(missing)}.", _which(header, missing))
+        raise _lacking(header, missing, source)
     taken: dict[int, Signal] = {}
     for signal, index in places.items():
         other = taken.setdefault(index, signal)
@@ -225,9 +228,28 @@ def resolve(
     for signal, index in places.items():
         unit = _unit(header, units, index, signal, options, source)
         written = unit_of(header, units, index)
-        other = written is not None and signal in options.units and not _is_same(signal, written, unit)
-        found[signal] = Column(signal, index, header[index], unit, written if other else None)
+        replaced = written is not None and signal in options.units and not _is_same(signal, written, unit)
+        found[signal] = Column(signal, index, header[index], unit, written if replaced else None)
     return found
+
+
+def _lacking(header: Sequence[str], missing: Sequence[Signal], source: str) -> BsaError:
+    """The error of a table without columns for these signals."""
+    lacks = f"no column for {', '.join(missing)}"
+    if "voltage" in missing and _is_of_cycles(header):
+        return BsaError(
+            f"{source} is a table with one row for each cycle: it has {lacks}.",
+            "give the cycler's record of time, voltage and current: how a cell ages is read from the whole curves of "
+            "its cycles, and not from their capacities alone.",
+        )
+    return BsaError(f"{source} has {lacks}.", _which(header, missing))
+
+
+def _is_of_cycles(header: Sequence[str]) -> bool:
+    """Whether the columns are those of a table of capacities by cycle."""
+    return named(header, EXTRA["cycle"]) is not None and any(
+        split_name(name)[0].startswith(_CAPACITIES) for name in header
+    )
 
 
 def _which(header: Sequence[str], missing: Sequence[Signal]) -> str:

@@ -52,6 +52,10 @@ CASES = {
     "not gzip": ("a.csv.gz", text(rows()), "a damaged gzip file", "again"),
     "unknown kind": ("a.pdf", b"%PDF-1.4", "no reader recognises the file a.pdf", "bdf-csv"),
     "no current": ("a.csv", text(rows(), "Test Time / s,Voltage / V,Amps"), "no column for current", '"Amps"'),
+    "capacities by cycle": (
+        *("a.csv", text([f"{k},{1.1 - 0.001 * k}" for k in range(1, 50)], "cycle,capacity / A.h")),
+        *("a.csv is a table with one row for each cycle: it has no column for time, voltage, current", "whole curves"),
+    ),
     "no voltage": ("a.csv", text(rows(), "Time [s],Potato,I[A]"), "no column for voltage", "--column voltage=NAME"),
     "no names": ("a.csv", b"\n".join(r.encode() for r in rows()), "no column for time", '"1", "2", "3"'),
     "two voltages": (
