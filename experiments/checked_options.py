@@ -47,6 +47,15 @@ def as_several(given: Any) -> list[Any]:
     return list(given) if several else [given]
 
 
+def as_names(given: Any, option: str) -> list[str]:
+    """One name, several or none, as a list. Raises `BsaError` if one is no text."""
+    names = as_several(given)
+    for name in names:
+        if not isinstance(name, str):
+            raise BsaError(f"{option} is {shown(repr(name))}, which is no name.", "give a name, or a list of names.")
+    return names
+
+
 def as_celsius(value: Any, option: str) -> float:
     """The ambient temperature that was given, in degC. Raises `BsaError` if it is none, or one in kelvin."""
     found, (coldest, warmest) = as_number(value, option), AMBIENT_C

@@ -12,7 +12,7 @@ from ...core.printable import shown
 from ...core.reading.part_of_file import file_and_part
 from ...core.run.journal import FILE_NAME, check_run_folder
 from ...core.task import Task
-from ..checked_options import as_numbers, simulation_workers
+from ..checked_options import as_names, as_numbers, simulation_workers
 from ..read_options import readings
 from ..request import RunRequest, run_request
 from ..run_settings import backend_options, given_budgets, run_config
@@ -43,7 +43,7 @@ def calibrate(
     model: str | None = None,
     options: Mapping[str, Any] | None = None,
     search: str | Mapping[str, Any] | None = None,
-    effect: Sequence[str] | None = None,
+    effect: str | Sequence[str] | None = None,
     ocp: str = "",
     scale: bool = True,
     as_protocol: bool = False,
@@ -100,8 +100,8 @@ def calibrate(
     search : str or mapping, optional
         What is searched: a preset, a YAML file, or parameters with bounds as such a file has them; by default
         ``"cell"``, of a life ``"life"``.
-    effect : sequence of str, optional
-        Effects of the catalogue to add to the model, ``["ocp-hysteresis"]``; their parameters are searched.
+    effect : str or sequence of str, optional
+        Effect, or effects, of the catalogue to add to the model, ``"ocp-hysteresis"``; their parameters are searched.
     ocp : str
         Whose open-circuit potentials to start from: ``"nearest"`` of the installed sets to the records' slow charge or
         discharge, a set, or two with a slash between them for the negative and the positive electrode; by default
@@ -210,7 +210,7 @@ def calibrate(
                 ocp,
                 scale,
                 None if start_from is None else Path(start_from),
-                effect or (),
+                as_names(effect, "--effect"),
             ),
             partial(run_config, scaffold, backend, reached, budgets | dict(settings or {})),
             weight,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.errors import BsaError
 from ...core.printable import shown
-from ..checked_options import simulation_workers
+from ..checked_options import as_names, simulation_workers
 from ..read_options import readings
 from ..run_settings import backend_options
 from ..task_request import Records
@@ -44,7 +44,7 @@ def discover(
     override: Mapping[str, float] | None = None,
     search: str | Mapping[str, Any] = "all",
     scale: bool = True,
-    effect: Sequence[str] | None = None,
+    effect: str | Sequence[str] | None = None,
     effect_option: Mapping[str, Any] | None = None,
     max_effects: int = 2,
     seed: int = 0,
@@ -82,8 +82,10 @@ def discover(
         What is uncertain about the base model: a preset, a YAML file, or factors by name.
     scale : bool
         Whether the electrode area is scaled to the records' capacity.
-    effect, effect_option : optional
-        Effects to consider (all, if left out), and their options.
+    effect : str or sequence of str, optional
+        Effect, or effects, to consider; all, if left out.
+    effect_option : mapping, optional
+        Options of effects.
     max_effects : int
         Effects in one explanation at most.
     seed, workers : int
@@ -134,7 +136,7 @@ def discover(
         overrides=dict(override or {}),
         scale=scale,
         search=search,
-        effects=None if effect is None else list(effect),
+        effects=None if effect is None else as_names(effect, "--effect"),
         effect_options=dict(effect_option or {}),
         backend=backend,
         backend_options=backend_options(backend_option or {}, via=via, base_url=base_url),

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from bsa.core.errors import BsaError
-from bsa.experiments.checked_options import as_numbers, simulation_workers
+from bsa.experiments.checked_options import as_names, as_numbers, simulation_workers
 from bsa.experiments.read_options import reading, readings
 
 
@@ -38,6 +38,14 @@ def test_one_number_several_or_none():
     assert as_numbers((1, "2"), "--x") == [1.0, 2.0]
     with pytest.raises(BsaError, match="--x is True"):
         as_numbers(True, "--x")
+
+
+def test_one_name_is_a_list_of_one():
+    assert as_names("heat", "--x") == ["heat"]
+    assert as_names(("heat", "cracks"), "--x") == ["heat", "cracks"]
+    assert as_names(None, "--x") == []
+    with pytest.raises(BsaError, match="--x is 3, which is no name"):
+        as_names(["heat", 3], "--x")
 
 
 def test_a_number_of_each_record_is_checked_once(monkeypatch):

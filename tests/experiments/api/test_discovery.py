@@ -106,6 +106,13 @@ def test_a_hidden_resistance_is_found_and_shown(resistive_cell, tmp_path) -> Non
     assert bsa.discover(resume=found.folder, progress=False).parameters == found.parameters
 
 
+def test_one_effect_may_stand_without_a_list(tmp_path, monkeypatch) -> None:
+    asked = []
+    monkeypatch.setattr("bsa.experiments.api.discovery._carried_out", lambda options, *others: asked.append(options))
+    bsa.discover(DEMO, parameters="Chen2020", effect="contact-resistance", out=tmp_path / "found")
+    assert asked[0].effects == ["contact-resistance"]
+
+
 def test_each_record_is_read_as_it_is_said_in_its_place(tmp_path, monkeypatch) -> None:
     asked = []
     monkeypatch.setattr("bsa.experiments.api.discovery._carried_out", lambda options, *others: asked.append(options))
