@@ -56,6 +56,20 @@ def as_names(given: Any, option: str) -> list[str]:
     return names
 
 
+def as_mapping(given: Any, option: str) -> Mapping[str, Any]:
+    """Keys with values, or none. Raises `BsaError` if it is text, or a list of texts, with what to write."""
+    if given is None:
+        return {}
+    if isinstance(given, Mapping):
+        return given
+    pairs = [str(text).partition("=") for text in as_several(given)]
+    meant = {key.strip(): value.strip() for key, _, value in pairs if key.strip() and value.strip()}
+    raise BsaError(
+        f"{option} is {shown(repr(given))}, which has no keys with values.",
+        f"give a mapping, {shown(repr(meant or {'KEY': 'VALUE'}))}.",
+    )
+
+
 def as_celsius(value: Any, option: str) -> float:
     """The ambient temperature that was given, in degC. Raises `BsaError` if it is none, or one in kelvin."""
     found, (coldest, warmest) = as_number(value, option), AMBIENT_C
@@ -70,14 +84,15 @@ def as_celsius(value: Any, option: str) -> float:
 
 def by_signal(given: Mapping[str, Any] | None, option: str) -> dict[str, str]:
     """What was given for each signal, as text: a column may be numbered. Raises `BsaError` if one is no signal."""
-    for key, value in (given or {}).items():
+    said = as_mapping(given, option)
+    for key, value in said.items():
         if key not in _SIGNALS:
             nearest = did_you_mean(str(key), _SIGNALS)
             raise BsaError(
                 f'{option} {shown(key)}={shown(value)}: there is no signal "{shown(key)}".',
                 f"{nearest} " * bool(nearest) + f"Signals: {', '.join(_SIGNALS)}.",
             )
-    return {key: str(value) for key, value in (given or {}).items()}
+    return {key: str(value) for key, value in said.items()}
 
 
 def simulation_workers(asked: int) -> int:

@@ -150,14 +150,17 @@ class CalibrationResult:
         BsaError
             If the data cannot be read, or was fitted.
         """
-        from ..checked_options import as_numbers, simulation_workers
+        from ..checked_options import as_mapping, as_numbers, simulation_workers
         from ..predict import predict_records, write_scores
         from ..read_options import readings
         from ..run_names import named_after, numbered_folder
         from ..task_request import Records
         from .prediction_result import PredictionResult
 
-        reader, reader_option = options.pop("reader", None), options.pop("reader_option", None) or {}
+        reader, reader_option = (
+            options.pop("reader", None),
+            as_mapping(options.pop("reader_option", None), "--reader-option"),
+        )
         unknown = sorted(set(options) - set(READING))
         if unknown:
             raise BsaError(f'there is no option "{unknown[0]}" for reading.', did_you_mean(unknown[0], READING))

@@ -20,6 +20,9 @@ from bsa.experiments.read_options import reading, readings
         ({"constant_current": "much"}, "--constant-current is 'much'", "give a number"),
         ({"voltage_lag": [None]}, "--voltage-lag is None", "give a number"),
         ({"column": {"volt": "U"}}, '--column volt=U: there is no signal "volt"', "Signals: time, voltage, current"),
+        ({"column": "voltage=U"}, "--column is 'voltage=U', which has no keys", "give a mapping, {'voltage': 'U'}"),
+        ({"where": ["cell=1"]}, "--where is ['cell=1'], which has no keys", "give a mapping, {'cell': '1'}"),
+        ({"unit": "mA"}, "--unit is 'mA', which has no keys", "give a mapping, {'KEY': 'VALUE'}"),
         ({"unit": {"curent": "A"}}, '--unit curent=A: there is no signal "curent"', 'did you mean "current"? Signals'),
     ],
 )
