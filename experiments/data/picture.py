@@ -9,6 +9,7 @@ from ...core.files import replacing
 from ...core.reading.summary import CycleRow, summary
 from ...core.record import Record
 from ...core.spectrum import ImpedanceSpectrum
+from ...core.thinning import SAMPLES_OF_DRIVES
 
 _SAMPLES_A_STEP = 400
 _CYCLES = 4
@@ -50,7 +51,8 @@ def _nyquist(figure: Any, found: ImpedanceSpectrum) -> None:
 
 
 def _signals(figure: Any, found: Record) -> None:
-    trajectory = found.trajectory.thinned(max(2, min(_SAMPLES_A_STEP, 200_000 // max(1, len(found.trajectory.steps)))))
+    most = max(2, min(_SAMPLES_A_STEP, 200_000 // max(1, len(found.trajectory.steps))))
+    trajectory = found.trajectory.thinned(most, SAMPLES_OF_DRIVES)
     cycles = summary(found).cycles
     curves = [("Voltage [V]", trajectory.voltage), ("Current [A]\n(positive on charge)", -trajectory.current)]
     if trajectory.temperature is not None:
