@@ -27,7 +27,7 @@ from ..plugins.pybamm.effect_simulator_pool import EffectSimulatorPool
 from ..plugins.pybamm.radial_mesh import RadialMesh
 from .discovery_case import DiscoverOptions, read_case
 from .discovery_journal import opened
-from .discovery_setup import DiscoverySetup, set_up
+from .discovery_setup import DiscoverySetup, say_notes, set_up
 
 RESULT = "discovery.json"
 
@@ -84,6 +84,7 @@ def _on_records(
             return RecordedSimulator(held.enter_context(closing(pool)), Prediction, journal.file, journal.earlier)
 
         case = read_case(options)
+        say_notes(case.notes, listener)
         backend = held.enter_context(backend_or_none(options, listener, bool(journal.earlier)))
         setup = set_up(case, options, listener, make_simulator)
         asked = None if backend is None else recorder.around(backend)
@@ -140,8 +141,7 @@ def discover_on(
         "Its potentials or its capacity may not be those of the measured cell."
         for name, soc in findings.best.beyond_window.items()
     ]
-    for text in beyond:
-        listener(text)
+    say_notes(beyond, listener)
     discovery = RecordDiscovery(
         findings,
         places,

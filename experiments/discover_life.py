@@ -24,6 +24,7 @@ from ..plugins.pybamm.life_simulator import LifeSimulatorPool
 from ..plugins.pybamm.parameter_sets import pybamm
 from .degradation_modes import degradation_modes
 from .discovery_case import DiscoverOptions, read_life
+from .discovery_setup import say_notes
 from .run import Resources, execute_run
 from .run_settings import run_config
 from .told_run import ToldRun
@@ -48,6 +49,7 @@ def discover_over_life(
     notes = list(task.notes)
     # What is wrong with the options is said before the first simulation.
     fit_cycles, considered = _fit_cycles(task, options.fit_cycles), _considered(task, options, notes)
+    say_notes(notes, listener)
     listener("fitting the cell to its first cycle")
     cell = _first_cycle(task, options, workers, listener)
     with closing(LifeSimulatorPool(task, workers)) as pool:

@@ -62,6 +62,12 @@ class DiscoverySetup:
         return in_words(places, problem.observations[0].noise)
 
 
+def say_notes(notes: Sequence[str], listener: Listener) -> None:
+    """Say what was assumed, repaired or settled as soon as it is known: a wrong unit shows in what it leads to."""
+    for note in notes:
+        listener(f"note: {note}")
+
+
 MakeSimulator = Callable[[CellModel, ParameterSpace, RadialMesh], Simulator]
 
 
@@ -80,8 +86,7 @@ def set_up(
     pybamm.set_logging_level("CRITICAL")
     cell = case.cell
     mesh = radial_mesh(cell, [*case.measured_records, *case.held], case.initial_soc)
-    if mesh.note:
-        listener(mesh.note)
+    say_notes([mesh.note] * bool(mesh.note), listener)
     space = uncertain_parameters(case.measured_records, case.initial_soc, spreads_of(options.search, cell))
     simulator = make_simulator(cell, space, mesh)
     floor = 1e-3 * options.floor_mv
@@ -93,6 +98,5 @@ def set_up(
     capacity = equilibrium_capacity_ah(cell.parameter_set, cell.overrides)
     passed_over: list[str] = []
     catalogue = effects_of(options.effects, None, options.effect_options, passed_over.append)
-    for text in passed_over:
-        listener(text)
+    say_notes(passed_over, listener)
     return DiscoverySetup(case, problem, space, catalogue, simulator, mesh, capacity, tuple(passed_over))

@@ -133,6 +133,7 @@ def _carry_out(asked: DiscoverOptions, workers: int, as_json: bool) -> None:
     from ...core.messages import Outage
     from ..checked_options import simulation_workers
     from ..discover import discover as find
+    from ..report.discovery_lines import found_lines
 
     print(f"discovery → {asked.out}", file=sys.stderr)
 
@@ -147,8 +148,8 @@ def _carry_out(asked: DiscoverOptions, workers: int, as_json: bool) -> None:
         return
     print(f"verdict: {found.verdict}")
     print(f"  {found.headline}")
-    for name in found.names:
-        print(f"  {printable(name)}")
+    for line in found_lines(found):
+        print(f"  {printable(line, 300)}")
     print(f"  {printable(found.findings.reason, 1500)}")
     print(f"  report: {asked.out / 'report.html'}")
 
