@@ -28,6 +28,7 @@ from .discovery_setup import say_notes
 from .run import Resources, execute_run
 from .run_settings import run_config
 from .told_run import ToldRun
+from .told_simulations import ToldSimulations
 
 CELL = "cell"
 """Folder of the run that fits the cell, in that of the discovery."""
@@ -41,7 +42,7 @@ _CELL_SIMULATIONS = 60
 
 
 def discover_over_life(
-    options: DiscoverOptions, journal: OpenJournal, listener: Listener, workers: int
+    options: DiscoverOptions, journal: OpenJournal, listener: ToldSimulations, workers: int
 ) -> LifeDiscovery:
     """Fit the cell to the first cycle of a life, then each mechanism to the fitted cycles, and say which one it is."""
     pybamm.set_logging_level("CRITICAL")
@@ -53,7 +54,7 @@ def discover_over_life(
     listener("fitting the cell to its first cycle")
     cell = _first_cycle(task, options, workers, listener)
     with closing(LifeSimulatorPool(task, workers)) as pool:
-        simulator = RecordedSimulator(pool, LifeResiduals, journal.file, journal.earlier)
+        simulator = RecordedSimulator(pool, LifeResiduals, journal.file, journal.earlier, listener.simulated)
         kept = task.experiments[0].target.cycles[1:]
         listener(f"fitting what was lost to each of {len(kept)} cycles alone, from cycle {kept[0]} to {kept[-1]}")
         modes = degradation_modes(task, cell, simulator)

@@ -85,9 +85,14 @@ def set_up(
     """Settle the mesh, choose what is uncertain, and condense the records of a case."""
     pybamm.set_logging_level("CRITICAL")
     cell = case.cell
+    passed_over: list[str] = []
+    # What is wrong with the options is said before anything else.
+    catalogue = effects_of(options.effects, None, options.effect_options, passed_over.append)
+    spreads = spreads_of(options.search, cell)
+    say_notes([*case.notes, *passed_over], listener)
     mesh = radial_mesh(cell, [*case.measured_records, *case.held], case.initial_soc)
     say_notes([mesh.note] * bool(mesh.note), listener)
-    space = uncertain_parameters(case.measured_records, case.initial_soc, spreads_of(options.search, cell))
+    space = uncertain_parameters(case.measured_records, case.initial_soc, spreads)
     simulator = make_simulator(cell, space, mesh)
     floor = 1e-3 * options.floor_mv
     problem = Problem(
@@ -96,7 +101,4 @@ def set_up(
         [observe(one, options.points, floor) for one in case.held],
     )
     capacity = equilibrium_capacity_ah(cell.parameter_set, cell.overrides)
-    passed_over: list[str] = []
-    catalogue = effects_of(options.effects, None, options.effect_options, passed_over.append)
-    say_notes(passed_over, listener)
     return DiscoverySetup(case, problem, space, catalogue, simulator, mesh, capacity, tuple(passed_over))

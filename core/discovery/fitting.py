@@ -170,6 +170,7 @@ class Fitter:
             early_fitter = Fitter(new, self.space, self.settings, self._say)
             first, _ = early_fitter.calibrate(_STARTS)
             self.as_new = (first if first.adequacy.adequate else early_fitter.temper(first)).fit.u
+        self._say("fitting the base model")
         start = np.zeros(len(self.space)) if self.as_new is None else self.as_new
         low = problem.shifted_low_fidelity((), self.space.at(start))
         if low is not None:

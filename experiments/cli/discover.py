@@ -135,10 +135,8 @@ def _carry_out(asked: DiscoverOptions, workers: int, as_json: bool) -> None:
     from ..discover import discover as find
     from ..report.discovery_lines import found_lines
 
-    print(f"discovery → {asked.out}", file=sys.stderr)
-
     try:
-        found = find(asked, _say, simulation_workers(workers))
+        found = find(asked, _Said(f"discovery → {asked.out}"), simulation_workers(workers))
     except (KeyboardInterrupt, Outage) as stopped:
         why = "interrupted" if isinstance(stopped, KeyboardInterrupt) else printable(str(stopped), 400)
         print(f"Stopped: {why}. Go on with: bsa discover --resume {shlex.quote(str(asked.out))}", file=sys.stderr)
@@ -154,5 +152,13 @@ def _carry_out(asked: DiscoverOptions, workers: int, as_json: bool) -> None:
     print(f"  report: {asked.out / 'report.html'}")
 
 
-def _say(text: str) -> None:
-    print(printable(text, 1500), file=sys.stderr, flush=True)
+class _Said:
+    """Prints what is being done, below a title: with the first line the options are known to be right."""
+
+    def __init__(self, title: str) -> None:
+        self._title = title
+
+    def __call__(self, text: str) -> None:
+        title, self._title = self._title, ""
+        for line in (title, text) if title else (text,):
+            print(printable(line, 1500), file=sys.stderr, flush=True)

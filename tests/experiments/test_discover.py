@@ -130,7 +130,7 @@ def test_files_of_one_cell_are_one_record_and_parameters_come_from_a_file(tmp_pa
     assert {Path(name).name for name in kept["records"]} == {"a.csv", "b.csv", "set.json"}
     file.write_text("{}")
     with (
-        pytest.raises(BsaError, match="other records"),
+        pytest.raises(BsaError, match="is not what it was when"),
         opened(DiscoverOptions(**asked, out=tmp_path / "out")),
     ):
         pass

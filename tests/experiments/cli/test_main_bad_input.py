@@ -113,6 +113,28 @@ def test_a_mistyped_discovery(capsys: pytest.CaptureFixture[str], monkeypatch: p
     assert 'did you mean "temperature"' in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (["--parameters", "Chen202"], "Chen202"),
+        (["--model", "P2D"], "P2D"),
+        (["--effect", "contact-resistence"], 'did you mean "contact-resistance"'),
+        (["--search", "capcity"], 'did you mean "capacity"'),
+    ],
+)
+def test_a_refused_discovery_names_no_folder(
+    wrong: list[str], words: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, folder: Path
+) -> None:
+    asked = ["--data", "record.csv", "--parameters", "Chen2020", "--model", "SPM", *wrong, "--out", "found"]
+    monkeypatch.setattr(sys, "argv", ["bsa", "discover", *asked])
+    with pytest.raises(SystemExit) as caught:
+        main()
+    assert caught.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
+    assert not (folder / "found").exists()
+
+
 TASKS = [
     ("parameter_set: Chen2020", "parameter_sett: Chen2020", '"parameter_sett" is not a known key'),
     ("name: mine", "nome: mine", "nome"),
