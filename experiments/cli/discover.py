@@ -16,6 +16,7 @@ from . import shared_options as shared
 from .exit_codes import STOPPED
 from .option_groups import with_options
 from .progress import printable
+from .resumable import resumable
 
 if TYPE_CHECKING:
     from ..discovery_case import DiscoverOptions
@@ -135,11 +136,13 @@ def _carry_out(asked: DiscoverOptions, workers: int, as_json: bool) -> None:
     from ..discover import discover as find
     from ..report.discovery_lines import found_lines
 
+    go_on = f"bsa discover --resume {shlex.quote(str(asked.out))}"
     try:
-        found = find(asked, _Said(f"discovery → {asked.out}"), simulation_workers(workers))
+        with resumable(asked.out, go_on):
+            found = find(asked, _Said(f"discovery → {asked.out}"), simulation_workers(workers))
     except (KeyboardInterrupt, Outage) as stopped:
         why = "interrupted" if isinstance(stopped, KeyboardInterrupt) else printable(str(stopped), 400)
-        print(f"Stopped: {why}. Go on with: bsa discover --resume {shlex.quote(str(asked.out))}", file=sys.stderr)
+        print(f"Stopped: {why}. Go on with: {go_on}", file=sys.stderr)
         raise typer.Exit(STOPPED["interrupted" if isinstance(stopped, KeyboardInterrupt) else "outage"]) from None
     if as_json:
         print(json.dumps(found.to_json(), indent=1, allow_nan=False))
