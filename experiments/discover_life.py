@@ -15,6 +15,7 @@ from ..core.discovery.simulator import Answering, LifeRequest, LifeResiduals
 from ..core.effect import Effect, Evidence
 from ..core.errors import BsaError
 from ..core.parameters import Candidate
+from ..core.printable import rounded
 from ..core.run.journal import OpenJournal
 from ..core.task import Task
 from ..core.task_reduction import shortened
@@ -59,7 +60,8 @@ def discover_over_life(
         listener(f"fitting what was lost to each of {len(kept)} cycles alone, from cycle {kept[0]} to {kept[-1]}")
         modes = degradation_modes(task, cell, simulator)
         for mode in modes:
-            listener(f"{mode.name}: {mode.per_100_cycles:+.2g} ± {mode.half_per_100_cycles:.1g} in 100 cycles")
+            trend, half = rounded(mode.per_100_cycles, 2, sign=True), rounded(mode.half_per_100_cycles, 1)
+            listener(f"{mode.name}: {trend} ± {half} in 100 cycles")
         listener(f"fitting mechanisms to the cycles up to {fit_cycles}")
         simulate = _simulating(simulator, cell)
         (new,) = simulate((), [{}])
