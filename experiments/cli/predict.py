@@ -36,7 +36,7 @@ def predict(
     from ..report.records import error_rows
     from ..run_names import named_after, numbered_folder
     from ..task_request import Records
-    from .progress import PlainProgress, printable
+    from .progress import PlainProgress, note_line, printable
 
     records = Records(data, (), reading.options(), reading.reader, reading.reader_options, initial_soc or ())
     with new_folder(out or numbered_folder(run / "predictions", named_after(data))) as folder:
@@ -45,6 +45,8 @@ def predict(
     if as_json:
         print(json.dumps(scored.to_json(), indent=2))
         return
+    for note in scored.notes:
+        print(note_line(note), file=sys.stderr)
     if scored.run.analysis is None and len(scored.run.trials) > 1:
         find_out = f"to find out: bsa-run --resume {shlex.quote(str(run))}"
         print(f"note: no 95 % band: the run has not looked for what its record fixes; {find_out}", file=sys.stderr)

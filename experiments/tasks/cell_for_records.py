@@ -324,3 +324,17 @@ def size_factor(records: Sequence[Record], values: Any, capacity_ah: float) -> t
         f"The records hold {max(spans):.3g} A.h, the parameter set's cell {capacity_ah:.3g} A.h: "
         f'"{WIDTH}" starts from {ratio:.3g} times its value (--no-scale keeps it).'
     )
+
+
+def other_size_note(record: Record, values: Any, capacity_ah: float) -> str:
+    """That a record which is not fitted holds another charge than the cell that is to predict it; empty if it does not.
+
+    A prediction scales nothing: a record of another cell is off by the charge alone.
+    """
+    spans = [_span_ah(cycle) for cycle in _whole_cycles([record], values)]
+    if not spans or _SAME_SIZE[0] <= max(spans) / capacity_ah <= _SAME_SIZE[1]:
+        return ""
+    return (
+        f"the record holds {max(spans):.3g} A.h, the cell of the fit {capacity_ah:.3g} A.h, nominally: is it a record "
+        "of this cell?"
+    )
