@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ...core.files import replacing
+from ...core.printable import rounded
 from ...core.reading.summary import CycleRow, summary
 from ...core.record import Record
 from ...core.spectrum import ImpedanceSpectrum
@@ -39,11 +40,15 @@ def draw(found: Record | ImpedanceSpectrum, path: Path, listed: str = "") -> Non
 def _nyquist(figure: Any, found: ImpedanceSpectrum) -> None:
     axes = figure.add_subplot()
     axes.plot(1e3 * found.impedance.real, -1e3 * found.impedance.imag, "o-", markersize=3)
+    middle = 0.5e3 * float(found.impedance.real.min() + found.impedance.real.max())
     for decade in range(-4, 6):
         k = int(np.argmin(np.abs(np.log10(found.frequency) - decade)))
         if abs(np.log10(found.frequency[k]) - decade) < 0.2:
             place = 1e3 * found.impedance[k].real, -1e3 * found.impedance[k].imag
-            axes.annotate(f"{found.frequency[k]:.2g} Hz", place, fontsize=8, xytext=(4, 4), textcoords="offset points")
+            # On the side of the middle, so that no label crosses the frame.
+            side, text = (-1, "right") if place[0] > middle else (1, "left")
+            label = f"{rounded(float(found.frequency[k]), 2)} Hz"
+            axes.annotate(label, place, fontsize=8, ha=text, xytext=(4 * side, 4), textcoords="offset points")
     axes.set_xlabel("Re Z [mohm]")
     axes.set_ylabel("-Im Z [mohm]")
     axes.set_aspect("equal", "datalim")
